@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from renderer.errors import InputError, SceneError
 from renderer.film import encode_png, frame_path
-from renderer.frame import LODCostEstimator, Stage, open_stage
+from renderer.frame import LODCostEstimator, Stage, prepare_stage
 from renderer.job import (
     FilmAccuracy,
     FilmJob,
@@ -492,5 +492,5 @@ def _repr(value: object) -> str:
     return short_text(repr(value))
 
 
-def _open_stage(scene: Scene) -> contextlib.AbstractContextManager[Stage]:
-    return open_stage(scene, clock=perf_counter, num_threads=num_cores())
+def _open_stage(scene: Scene) -> Stage:
+    return prepare_stage(scene, clock=perf_counter, num_threads=num_cores())

@@ -106,7 +106,7 @@ def find_tolerances(
         (frame,) = render_frames(at_tolerance, [number], rasterizer, clock=clock, controller=controller)
         return frame
 
-    ladder = tolerance_ladder(stage.pyramid, make_primitive(stage).work, reference.step)
+    ladder = tolerance_ladder(stage.largest_error, make_primitive(stage).work, reference.step)
     trials = _Trials(ladder, reference, draw, on_trial)
     start = _first_guess(ladder, reference.want)
     if is_constant:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 from renderer.accuracy.truths import spread_evenly
-from renderer.pyramid import Pyramid, root_error
 from renderer.scene import MIN_TOLERANCE
 
 # A cut of fewer cells, or of a smaller part of the finest cut, is too blurred to be of use.
@@ -25,9 +24,9 @@ _MAX_DECADES = 12
 Work = Callable[[float], float]
 
 
-def tolerance_ladder(pyramid: Pyramid, work: Work, step: float) -> Sequence[float]:
+def tolerance_ladder(largest_error: float, work: Work, step: float) -> Sequence[float]:
     """Return falling tolerances of two digits, which differ by a factor of `step` or a little more; the last is 0."""
-    candidates = [*distinct_tolerances(pyramid, work)] or [1.0]  # none where all is empty
+    candidates = [*distinct_tolerances(largest_error, work)] or [1.0]  # none where all is empty
     found = candidates[:1]
     for tolerance in two_digit_numbers(candidates[0], candidates[-1])[1:]:
         if found[-1] >= step * tolerance:
@@ -35,12 +34,13 @@ def tolerance_ladder(pyramid: Pyramid, work: Work, step: float) -> Sequence[floa
     return [*found, 0.0]
 
 
-def round_tolerances(pyramid: Pyramid) -> Iterator[float]:
+def round_tolerances(largest_error: float) -> Iterator[float]:
     """Yield 1, 2 and 5 times powers of ten, downward from the first at which the whole volume is a single cell.
 
-    Ends after 12 decades. A pyramid without error is one cell at any tolerance: 1 is yielded.
+    Ends after 12 decades. A volume without error is one cell at any tolerance: 1 is yielded.
+    largest_error: of the whole volume as a single cell.
     """
-    top = root_error(pyramid)
+    top = largest_error
     if top == 0:
         yield 1.0
         return
@@ -50,10 +50,10 @@ def round_tolerances(pyramid: Pyramid) -> Iterator[float]:
     yield from tolerances[num_above - 1 :]
 
 
-def distinct_tolerances(pyramid: Pyramid, work: Work, growth: float = _MIN_DISTINCT_GROWTH) -> Iterator[float]:
+def distinct_tolerances(largest_error: float, work: Work, growth: float = _MIN_DISTINCT_GROWTH) -> Iterator[float]:
     """Yield the round tolerances at which clearly more is drawn than at the one before, until nearly all is drawn."""
     before, everything = 0.0, work(MIN_TOLERANCE)  # below any error that a pyramid can hold
-    for tolerance in round_tolerances(pyramid):
+    for tolerance in round_tolerances(largest_error):
         amount = work(tolerance)
         if amount > growth * before:
             yield tolerance
@@ -62,13 +62,13 @@ def distinct_tolerances(pyramid: Pyramid, work: Work, growth: float = _MIN_DISTI
             return
 
 
-def spread_tolerances(pyramid: Pyramid, work: Work, most: int) -> tuple[float, ...]:
+def spread_tolerances(largest_error: float, work: Work, most: int) -> tuple[float, ...]:
     """Return at most `most` falling tolerances that show how a film improves; the last is 0."""
-    if root_error(pyramid) == 0:
+    if largest_error == 0:
         return 1.0, 0.0
     everything = work(0.0)
     fewest, nearly_all = max(_MIN_CELLS, _MIN_CELL_SHARE * everything), _NEARLY_ALL * everything
-    distinct = distinct_tolerances(pyramid, work, _MIN_GROWTH)
+    distinct = distinct_tolerances(largest_error, work, _MIN_GROWTH)
     found = [tolerance for tolerance in distinct if fewest <= work(tolerance) <= nearly_all]
     return (*spread_evenly(found, most - 1, is_loop=False), 0.0)
 

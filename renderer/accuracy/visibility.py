@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.frame import Stage
-from renderer.transfer import TransferFunction, make_transfer_function
+from renderer.transfer import TransferFunction
 from renderer.volume import Float64
 
 # Colormaps have 256 control points.
@@ -34,11 +34,11 @@ class ScalarRange(NamedTuple):
 
 
 def scalar_ranges(stage: Stage) -> list[ScalarRange]:
-    """Return the ranges of a stage's scene, ascending; none where its mode has no opacities."""
-    if stage.projection is not None:
+    """Return the ranges of a stage's only layer, ascending; none of several, or where the mode has no opacities."""
+    if stage.scene.mode.is_projection or len(stage.layers) > 1:
         return []
-    transfer = make_transfer_function(stage.scene.transfer_function, stage.volume.finest_spacing)
-    return visible_ranges(transfer, *stage.volume.value_range())
+    (layer,) = stage.layers
+    return visible_ranges(layer.transfer, *layer.volume.value_range())
 
 
 def visible_ranges(transfer: TransferFunction, lowest: float, highest: float) -> list[ScalarRange]:

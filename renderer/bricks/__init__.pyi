@@ -3,6 +3,7 @@ from .brick_cut import (
     brick_cut_sizes as brick_cut_sizes,
     cut_bricks as cut_bricks,
 )
+from .brick_layers import BrickLayer as BrickLayer, BrickLayers as BrickLayers
 from .bricks import (
     RAY_ERROR_FACTOR as RAY_ERROR_FACTOR,
     Bricks as Bricks,

@@ -14,10 +14,12 @@ children, so that together they may show less of their surroundings.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from renderer.bricks.brick_layers import BrickLayers
 from renderer.bricks.bricks import Bricks
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE
 from renderer.pyramid import CutSizes, subdivide
@@ -46,7 +48,7 @@ class BrickCut:
         return len(self.levels)
 
 
-def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> BrickCut:
+def cut_bricks(bricks: Bricks | BrickLayers, tolerance: float, *, finest_level: int = 0) -> BrickCut:
     """Return the coarsest bricks whose errors are below `tolerance` (in the measure's unit), none below `finest_level`.
 
     Bricks whose own level shows nothing are left out.
@@ -67,22 +69,36 @@ def cut_bricks(bricks: Bricks, tolerance: float, *, finest_level: int = 0) -> Br
     return BrickCut(levels, drawn, bounds, step_errors, bricks.volume)
 
 
-def brick_cut_sizes(bricks: Bricks, *, finest_level: int, finest_level_at_zero: int) -> CutSizes:
-    """Return the sizes of all cuts; each of `counts` is the largest size of that cut and of all coarser ones.
+def brick_cut_sizes(
+    bricks: Sequence[Bricks | BrickLayers], *, finest_levels: Sequence[int], finest_levels_at_zero: Sequence[int]
+) -> CutSizes:
+    """Return the sizes of all cuts of some bricks together; each of `counts` is the largest size of that cut and of all
+    coarser ones.
 
-    finest_level, finest_level_at_zero: of the cells drawn at tolerances above 0, and at 0.
+    finest_levels, finest_levels_at_zero: of the cells drawn at tolerances above 0, and at 0.
     """
-    at_zero = _count_at_thresholds(bricks, finest_level_at_zero)[1].max(initial=0)
-    thresholds, counts = _count_at_thresholds(bricks, finest_level)
+    at_zero = _count_at_thresholds(bricks, finest_levels_at_zero)[1].max(initial=0)
+    thresholds, counts = _count_at_thresholds(bricks, finest_levels)
     is_step = thresholds >= MIN_TOLERANCE
     thresholds, counts = thresholds[is_step], np.maximum.accumulate(counts[np.append(True, is_step)])
     most = max(int(counts[-1]), int(at_zero))
     return CutSizes(thresholds, counts, 0.0, most, max(most, 1))
 
 
-def _count_at_thresholds(bricks: Bricks, finest_level: int) -> tuple[Float64, Int64]:
+def _count_at_thresholds(bricks: Sequence[Bricks | BrickLayers], finest_levels: Sequence[int]) -> tuple[Float64, Int64]:
     """Return CutSizes.split_thresholds, float64 [n], with those of 0, and CutSizes.counts, int64 [n + 1]."""
-    of_parents, own = [], []  # thresholds of visible bricks
+    found = [_visible_thresholds(*each) for each in zip(bricks, finest_levels, strict=True)]
+    begin, end = (np.sort(np.concatenate(each)) for each in zip(*found, strict=True))
+    steps = np.sort(np.concatenate([begin, end]))[::-1]
+    is_new = np.append(True, steps[1:] != steps[:-1])  # np.unique would import masked arrays
+    steps = steps[is_new & (steps >= 0) & (steps < np.inf)]
+    num_begun, num_ended = (len(sorted_) - np.searchsorted(sorted_, steps) for sorted_ in (begin, end))
+    return steps, np.array([np.count_nonzero(begin == np.inf), *(num_begun - num_ended)], np.int64)
+
+
+def _visible_thresholds(bricks: Bricks | BrickLayers, finest_level: int) -> tuple[Float64, Float64]:
+    """Return the thresholds of the parents of visible bricks, and their own, float64 [n]."""
+    of_parents, own = [], []
     parent_thresholds = np.full((1, 1, 1), np.inf)
     for number in range(len(bricks.levels) - 1, -1, -1):
         level = bricks.levels[number]
@@ -95,9 +111,4 @@ def _count_at_thresholds(bricks: Bricks, finest_level: int) -> tuple[Float64, In
             break
         children = np.ix_(*(np.arange(n) // 2 for n in bricks.levels[number - 1].errors.shape))
         parent_thresholds = thresholds[children]
-    begin, end = np.sort(np.concatenate(of_parents)), np.sort(np.concatenate(own))
-    steps = np.sort(np.concatenate([begin, end]))[::-1]
-    is_new = np.append(True, steps[1:] != steps[:-1])  # np.unique would import masked arrays
-    steps = steps[is_new & (steps >= 0) & (steps < np.inf)]
-    num_begun, num_ended = (len(sorted_) - np.searchsorted(sorted_, steps) for sorted_ in (begin, end))
-    return steps, np.array([np.count_nonzero(begin == np.inf), *(num_begun - num_ended)], np.int64)
+    return np.concatenate(of_parents), np.concatenate(own)

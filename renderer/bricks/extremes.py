@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from renderer.bricks.brick_cut import BrickCut, cut_bricks
+from renderer.bricks.brick_layers import BrickLayers
 from renderer.bricks.bricks import Bricks
 from renderer.bricks.layout import voxels_of
 from renderer.bricks.pixel_grid import screen_sampling_at
@@ -26,12 +27,13 @@ SLACK_SHARE = 1 / 16
 _BRICKS_PER_TASK = 256
 
 
-def extreme_bricks(bricks: Bricks, mode: ModeSpec, *, num_threads: int) -> BrickBatch:
+def extreme_bricks(layers: BrickLayers, mode: ModeSpec, *, num_threads: int) -> BrickBatch:
     """Return the bricks of level 0 in which a scalar may count, for tolerance 0.
 
-    What is more extreme than one end of the colour range is what `bricks.transfer` shows, a ramp from 0 over that
-    range.
+    layers: a single one. What is more extreme than one end of the colour range is what its transfer function shows, a
+        ramp from 0 over that range.
     """
+    bricks = layers.layers[0].bricks
     cut, volume = cut_bricks(bricks, 0.0), bricks.volume
     first, last = bricks.transfer.values
     low, high = bricks.scalar_range
@@ -45,7 +47,7 @@ def extreme_bricks(bricks: Bricks, mode: ModeSpec, *, num_threads: int) -> Brick
     extremes = Extremes(offset, slope, (offset + slope * ends).max(axis=1), 0.0, mode.color_by == "depth")
     sampling = screen_sampling_at(0.0, 1.0)
     steps = np.ones(len(cut))
-    return BrickBatch(cut, bricks, steps, None, sampling, volume.centre, volume.half_diagonal, extremes)
+    return BrickBatch(cut, layers, steps, sampling, volume.centre, volume.half_diagonal, extremes)
 
 
 def extremes_at(batch: BrickBatch, tolerance: float, voxel_px: float) -> BrickBatch:

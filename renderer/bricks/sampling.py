@@ -29,9 +29,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.bricks.brick_cut import BrickCut
-from renderer.bricks.bricks import Bricks
+from renderer.bricks.brick_layers import BrickLayers
 from renderer.bricks.pixel_grid import ScreenSampling, screen_sampling_at
-from renderer.scene import ShadingSpec
 from renderer.volume import Float64
 
 # Steps, in cells. MAX_STEP is for bricks in which nothing changes. Tolerance 0 has ZERO_TOLERANCE_STEP, with errors of
@@ -66,16 +65,15 @@ class Extremes:
 class BrickBatch:
     """A batch of bricks to draw, in the order of their cut.
 
-    steps: float64 [n], the approximate length of a step, in cells of the brick.
+    bricks: of all layers. steps: float64 [n], the approximate length of a step, in cells of the brick.
     origin: float64 [3], world position of the model's origin, the volume's centre.
     model_unit: world length of a model unit.
     extremes: how rays find their extreme scalar; None where they are composited.
     """
 
     cut: BrickCut
-    bricks: Bricks
+    bricks: BrickLayers
     steps: Float64
-    shading: ShadingSpec | None
     screen_sampling: ScreenSampling
     origin: Float64
     model_unit: float
@@ -90,22 +88,21 @@ class BrickBatch:
         return self.model_unit / self.cut.volume.finest_spacing
 
 
-def make_brick_batch(
-    cut: BrickCut, bricks: Bricks, *, tolerance: float, shading: ShadingSpec | None, voxel_px: float
-) -> BrickBatch:
+def make_brick_batch(cut: BrickCut, bricks: BrickLayers, *, tolerance: float, voxel_px: float) -> BrickBatch:
     """Return the bricks of a cut with the steps and pixels for a tolerance; voxels are about `voxel_px` pixels wide."""
-    volume, measure, (low, high) = cut.volume, bricks.pyramid.measure, bricks.volume_range
+    volume, pyramid = cut.volume, bricks.layers[0].bricks.pyramid
     # The error measure of the largest change of a pixel: 1, but for errors of the scalar the volume's range.
-    largest_change = high - low if bricks.pyramid.of == "scalar" and high > low else 1.0
+    widest = max(high - low for low, high in (layer.bricks.volume_range for layer in bricks.layers))
+    largest_change = widest if pyramid.of == "scalar" and widest > 0 else 1.0
     thinnest = float((volume.spacing / volume.finest_spacing * volume.shape_xyz).min())
     finest = int(cut.levels.min(initial=len(bricks.levels)))
     # About the largest optical depth of a cell; where the measure does not tell, of the whole volume.
-    depths = np.full(len(cut), bricks.transfer.max_extinction * volume.finest_spacing)
+    densest = sum(layer.weight * layer.bricks.transfer.max_extinction for layer in bricks.layers)
+    depths = np.full(len(cut), densest * volume.finest_spacing)
     return BrickBatch(
         cut,
         bricks,
-        step_sizes(cut.step_errors, tolerance, cut.step_errors if measure == "optical" else depths),
-        shading,
+        step_sizes(cut.step_errors, tolerance, cut.step_errors if pyramid.measure == "optical" else depths),
         screen_sampling_at(tolerance / largest_change, voxel_px * 2.0**finest, voxel_px * thinnest),
         volume.centre,
         volume.half_diagonal,

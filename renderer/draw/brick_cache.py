@@ -17,14 +17,15 @@ from renderer.bricks import (
     MIN_BRICKS_PER_THREAD,
     PADDED_BRICK_SIZE,
     BrickBatch,
-    Bricks,
+    BrickLayer,
+    BrickLayers,
     MeanCache,
     mean_texels,
     scalar_texels,
 )
 from renderer.kernels import ThreadPool
 from renderer.view import RaySetup, View, ray_setup, screen_rectangles
-from renderer.volume import Bools, Float32, Float64, Int64, UInt32
+from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
 
 MAX_ATLAS_BYTES = 256 << 20
 # Bricks whose texels are made at a time before they are written.
@@ -144,7 +145,7 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
         batch,
         order,
         view,
-        ray_setup(cut.volume, batch.model_unit, view),
+        ray_setup(cut.volume, batch.model_unit, view, batch.bricks.clip),
         first_keys[levels] + (z * num_rows + y) * num_columns + x,
         levels > 0,
         screen_rectangles(batch, order, view),
@@ -153,16 +154,17 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
 
 
 class BrickCache:
-    """A cache of the bricks of one volume, in an atlas of scalars and one of means.
+    """A cache of the bricks of layers on one grid of voxels: an atlas of scalars for each, and one of all their means.
 
-    threads: compute the texels of bricks, and draw; `release` ends them. atlases: of scalars and of means.
+    threads: compute the texels of bricks. scalars: the atlases of scalars, of each layer. means: that of means.
     """
 
-    def __init__(self, num_threads: int) -> None:
-        self.threads = ThreadPool(num_threads)
-        self._bricks: Bricks | None = None
-        self.atlases: tuple[Atlas, ...] = ()
-        self._means = MeanCache(self.threads)
+    def __init__(self, bricks: BrickLayers, threads: ThreadPool) -> None:
+        self._bricks, self._threads = bricks, threads
+        num_scalars, *nums = (level.errors.size for level in bricks.levels)
+        self.scalars = [Atlas(4 if layer.shading else 1, num_scalars, has_gradients=True) for layer in bricks.layers]
+        self.means = Atlas(4, sum(nums))
+        self._computed = [MeanCache(threads) for _ in bricks.layers]
         self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
 
     def upload(self, batch: BrickBatch, order: UInt32, view: View) -> bool:
@@ -171,78 +173,93 @@ class BrickCache:
         Do nothing where there are not enough slots: then bricks are uploaded while they are drawn.
         """
         brick_view = self._prepare(batch, order, view)
-        keys = [(atlas, brick_view.keys[is_chosen]) for atlas, is_chosen in self._parts(brick_view)]
+        keys = [(atlas, brick_view.keys[is_chosen]) for atlas, is_chosen, _ in self._parts(brick_view)]
         has_room = all(len(of_atlas) <= atlas.max_slots for atlas, of_atlas in keys)
         if not has_room or not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
             return False
-        self._means.begin(is_enabled=False)
+        self._begin_means(is_enabled=False)
         list(self.upload_groups(brick_view))
         return True
 
     def begin_frame(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
         """Return the bricks `batch[order]` as they are drawn, front to back."""
         brick_view = self._prepare(batch, order, view)
-        has_room = np.count_nonzero(brick_view.is_mean) <= self.atlases[1].max_slots
-        self._means.begin(is_enabled=not has_room)
+        self._begin_means(is_enabled=bool(np.count_nonzero(brick_view.is_mean) > self.means.max_slots))
         return brick_view
 
-    def upload_groups(self, brick_view: BrickView) -> Iterator[tuple[slice, list[tuple[Atlas, Int64, Int64]]]]:
+    def upload_groups(self, brick_view: BrickView) -> Iterator[tuple[slice, Int64]]:
         """Upload all bricks in groups, all of which have slots at once.
 
-        Yield each group before the next one is uploaded, and for scalars and for means the atlas, the numbers of the
-        bricks in it, int64 [n], and their slots.
+        Yield each group before the next one is uploaded, and where the texels of its bricks begin, as `upload_bricks`.
         """
-        start, parts = 0, self._parts(brick_view)
+        start = 0
         while start < len(brick_view.order):
-            fits = [np.cumsum(is_chosen[start:]) <= atlas.max_slots for atlas, is_chosen in parts]
-            group = slice(start, start + int(np.count_nonzero(fits[0] & fits[1])))
-            uploaded = []
-            for atlas, is_chosen in parts:
-                numbers = np.flatnonzero(is_chosen[group]) + start
-                make_texels = partial(self._make_texels, brick_view, numbers)
-                uploaded.append((atlas, numbers, atlas.upload(brick_view.keys[numbers], make_texels)))
-            yield group, uploaded
+            fits = [np.cumsum(is_in[start:]) <= atlas.max_slots for atlas, is_in, _ in self._parts(brick_view)]
+            group = slice(start, start + int(np.count_nonzero(np.all(fits, axis=0))))
+            yield group, self.upload_bricks(brick_view, np.arange(group.start, group.stop))
             start = group.stop
 
-    def _evict_bricks(self) -> None:
-        """Free the memory of all bricks."""
-        for atlas in self.atlases:
-            atlas.release()
-        self.atlases, self._bricks, self._brick_view, self._means = (), None, None, MeanCache(self.threads)
+    def have_slots(self, brick_view: BrickView, numbers: Int64) -> bool:
+        """Return whether the bricks with these numbers in the view have slots at once."""
+        return all(np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in self._parts(brick_view))
+
+    def upload_bricks(self, brick_view: BrickView, numbers: Int64) -> Int64:
+        """Upload the bricks with these numbers in the view, and return where their texels begin in the atlas of each
+        layer: int64 [layers, n]. It is -1 where a layer shows nothing; means are those of the first."""
+        offsets = np.full((len(self.scalars), len(numbers)), -1, np.int64)
+        for layer, (atlas, is_in, make_texels) in enumerate(self._parts(brick_view)):
+            chosen = np.flatnonzero(is_in[numbers])
+            of_atlas = numbers[chosen]
+            slots = atlas.upload(brick_view.keys[of_atlas], partial(make_texels, of_atlas))
+            offsets[layer % len(offsets), chosen] = atlas.texel_offsets(slots)
+        return offsets
 
     def release(self) -> None:
-        """Free the bricks, and end the threads."""
-        self._evict_bricks()
-        self.threads.release()
+        """Free the memory of all bricks."""
+        for atlas in (*self.scalars, self.means):
+            atlas.release()
+        self._brick_view, self._computed = None, []
+
+    def _begin_means(self, *, is_enabled: bool) -> None:
+        for computed in self._computed:
+            computed.begin(is_enabled=is_enabled)
 
     def _prepare(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
-        """Invalidate the bricks of another volume, and reserve slots for all bricks of a frame if possible."""
-        num_channels = 4 if batch.shading else 1
-        if self._bricks is not batch.bricks or self.atlases[0].num_channels != num_channels:
-            self._evict_bricks()
-            num_scalars, *nums = (level.errors.size for level in batch.bricks.levels)
-            self.atlases = Atlas(num_channels, num_scalars, has_gradients=True), Atlas(4, sum(nums))
-            self._bricks = batch.bricks
+        """Make a view of bricks, and reserve slots for all of them if possible."""
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
             last = self._brick_view = make_brick_view(batch, order, view)
-        for atlas, is_chosen in self._parts(last):
+        for atlas, is_chosen, _ in self._parts(last):
             if is_chosen.any():
                 atlas.reserve()
         return last
 
-    def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools]]:
-        """Return the atlases of scalars and of means, and which bricks each holds."""
-        return list(zip(self.atlases, (~brick_view.is_mean, brick_view.is_mean), strict=True))
+    def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]]:
+        """Return the atlases of each layer's scalars, and of means; for each, which bricks it holds, and what makes the
+        texels of those that are chosen among some numbers in the view."""
+        layers, is_mean = brick_view.batch.bricks.layers, brick_view.is_mean
+        cells = brick_view.batch.cut.cells[brick_view.order]
+        parts: list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]] = []
+        for atlas, layer in zip(self.scalars, layers, strict=True):
+            is_shown = ~is_mean
+            if len(layers) > 1:
+                x, y, z = cells[is_shown].T
+                is_shown[is_shown] = layer.bricks.levels[0].is_visible[z, y, x]
+            parts.append((atlas, is_shown, partial(self._scalar_texels, layer, cells)))
+        return [*parts, (self.means, is_mean, partial(self._mean_texels, brick_view, cells))]
 
-    def _make_texels(self, brick_view: BrickView, numbers: Int64, missing: Int64) -> Float32:
-        """Compute the texels of the bricks `numbers[missing]`, which belong in one atlas."""
-        chosen = brick_view.order[numbers[missing]]
-        batch, levels, cells = brick_view.batch, brick_view.batch.cut.levels[chosen], brick_view.batch.cut.cells[chosen]
-        if levels[0] == 0:
-            make = partial(scalar_texels, batch.bricks, lit=batch.shading is not None)
-            return self.threads.map_concatenated(make, cells, MIN_BRICKS_PER_THREAD)
-        texels = np.empty((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
+    def _scalar_texels(self, layer: BrickLayer, cells: Int32, among: Int64, chosen: Int64) -> Float32:
+        make = partial(scalar_texels, layer.bricks, lit=layer.shading is not None)
+        return self._threads.map_concatenated(make, cells[among[chosen]], MIN_BRICKS_PER_THREAD)
+
+    def _mean_texels(self, brick_view: BrickView, cells: Int32, among: Int64, chosen: Int64) -> Float32:
+        """Return the sums of all layers' means, times their weights."""
+        numbers = among[chosen]
+        levels = brick_view.batch.cut.levels[brick_view.order[numbers]]
+        texels = np.zeros((len(numbers), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
         for level in sorted(set(levels.tolist())):  # np.unique would import masked arrays
-            texels[levels == level] = mean_texels(batch.bricks, level, cells[levels == level], self._means)
+            at = np.flatnonzero(levels == level)
+            for layer, computed in zip(brick_view.batch.bricks.layers, self._computed, strict=True):
+                means = mean_texels(layer.bricks, level, cells[numbers[at]], computed)
+                texels[at] += np.float32(layer.weight) * means
         return texels

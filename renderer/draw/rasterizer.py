@@ -15,7 +15,7 @@ R = TypeVar("R", bound="Rasterizer")
 
 
 class Rasterizer(Protocol):
-    """A rasteriser of the sorted elements of one footprint: of a SplatBatch, or of a BrickBatch.
+    """A rasteriser of the sorted elements of one footprint: of one SplatBatch, or of BrickBatches.
 
     Use it as a context manager, or call `release`. device: what draws, on which the bytes depend. threads: also work on
     what it has drawn. notes: what the user should know about the drawing so far.
@@ -37,15 +37,15 @@ class Rasterizer(Protocol):
     def release(self) -> None:
         """Free all that it holds."""
 
-    def upload(self, batch: Any, order: UInt32, view: View) -> bool:
-        """Prepare what later pictures of `batch[order]` share, and return whether any of it was missing.
+    def upload(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> bool:
+        """Prepare what later pictures of `batch[order]` of all batches share; return whether any of it was missing.
 
         Pictures do not depend on it. Splats share nothing.
         """
         return False
 
-    def rasterize(self, batch: Any, order: UInt32, view: View) -> Float32:
-        """Composite `batch[order]`, splats back to front and bricks front to back, over nothing.
+    def rasterize(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> Float32:
+        """Composite `batch[order]` of all batches, splats back to front and bricks front to back, over nothing.
 
         Returns float32 [height, width, 4], premultiplied RGBA.
         """

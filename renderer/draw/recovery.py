@@ -35,17 +35,17 @@ class RecoveringRasterizer(Rasterizer):
         times = "once" if self._num_lost == 1 else f"{self._num_lost} times"
         return [f"OpenGL's context was lost {times}, and what it had was drawn again"] * (self._num_lost > 0)
 
-    def rasterize(self, batch: SplatBatch, order: UInt32, view: View) -> Float32:
+    def rasterize(self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View) -> Float32:
         """Draw splats, as `SplatRasterizer.rasterize`."""
         if self._last_loss is not None:
             raise self._last_loss
         try:
-            return self._current.rasterize(batch, order, view)
+            return self._current.rasterize(batches, orders, view)
         except ContextLostError as lost:
             self._current.release()  # first, because memory may not suffice for two
             self._current = self._make_replacement(lost)
             self._num_lost += 1
-        return self._current.rasterize(batch, order, view)
+        return self._current.rasterize(batches, orders, view)
 
     def _make_replacement(self, lost: ContextLostError) -> SplatRasterizer:
         """Return a new rasteriser of the same device. Where none can be made, raise `lost`."""

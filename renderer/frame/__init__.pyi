@@ -7,7 +7,11 @@ from .budget import (
     find_finest_in_time as find_finest_in_time,
 )
 from .frame import Frame as Frame, draw_frame as draw_frame, make_draw_list as make_draw_list
-from .pipeline import open_stage as open_stage, prepare_stage as prepare_stage, render_frames as render_frames
+from .pipeline import (
+    prepare_stage as prepare_stage,
+    read_volumes as read_volumes,
+    render_frames as render_frames,
+)
 from .primitives import make_primitive as make_primitive
 from .stage import (
     Clock as Clock,

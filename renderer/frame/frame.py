@@ -33,7 +33,7 @@ class DrawList:
 
     def upload(self, rasterizer: Rasterizer) -> bool:
         """Prepare the rasteriser for this frame and similar ones; return whether there was something to do."""
-        return rasterizer.upload(self.lod.batch, self.orders[0][1], self.view)  # every order has the same elements
+        return rasterizer.upload(self.lod.batches, self.orders[0][1], self.view)  # every order has the same elements
 
 
 @dataclass(frozen=True)
@@ -65,31 +65,45 @@ def make_draw_list(stage: Stage, lod: LOD, number: int, watch: Stopwatch) -> Dra
 def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) -> Frame:
     """Draw a frame. Raises InputError if the volume's file was changed."""
     lod = draw_list.lod
-    stage.volume.require_unchanged()
+    stage.require_unchanged()
     if draw_list.upload(rasterizer):
         watch.lap(UPLOAD_STEP)
-    image = _blend_orders(draw_list, rasterizer)
-    if stage.projection is not None:
-        chords = chord_lengths(stage.volume, draw_list.view, rasterizer.threads)
-        image = stage.projection.picture(image, chords, rasterizer.threads)
+    is_projection = stage.scene.mode.is_projection
+    image = _add_projections(stage, draw_list, rasterizer) if is_projection else _blend_orders(draw_list, rasterizer)
     watch.lap("draw")
-    if lod.lines is not None:
-        draw_lines(lod.lines, draw_list.view, image)
+    for lines in lod.lines:
+        draw_lines(lines, draw_list.view, image)
         watch.lap("overlay")
     pixels = quantize(image, stage.scene.output.background)
-    stage.volume.require_unchanged()  # while it was drawn, too
+    stage.require_unchanged()  # while it was drawn, too
     watch.lap("quantize")
-    num_primitives = len(draw_list.orders[0][1])
+    num_primitives = sum(map(len, draw_list.orders[0][1]))
     return Frame(draw_list.number, pixels, image, lod.tolerance, lod.num_cells, num_primitives, dict(watch.seconds))
 
 
 def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
     """Draw every order and add the pictures by their shares; nearly all views have one order."""
-    batch, view = draw_list.lod.batch, draw_list.view
+    batches, view = draw_list.lod.batches, draw_list.view
     (share, order), *others = draw_list.orders
-    image = rasterizer.rasterize(batch, order, view)
+    image = rasterizer.rasterize(batches, order, view)
     if others:
         image *= share
     for share, order in others:
-        image += share * rasterizer.rasterize(batch, order, view)
+        image += share * rasterizer.rasterize(batches, order, view)
+    return image
+
+
+def _add_projections(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
+    """Draw each layer by itself, and add what their projections show, times their weights."""
+    view, image = draw_list.view, None
+    for group, batch, order in zip(stage.groups, draw_list.lod.batches, draw_list.orders[0][1], strict=True):
+        (layer,) = group.layers
+        assert layer.projection is not None
+        chords = chord_lengths(layer.volume, view, layer.spec.clip, rasterizer.threads)
+        gathered = rasterizer.rasterize([batch], [order], view)
+        picture = layer.projection.picture(gathered, chords, rasterizer.threads)
+        if len(stage.groups) > 1:
+            picture *= (layer.spec.weight, layer.spec.weight, layer.spec.weight, 1.0)
+        image = picture if image is None else image + picture
+    assert image is not None
     return image

@@ -10,7 +10,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from itertools import count, repeat
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from renderer.bricks import (
     RAY_ERROR_FACTOR,
     BrickBatch,
     BrickCut,
-    Bricks,
     ScreenSampling,
     brick_cut_sizes,
     cut_bricks,
@@ -27,15 +27,15 @@ from renderer.bricks import (
     make_brick_batch,
 )
 from renderer.draw import Lines, make_edges, make_outline
-from renderer.frame.stage import Stage, draws_voxels_only, finest_level_at
+from renderer.frame.stage import Stage, finest_level_at
 from renderer.pyramid import Cut, CutSizes, cut_pyramid, cut_sizes, root_error
 from renderer.scene import MIN_TOLERANCE
 from renderer.splats import SplatBatch, make_splats
 from renderer.view import View, blended_orders, model_view, total_square_area_px, visible_bricks, visible_order
 from renderer.volume import UInt32
 
-# Draw orders, uint32 [k] indices into the batch, each with its share of the picture; the shares sum to 1.
-Orders = Sequence[tuple[float, UInt32]]
+# Draw orders, of each batch uint32 [k] indices into it, and their share of the picture; the shares sum to 1.
+Orders = Sequence[tuple[float, Sequence[UInt32]]]
 # Takes the name of a step that has just ended.
 Lap = Callable[[str], object]
 # As `LOD.orders`.
@@ -65,18 +65,19 @@ _MAX_SAMPLED_BRICKS = 4096
 class LOD(ABC):
     """A level of detail: the cells drawn at a tolerance, from any view. lines: those of an overlay.
 
-    orders: returns what is visible in a view, in the order in which it is drawn; each order has the same elements.
+    batches: of each group of layers. orders: returns what is visible in a view, in the order in which it is drawn; each
+        order has the same elements.
     """
 
     tolerance: float
-    batch: SplatBatch | BrickBatch
-    lines: Lines | None
+    batches: Sequence[Any]
+    lines: Sequence[Lines]
     orders: OrderFinder
 
     @property
     def num_cells(self) -> int:
         """Return the number of cells in the cut, each a splat or a brick."""
-        return len(self.batch)
+        return sum(map(len, self.batches))
 
     @abstractmethod
     def num_pixels(self, orders: Orders, view: View) -> float:
@@ -84,7 +85,7 @@ class LOD(ABC):
 
     def typical_seconds(self, orders: Orders, view: View) -> float:
         """Return the time to draw these orders on a software renderer with two cores."""
-        num_cells = sum(len(order) for _, order in orders)
+        num_cells = sum(len(of_batch) for _, order in orders for of_batch in order)
         return (
             _TYPICAL_FRAME_SECONDS
             + TYPICAL_CELL_SECONDS * num_cells
@@ -94,24 +95,25 @@ class LOD(ABC):
 
 @dataclass(frozen=True)
 class SplatLOD(LOD):
-    """A level of detail of splats."""
+    """A level of detail of splats, in a single batch."""
 
-    batch: SplatBatch
+    batches: Sequence[SplatBatch]
 
     def num_pixels(self, orders: Orders, view: View) -> float:
         """Return the pixels of the squares around footprints, in all orders."""
-        return len(orders) * total_square_area_px(self.batch, orders[0][1], model_view(self.batch, view))
+        batch = self.batches[0]
+        return len(orders) * total_square_area_px(batch, orders[0][1][0], model_view(batch, view))
 
 
 @dataclass(frozen=True)
 class BrickLOD(LOD):
     """A level of detail of bricks."""
 
-    batch: BrickBatch
+    batches: Sequence[BrickBatch]
 
     def num_pixels(self, orders: Orders, view: View) -> float:
         """Return the samples in bricks."""
-        return num_samples(self.batch, orders[0][1], view)
+        return sum(num_samples(*each, view) for each in zip(self.batches, orders[0][1], strict=True))
 
 
 class Primitive(ABC):
@@ -129,27 +131,26 @@ class Primitive(ABC):
 
     def __init__(self, stage: Stage) -> None:
         self._stage, self._overlay = stage, stage.scene.overlay
-        self._finest_levels = {
-            "finest_level": finest_level_at(stage, tolerance=1.0),
-            "finest_level_at_zero": finest_level_at(stage, tolerance=0.0),
-        }
         self._sizes: CutSizes | None = None
 
     def make_lod(self, tolerance: float, lap: Lap) -> LOD:
         """Cut at a tolerance, and prepare the cut for the rasteriser."""
-        projection = self._stage.projection
-        factor = 1.0 if projection is None else projection.tolerance_factor
-        cut, batch, orders = self._prepare(factor * tolerance, lap)
+        cuts, batches, orders = self._prepare(tolerance, lap)
         lap("primitives")
-        lines = None
+        lines = []
         if self._overlay != "none":
-            lines = make_edges(cut, self.levels_above) if self._overlay == "octree" else make_outline(cut.volume)
+            is_octree = self._overlay == "octree"
+            lines = [make_edges(cut, self.levels_above) if is_octree else make_outline(cut.volume) for cut in cuts]
             lap("edges")
-        return self.lod_type(tolerance, batch, lines, orders)
+        return self.lod_type(tolerance, batches, lines, orders)
+
+    def _finest_levels(self, tolerance: float) -> list[int]:
+        """Return the finest level of the cells of each group that are drawn at a tolerance."""
+        return [finest_level_at(self._stage, tolerance, number) for number in range(len(self._stage.groups))]
 
     @abstractmethod
-    def _prepare(self, tolerance: float, lap: Lap) -> tuple[Cut | BrickCut, SplatBatch | BrickBatch, OrderFinder]:
-        """Cut at a tolerance and end the step "cut"; return the cut, its batch for the rasteriser, and `LOD.orders`."""
+    def _prepare(self, tolerance: float, lap: Lap) -> tuple[Sequence[Cut | BrickCut], Sequence[Any], OrderFinder]:
+        """Cut at a tolerance and end the step "cut"; return of each group the cut and its batch, and `LOD.orders`."""
 
     @abstractmethod
     def work(self, tolerance: float) -> float:
@@ -177,10 +178,9 @@ class Primitive(ABC):
 
 def make_primitive(stage: Stage) -> SplatPrimitive | BrickPrimitive:
     """Return the primitive of the scene's footprint."""
-    if stage.bricks is None:
+    if stage.scene.needs_opengl:
         return SplatPrimitive(stage)
-    kind = BrickPrimitive if stage.extreme_bricks is None else ExtremumPrimitive
-    return kind(stage, stage.bricks)
+    return ExtremumPrimitive(stage) if stage.scene.mode.is_extremum else BrickPrimitive(stage)
 
 
 class SplatPrimitive(Primitive):
@@ -190,11 +190,15 @@ class SplatPrimitive(Primitive):
     initial_size = 1000
     size_ratio = 4
 
+    def __init__(self, stage: Stage) -> None:
+        super().__init__(stage)
+        self._pyramid = stage.layers[0].pyramid
+
     def work(self, tolerance: float) -> float:
         return len(self._cut(tolerance))
 
     def tolerance_for_cells(self, num_cells: float) -> float:
-        most = max(1, int(min(num_cells, self._stage.pyramid.volume.values.size)))
+        most = max(1, int(min(num_cells, self._pyramid.volume.values.size)))
         sizes = self._sizes_to(most)
         return sizes.finest_within(min(most, sizes.max_cells))
 
@@ -205,25 +209,30 @@ class SplatPrimitive(Primitive):
         return max(num_cells, 1)
 
     def has_more_cells(self, tolerance: float, num_cells: float) -> bool:
-        most = int(min(num_cells, self._stage.pyramid.volume.values.size))
+        most = int(min(num_cells, self._pyramid.volume.values.size))
         sizes = self._sizes_to(max(1, most // _LOOK_AHEAD))
         return sizes.num_cells_at_zero is None if tolerance == 0 else tolerance <= sizes.tolerance_limit
 
     def _cut(self, tolerance: float) -> Cut:
-        return cut_pyramid(self._stage.pyramid, tolerance, finest_level=finest_level_at(self._stage, tolerance))
+        return cut_pyramid(self._pyramid, tolerance, finest_level=finest_level_at(self._stage, tolerance))
 
-    def _prepare(self, tolerance: float, lap: Lap) -> tuple[Cut, SplatBatch, OrderFinder]:
+    def _prepare(self, tolerance: float, lap: Lap) -> tuple[Sequence[Cut], Sequence[SplatBatch], OrderFinder]:
         cut, splat, blending = self._cut(tolerance), self._stage.scene.splat, self._stage.order_blending
         lap("cut")
-        batch = make_splats(cut, splat)
-        if splat.order == "depth":
-            return cut, batch, lambda view: blended_orders(batch, view, blending)
-        cells = cut if splat.order == "boxes" else None
-        return cut, batch, lambda view: [(1.0, visible_order(batch, view, cells=cells))]
+        batch, cells = make_splats(cut, splat), cut if splat.order == "boxes" else None
+
+        def orders(view: View) -> Orders:
+            if splat.order == "depth":
+                return [(share, [order]) for share, order in blended_orders(batch, view, blending)]
+            return [(1.0, [visible_order(batch, view, cells=cells)])]
+
+        return [cut], [batch], orders
 
     def _sizes_to(self, num_cells: int) -> CutSizes:
         if self._sizes is None or (self._sizes.max_cells < num_cells and self._sizes.num_cells_at_zero is None):
-            self._sizes = cut_sizes(self._stage.pyramid, _LOOK_AHEAD * num_cells, **self._finest_levels)
+            (finest_level,), (at_zero,) = self._finest_levels(1.0), self._finest_levels(0.0)
+            most = _LOOK_AHEAD * num_cells
+            self._sizes = cut_sizes(self._pyramid, most, finest_level=finest_level, finest_level_at_zero=at_zero)
         return self._sizes
 
 
@@ -237,21 +246,26 @@ class BrickPrimitive(Primitive):
     initial_size = 60
     size_ratio = 16  # the number of samples grows with about the cube root
 
-    def __init__(self, stage: Stage, bricks: Bricks) -> None:
+    def __init__(self, stage: Stage) -> None:
         super().__init__(stage)
-        self._bricks = bricks
-        self._largest_error = RAY_ERROR_FACTOR * root_error(bricks.pyramid) or 1.0
+        self._bricks = [group.bricks for group in stage.groups if group.bricks is not None]
+        errors = [layer.weight * root_error(layer.bricks.pyramid) for each in self._bricks for layer in each.layers]
+        self._largest_error = RAY_ERROR_FACTOR * max(errors) or 1.0
 
     def work(self, tolerance: float) -> float:
         """Return the number of samples of one ray through every column of cells."""
-        batch = self._batch(self._cut(tolerance), tolerance)
-        low, high = batch.cut.visible_bounds[:, 0], batch.cut.visible_bounds[:, 1]
-        cells = (high - low).prod(axis=1) / np.exp2(3.0 * batch.cut.levels)
-        return float((cells / batch.steps).sum())
+        samples = 0.0
+        for batch in map(self._batch, self._cuts(tolerance), count(), repeat(tolerance)):
+            low, high = batch.cut.visible_bounds[:, 0], batch.cut.visible_bounds[:, 1]
+            cells = (high - low).prod(axis=1) / np.exp2(3.0 * batch.cut.levels)
+            samples += float((cells / batch.steps).sum())
+        return samples
 
     def tolerance_for_cells(self, num_cells: float) -> float:
         if self._sizes is None:
-            self._sizes = brick_cut_sizes(self._bricks, **self._finest_levels)
+            self._sizes = brick_cut_sizes(
+                self._bricks, finest_levels=self._finest_levels(1.0), finest_levels_at_zero=self._finest_levels(0.0)
+            )
         return self._sizes.finest_within(max(1, int(min(num_cells, self._sizes.max_cells))))
 
     def tolerance_for_size(self, size: float) -> float:
@@ -264,48 +278,53 @@ class BrickPrimitive(Primitive):
             return _MAX_BRICK_SIZE
         return max(1.0, self._largest_error / tolerance)
 
-    def _prepare(self, tolerance: float, lap: Lap) -> tuple[BrickCut, BrickBatch, OrderFinder]:
-        cut = self._cut(tolerance)
+    def _prepare(self, tolerance: float, lap: Lap) -> tuple[Sequence[BrickCut], Sequence[BrickBatch], OrderFinder]:
+        cuts = self._cuts(tolerance)
         lap("cut")
-        batch = self._batch(cut, tolerance)
-        return cut, batch, lambda view: [(1.0, visible_bricks(batch, view))]
+        batches = [self._batch(cut, number, tolerance) for number, cut in enumerate(cuts)]
+        return cuts, batches, lambda view: [(1.0, [self._order(batch, view) for batch in batches])]
 
-    def _cut(self, tolerance: float) -> BrickCut:
-        if draws_voxels_only(self._stage):
-            return cut_bricks(self._bricks, 0.0)
-        return cut_bricks(self._bricks, tolerance, finest_level=finest_level_at(self._stage, tolerance))
+    def _tolerance(self, number: int, tolerance: float) -> float:
+        """Return the tolerance at which a group is drawn; what projections draw is another quantity."""
+        projection = self._stage.groups[number].projection
+        return tolerance if projection is None else projection.tolerance_factor * tolerance
 
-    def _batch(self, cut: BrickCut, tolerance: float) -> BrickBatch:
-        shading, voxel_px = self._stage.scene.shading, self._stage.voxel_px
-        return make_brick_batch(cut, self._bricks, tolerance=tolerance, shading=shading, voxel_px=voxel_px)
+    def _cuts(self, tolerance: float) -> list[BrickCut]:
+        finest_levels = self._finest_levels(tolerance)
+        return [
+            cut_bricks(bricks, 0.0)
+            if self._stage.groups[number].draws_voxels_only
+            else cut_bricks(bricks, self._tolerance(number, tolerance), finest_level=finest_levels[number])
+            for number, bricks in enumerate(self._bricks)
+        ]
+
+    def _batch(self, cut: BrickCut, number: int, tolerance: float) -> BrickBatch:
+        tolerance, voxel_px = self._tolerance(number, tolerance), self._stage.resolutions[number].voxel_px
+        return make_brick_batch(cut, self._bricks[number], tolerance=tolerance, voxel_px=voxel_px)
+
+    def _order(self, batch: BrickBatch, view: View) -> UInt32:
+        return visible_bricks(batch, view)
 
 
 class ExtremumPrimitive(BrickPrimitive):
     """Draws bricks of level 0, in which rays look for their most extreme scalar; a tolerance passes over some."""
 
-    def __init__(self, stage: Stage, bricks: Bricks) -> None:
-        super().__init__(stage, bricks)
-        assert stage.extreme_bricks is not None
-        self._all, self._by_depth = stage.extreme_bricks, stage.scene.mode.color_by == "depth"
+    def __init__(self, stage: Stage) -> None:
+        super().__init__(stage)
+        self._all = [layer.extreme_bricks for layer in stage.layers if layer.extreme_bricks is not None]
 
-    def _prepare(self, tolerance: float, lap: Lap) -> tuple[BrickCut, BrickBatch, OrderFinder]:
-        batch = self._batch(self._all.cut, tolerance)
-        assert batch.extremes is not None
-        tops = batch.extremes.tops
+    def _cuts(self, tolerance: float) -> list[BrickCut]:
+        return [batch.cut for batch in self._all]
 
-        def orders(view: View) -> Orders:
-            """Return the bricks with the largest bounds first; front to back where places or parts of rays count."""
-            order = visible_bricks(batch, view)
-            is_sorted = not (self._by_depth or view.clip)
-            return [(1.0, order[np.argsort(-tops[order], kind="stable")] if is_sorted else order)]
+    def _batch(self, cut: BrickCut, number: int, tolerance: float) -> BrickBatch:
+        return extremes_at(self._all[number], tolerance, self._stage.resolutions[number].voxel_px)
 
-        return batch.cut, batch, orders
-
-    def _cut(self, tolerance: float) -> BrickCut:
-        return self._all.cut
-
-    def _batch(self, cut: BrickCut, tolerance: float) -> BrickBatch:
-        return extremes_at(self._all, tolerance, self._stage.voxel_px)
+    def _order(self, batch: BrickBatch, view: View) -> UInt32:
+        """Return the bricks with the largest bounds first; front to back where places or parts of rays count."""
+        order, extremes = visible_bricks(batch, view), batch.extremes
+        assert extremes is not None
+        is_sorted = not (extremes.by_depth or view.clip or batch.bricks.clip)
+        return order[np.argsort(-extremes.tops[order], kind="stable")] if is_sorted else order
 
 
 def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:

@@ -5,48 +5,67 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from renderer.bricks import BrickBatch, Bricks
-from renderer.modes import Projection
-from renderer.pyramid import Pyramid
+from renderer.layers import Layer, LayerGroup
+from renderer.pyramid import root_error
 from renderer.scene import Scene, Vector
 from renderer.view import OrderBlending, View, make_view
-from renderer.volume import Volume
 
 Clock = Callable[[], float]
 
 
 @dataclass(frozen=True)
+class Resolution:
+    """How large the voxels of a grid are on the pictures of a film.
+
+    finest_level: cells of lower levels would be too small to see on every frame.
+    voxel_px: the finest spacing at the volume's centre, in pixels, where it is smallest along the path.
+    """
+
+    finest_level: int
+    voxel_px: float
+
+
+@dataclass
 class Stage:
-    """Everything in a film that does not change from frame to frame.
+    """Everything in a film that does not change from frame to frame; it owns the memory of its layers.
+
+    Use as a context manager, or call `close`.
 
     target: the world position that the camera looks at.
     distance: from the eye to the target, in world units.
-    finest_level: cells of lower levels would be too small to see on every frame.
-    voxel_px: the finest spacing at the volume's centre, in pixels, where it is smallest along the path.
+    groups: the layers that are drawn as one. resolutions: of each group.
     order_blending: which neighbours change their order along the path.
-    bricks: of the volume, if the footprint is drawn from bricks.
-    projection: what the scene's mode colours; None for emission and absorption.
-    extreme_bricks: those in which rays look for extremes, if they do.
-    seconds: the time that each stage of the preparation took.
+    seconds: the time that each step of the preparation took.
     """
 
     scene: Scene
-    volume: Volume
-    pyramid: Pyramid
+    layers: tuple[Layer, ...]
     target: Vector
     distance: float
-    finest_level: int
-    voxel_px: float
+    groups: tuple[LayerGroup, ...]
+    resolutions: tuple[Resolution, ...]
     order_blending: OrderBlending
-    bricks: Bricks | None
-    projection: Projection | None
-    extreme_bricks: BrickBatch | None
     seconds: dict[str, float]
 
+    def __enter__(self) -> Stage:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def close(self) -> None:
-        """Let go of voxels, pyramid and bricks; nothing can be drawn from the stage any more."""
-        for name in ("volume", "pyramid", "bricks", "extreme_bricks"):
-            object.__setattr__(self, name, None)
+        """Let go of voxels, pyramids and bricks; nothing can be drawn from the stage any more."""
+        self.layers, self.groups = (), ()
+
+    @property
+    def largest_error(self) -> float:
+        """Return the error of the whole volume as a single cell; of several, the largest."""
+        return max(root_error(layer.pyramid) for layer in self.layers)
+
+    def require_unchanged(self) -> None:
+        """Raise InputError if the file of a volume has changed."""
+        for layer in self.layers:
+            layer.volume.require_unchanged()
 
 
 class Stopwatch:
@@ -70,13 +89,8 @@ def view_of(stage: Stage, frame: int) -> View:
     return replace(view, clip=stage.scene.clip)
 
 
-def draws_voxels_only(stage: Stage) -> bool:
-    """Return whether voxels are drawn at every tolerance: their shading is not in the means of larger cells."""
-    return stage.scene.shading is not None and stage.scene.shading.is_pointwise
-
-
-def finest_level_at(stage: Stage, tolerance: float) -> int:
-    """Return the finest level of the cells that are drawn at a tolerance."""
-    if draws_voxels_only(stage):
+def finest_level_at(stage: Stage, tolerance: float, number: int = 0) -> int:
+    """Return the finest level of the cells of a group that are drawn at a tolerance."""
+    if stage.groups[number].draws_voxels_only:
         return 0
-    return max(stage.scene.error.finest_level, stage.finest_level if tolerance > 0 else 0)
+    return max(stage.scene.error.finest_level, stage.resolutions[number].finest_level if tolerance > 0 else 0)

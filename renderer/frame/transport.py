@@ -46,7 +46,7 @@ def serialize_stage(stage: Stage) -> npt.NDArray[np.uint8]:
     pieces = [memoryview(_LENGTH.pack(len(header)) + header), *arrays]
     padded = [part for piece in pieces for part in (piece, memoryview(bytes(_padding_bytes(piece.nbytes))))]
     content = np.concatenate([np.frombuffer(part, np.uint8) for part in padded if part.nbytes])
-    stage.volume.require_unchanged()  # only now all voxels were read
+    stage.require_unchanged()  # only now all voxels were read
     return content
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from renderer.accuracy import finer_than_kept
 from renderer.errors import RenderError
 from renderer.film import film_notes, has_frame_files
-from renderer.frame import LODCostEstimator, Stage, open_stage
+from renderer.frame import LODCostEstimator, Stage, prepare_stage, read_volumes
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor
@@ -28,10 +28,9 @@ from renderer.job.goals import find_shortfall, summary_parts
 from renderer.job.make_record import film_record
 from renderer.job.plan import FilmPlan, make_plan
 from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, PassRecord
-from renderer.readers import read_volume
 from renderer.scene import Scene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
-from renderer.volume import Volume
+from renderer.volume import Volume, joint_fingerprint
 
 OpenExecutor = Callable[[Scene], AbstractContextManager[Executor]]
 Passes = Callable[["FilmInProgress"], "FinishedFilm"]
@@ -71,17 +70,18 @@ def make_film(
         # What can fail early is tried before a voxel is read: the output, the encoder, OpenGL or the cluster.
         with open_executor(job.scene) as executor:
             before_reading = time.perf_counter()
-            volume = read_volume(job.scene.volume)
+            volumes = read_volumes(job.scene)
             read_seconds = time.perf_counter() - before_reading
-            if volume.note is not None:
-                events.volume_noted(f"{volume.name}: {volume.note}")
+            for volume in volumes:
+                if volume.note is not None:
+                    events.volume_noted(f"{volume.name}: {volume.note}")
             for note in job.scene.import_notes:
                 events.note(note)
-            job, fingerprint = _with_fingerprint(job, volume, executor.device)
+            job, fingerprint = _with_fingerprint(job, joint_fingerprint(volumes), executor.device)
             existing = find_existing_film(output.sidecar, events) if resumes else None
             if existing is not None and existing.is_up_to_date(fingerprint, output.spec, job.frames):
-                return _kept_film(output, existing, fingerprint, volume, events)
-            with open_job_stage(job, volume) as stage:
+                return _kept_film(output, existing, fingerprint, volumes[0].note, events)
+            with open_job_stage(job, volumes) as stage:
                 why_stale = existing.why_stale(fingerprint, output.spec, job.frames) if existing else ""
                 if why_stale:
                     events.note(f"{output.spec.file} {why_stale}")
@@ -95,37 +95,37 @@ def make_film(
 
 
 def _kept_film(
-    output: FilmOutput, existing: ExistingFilm, fingerprint: FilmFingerprint, volume: Volume, events: JobEvents
+    output: FilmOutput, existing: ExistingFilm, fingerprint: FilmFingerprint, note: str | None, events: JobEvents
 ) -> FinishedFilm:
     """Return the film that is up to date."""
     # Left by a job that was killed when its film was complete.
     remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
     record = existing.keep(output)
     events.note(f"{output.spec.file} is up to date; --force draws it again")
-    return FinishedFilm(output.spec.file, output.sidecar, record, volume_note=volume.note)
+    return FinishedFilm(output.spec.file, output.sidecar, record, volume_note=note)
 
 
-def _with_fingerprint(job: FilmJob, volume: Volume, device: str) -> tuple[FilmJob, FilmFingerprint]:
+def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJob, FilmFingerprint]:
     """Return the job and its fingerprint.
 
     A film that is made again meets what the original was requested to meet only if the fingerprints agree. Otherwise
     nobody has measured it, and it counts as requested at the tolerances in the sidecar.
     """
-    fingerprint = film_fingerprint(job.scene, job.requested, volume.fingerprint, device)
+    fingerprint = film_fingerprint(job.scene, job.requested, of_volumes, device)
     if job.original is None or job.original.frames_digest == fingerprint.frames_digest:
         return job, fingerprint
     job = replace(job, requested=accuracy_of(job.scene.error))
-    return job, film_fingerprint(job.scene, job.requested, volume.fingerprint, device)
+    return job, film_fingerprint(job.scene, job.requested, of_volumes, device)
 
 
-def open_job_stage(job: FilmJob, volume: Volume) -> AbstractContextManager[Stage]:
-    """Prepare the stage, of the volume that the original was made from, if there is one."""
+def open_job_stage(job: FilmJob, volumes: Sequence[Volume]) -> Stage:
+    """Prepare the stage, of the volumes that the original was made from, if there is one."""
     original = job.original
-    return open_stage(
+    return prepare_stage(
         job.scene,
         clock=time.perf_counter,
         num_threads=num_cores(),
-        volume=volume,
+        volumes=volumes,
         fingerprint=original.record.volume.fingerprint if original else None,
         recorded_in=f"{original.path}: volume.fingerprint" if original else "",
     )
@@ -215,7 +215,7 @@ class FilmInProgress:
             self.events.note(advice)
         summary = ", ".join(summary_parts(scene, plan, record, num_resumed))
         file, sidecar = self.output.spec.file, self.output.sidecar
-        return FinishedFilm(file, sidecar, record, summary, self.stage.volume.note, shortfall)
+        return FinishedFilm(file, sidecar, record, summary, self.stage.layers[0].volume.note, shortfall)
 
     def _devices(self, frames: Sequence[FrameRecord]) -> Sequence[str]:
         """Return what drew the frames: what their records say, and for all others the executor's device."""

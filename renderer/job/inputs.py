@@ -47,11 +47,12 @@ def folder_files(folder: Path) -> Iterator[Path]:
 
 
 def scene_files(scene: Scene) -> Iterator[Path]:
-    """Yield the files that a scene names: that of an imported transfer function, and those of its volume."""
-    imported = scene.transfer_function.imported
-    if imported is not None and imported.file is not None:
-        yield imported.file
-    yield from volume_files(scene.volume)
+    """Yield the files that a scene names: those of imported transfer functions, and those of its volumes."""
+    for layer in scene.layers:
+        imported = layer.transfer_function.imported
+        if imported is not None and imported.file is not None:
+            yield imported.file
+        yield from volume_files(layer.volume)
 
 
 def volume_files(volume: VolumeSpec) -> Iterator[Path]:

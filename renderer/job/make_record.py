@@ -26,8 +26,10 @@ from renderer.job.record import (
     VolumeRecord,
     min_max,
 )
+from renderer.layers import Layer
 from renderer.scene import ErrorSpec, format_value, scene_to_dict, schedule_to_dict, short_text, with_tolerances
 from renderer.system import package_versions, sources_digest
+from renderer.volume import Volume, joint_fingerprint
 
 _MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
 
@@ -55,23 +57,21 @@ def film_record(
 ) -> FilmRecord:
     """Return the record of a film that was drawn, without its seconds. devices: what drew the frames."""
     stage = plan.stage
-    scene, volume, pyramid = stage.scene, stage.volume, stage.pyramid
-    finest_level = min(finest_level_at(stage, frame.tolerance) for frame in frames)
+    scene, volumes = stage.scene, [layer.volume for layer in stage.layers]
+    levels = [
+        finest_level_at(stage, frame.tolerance, number) for frame in frames for number in range(len(stage.groups))
+    ]
     if scene.error.goal is not None:
         scene = with_tolerances(scene, {frame.frame: frame.tolerance for frame in frames})
-    shape: Any = tuple(map(int, volume.shape_xyz))
     device = " and ".join(devices)
     return FilmRecord(
         scene=scene_to_dict(scene),
-        volume=VolumeRecord(
-            volume.name,
-            volume.fingerprint,
-            str(volume.values.dtype),
-            shape,
-            tuple(map(tuple, volume.world_from_index.tolist())),
-        ),
+        volume=replace(_volume_record(volumes[0]), fingerprint=joint_fingerprint(volumes)),
+        volumes=tuple(map(_volume_record, volumes)) if len(volumes) > 1 else (),
         camera=CameraRecord(tuple(map(float, stage.target)), float(stage.distance)),
-        pyramid=PyramidRecord(pyramid.num_levels, int(pyramid.num_bytes), finest_level),
+        pyramid=PyramidRecord(
+            max(layer.pyramid.num_levels for layer in stage.layers), _pyramid_bytes(stage.layers), min(levels)
+        ),
         device=device,
         versions=package_versions(),
         schedule=_plan_record(plan, frames, requested, original, shortfall),
@@ -85,6 +85,17 @@ def film_record(
         visibility=film_visibility(frames, [range_record(*each[:3]) for each in scalar_ranges(stage)]),
         frames=tuple(frames),
     )
+
+
+def _volume_record(volume: Volume) -> VolumeRecord:
+    shape: Any = tuple(map(int, volume.shape_xyz))
+    affine = tuple(map(tuple, volume.world_from_index.tolist()))
+    return VolumeRecord(volume.name, volume.fingerprint, str(volume.values.dtype), shape, affine)
+
+
+def _pyramid_bytes(layers: Sequence[Layer]) -> int:
+    """Return the memory of all pyramids; layers that are made from the same data have one."""
+    return sum({id(layer.pyramid): int(layer.pyramid.num_bytes) for layer in layers}.values())
 
 
 def _plan_record(

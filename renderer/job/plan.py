@@ -107,7 +107,7 @@ def search_tolerances(
 
     rays = ExactRays(stage, want, num_threads=num_cores())
     # Films of splats have one tolerance: a new cut for each frame would take longer than to draw it.
-    is_constant, clock = stage.bricks is None, time.perf_counter
+    is_constant, clock = stage.scene.needs_opengl, time.perf_counter
     return find_tolerances(stage, frames, rays, rasterizer, is_constant=is_constant, clock=clock, on_trial=tell)
 
 

@@ -313,7 +313,7 @@ class FilmRecord:
     """A record of how a film was made, and what it cost: the content of its sidecar."""
 
     scene: Annotated[Mapping[str, Any], _SCENE, "A scene that draws the same frames, with every default."]
-    volume: Annotated[VolumeRecord, "The volume."]
+    volume: Annotated[VolumeRecord, "The volume; of several, the first, with the digest of all their fingerprints."]
     camera: Annotated[CameraRecord, "The camera."]
     pyramid: Annotated[PyramidRecord, "The pyramid."]
     device: Annotated[str, "What drew the frames: device and driver of OpenGL for splats, the processor for bricks."]
@@ -324,6 +324,7 @@ class FilmRecord:
     frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "The frames, ascending."]
     accuracy: Annotated[FilmAccuracy | None, "How exact the frames are, where rays have measured all of them."] = None
     visibility: Annotated[FilmVisibility | None, "Which scalars the pictures show, where rays have told."] = None
+    volumes: Annotated[tuple[VolumeRecord, ...], "Each volume, of several."] = ()
     passes: Annotated[tuple[PassRecord, ...], "Passes of a progressive film."] = ()
     parts: Annotated[tuple[PartRecord, ...], "Parts of an assembled film."] = ()
     fingerprint: Annotated[FilmFingerprint | None, "Left out where one pass would not have made this film."] = None

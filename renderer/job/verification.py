@@ -15,6 +15,7 @@ from renderer.film import (
     has_frame_files,
     picture_shape,
 )
+from renderer.frame import read_volumes
 from renderer.job.assemble.agreement import PickedFrame, file_problems
 from renderer.job.assemble.parts import Part, problem_of
 from renderer.job.events import JobEvents
@@ -24,7 +25,6 @@ from renderer.job.fingerprint import describe_mismatch, film_fingerprint
 from renderer.job.make_record import changed_tools
 from renderer.job.record import FrameRecord
 from renderer.job.verified_accuracy import MOST_RAYS, MeasuredFilm, RayOptions, measure_film
-from renderer.readers import read_volume
 from renderer.scene import OutputSpec, counted
 from renderer.system import package_versions, sources_digest
 
@@ -90,8 +90,7 @@ def verify_film(
     job: FilmJob, original: OriginalFilm, files: FilmFiles, options: RayOptions, events: JobEvents
 ) -> VerifiedFilm:
     """Compare a film with its inputs, and measure it. Raises InputError for a volume that is not the recorded one."""
-    volume = read_volume(job.scene.volume)
-    with open_job_stage(job, volume) as stage:
+    with open_job_stage(job, read_volumes(job.scene)) as stage:
         problems, notes = [*_scene_problems(job, original)], [*_tool_notes(original)]
         if notes:  # another version may have other keys, and other defaults
             notes, problems = [*notes, *(f"{each.what}: {each.got}" for each in problems)], []

@@ -5,19 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.kernels import ThreadPool, kernels
+from renderer.scene import ClipSpec
 from renderer.view import View, ray_setup
 from renderer.volume import Float32, Volume
 
 
-def chord_lengths(volume: Volume, view: View, threads: ThreadPool) -> Float32:
+def chord_lengths(volume: Volume, view: View, clip: tuple[ClipSpec, ...], threads: ThreadPool) -> Float32:
     """Return the world length of each pixel's ray inside the box, beyond the near plane: float32 [h, w].
 
-    What is clipped away, and voxels without data, do not count.
+    clip: besides that of the view. What is clipped away, and voxels without data, do not count.
     """
     width, height = view.size
     lengths = np.empty((height, width), np.float32)
     measure = kernels().measure_chords.partial(
-        rays=ray_setup(volume, volume.half_diagonal, view), shape=volume.shape_xyz, unit=volume.half_diagonal,
+        rays=ray_setup(volume, volume.half_diagonal, view, clip), shape=volume.shape_xyz, unit=volume.half_diagonal,
         absent=volume.are_absent if volume.num_absent else None,
     )  # fmt: skip
     threads.for_rows(lambda first, end: measure(first_row=first, lengths=lengths[first:end]), lengths)

@@ -92,6 +92,7 @@ from .schema import (
 )
 from .shading_section import ShadingSpec as ShadingSpec
 from .spec import (
+    LayerSpec as LayerSpec,
     PyramidSpec as PyramidSpec,
     Scene as Scene,
     parse_scene as parse_scene,

@@ -55,6 +55,18 @@ class PyramidSpec:
 
 
 @dataclass(frozen=True)
+class LayerSpec:
+    """One volume of a scene, and how it is shown. weight: a factor on its extinction. clip: besides the scene's."""
+
+    volume: VolumeSpec
+    transfer_function: TransferSpec
+    shading: ShadingSpec | None = None
+    clip: tuple[ClipSpec, ...] = ()
+    name: str = ""
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
 class Scene:
     """A complete job. With `overlay`, lines along the drawn cells or around the volume are drawn over the picture."""
 
@@ -68,8 +80,14 @@ class Scene:
     shading: ShadingSpec | None = None
     mode: Annotated[ModeSpec, MODE_SECTION] = field(default=ModeSpec())
     clip: Annotated[tuple[ClipSpec, ...], CLIP_SECTION] = ()
+    blend: Literal["mix", "add"] = "mix"
     overlay: Literal["none", "octree", "bounds"] = "none"
     version: Annotated[int, _VERSION] = VERSION
+
+    @property
+    def layers(self) -> tuple[LayerSpec, ...]:
+        """Return what is drawn: the volume, with the scene's transfer function and shading."""
+        return (LayerSpec(self.volume, self.transfer_function, self.shading),)
 
     @property
     def needs_opengl(self) -> bool:

@@ -284,7 +284,7 @@ def _work_by_tolerance(stage: Stage, tolerances: Sequence[float] | None, own: fl
     """
     work = cache(make_primitive(stage).work)
     if tolerances is None:
-        tolerances = spread_tolerances(stage.pyramid, work, _MAX_TOLERANCES)
+        tolerances = spread_tolerances(stage.largest_error, work, _MAX_TOLERANCES)
         tolerances += () if own is None else (own,)
     return {tolerance: work(tolerance) for tolerance in sorted(set(tolerances), reverse=True)}
 

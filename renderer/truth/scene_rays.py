@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from renderer.frame import Stage
 from renderer.kernels import kernels
-from renderer.modes import Projection
-from renderer.transfer import NO_LIGHT_GRID, TransferFunction, make_transfer_function
+from renderer.layers import Layer
+from renderer.transfer import TransferFunction
 from renderer.truth.integrator import Convergence, Progress, RayIntegrator, ignore, in_parts, index_rays
 from renderer.truth.optics import TrueLayer, for_macrocells, largest_magnitude_scale, readable_values
 from renderer.view import View
@@ -20,59 +22,86 @@ _LEAST_RISE = 2.0**-18
 
 
 class SceneRays:
-    """A bundle of exact rays of a stage's scene, in any view, as premultiplied RGBA."""
+    """A bundle of exact rays of a stage's scene, in any view, as premultiplied RGBA.
+
+    Layers that are projected are projected each by itself, and add up, times their weights.
+    """
 
     def __init__(self, stage: Stage, *, num_threads: int = 2) -> None:
-        scene, volume = stage.scene, stage.volume
-        self._volume, self._projection = volume, stage.projection
-        self._search: ExtremeSearch | None = None
-        if self._projection is not None and scene.mode.is_extremum:
-            self._search = ExtremeSearch(volume, self._projection, num_threads=num_threads)
-        else:
-            light_grid = NO_LIGHT_GRID if stage.bricks is None else stage.bricks.light_grid
-            optics = make_transfer_function(scene.transfer_function, volume.finest_spacing)
-            if self._projection is not None:
-                optics = self._projection.optics
-            layer = TrueLayer(volume, optics, scene.shading, light_grid)
-            self._integrator = RayIntegrator([layer], num_threads=num_threads)
+        layers, self._searches, self._adds = stage.layers, list[ExtremeSearch](), stage.scene.blend == "add"
+        self._layers = [layer for layer in layers if layer.projection is not None]
+        if stage.scene.mode.is_extremum:
+            self._searches = [ExtremeSearch(layer, num_threads=num_threads) for layer in layers]
+            return
+        alone = bool(self._layers)
+        seen = [
+            TrueLayer(each.volume, each.optics, spec.shading, each.light_grid, 1.0 if alone else spec.weight, spec.clip)
+            for each, spec in ((layer, layer.spec) for layer in layers)
+        ]
+        bundles = [[layer] for layer in seen] if alone else [seen]
+        self._integrators = [RayIntegrator(bundle, adds=self._adds, num_threads=num_threads) for bundle in bundles]
 
     def integrate(self, view: View, pixels: Int64, step_voxels: float) -> Float64:
         """Return the colours of pixels, float64 [n, 4], at one step; parameters as in `RayIntegrator.integrate`."""
-        if self._search is not None:
-            return self._search.colors(view, pixels)
-        return self._colored(view, pixels, self._integrator.integrate(view, pixels, [step_voxels])[0])
+        if self._searches:
+            return self._sum([search.gather(view, pixels) for search in self._searches], view, pixels)
+        return self._sum([each.integrate(view, pixels, [step_voxels])[0] for each in self._integrators], view, pixels)
 
     def integrate_by_interval(self, view: View, pixels: Int64, step_voxels: float) -> tuple[Float64, Float64]:
-        """Return what `integrate` does, and the `visible` part of each interval of the transfer function.
+        """Return what `integrate` does, and the `visible` part of each interval of the transfer functions.
 
         visible: float64 [n, intervals], as of `RayIntegrator.integrate`; [n, 0] of projections, which have no opacity.
         """
-        if self._projection is not None:
+        if self._layers:
             return self.integrate(view, pixels, step_voxels), np.empty((pixels.size, 0))
-        found = self._integrator.integrate(view, pixels, [step_voxels], by_interval=True)[0]
-        return found[:, :4], found[:, 4:]
+        found = self._integrators[0].integrate(view, pixels, [step_voxels], by_interval=True)[0]
+        return self._sum([found[:, :4]], view, pixels), found[:, 4:]
 
     def converge(
         self, view: View, pixels: Int64, tolerance: float, on_progress: Progress = ignore
     ) -> tuple[Float64, Convergence]:
         """Return the colours of pixels, float64 [n, 4], as `RayIntegrator.converge`; extremes need no steps."""
-        if self._search is not None:
-            return self._search.colors(view, pixels, on_progress), Convergence((1.0,), (0.0,), (pixels.size,))
-        factor = 1.0 if self._projection is None else self._projection.tolerance_factor
-        radiance, convergence = self._integrator.converge(view, pixels, factor * tolerance, on_progress)
-        return self._colored(view, pixels, radiance), convergence
+        if self._searches:
+            gathered = [search.gather(view, pixels, on_progress) for search in self._searches]
+            return self._sum(gathered, view, pixels), Convergence((1.0,), (0.0,), (pixels.size,))
+        factors = [layer.projection.tolerance_factor for layer in self._layers if layer.projection is not None] or [1.0]
+        found = [
+            each.converge(view, pixels, factor * tolerance, on_progress)
+            for each, factor in zip(self._integrators, factors, strict=True)
+        ]
+        slowest = max((convergence for _, convergence in found), key=lambda each: len(each.step_voxels))
+        return self._sum([radiance for radiance, _ in found], view, pixels), slowest
 
-    def _colored(self, view: View, pixels: Int64, radiance: Float64) -> Float64:
-        if self._projection is None:
+    def _sum(self, gathered: Sequence[Float64], view: View, pixels: Int64) -> Float64:
+        """Return the colours of what rays gathered: of all layers together, or of each that is projected."""
+        if not self._layers:
+            radiance = gathered[0]
+            if self._adds:
+                brightest = np.minimum(radiance[:, :3].max(axis=1), 1.0)
+                radiance[:, 3] = np.maximum(radiance[:, 3], brightest)
             return radiance
-        return self._projection.exact_colors(radiance, chord_lengths(self._volume, view, pixels))
+        total = np.zeros((pixels.size, 4))
+        for layer, of_layer in zip(self._layers, gathered, strict=True):
+            assert layer.projection is not None
+            chords = chord_lengths(layer.volume, _clipped(view, layer), pixels)
+            colors = layer.projection.exact_colors(of_layer, chords)
+            total += colors * (*[layer.spec.weight] * 3, 1.0)
+        total[:, 3] = np.minimum(total[:, 3], 1.0)
+        return total
+
+
+def _clipped(view: View, layer: Layer) -> View:
+    """Return a view that also clips what a layer has clipped away."""
+    return replace(view, clip=view.clip + layer.spec.clip)
 
 
 class ExtremeSearch:
-    """A search for the most extreme scalar of rays through a volume. It remembers bounds of the parts of the volume."""
+    """A search for the most extreme scalar of rays through a layer. It remembers bounds of the parts of the volume."""
 
-    def __init__(self, volume: Volume, projection: Projection, *, num_threads: int) -> None:
-        self._volume, self._projection, self._num_threads = volume, projection, num_threads
+    def __init__(self, layer: Layer, *, num_threads: int) -> None:
+        volume, projection = layer.volume, layer.projection
+        assert projection is not None
+        self._layer, self._volume, self._projection, self._num_threads = layer, volume, projection, num_threads
         values, spec = readable_values(volume), projection.spec
         self._scale = largest_magnitude_scale(volume, projection.optics)
         self._sign = self._scale if spec.type == "maximum" else -self._scale
@@ -85,9 +114,9 @@ class ExtremeSearch:
             least_rise=_LEAST_RISE * (last - first) if by_depth else 0.0,
         )
 
-    def colors(self, view: View, pixels: Int64, on_progress: Progress = ignore) -> Float64:
-        """Return the colours of pixels, float64 [n, 4]."""
-        found = np.empty((pixels.size, 2))
+    def gather(self, view: View, pixels: Int64, on_progress: Progress = ignore) -> Float64:
+        """Return what the rays of pixels gather, as of `Extremum`: float64 [n, 4]."""
+        found, view = np.empty((pixels.size, 2)), _clipped(view, self._layer)
 
         def search(part: slice) -> None:
             self._volume.require_unchanged()
@@ -95,13 +124,12 @@ class ExtremeSearch:
 
         in_parts(search, pixels.size, self._num_threads, on_progress)
         self._volume.require_unchanged()
-        chords = chord_lengths(self._volume, view, pixels)
-        found[chords == 0] = 0.0
+        found[np.isinf(found[:, 0])] = 0.0  # a ray that meets nothing
         gathered = np.zeros((pixels.size, 4))
         shares = self._projection.share_of(found[:, 0] / self._sign)
         gathered[:, 0] = shares if self._sign > 0 else 1.0 - shares
         gathered[:, 1] = self._nearness(view, pixels, found[:, 1])
-        return self._projection.exact_colors(gathered, chords)
+        return gathered
 
     def _nearness(self, view: View, pixels: Int64, lengths: Float64) -> Float64:
         """Return how near points along rays are: from 0 at the farthest point of the ball around the volume to 1."""

@@ -5,7 +5,12 @@ from .brick_projection import (
     visible_bricks as visible_bricks,
 )
 from .camera import View as View
-from .clipping import ClipRegion as ClipRegion, are_clipped_away as are_clipped_away, place_clips as place_clips
+from .clipping import (
+    ClipRegion as ClipRegion,
+    are_clipped_away as are_clipped_away,
+    place_clips as place_clips,
+    place_object_clips as place_object_clips,
+)
 from .framing import (
     corners_around as corners_around,
     finest_useful_level as finest_useful_level,

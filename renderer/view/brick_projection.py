@@ -14,6 +14,7 @@ import numpy as np
 
 from renderer.bricks import BRICK_LEVELS, BrickBatch
 from renderer.kernels import kernels
+from renderer.scene import ClipSpec
 from renderer.view.camera import View
 from renderer.view.clipping import ClipRegion, are_clipped_away, place_clips
 from renderer.view.depth_order import box_order
@@ -45,13 +46,20 @@ class RaySetup(NamedTuple):
     clip: ClipRegion | None
 
 
-def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
-    """Return the rays of a view; `length` is the world length of a model unit."""
+def ray_setup(
+    volume: Volume, length: float, view: View, clip: tuple[ClipSpec, ...] = (), middle: Float64 | None = None
+) -> RaySetup:
+    """Return the rays of a view in the grid of a volume; `length` is the world length of a model unit.
+
+    clip: besides that of the view. middle: the world position through which the plane goes on which rays begin: depths
+        are counted from there, and those of several volumes agree. By default the volume's centre.
+    """
     centre = view.view_from_world(volume.centre) / length
+    begins = centre if middle is None else view.view_from_world(middle) / length
     index_from_view = np.linalg.inv(volume.world_from_index[:3, :3] / length) @ view.axes.T
     is_perspective = view.projection == "perspective"
-    is_near = is_perspective and np.linalg.norm(centre) < _NEAR_EYE_DISTANCE
-    depth = 0.0 if is_near else max(0.0, -float(centre[2]))
+    is_near = is_perspective and np.linalg.norm(begins) < _NEAR_EYE_DISTANCE
+    depth = 0.0 if is_near else max(0.0, -float(begins[2]))
     begin = -centre - (0.0, 0.0, depth)
     slope = 1 / view.scale_px if is_perspective else 0.0
     px = depth * slope if is_perspective else 1 / (view.scale_px * length)
@@ -62,7 +70,7 @@ def ray_setup(volume: Volume, length: float, view: View) -> RaySetup:
         float(slope),
         float(view.near / length - depth),
         (view.size[0] / 2, view.size[1] / 2),
-        place_clips(volume, view.clip, view),
+        place_clips(volume, view.clip + clip, view),
     )
 
 
@@ -75,7 +83,7 @@ def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
     rectangles = screen_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
     order = box_order(cut.levels + np.uint8(BRICK_LEVELS), cut.cells, cut.volume, view)[::-1]
     is_visible = (rectangles[:, 0] < rectangles[:, 2]) & (rectangles[:, 1] < rectangles[:, 3])
-    if (clip := place_clips(cut.volume, view.clip, view)) is not None:
+    if (clip := place_clips(cut.volume, view.clip + batch.bricks.clip, view)) is not None:
         is_visible &= ~are_clipped_away(clip, cut.visible_bounds - cut.volume.centre_index)
     return order[is_visible[order]]
 

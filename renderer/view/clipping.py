@@ -56,6 +56,11 @@ def place_clips(volume: Volume, clip: Sequence[ClipSpec], view: View | None = No
     return ClipRegion(np.concatenate(slabs), np.concatenate(boxes)) if clip else None
 
 
+def place_object_clips(volume: Volume, clip: Sequence[ClipSpec]) -> ClipRegion | None:
+    """Return the region that is left by what turns with the object; None where nothing of it does."""
+    return place_clips(volume, [each for each in clip if each.fixed == "object"])
+
+
 def are_clipped_away(clip: ClipRegion, bounds: Float64) -> Bools:
     """Return which boxes are surely clipped away as a whole: bool [n].
 

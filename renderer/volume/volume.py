@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -117,3 +118,11 @@ def make_volume(
     for slab in iter_slabs(values, source):
         digest.update(slab.data.cast("B"))
     return Volume(values, placed, name, digest.hexdigest(), source, num_absent)
+
+
+def joint_fingerprint(volumes: Sequence[Volume]) -> str:
+    """Return the fingerprint of several volumes in their order, or that of the only one."""
+    if len(volumes) == 1:
+        return volumes[0].fingerprint
+    joined = " ".join(volume.fingerprint for volume in volumes)
+    return hashlib.blake2b(joined.encode("ascii"), digest_size=16).hexdigest()

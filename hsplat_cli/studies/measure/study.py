@@ -165,7 +165,7 @@ def _devices(request: StudyRequest) -> str:
 def _openers(request: StudyRequest, volume: Volume) -> Iterator[_Openers]:
     """Yield what opens stages and rasterizers; a quick study has one of each, as only the tolerance changes."""
     scene = request.scene
-    opened = _Openers(partial(open_at_any_tolerance, volume=volume), open_rasterizer)
+    opened = _Openers(partial(open_at_any_tolerance, volumes=[volume]), open_rasterizer)
     if request.is_quick:
         with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:
             yield _Openers(lambda of: nullcontext(replace(stage, scene=of)), lambda _: nullcontext(rasterizer))

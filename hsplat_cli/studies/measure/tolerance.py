@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import partial
 
@@ -21,16 +20,15 @@ from renderer.accuracy import (
 )
 from renderer.draw import open_rasterizer
 from renderer.errors import InputError
-from renderer.frame import Stage, open_stage
-from renderer.readers import read_volume
+from renderer.frame import Stage, prepare_stage, read_volumes
 from renderer.scene import MetricTarget, Scene, counted
 from renderer.system import num_cores
 from renderer.volume import Volume
 
 
-def open_at_any_tolerance(scene: Scene, volume: Volume) -> AbstractContextManager[Stage]:
-    """Prepare the scene's stage for a volume in memory, at any tolerance."""
-    return open_stage(scene, clock=time.perf_counter, num_threads=num_cores(), volume=volume, any_tolerance=True)
+def open_at_any_tolerance(scene: Scene, volumes: Sequence[Volume]) -> Stage:
+    """Prepare the scene's stage for volumes in memory, at any tolerance."""
+    return prepare_stage(scene, clock=time.perf_counter, num_threads=num_cores(), volumes=volumes, any_tolerance=True)
 
 
 def print_tolerance(
@@ -41,7 +39,7 @@ def print_tolerance(
     noun = scene.splat.primitive_name
     with (
         open_rasterizer(scene) as rasterizer,
-        open_at_any_tolerance(scene, read_volume(scene.volume)) as stage,
+        open_at_any_tolerance(scene, read_volumes(scene)) as stage,
         FilmEvents(reporter, noun) as events,
     ):
         exact = ExactPictures(want, scene.output.background, partial(find_truth, stage, truth_tolerance, events))

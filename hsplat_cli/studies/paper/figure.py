@@ -12,7 +12,7 @@ from hsplat_cli.reports import Chart
 from renderer.accuracy import TRUTH_TOLERANCE, FloatImage, compute_truth
 from renderer.draw import Rasterizer
 from renderer.film import Pixels, over_background
-from renderer.frame import Clock, Frame, Stage, open_stage, render_frames
+from renderer.frame import Clock, Frame, Stage, prepare_stage, render_frames
 from renderer.scene import Scene, VolumeSpec, with_tolerance
 from renderer.study import FRAME_STEPS
 from renderer.transfer import TransferFunction, make_transfer_function
@@ -73,7 +73,8 @@ class FigureRenderer:
         """Prepare a scene for any tolerance; tolerance 0 replaces a budget or an accuracy."""
         scene = scene if scene.error.goal is None else with_tolerance(scene, 0.0)
         options: dict[str, Any] = {"clock": self.clock, "num_threads": self.num_threads, "any_tolerance": True}
-        with open_stage(scene, volume=self.volumes.get(scene.volume), **options) as stage:
+        known = self.volumes.get(scene.volume)
+        with prepare_stage(scene, volumes=None if known is None else [known], **options) as stage:
             yield FigureStage(stage, self)
 
 
@@ -90,12 +91,12 @@ class FigureStage:
     @property
     def transfer(self) -> TransferFunction:
         """Return the transfer function, with extinctions per world unit."""
-        return make_transfer_function(self.base.scene.transfer_function, self.base.volume.finest_spacing)
+        return make_transfer_function(self.base.scene.transfer_function, self.base.layers[0].volume.finest_spacing)
 
     @property
     def extinction(self) -> float:
         """Return the extinction of a volume of one material, per world unit."""
-        return float(self.transfer.classify(self.base.volume.values.reshape(-1)[:1])[1][0])
+        return float(self.transfer.classify(self.base.layers[0].volume.values.reshape(-1)[:1])[1][0])
 
     def draw(self, **keys: Any) -> Frame:
         """Draw the frame."""

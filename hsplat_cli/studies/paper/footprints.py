@@ -125,14 +125,14 @@ def _smooth_profile(stage: FigureStage) -> tuple[Float64, Float64]:
     weight = np.interp(u, *np.array(stage.base.scene.splat.profile, np.float64).T)
     mass = 2 * math.pi * np.trapezoid(weight * u, u)
     radius = math.sqrt(mass / (math.pi * np.trapezoid(weight * u**3, u)))  # in standard deviations
-    total = stage.extinction * stage.base.volume.voxel_volume
+    total = stage.extinction * stage.base.layers[0].volume.voxel_volume
     depth = total / _sigma(stage) ** 2 * weight / (mass * radius**2)
     return np.append(u * radius, math.inf), np.append(-np.expm1(-depth), 0.0)
 
 
 def _sigma(stage: FigureStage) -> float:
     """Return the standard deviation of the splat, in world units."""
-    return float(stage.base.scene.splat.sigma * np.cbrt(stage.base.volume.voxel_volume))
+    return float(stage.base.scene.splat.sigma * np.cbrt(stage.base.layers[0].volume.voxel_volume))
 
 
 def _measure_footprint(stage: FigureStage, name: str, num_triangles: int, keys: dict[str, Any]) -> FootprintError:

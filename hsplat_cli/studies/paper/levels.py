@@ -71,7 +71,8 @@ def measure(
     """
     errors, rows = [], {}
     with figure_renderer.open_stage(scene) as stage:
-        inside, volume, num_levels = _inside(stage), stage.base.volume, stage.base.pyramid.num_levels + 1
+        inside, (layer,) = _inside(stage), stage.base.layers
+        volume, num_levels = layer.volume, layer.pyramid.num_levels + 1
         for title, is_corrected in (("With correction", True), ("Without correction", False)):
             frames = stage.draw_levels(num_levels, opacity_correction=is_corrected)
             pictures = [stage.rgb(frame)[inside] for frame in frames]
@@ -95,7 +96,7 @@ def measure(
 
 def _inside(stage: FigureStage) -> Bools:
     """Return the pixels of the inside. Raises InputError for a volume that is no visible block of one material."""
-    volume = stage.base.volume
+    volume = stage.base.layers[0].volume
     if volume.values.min() != volume.values.max():
         raise InputError("figure 4 needs a volume of one material", hint="volume.procedural: {name: constant, ...}")
     if min(volume.shape_xyz) < MIN_SIDE_VOXELS:

@@ -107,11 +107,11 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[Octree]
                 stage.draw(tolerance=((0, tolerance),), overlay=overlay) for overlay in ("none", "octree")
             )
             finest_level = finest_level_at(stage.base, tolerance)
-            cut = cut_pyramid(stage.base.pyramid, tolerance, finest_level=finest_level)
+            cut = cut_pyramid(stage.base.layers[0].pyramid, tolerance, finest_level=finest_level)
             cells_per_block = _cells_in_blocks(cut, variation.shape).reshape(-1)
             octree = Octree(
                 tolerance,
-                tuple(np.bincount(cut.levels, minlength=stage.base.pyramid.num_levels + 1).tolist()),
+                tuple(np.bincount(cut.levels, minlength=stage.base.layers[0].pyramid.num_levels + 1).tolist()),
                 compute_metric("psnr", stage.rgb(plain_frame), truth),
                 float(cells_per_block[blocks_by_variation[:quarter]].mean()),
                 float(cells_per_block[blocks_by_variation[-quarter:]].mean()),
@@ -146,7 +146,7 @@ def check_claims(octrees: Sequence[Octree]) -> tuple[Claim, ...]:
 
 def _variation_of_blocks(stage: FigureStage) -> Float64:
     """Return float64 [z, y, x]: the standard deviation of each block's opacities, -1 where nothing is visible."""
-    volume, transfer, side = stage.base.volume, stage.transfer, 1 << BLOCK_LEVEL
+    volume, transfer, side = stage.base.layers[0].volume, stage.transfer, 1 << BLOCK_LEVEL
     spacing = volume.finest_spacing
     shape = tuple(-(-num // side) for num in volume.values.shape)
     variation = np.full(shape, -1.0)

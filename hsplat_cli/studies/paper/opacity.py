@@ -132,7 +132,7 @@ def _middle(stage: FigureStage, depth: int) -> tuple[slice, slice]:
     cells from its centre. Raises InputError if voxels are too small in the picture, or the middle does not fit.
     """
     view = view_of(stage.base, 0)
-    voxel_px = view.scale_px * stage.base.volume.finest_spacing
+    voxel_px = view.scale_px * stage.base.layers[0].volume.finest_spacing
     width, height = view.size
     half = round(depth * voxel_px / 2)
     if voxel_px < MIN_VOXEL_PX or half > min(width, height) // 2:

@@ -33,7 +33,7 @@ def search_of(batch: BrickBatch, view: View) -> dict[str, Any]:
         "slack": np.float32(extremes.slack),
         "min_rise": _MIN_RISE if extremes.by_depth else 0.0,
         "ceiling": np.inf if extremes.by_depth else 1.0,
-        "is_sorted": not (extremes.by_depth or view.clip),
+        "is_sorted": not (extremes.by_depth or view.clip or batch.bricks.clip),
         "has_absent": volume.num_absent > 0,
         "forward": nearer if extremes.by_depth else np.zeros(3),
     }

@@ -4,31 +4,32 @@ from __future__ import annotations
 
 from typing import Any
 
-from renderer.bricks import BrickBatch
+from renderer.bricks import BrickLayer
 from renderer.draw.cpu.light import make_light
 from renderer.scene import ShadingSpec
 from renderer.transfer import toward_light
 from renderer.volume import Float32, Int64
 
 
-def field_of(batch: BrickBatch, scalars: Float32, means: Float32, offsets: Int64) -> dict[str, Any]:
-    """Return the field of a batch: the texels of all bricks, in two atlases, and the table that classifies them.
+def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64) -> dict[str, Any]:
+    """Return the field of a layer: the texels of all bricks, in two atlases, and the table that classifies them.
 
     They are the members of Field in kernels.h.
     scalars: of each brick [PADDED_BRICK_SIZE^3]; with shading, the gradients [PADDED_BRICK_SIZE^3, 3] follow.
-    means: of each brick [PADDED_BRICK_SIZE^3, 4]. offsets: int64 [n], where the texels of each brick begin in its atlas.
+    means: of each brick [PADDED_BRICK_SIZE^3, 4].
+    offsets: int64 [n], where the texels of each brick begin in its atlas; -1 where the layer shows nothing.
     has_absent: whether any voxel has no data.
     lambert: unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
     """
-    shading = batch.shading if batch.shading and batch.shading.is_plain else ShadingSpec()
+    shading = layer.shading if layer.shading and layer.shading.is_plain else ShadingSpec()
     return {
         "scalars": scalars,
         "means": means,
         "texel_offsets": offsets,
-        "pieces": batch.bricks.pieces,
-        "weight": 1.0,
-        "has_absent": batch.cut.volume.num_absent > 0,
-        "is_lit": batch.shading is not None and batch.shading.is_plain,
+        "pieces": layer.bricks.pieces,
+        "weight": layer.weight,
+        "has_absent": layer.bricks.volume.num_absent > 0,
+        "is_lit": layer.shading is not None and layer.shading.is_plain,
         "lambert": (*toward_light(shading).tolist(), shading.ambient, shading.diffuse),
-        "light": make_light(batch),
+        "light": make_light(layer),
     }

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from renderer.bricks import BrickBatch, texel_gradients
+from renderer.bricks import BrickLayer, texel_gradients
 from renderer.transfer import toward_light
 from renderer.volume import Float32
 
 
-def make_light(batch: BrickBatch) -> dict[str, Any] | None:
-    """Return the light of a batch, Light in kernels.h; None where it has none, or one by Lambert's law alone.
+def make_light(layer: BrickLayer) -> dict[str, Any] | None:
+    """Return the light of a layer, Light in kernels.h; None where it has none, or one by Lambert's law alone.
 
     is_camera: it comes from the viewer, and not from `toward`, a unit vector.
     world_from_index: the rows of a matrix of directions; a common factor does not matter.
@@ -23,10 +23,10 @@ def make_light(batch: BrickBatch) -> dict[str, Any] | None:
         next.
     first_cell: the grid's place, in cells, of the volume's centre.
     """
-    shading = batch.shading
+    shading = layer.shading
     if shading is None or shading.is_plain:
         return None
-    grid, volume = batch.bricks.light_grid, batch.bricks.volume
+    grid, volume = layer.bricks.light_grid, layer.bricks.volume
     is_camera = shading.light == "camera"
     world_from_index = volume.world_from_index[:3, :3]
     return {
@@ -35,15 +35,15 @@ def make_light(batch: BrickBatch) -> dict[str, Any] | None:
         "is_camera": is_camera,
         "toward": np.zeros(3) if is_camera else toward_light(shading),
         "world_from_index": world_from_index / np.abs(world_from_index).max(),
-        "factors": _factors(batch),
+        "factors": _factors(layer),
         "first_cell": (volume.centre_index + 0.5) / grid.cell_size + 0.5,
     }
 
 
-def _factors(batch: BrickBatch) -> Float32:
+def _factors(layer: BrickLayer) -> Float32:
     """Return the factors on extinction, as `make_light` says."""
-    points = np.array((batch.shading and batch.shading.gradient_opacity) or (), np.float64).reshape(-1, 2)
-    gradients, factors = texel_gradients(batch.bricks, points[:, 0]), points[:, 1]
+    points = np.array((layer.shading and layer.shading.gradient_opacity) or (), np.float64).reshape(-1, 2)
+    gradients, factors = texel_gradients(layer.bricks, points[:, 0]), points[:, 1]
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         slopes = (np.append(np.diff(factors) / np.diff(gradients), 0.0)[: len(points)]).astype(np.float32)
     slopes[~np.isfinite(slopes)] = 0.0  # so steep that it is a step

@@ -3,26 +3,31 @@
     pixel grid -> its tiles, with the bricks over each -> bricks front to back, on several threads
     -> the next, finer grid, where neighbouring pixels differ
 
-The picture is the same bytes on every machine, and for any number of threads.
+The bricks of layers on one grid of voxels are drawn as one. Others are mixed, in slabs of depth, or added where nothing
+is absorbed. The picture is the same bytes on every machine, and for any number of threads.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from renderer.bricks import BrickBatch
+from renderer.bricks import BrickBatch, ScreenSampling
 from renderer.draw.brick_cache import BrickCache, BrickView
 from renderer.draw.cpu.extremum import search_of
 from renderer.draw.cpu.field import field_of
 from renderer.draw.cpu.grid import make_grid
+from renderer.draw.cpu.mixture import Mixture, make_mixture
 from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
-from renderer.kernels import kernels
-from renderer.view import View
-from renderer.volume import Bools, Float32, UInt32
+from renderer.kernels import ThreadPool, kernels
+from renderer.view import RaySetup, View
+from renderer.volume import Bools, Float32, Int64, UInt32
 
 # Each task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
@@ -34,53 +39,146 @@ class BrickRasterizer(Rasterizer):
     device = "the processor"
 
     def __init__(self, *, num_threads: int = 2) -> None:
-        self.cache = BrickCache(num_threads)
-        self.threads = self.cache.threads
+        self.threads = ThreadPool(num_threads)
+        self.caches: dict[int, BrickCache] = {}  # by the identities of layers, which they hold
 
     def release(self) -> None:
         """Free the bricks, and end the threads."""
-        self.cache.release()
+        for cache in self.caches.values():
+            cache.release()
+        self.threads.release()
 
-    def upload(self, batch: BrickBatch, order: UInt32, view: View) -> bool:
-        """Upload the bricks `batch[order]`, and return whether any of them was missing."""
-        return self.cache.upload(batch, order, view)
+    def upload(self, batches: Sequence[BrickBatch], orders: Sequence[UInt32], view: View) -> bool:
+        """Upload the bricks `batch[order]` of all batches, and return whether any of them was missing."""
+        shown = [id(batch.bricks) for batch in batches]
+        for number in [number for number in self.caches if number not in shown]:  # of another film
+            self.caches.pop(number).release()
+        pairs = zip(batches, orders, strict=True)
+        uploaded = [self._cache_of(batch).upload(batch, order, view) for batch, order in pairs]
+        return any(uploaded)
 
-    def rasterize(self, batch: BrickBatch, order: UInt32, view: View) -> Float32:
-        """Composite `batch[order]`, front to back: float32 [height, width, 4], premultiplied RGBA over nothing."""
-        brick_view = self.cache.begin_frame(batch, order, view)
-        sampling = batch.screen_sampling
+    def rasterize(self, batches: Sequence[BrickBatch], orders: Sequence[UInt32], view: View) -> Float32:
+        """Composite `batch[order]` of all batches, each front to back, over nothing.
+
+        Returns float32 [height, width, 4], premultiplied RGBA. Where nothing is absorbed, alpha is what absorption
+        would give, or the brightest channel if that is more, at most 1.
+        """
+        caches = [self._cache_of(batch) for batch in batches]
+        views = [
+            cache.begin_frame(batch, order, view) for cache, batch, order in zip(caches, batches, orders, strict=True)
+        ]
+        sampling, is_additive = (
+            _finest_sampling([batch.screen_sampling for batch in batches]),
+            batches[0].bricks.is_additive,
+        )
+        draw = partial(self._draw_alone, caches, views)
+        if len(batches) > 1 and not is_additive:
+            draw = partial(self._draw_mixture, caches, views, make_mixture(views), sampling.termination_alpha)
         columns, rows = grid_size(view.size, sampling.strides[0])
         image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
-        self._draw_bricks(brick_view, sampling.strides[0], is_drawn, image)
+        draw(sampling.strides[0], is_drawn, image)
         for coarse, stride in pairwise(sampling.strides):
             image, is_drawn = refine_grid(
                 image, coarse // stride, sampling.difference_threshold, grid_size(view.size, stride), self.threads
             )
-            self._draw_bricks(brick_view, stride, is_drawn, image)
+            draw(stride, is_drawn, image)
         stride = sampling.strides[-1]
-        return image if stride == 1 else upsample(image, stride, view.size, self.threads)
+        image = image if stride == 1 else upsample(image, stride, view.size, self.threads)
+        if is_additive:
+            brightest = np.minimum(image[..., :3].max(axis=2), np.float32(1))
+            image[..., 3] = np.maximum(-np.expm1(-image[..., 3]), brightest)
+        return image
 
-    def _draw_bricks(self, brick_view: BrickView, stride: int, is_drawn: Bools, image: Float32) -> None:
-        """Composite groups of bricks that have slots at once under the image, front to back."""
-        texel_offsets = np.empty(len(brick_view.order), np.int64)
-        for group, uploaded in self.cache.upload_groups(brick_view):
-            for atlas, numbers, slots in uploaded:
-                texel_offsets[numbers] = atlas.texel_offsets(slots)
-            rectangles_px, boxes = brick_view.rectangles_px[group], brick_view.boxes[group]
-            offsets = texel_offsets[group]
-            grid = make_grid(rectangles_px, stride, is_drawn, image)
-            batch, (scalars, means) = brick_view.batch, self.cache.atlases
-            if batch.extremes is None:
-                fields = [field_of(batch, scalars.texels, means.texels, offsets)]
-                bricks = {"rays": brick_view.rays, "spacings_per_model_unit": np.float32(batch.spacings_per_model_unit), "boxes": boxes, "is_mean": brick_view.is_mean[group], "fields": fields}
-                draw = kernels().draw_tiles.partial(
-                    grid=grid, bricks=bricks, termination_alpha=batch.screen_sampling.termination_alpha, is_additive=False
-                )
-            else:
-                tops, search = batch.extremes.tops[brick_view.order[group]], search_of(batch, brick_view.view)
-                draw = kernels().draw_extremes.partial(
-                    grid=grid, rays=brick_view.rays, boxes=boxes, texel_offsets=offsets, tops=tops, scalars=scalars.texels, **search)
-            tiles = np.flatnonzero(np.diff(grid["starts"]))
-            num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
-            tasks = [partial(draw, tiles=part) for part in np.array_split(tiles, max(1, num_tasks))]
-            self.threads.map(lambda task: task(), tasks)
+    def _cache_of(self, batch: BrickBatch) -> BrickCache:
+        """Return the cache of a batch's layers."""
+        number = id(batch.bricks)
+        if number not in self.caches:
+            self.caches[number] = BrickCache(batch.bricks, self.threads)
+        return self.caches[number]
+
+    def _draw_alone(
+        self, caches: Sequence[BrickCache], views: Sequence[BrickView], stride: int, is_drawn: Bools, image: Float32
+    ) -> None:
+        """Draw groups of bricks that have slots at once under the image, front to back, batch after batch."""
+        for cache, brick_view in zip(caches, views, strict=True):
+            batch = brick_view.batch
+            for group, offsets in cache.upload_groups(brick_view):
+                grid = make_grid(brick_view.rectangles_px[group], stride, is_drawn, image)
+                if batch.extremes is None:
+                    bricks = _layer_bricks(cache, brick_view, group, offsets, brick_view.rays, batch.model_unit)
+                    alpha = np.inf if batch.bricks.is_additive else batch.screen_sampling.termination_alpha
+                    draw = kernels().draw_tiles.partial(
+                        grid=grid, bricks=bricks, termination_alpha=alpha, is_additive=batch.bricks.is_additive
+                    )
+                else:
+                    draw = kernels().draw_extremes.partial(
+                        grid=grid, rays=brick_view.rays, boxes=brick_view.boxes[group], texel_offsets=offsets[0],
+                        tops=batch.extremes.tops[brick_view.order[group]], scalars=cache.scalars[0].texels,
+                        **search_of(batch, brick_view.view),
+                    )  # fmt: skip
+                self._draw_tiles(draw, np.flatnonzero(np.diff(grid["starts"])))
+
+    def _draw_mixture(
+        self,
+        caches: Sequence[BrickCache],
+        views: Sequence[BrickView],
+        mixture: Mixture,
+        termination_alpha: float,
+        stride: int,
+        is_drawn: Bools,
+        image: Float32,
+    ) -> None:
+        """Draw the mixture of several batches, in bands of tiles whose bricks have slots at once."""
+        grid = make_grid(mixture.rectangles_px, stride, is_drawn, image)
+        starts, numbers = grid["starts"], grid["numbers"]
+        bands = [np.flatnonzero(np.diff(starts))]
+        while bands:
+            tiles = bands.pop()
+            if not tiles.size:
+                continue
+            met = np.zeros(len(mixture.members), np.bool_)
+            for tile in tiles:
+                met[numbers[starts[tile] : starts[tile + 1]]] = True
+            of_views = [np.sort(mixture.members[met & (mixture.members[:, 0] == k), 1]) for k in range(len(views))]
+            if tiles.size > 1 and not all(map(BrickCache.have_slots, caches, views, of_views)):
+                bands += np.array_split(tiles, 2)
+                continue
+            groups = []
+            for cache, brick_view, of_view, rays in zip(caches, views, of_views, mixture.rays, strict=True):
+                offsets = np.full((len(cache.scalars), len(brick_view.order)), -1, np.int64)
+                offsets[:, of_view] = cache.upload_bricks(brick_view, of_view)
+                groups.append(_layer_bricks(cache, brick_view, slice(None), offsets, rays, mixture.unit))
+            draw = kernels().draw_mixture.partial(
+                grid=grid, groups=groups, members=mixture.members, depths=mixture.depths,
+                termination_alpha=termination_alpha,
+            )  # fmt: skip
+            self._draw_tiles(draw, tiles)
+
+    def _draw_tiles(self, draw: Callable[..., None], tiles: Int64) -> None:
+        num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
+        tasks = [partial(draw, tiles=part) for part in np.array_split(tiles, max(1, num_tasks))]
+        self.threads.map(lambda task: task(), tasks)
+
+
+def _layer_bricks(
+    cache: BrickCache, brick_view: BrickView, group: slice, offsets: Int64, rays: RaySetup, unit: float
+) -> dict[str, Any]:
+    """Return some bricks of a view as kernels take them: LayerBricks in kernels.h.
+
+    offsets: as `BrickCache.upload_bricks` returns them. unit: the world length of the rays' model unit.
+    """
+    layers = brick_view.batch.bricks.layers
+    fields = [
+        field_of(layer, atlas.texels, cache.means.texels, of_layer)
+        for layer, atlas, of_layer in zip(layers, cache.scalars, offsets, strict=True)
+    ]
+    return {
+        "rays": rays, "spacings_per_model_unit": np.float32(unit / brick_view.batch.cut.volume.finest_spacing),
+        "boxes": brick_view.boxes[group], "is_mean": brick_view.is_mean[group], "fields": fields,
+    }  # fmt: skip
+
+
+def _finest_sampling(samplings: Sequence[ScreenSampling]) -> ScreenSampling:
+    """Return the sampling of the screen that is as fine as all of these."""
+    finest = min(samplings, key=lambda each: (each.strides, each.difference_threshold))
+    return replace(finest, termination_transmittance=min(each.termination_transmittance for each in samplings))

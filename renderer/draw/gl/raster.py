@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import pairwise
@@ -78,10 +78,13 @@ class SplatRasterizer(Rasterizer):
         """Free the context and all that it holds."""
         self._context.release()
 
-    def rasterize(self, batch: SplatBatch, order: UInt32, view: View) -> Float32:
-        """Composite `batch[order]`, back to front: float32 [height, width, 4], premultiplied RGBA over nothing."""
+    def rasterize(self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View) -> Float32:
+        """Composite `batch[order]` of the only batch, back to front, over nothing.
+
+        Returns float32 [height, width, 4], premultiplied RGBA.
+        """
         with self._drawing():
-            return self._rasterize_splats(batch, order, view)
+            return self._rasterize_splats(batches[0], orders[0], view)
 
     @contextmanager
     def _drawing(self) -> Iterator[None]:

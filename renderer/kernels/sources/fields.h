@@ -70,26 +70,77 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
     return found;
 }
 
-INLINE Kind kind_of(const Field& field, bool is_mean) {
-    return is_mean ? MEANS : field.light.exists ? LIT : field.is_lit ? LAMBERT : UNLIT;
-}
+// The layers that show anything in a brick: `num` of them, and of these the fields and their tables.
+//
+// tables: of all layers. Memory is the caller's.
+struct ShownLayers {
+    const LayerBricks* bricks;
+    LaneTable* tables;
+    const Field** fields;
+    const LaneTable** of_fields;
+    int64_t num;
+    bool is_mean;
 
-// A LaneTable of each field. False where there is no memory for them.
-struct LaneTables : Buffer<LaneTable> {
-    explicit LaneTables(const Array<const Field, 1>& fields) : Buffer<LaneTable>(fields.shape[0]) {
-        for (int64_t k = 0; *this && k < fields.shape[0]; k++) data[k] = LaneTable(fields[k].pieces);
+    // Choose those in a brick. Means are those of all layers, in the first field.
+    INLINE void choose(int64_t brick) {
+        is_mean = bricks->is_mean[brick], num = 0;
+        for (int64_t number = 0; number < (is_mean ? 1 : bricks->fields.shape[0]); number++) {
+            if (bricks->fields[number].texel_offsets[brick] < 0) continue;
+            fields[num] = &bricks->fields[number], of_fields[num] = &tables[number];
+            num++;
+        }
+    }
+
+    INLINE Texels texels(int64_t number, int64_t brick) const {
+        const Field& field = *fields[number];
+        return rest_of(is_mean ? field.means : field.scalars, field.texel_offsets[brick]);
+    }
+
+    // From a sample's extinction to what it is in a model unit.
+    INLINE float scale(int64_t number) const {
+        return is_mean ? bricks->spacings_per_model_unit : bricks->spacings_per_model_unit * fields[number]->weight;
+    }
+
+    INLINE Kind kind(int64_t number) const {
+        const Field& field = *fields[number];
+        return is_mean ? MEANS : field.light.exists ? LIT : field.is_lit ? LAMBERT : UNLIT;
+    }
+
+    // Whether all of them are classified, and not lit.
+    INLINE bool are_plain() const {
+        for (int64_t number = 0; number < num; number++)
+            if (kind(number) != UNLIT) return false;
+        return true;
     }
 };
 
-// The texels of a brick in a field, and what follows.
-INLINE Texels texels_of(const Field& field, int64_t brick, bool is_mean) {
-    return rest_of(is_mean ? field.means : field.scalars, field.texel_offsets[brick]);
-}
+// Memory for the layers of some groups of bricks. False where there is none.
+struct ShownGroups {
+    Buffer<LaneTable> tables;
+    Buffer<const Field*> fields;
+    Buffer<const LaneTable*> of_fields;
+    Buffer<ShownLayers> groups;
 
-// From a sample's extinction to what it is in a model unit.
-INLINE float extinction_scale(const LayerBricks& bricks, int64_t number, bool is_mean) {
-    return is_mean ? bricks.spacings_per_model_unit : bricks.spacings_per_model_unit * bricks.fields[number].weight;
-}
+    explicit ShownGroups(const Array<const LayerBricks, 1>& all)
+        : tables(num_fields(all)), fields(tables.shape[0]), of_fields(tables.shape[0]), groups(all.shape[0]) {
+        if (!*this) return;
+        int64_t first = 0;
+        for (int64_t number = 0; number < all.shape[0]; number++) {
+            const auto& layers = all[number].fields;
+            groups[number] = {&all[number], &tables.data[first], &fields.data[first], &of_fields.data[first], 0, false};
+            for (int64_t k = 0; k < layers.shape[0]; k++) tables[first + k] = LaneTable(layers[k].pieces);
+            first += layers.shape[0];
+        }
+    }
+
+    explicit operator bool() const { return tables && fields && of_fields && groups; }
+
+    static int64_t num_fields(const Array<const LayerBricks, 1>& all) {
+        int64_t num = 0;
+        for (int64_t number = 0; number < all.shape[0]; number++) num += all[number].fields.shape[0];
+        return num;
+    }
+};
 
 // Add what a layer has at samples to the sums of all layers' extinctions, and of extinctions times colours.
 INLINE void add_sample(Sample& sum, const Classified& found, float scale, bool is_mean) {
@@ -102,47 +153,44 @@ INLINE void add_sample(Sample& sum, const Classified& found, float scale, bool i
 
 // The sums of all layers' extinctions, and of extinctions times colours, at samples.
 //
-// NUM: of layers, all of them without light; 0 for any. With their number known, tables stay in registers: two layers
-// take 1.4 of the time of one, and else 2.2.
+// NUM: of layers, all of them plain; 0 for any. With their number known, tables stay in registers: two layers take 1.4
+// of the time of one, and else 2.2.
 template <int NUM>
-INLINE Sample sum_of_fields(const LayerBricks& bricks, const LaneTable* tables, int64_t brick,
-                            [[maybe_unused]] const Box& box, const Places& places,
-                            [[maybe_unused]] const Three& direction) {
+INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, [[maybe_unused]] const Box& box,
+                            const Places& places, [[maybe_unused]] const Three& direction) {
     Floats zero = in_all<Floats>(0.0f);
     Sample sum = {zero, zero, zero, zero};
     if constexpr (NUM > 0) {
 #pragma clang loop unroll(full)
-        for (int number = 0; number < NUM; number++) {
-            const Field& field = bricks.fields[number];
-            Classified found = sample_field<UNLIT>(field, tables[number], texels_of(field, brick, false), places, {});
-            add_sample(sum, found, extinction_scale(bricks, number, false), false);
-        }
+        for (int k = 0; k < NUM; k++)
+            add_sample(sum, sample_field<UNLIT>(*shown.fields[k], *shown.of_fields[k], shown.texels(k, brick), places, {}),
+                       shown.scale(k), false);
         return sum;
     }
-    bool is_mean = bricks.is_mean[brick];
-    for (int64_t number = 0; number < (is_mean ? 1 : bricks.fields.shape[0]); number++) {
-        const Field& field = bricks.fields[number];
-        Texels texels = texels_of(field, brick, is_mean);
-        Kind kind = kind_of(field, is_mean);
-        Classified found = kind == MEANS ? sample_field<MEANS>(field, tables[number], texels, places, {})
-            : kind == UNLIT              ? sample_field<UNLIT>(field, tables[number], texels, places, {})
-            : kind == LAMBERT            ? sample_field<LAMBERT>(field, tables[number], texels, places, {})
-                                         : sample_field<LIT>(field, tables[number], texels, places,
+    for (int64_t k = 0; k < shown.num; k++) {
+        const Field& field = *shown.fields[k];
+        const LaneTable& table = *shown.of_fields[k];
+        Texels texels = shown.texels(k, brick);
+        Kind kind = shown.kind(k);
+        Classified found = kind == MEANS ? sample_field<MEANS>(field, table, texels, places, {})
+            : kind == UNLIT              ? sample_field<UNLIT>(field, table, texels, places, {})
+            : kind == LAMBERT            ? sample_field<LAMBERT>(field, table, texels, places, {})
+                                         : sample_field<LIT>(field, table, texels, places,
                                                              lighting_of(field.light.value, box, direction));
-        if (any_of(found.visible)) add_sample(sum, found, extinction_scale(bricks, number, is_mean), is_mean);
+        if (any_of(found.visible)) add_sample(sum, found, shown.scale(k), kind == MEANS);
     }
     return sum;
 }
 
 // Whether all bricks have texels, each scalar a piece of the table, and the light grid all its cells.
-inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean, bool is_first) {
+inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean) {
     if (!match(field.texel_offsets, is_mean)) return false;
     for (int64_t brick = 0; brick < is_mean.shape[0]; brick++) {
-        if (is_mean[brick] && !is_first) continue;
-        bool has_channels = kind_of(field, is_mean[brick]) != UNLIT;
-        int64_t num = has_channels ? 4 * TEXELS_PER_BRICK + READ_BEHIND : TEXELS_PER_BRICK;
         int64_t size = (is_mean[brick] ? field.means : field.scalars).shape[0], offset = field.texel_offsets[brick];
-        if (offset < 0 || offset > size - num) return false;
+        if (offset < 0) continue;  // where it shows nothing
+        bool has_channels = is_mean[brick] || field.light.exists || field.is_lit;
+        int64_t num = has_channels ? 4 * TEXELS_PER_BRICK + READ_BEHIND : TEXELS_PER_BRICK;
+        if (offset > size - num) return false;
     }
     const auto& [rows, guide, lowest_visible] = field.pieces;
     int64_t num = rows.shape[0];
@@ -161,6 +209,6 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean,
 inline bool is_complete(const LayerBricks& bricks) {
     if (bricks.fields.shape[0] < 1 || !match(bricks.is_mean, bricks.boxes)) return false;
     for (int64_t number = 0; number < bricks.fields.shape[0]; number++)
-        if (!is_complete(bricks.fields[number], bricks.is_mean, number == 0)) return false;
+        if (!is_complete(bricks.fields[number], bricks.is_mean)) return false;
     return true;
 }

@@ -82,11 +82,12 @@ INLINE void composite_under(const Four<Floats>& colors, int64_t first, int64_t n
 // a quarter of a texel; scalars are finite, so that the search ends at the last piece; lanes without a ray have a span
 // of zeros or of another brick, whose texels are at the same places.
 template <Kind KIND, int NUM = 1>
-void march(const DrawTiles& scene, const LaneTable* tables, int64_t brick, const Box& box, int64_t num,
+void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, const Box& box, int64_t num,
            const Tile& tile, Array<float, 1> pixels) {
-    const Field& field = scene.bricks.fields[0];
-    Texels texels = texels_of(field, brick, KIND == MEANS);
-    float scale = extinction_scale(scene.bricks, 0, KIND == MEANS);
+    const Field& field = *shown.fields[0];
+    const LaneTable& table = *shown.of_fields[0];
+    Texels texels = shown.texels(0, brick);
+    float scale = shown.scale(0);
     for (int64_t first = 0; first < num; first += LANES) {
         Ints order = load<Ints>(tile.order, first);
         auto [x, y, z, step_x] = load_four(tile.spans, order * SPAN_FLOATS);
@@ -114,10 +115,10 @@ void march(const DrawTiles& scene, const LaneTable* tables, int64_t brick, const
             Floats depth, light;
             Mask visible;
             if constexpr (KIND == SEVERAL) {
-                sample = sum_of_fields<NUM>(scene.bricks, tables, brick, box, places, direction);
+                sample = sum_of_layers<NUM>(shown, brick, box, places, direction);
                 visible = mask_of(sample.tau > 0.0f), depth = sample.tau * length;
             } else {
-                auto [found, factor, shown] = sample_field<KIND>(field, tables[0], texels, places, lighting);
+                auto [found, factor, shown] = sample_field<KIND>(field, table, texels, places, lighting);
                 sample = found, light = factor, visible = shown;
                 depth = where(visible, sample.tau, zero) * scale * length;
             }
@@ -133,16 +134,17 @@ void march(const DrawTiles& scene, const LaneTable* tables, int64_t brick, const
     }
 }
 
-// The march of several layers.
-auto march_several(const LayerBricks& bricks) {
-    int64_t num = bricks.fields.shape[0];
-    for (int64_t number = 0; number < bricks.fields.shape[0]; number++)
-        if (kind_of(bricks.fields[number], false) != UNLIT) num = 0;
+// The march of the layers that show anything in a brick.
+auto march_of(const ShownLayers& shown) {
+    Kind kind = shown.kind(0);
+    if (shown.num == 1)
+        return kind == MEANS ? march<MEANS> : kind == UNLIT ? march<UNLIT> : kind == LAMBERT ? march<LAMBERT> : march<LIT>;
+    int64_t num = shown.are_plain() ? shown.num : 0;
     return num == 2 ? march<SEVERAL, 2> : num == 3 ? march<SEVERAL, 3> : num == 4 ? march<SEVERAL, 4> : march<SEVERAL, 0>;
 }
 
 // Composite the bricks over a tile, front to back.
-void draw_tile(const DrawTiles& scene, const LaneTable* tables, const Tile& tile, int64_t number) {
+void draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int64_t number) {
     const Grid& grid = scene.grid;
     const auto& [rays, spacings, boxes, is_mean, fields] = scene.bricks;
     const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
@@ -151,35 +153,33 @@ void draw_tile(const DrawTiles& scene, const LaneTable* tables, const Tile& tile
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
         if (grid.stride > 1 && k + 1 < grid.starts[number + 1]) {
             int64_t following = grid.numbers[k + 1];
-            Texels texels = texels_of(fields[0], following, is_mean[following]);
-            prefetch_brick(box_of(boxes, following), texels, is_mean[following] ? 4 : 1);
+            shown.choose(following);
+            for (int64_t layer = 0; layer < shown.num; layer++)
+                prefetch_brick(box_of(boxes, following), shown.texels(layer, following), shown.is_mean ? 4 : 1);
         }
         int64_t brick = grid.numbers[k];
+        shown.choose(brick);
+        if (shown.num == 0) continue;
         Box box = box_of(boxes, brick);
-        Kind kind = is_mean[brick] ? MEANS : fields.shape[0] > 1 ? SEVERAL : kind_of(fields[0], false);
-        auto march_kind = kind == MEANS ? march<MEANS>
-            : kind == UNLIT             ? march<UNLIT>
-            : kind == LAMBERT           ? march<LAMBERT>
-            : kind == LIT               ? march<LIT>
-                                        : march_several(scene.bricks);
+        auto march_brick = march_of(shown);
         for_spans(
             box, rays, covered_by(grid, brick, window), tile,
             [&](ClippedFloats alphas) { return mask_of(alphas <= scene.termination_alpha); },
             [&](const auto&... clipped) __attribute__((always_inline)) { return span_of(box, tile, clipped...); },
-            [&](int64_t num) { march_kind(scene, tables, brick, box, num, tile, pixels); });
+            [&](int64_t num) { march_brick(scene, shown, brick, box, num, tile, pixels); });
     }
 }
 
 }  // namespace
 
-// Composite bricks under some tiles of the image, or add them where they do not absorb.
+// Composite bricks under some tiles of the image, or add them where nothing is absorbed.
 Status draw_tiles(const DrawTiles* arguments) {
     const auto& [grid, bricks, termination_alpha, is_additive, tiles] = *arguments;
     if (!is_consistent(grid, tiles) || !match(bricks.is_mean, grid.rectangles) || !is_complete(bricks))
         return OUT_OF_BOUNDS;
     const Tile tile(grid, bricks.rays, MAX_SAMPLES - 1);
-    const LaneTables tables(bricks.fields);
-    if (!tile || !tables) return NO_MEMORY;
-    for (int64_t k = 0; k < tiles.shape[0]; k++) draw_tile(*arguments, tables.data, tile, tiles[k]);
+    const ShownGroups shown({&bricks, {1}});
+    if (!tile || !shown) return NO_MEMORY;
+    for (int64_t k = 0; k < tiles.shape[0]; k++) draw_tile(*arguments, shown.groups[0], tile, tiles[k]);
     return DONE;
 }

@@ -138,7 +138,7 @@ struct SlabMaker {
 // What a call draws, and its memory. rays: [group, packet]. bins: of all packets.
 struct Mixture {
     const DrawMixture& scene;
-    const Array<LaneTable*, 1> tables;
+    const Array<ShownLayers, 1> shown;
     const Array<PacketRays, 1> rays;
     const Array<Packet, 1> packets;
     const Array<float, 1> bins;
@@ -206,7 +206,6 @@ struct Mixture {
     // own: the bins of a sample, which lies in the middle of what the brick has of them.
     template <int NUM>
     void march(Packet& packet, int64_t p, int64_t group, int64_t brick, const Box& box, Span part, int64_t own) const {
-        const LayerBricks& layers = scene.groups[group];
         const PacketRays& of = rays[group * packets.shape[0] + p];
         int64_t low = (int64_t)__builtin_reduce_min(part.enter);
         int64_t high = (int64_t)__builtin_ceilf(__builtin_reduce_max(part.leave));
@@ -225,7 +224,7 @@ struct Mixture {
             places.number = 0.5f * (from + to) - 0.5f, places.width = to - from;
             places.at = cell_at(places.number, places.begin, places.step, places.shares);
             places.at = where(places.active, places.at, in_all<Ints>(0));
-            Sample sum = sum_of_fields<NUM>(layers, tables[group], brick, box, places, of.direction);
+            Sample sum = sum_of_layers<NUM>(shown[group], brick, box, places, of.direction);
             if (!any_of(mask_of(sum.tau > 0.0f))) continue;
             for (int64_t k = most(bin, low); k < least(bin + own, high); k++) {
                 Floats covered = min_of(in_all<Floats>((float)(k + 1)), to) - max_of(in_all<Floats>((float)k), from);
@@ -247,7 +246,8 @@ struct Mixture {
         Box box = box_of(layers.boxes, brick);
         Window covered = covered_by(scene.grid, number, window);
         int64_t own = most((int64_t)1, least(slab.num, (int64_t)(scene.depths(number, 2) / slab.step + STEP_SLACK)));
-        bool is_plain = layers.fields.shape[0] == 1 && kind_of(layers.fields[0], layers.is_mean[brick]) == UNLIT;
+        shown[group].choose(brick);
+        bool is_plain = shown[group].num == 1 && shown[group].are_plain();
         auto of_slab = [&](Floats depth, const Packet& packet) {
             return held((depth - packet.begin) / packet.step, 0.0f, (float)slab.num);
         };
@@ -364,21 +364,13 @@ Status draw_mixture(const DrawMixture* arguments) {
     const auto& [grid, groups, members, depths, termination_alpha, tiles] = *arguments;
     if (!is_consistent(grid, tiles) || depths.shape[0] != members.shape[0] || !is_complete(*arguments))
         return OUT_OF_BOUNDS;
-    int64_t num_packets = ((grid.side + WIDTH - 1) / WIDTH) * ((grid.side + HEIGHT - 1) / HEIGHT), num_fields = 0;
-    for (int64_t group = 0; group < groups.shape[0]; group++) num_fields += groups[group].fields.shape[0];
-    const Buffer<LaneTable> tables(num_fields);
-    const Buffer<LaneTable*> first_tables(groups.shape[0]);
+    int64_t num_packets = ((grid.side + WIDTH - 1) / WIDTH) * ((grid.side + HEIGHT - 1) / HEIGHT);
+    const ShownGroups shown(groups);
     const Buffer<PacketRays> rays(groups.shape[0] * num_packets);
     const Buffer<Packet> packets(num_packets);
     const Buffer<float> bins(num_packets * SLAB_SAMPLES * BIN_FLOATS);
-    if (!tables || !first_tables || !rays || !packets || !bins) return NO_MEMORY;
-    int64_t at = 0;
-    for (int64_t group = 0; group < groups.shape[0]; group++) {
-        first_tables[group] = tables.data + at;
-        for (int64_t k = 0; k < groups[group].fields.shape[0]; k++)
-            tables[at++] = LaneTable(groups[group].fields[k].pieces);
-    }
-    const Mixture mixture = {*arguments, first_tables, rays, packets, bins};
+    if (!shown || !rays || !packets || !bins) return NO_MEMORY;
+    const Mixture mixture = {*arguments, shown.groups, rays, packets, bins};
     for (int64_t k = 0; k < tiles.shape[0]; k++) mixture.draw_tile(tiles[k]);
     return DONE;
 }

@@ -1,0 +1,65 @@
+"""Join the bricks of layers that lie on one grid of voxels, so that they are cut and drawn as one.
+
+At every point their extinctions add up, each times the weight of its layer. What a brick of several layers may put
+wrong into a pixel is at most the sum of what each may, times its weight: two copies of a volume, each with half of the
+weight, have the cut and the steps of one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from renderer.bricks.bricks import BrickLevel, Bricks
+from renderer.scene import ClipSpec, ShadingSpec
+from renderer.volume import Volume
+
+
+@dataclass(frozen=True)
+class BrickLayer:
+    """The bricks of one layer, its light, and its weight, a factor on extinction."""
+
+    bricks: Bricks
+    shading: ShadingSpec | None = None
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class BrickLayers:
+    """Layers on one grid of voxels. clip: what is clipped away of all of them, besides what the view clips.
+
+    is_additive: whether nothing is absorbed, so that light only adds up.
+    """
+
+    layers: tuple[BrickLayer, ...]
+    clip: tuple[ClipSpec, ...] = ()
+    is_additive: bool = False
+
+    @property
+    def volume(self) -> Volume:
+        """Return a volume on the grid."""
+        return self.layers[0].bricks.volume
+
+    @cached_property
+    def levels(self) -> tuple[BrickLevel, ...]:
+        """Return the levels of all layers together, as of Bricks."""
+        first = self.layers[0]
+        if len(self.layers) == 1 and first.weight == 1.0:
+            return first.bricks.levels
+        by_level = zip(*(layer.bricks.levels for layer in self.layers), strict=True)
+        return tuple(_join_levels(levels, [layer.weight for layer in self.layers]) for levels in by_level)
+
+
+def _join_levels(levels: tuple[BrickLevel, ...], weights: list[float]) -> BrickLevel:
+    bounds = np.stack([level.visible_bounds for level in levels])
+    is_visible = np.stack([level.is_visible for level in levels])[..., None]
+    low = np.where(is_visible, bounds[..., 0, :], np.inf).min(axis=0)
+    high = np.where(is_visible, bounds[..., 1, :], 0.0).max(axis=0)
+    joined = np.stack([np.minimum(low, high), high], axis=-2).astype(np.float32)
+    errors, step_errors = (
+        np.sum([weight * array for weight, array in zip(weights, arrays, strict=True)], axis=0)
+        for arrays in ([level.errors for level in levels], [level.step_errors for level in levels])
+    )
+    return BrickLevel(joined, errors, step_errors)

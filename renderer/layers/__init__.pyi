@@ -1,0 +1,2 @@
+from .groups import LayerGroup as LayerGroup, group_layers as group_layers
+from .layer import Layer as Layer, layer_digest as layer_digest, make_layer as make_layer

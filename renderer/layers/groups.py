@@ -1,0 +1,53 @@
+"""Find the layers that are drawn as one: those on one grid of voxels, with the same clip planes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from renderer.bricks import BrickLayer, BrickLayers
+from renderer.layers.layer import Layer
+from renderer.modes import Projection
+from renderer.scene import Scene
+from renderer.volume import Volume
+
+
+@dataclass(frozen=True)
+class LayerGroup:
+    """Layers that are drawn as one. bricks: of all of them, if the footprint is drawn from bricks."""
+
+    layers: tuple[Layer, ...]
+    bricks: BrickLayers | None
+
+    @property
+    def volume(self) -> Volume:
+        """Return a volume on the grid."""
+        return self.layers[0].volume
+
+    @property
+    def projection(self) -> Projection | None:
+        """Return the projection of the only layer; None for emission and absorption."""
+        return self.layers[0].projection
+
+    @property
+    def draws_voxels_only(self) -> bool:
+        """Return whether voxels are drawn at every tolerance: the shading is not in the means of larger cells."""
+        return any(layer.spec.shading is not None and layer.spec.shading.is_pointwise for layer in self.layers)
+
+
+def group_layers(layers: Sequence[Layer], scene: Scene) -> tuple[LayerGroup, ...]:
+    """Return the groups of a scene's layers; each layer that is projected is a group of its own."""
+    groups: dict[object, list[Layer]] = {}
+    for number, layer in enumerate(layers):
+        grid = layer.volume.shape_xyz, layer.volume.world_from_index.tobytes(), layer.spec.clip
+        groups.setdefault(number if layer.projection is not None else grid, []).append(layer)
+    return tuple(LayerGroup(tuple(group), _bricks_of(group, scene)) for group in groups.values())
+
+
+def _bricks_of(group: Sequence[Layer], scene: Scene) -> BrickLayers | None:
+    if scene.needs_opengl:
+        return None
+    if (extremes := group[0].extreme_bricks) is not None:
+        return extremes.bricks
+    bricks = [BrickLayer(each.bricks, each.spec.shading, each.spec.weight) for each in group if each.bricks is not None]
+    return BrickLayers(tuple(bricks), group[0].spec.clip, is_additive=scene.blend == "add")

@@ -1,0 +1,92 @@
+"""Make a layer from plain data: its volume, its optics, its light, its pyramid and its bricks."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from renderer.bricks import BrickBatch, BrickLayer, BrickLayers, Bricks, extreme_bricks, make_bricks
+from renderer.lighting import compute_light_grid
+from renderer.modes import Projection, make_projection
+from renderer.pyramid import EVERY_CUT, FinestCut, Pyramid, build_pyramid
+from renderer.scene import LayerSpec, Scene
+from renderer.transfer import NO_LIGHT_GRID, LightGrid, TransferFunction, make_transfer_function
+from renderer.view import are_clipped_away, place_object_clips
+from renderer.volume import Volume
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A volume of a scene, and all that pictures of it have in common.
+
+    transfer: the scene's colours and opacities. projection: what the mode colours; None for emission and absorption.
+    bricks: if the footprint is drawn from bricks. extreme_bricks: those in which rays look for extremes, if they do.
+    digest: of the plain data from which it was made, and of its voxels.
+    """
+
+    spec: LayerSpec
+    volume: Volume
+    transfer: TransferFunction
+    projection: Projection | None
+    light_grid: LightGrid
+    pyramid: Pyramid
+    bricks: Bricks | None
+    extreme_bricks: BrickBatch | None
+    digest: str
+
+    @property
+    def optics(self) -> TransferFunction:
+        """Return what is drawn: the transfer function, or what stands in its place in a projection."""
+        return self.transfer if self.projection is None else self.projection.optics
+
+
+def layer_digest(spec: LayerSpec, scene: Scene, volume: Volume, finest_cut: FinestCut) -> str:
+    """Return the digest of what a layer is made from; its name, its weight and the camera do not count."""
+    made_from = (
+        volume.fingerprint, spec.transfer_function, spec.shading, scene.clip + spec.clip, scene.mode, scene.pyramid,
+        scene.error.measure, scene.error.of, scene.needs_opengl, finest_cut,
+    )  # fmt: skip
+    return hashlib.blake2b(repr(made_from).encode(), digest_size=16).hexdigest()
+
+
+def make_layer(
+    spec: LayerSpec,
+    scene: Scene,
+    volume: Volume,
+    *,
+    finest_cut: FinestCut = EVERY_CUT,
+    num_threads: int,
+    lap: Callable[[str], object],
+) -> Layer:
+    """Make a layer of a scene around its volume; the result does not depend on `num_threads`.
+
+    finest_cut: as in `build_pyramid`. lap: takes the name of each step that has ended.
+    Raises InputError where the volume's file was changed.
+    """
+    transfer = make_transfer_function(spec.transfer_function, volume.finest_spacing)
+    projection = make_projection(scene.mode, transfer, volume)
+    optics = transfer if projection is None else projection.optics
+    light_grid = NO_LIGHT_GRID
+    if spec.shading is not None and spec.shading.has_light_grid:
+        clip = place_object_clips(volume, scene.clip + spec.clip)
+        are_removed = None if clip is None else partial(are_clipped_away, clip)
+        light_grid = compute_light_grid(volume, optics, spec.shading, are_removed=are_removed, num_threads=num_threads)
+        lap("light")
+    baked = spec.shading and spec.shading.lambert  # other shading is left to samples between voxels
+    options: dict[str, Any] = {"spec": scene.pyramid, "error": scene.error, "shading": baked}
+    options |= {"light_grid": light_grid, "num_threads": num_threads, "finest_cut": finest_cut}
+    bricks = extremes = None
+    if scene.needs_opengl:
+        pyramid = build_pyramid(volume, optics, **options)
+    else:
+        bricks = make_bricks(volume, optics, **options)
+        pyramid = bricks.pyramid
+        if scene.mode.is_extremum:
+            alone = BrickLayers((BrickLayer(bricks),), spec.clip)
+            extremes = extreme_bricks(alone, scene.mode, num_threads=num_threads)
+    lap("pyramid")
+    digest = layer_digest(spec, scene, volume, finest_cut)
+    return Layer(spec, volume, transfer, projection, light_grid, pyramid, bricks, extremes, digest)
