@@ -106,4 +106,5 @@ def _add_projections(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer) 
             picture *= (layer.spec.weight, layer.spec.weight, layer.spec.weight, 1.0)
         image = picture if image is None else image + picture
     assert image is not None
+    image[..., 3] = np.minimum(image[..., 3], np.float32(1))
     return image

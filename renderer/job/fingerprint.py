@@ -18,6 +18,7 @@ from renderer.scene import (
     scene_to_dict,
     schedule_to_dict,
     with_draw_order,
+    without_sources,
 )
 from renderer.system import package_versions, sources_digest
 
@@ -31,11 +32,10 @@ def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str
     The schedule counts as it was requested, not as the tolerances that were found for it, so a film that is rendered
     from its sidecar has the same fingerprint.
     """
-    tree = scene_to_dict(with_draw_order(scene))
+    tree = without_sources(scene_to_dict(with_draw_order(scene)))
     left_out = {*schedule_to_dict(scene.error), "probes"}
     rest = {key: value for key, value in tree["error"].items() if key not in left_out}
     output = {key: value for key, value in tree["output"].items() if key not in _ENCODING_KEYS}
-    del tree["volume"]
     depends_on = {
         "scene": tree | {"output": output, "error": {**schedule_to_dict(requested), **rest}},
         "volume": {"fingerprint": volume_fingerprint},

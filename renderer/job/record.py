@@ -64,12 +64,18 @@ def _parse_shallow(node: schema.TreeNode) -> Any:
 def _parse_scene(node: schema.TreeNode) -> Any:
     """Parse a recorded scene, which is checked where it is used; paths are taken from these sections anywhere."""
     scene = _parse_shallow(node)
-    for section in ("volume", "output") if scene is not schema.INVALID else ():
+    if scene is schema.INVALID:
+        return scene
+    of_volumes = {"volumes": _MAPPINGS} if "volumes" in scene else {"volume": schema.MAPPING_FIELD}
+    for section, field in {**of_volumes, "output": schema.MAPPING_FIELD}.items():
         if section in scene:
-            schema.MAPPING_FIELD.read(node.child(section, scene[section]))
+            field.read(node.child(section, scene[section]))
         else:
-            schema.MAPPING_FIELD.reject(node.child(section), "missing")
+            field.reject(node.child(section), "missing")
     return scene
+
+
+_MAPPINGS = schema.sequence_field(schema.MAPPING_FIELD, "a list of mappings")
 
 
 DIGEST_FIELD = schema.text_field("32 hexadecimal digits", "not a digest", _DIGEST.fullmatch)

@@ -38,8 +38,8 @@ def without_paths(record: Mapping[str, Any]) -> dict[str, Any]:
     frames depend on has no paths, and stays as its digest needs it.
     """
     scene = {**record["scene"], "output": {**record["scene"]["output"], "record_paths": False}}
-    volume = scene["volume"]
-    sections = [section for section in (volume, volume.get("raw"), scene["output"]) if isinstance(section, Mapping)]
+    volumes = scene.get("volumes", [scene.get("volume", {})])
+    sections = [*volumes, *(volume["raw"] for volume in volumes if "raw" in volume), scene["output"]]
     paths = [section.get("file") for section in sections] + [part["sidecar"] for part in record.get("parts", ())]
     found = [path for path in paths if path]
     return {

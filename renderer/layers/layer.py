@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,9 @@ from renderer.scene import LayerSpec, Scene
 from renderer.transfer import NO_LIGHT_GRID, LightGrid, TransferFunction, make_transfer_function
 from renderer.view import are_clipped_away, place_object_clips
 from renderer.volume import Volume
+
+# By the volume's longest side: how thick the brightest of a ramp must be for an optical depth of 1.
+_RAMP_THICKNESS = 1 / 8
 
 
 @dataclass(frozen=True)
@@ -46,8 +49,8 @@ class Layer:
 def layer_digest(spec: LayerSpec, scene: Scene, volume: Volume, finest_cut: FinestCut) -> str:
     """Return the digest of what a layer is made from; its name, its weight and the camera do not count."""
     made_from = (
-        volume.fingerprint, spec.transfer_function, spec.shading, scene.clip + spec.clip, scene.mode, scene.pyramid,
-        scene.error.measure, scene.error.of, scene.needs_opengl, finest_cut,
+        volume.fingerprint, spec.transfer_function, spec.color, spec.shading, scene.clip + spec.clip, scene.mode,
+        scene.pyramid, scene.error.measure, scene.error.of, scene.needs_opengl, finest_cut,
     )  # fmt: skip
     return hashlib.blake2b(repr(made_from).encode(), digest_size=16).hexdigest()
 
@@ -66,7 +69,10 @@ def make_layer(
     finest_cut: as in `build_pyramid`. lap: takes the name of each step that has ended.
     Raises InputError where the volume's file was changed.
     """
-    transfer = make_transfer_function(spec.transfer_function, volume.finest_spacing)
+    look = spec.transfer_function
+    if spec.color is not None:
+        look = replace(look, unit=_RAMP_THICKNESS * float((volume.spacing * volume.shape_xyz).max()))
+    transfer = make_transfer_function(look, volume.finest_spacing)
     projection = make_projection(scene.mode, transfer, volume)
     optics = transfer if projection is None else projection.optics
     light_grid = NO_LIGHT_GRID

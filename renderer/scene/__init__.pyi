@@ -42,6 +42,7 @@ from .input_file import (
     require_file as require_file,
 )
 from .json_tree import is_shallow as is_shallow, load_json_object as load_json_object
+from .layers_section import LayerSpec as LayerSpec
 from .limits import (
     camera_problems as camera_problems,
     raise_problems as raise_problems,
@@ -92,12 +93,12 @@ from .schema import (
 )
 from .shading_section import ShadingSpec as ShadingSpec
 from .spec import (
-    LayerSpec as LayerSpec,
     PyramidSpec as PyramidSpec,
     Scene as Scene,
     parse_scene as parse_scene,
     scene_to_dict as scene_to_dict,
     spec_to_dict as spec_to_dict,
+    without_sources as without_sources,
 )
 from .splat_section import SplatSpec as SplatSpec
 from .transfer_section import (

@@ -93,18 +93,9 @@ def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:
     node, given: the whole scene, and its sections as they were read.
     """
     mode = given.get("mode", ModeSpec())
-    if not isinstance(mode, ModeSpec) or INVALID in (mode.type, given.get("transfer_function")):
-        return
-    if not mode.is_projection:
-        check_opacities(
-            node.child("transfer_function", _raw(node, "transfer_function")), given.get("transfer_function")
-        )
+    if not isinstance(mode, ModeSpec) or mode.type is INVALID or not mode.is_projection:
         return
     contradicts = f"contradicts mode: {mode.type}"
-    if given.get("shading") is not None:
-        node.key("shading").reject(
-            contradicts, hint="a projection has no surface to light; leave it out, as --set shading=null does"
-        )
     for (section, key, wanted), hint in _OTHER_SECTIONS.items():
         value = getattr(given.get(section), key, wanted)
         if value not in (wanted, INVALID):
@@ -112,7 +103,19 @@ def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:
     if mode.is_extremum and given.get("overlay", "none") == "octree":
         hint = "coarse cells would lose its extremes, so there are none"
         node.child("overlay", "octree").reject(contradicts, expected="none", hint=hint)
-    if _num_color_values(given.get("transfer_function")) < 2:
+
+
+def check_optics(node: TreeNode, mode: Any, transfer: Any, shading: Any) -> None:
+    """Check that a transfer function and a shading, which are keys of `node`, are what the mode needs."""
+    if not isinstance(mode, ModeSpec) or INVALID in (mode.type, transfer):
+        return
+    if not mode.is_projection:
+        check_opacities(node.child("transfer_function", _raw(node, "transfer_function")), transfer)
+        return
+    if shading is not None:
+        hint = "a projection has no surface to light; leave it out, as --set shading=null does"
+        node.key("shading").reject(f"contradicts mode: {mode.type}", hint=hint)
+    if _num_color_values(transfer) < 2:
         node.child("transfer_function").reject("no range of colours", expected="points at two values, or more")
 
 

@@ -11,7 +11,8 @@ in [0, 1] as given (display-referred), shapes, points and sizes in (x, y, z) and
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, is_dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -26,11 +27,13 @@ from renderer.scene.error_section import (
     check_scheduled_frames,
     schedule_to_dict,
 )
+from renderer.scene.layers_section import VOLUMES_SECTION, LayerSpec, check_layers
 from renderer.scene.limits import proportion_problems, raise_problems
 from renderer.scene.message_text import format_value
-from renderer.scene.mode_section import MODE_SECTION, ModeSpec, check_mode
+from renderer.scene.mode_section import MODE_SECTION, ModeSpec
 from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_frame_field
-from renderer.scene.shading_section import ShadingSpec, check_shading
+from renderer.scene.schema import INVALID
+from renderer.scene.shading_section import ShadingSpec
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
 from renderer.scene.transfer_section import TRANSFER_FUNCTION_SECTION, ColormapSpec, TransferSpec
 from renderer.scene.volume_section import VOLUME_SECTION, ArraySource, FileSource, VolumeSpec
@@ -55,20 +58,12 @@ class PyramidSpec:
 
 
 @dataclass(frozen=True)
-class LayerSpec:
-    """One volume of a scene, and how it is shown. weight: a factor on its extinction. clip: besides the scene's."""
-
-    volume: VolumeSpec
-    transfer_function: TransferSpec
-    shading: ShadingSpec | None = None
-    clip: tuple[ClipSpec, ...] = ()
-    name: str = ""
-    weight: float = 1.0
-
-
-@dataclass(frozen=True)
 class Scene:
-    """A complete job. With `overlay`, lines along the drawn cells or around the volume are drawn over the picture."""
+    """A complete job. With `overlay`, lines along the drawn cells or around the volume are drawn over the picture.
+
+    volumes: several, in place of one; then `volume` and `transfer_function` are those of the first. blend: `mix` adds
+        extinctions up, and colours in their proportion; `add` adds light that nothing absorbs, as of fluorescence.
+    """
 
     volume: Annotated[VolumeSpec, VOLUME_SECTION]
     transfer_function: Annotated[TransferSpec, TRANSFER_FUNCTION_SECTION]
@@ -80,14 +75,17 @@ class Scene:
     shading: ShadingSpec | None = None
     mode: Annotated[ModeSpec, MODE_SECTION] = field(default=ModeSpec())
     clip: Annotated[tuple[ClipSpec, ...], CLIP_SECTION] = ()
+    volumes: Annotated[tuple[LayerSpec, ...], VOLUMES_SECTION] = ()
     blend: Literal["mix", "add"] = "mix"
     overlay: Literal["none", "octree", "bounds"] = "none"
     version: Annotated[int, _VERSION] = VERSION
 
     @property
     def layers(self) -> tuple[LayerSpec, ...]:
-        """Return what is drawn: the volume, with the scene's transfer function and shading."""
-        return (LayerSpec(self.volume, self.transfer_function, self.shading),)
+        """Return what is drawn: the volumes, or the only one. Those without shading have the scene's."""
+        if not self.volumes:
+            return (LayerSpec(self.volume, self.transfer_function, self.shading),)
+        return tuple(replace(layer, shading=layer.shading or self.shading) for layer in self.volumes)
 
     @property
     def needs_opengl(self) -> bool:
@@ -99,20 +97,22 @@ class Scene:
         """Return why pictures cannot be compared with exact rays through the interpolated field; None if they can."""
         if self.overlay != "none":
             return f"overlay: {self.overlay}"
-        if self.splat.footprint != "integrated" and self.transfer_function.names_labels:
+        if self.needs_opengl and self.transfer_function.names_labels:
             return f"footprint: {self.splat.footprint} shows labels, and nothing lies between two of them"
         return None
 
     @property
     def import_notes(self) -> list[str]:
         """Return sentences on what an imported transfer function has that is not drawn."""
-        imported = self.transfer_function.imported
-        if imported is None:
-            return []
-        notes = [f"{imported.name}: not imported: {clause}" for clause in imported.left_out]
-        if imported.shading and self.shading is None:
-            flow = ", ".join(f"{key}: {format_value(value)}" for key, value in imported.shading.items())
-            notes.append(f"{imported.name}: to be lit as there, add shading: {{{flow}}}")
+        notes = []
+        for layer in self.layers:
+            imported = layer.transfer_function.imported
+            if imported is None:
+                continue
+            notes += [f"{imported.name}: not imported: {clause}" for clause in imported.left_out]
+            if imported.shading and layer.shading is None:
+                flow = ", ".join(f"{key}: {format_value(value)}" for key, value in imported.shading.items())
+                notes.append(f"{imported.name}: to be lit as there, add shading: {{{flow}}}")
         return notes
 
     @property
@@ -121,6 +121,7 @@ class Scene:
         asks = {
             "mode": self.mode.is_projection,
             "clip": bool(self.clip),
+            "volumes": bool(self.volumes),
             "shading": self.shading is not None and bool(self.shading.keys_for_bricks),
         }
         return next((key for key, is_asked in asks.items() if is_asked), None)
@@ -135,23 +136,28 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     """
     problems: list[Problem] = []
     node = schema.TreeNode(tree, "", problems, base)
-    required = schema.required_keys(Scene)
+    has_volumes = isinstance(tree, Mapping) and "volumes" in tree
+    required = [key for key in schema.required_keys(Scene) if not (has_volumes and key in _OF_ONE_VOLUME)]
     given = schema.read_fields(node, _SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
+    check_layers(node, given)
     check_scheduled_frames(node.child("error"), given)
     check_exact_picture(node.child("error"), given)
-    check_mode(node, given)
-    check_shading(node.child("shading"), given)
     check_what_is_clipped(node, given)
     if not is_single_frame:
         check_frame_field(node.child("output"), given)
+    if has_volumes:
+        first = given["volumes"][0] if isinstance(given["volumes"], tuple) else INVALID
+        given |= {key: getattr(first, key, INVALID) for key in _OF_ONE_VOLUME}
     scene = Scene(**given)
     if not problems:  # values are compared only if each is correct
-        problems = list(proportion_problems(scene.volume, scene.camera, scene.output.size))
+        for layer in scene.layers:
+            problems += proportion_problems(layer.volume, scene.camera, scene.output.size)
     raise_problems(problems)
     return scene
 
 
 _SECTIONS = schema.field_table(Scene)
+_OF_ONE_VOLUME = ("volume", "transfer_function")
 
 # Keys that users put at the top level, and where they belong, or what they are called now.
 _MISPLACED_KEY_HINTS = {
@@ -178,10 +184,27 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
     return {"version": scene.version} | spec_to_dict(scene)
 
 
+def without_sources(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a scene as plain data without what says where its voxels come from, and which part of them is used."""
+    own = {field.name for field in fields(LayerSpec)}
+    rest = {key: value for key, value in tree.items() if key != "volume"}
+    if "volumes" in tree:
+        rest["volumes"] = [{key: value for key, value in entry.items() if key in own} for entry in tree["volumes"]]
+    return rest
+
+
 def spec_to_dict(value: Any) -> dict[str, Any]:
     """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data; as `scene_to_dict`."""
-    pairs = ((field.name, getattr(value, field.name)) for field in fields(value))
+    left_out = _OF_ONE_VOLUME if isinstance(value, Scene) and value.volumes else ()
+    pairs = ((field.name, getattr(value, field.name)) for field in fields(value) if field.name not in left_out)
     plain = {name: _plain(item) for name, item in pairs if item is not None}  # None stands for a key that is not given
+    if isinstance(value, Scene) and not value.volumes:
+        del plain["volumes"], plain["blend"]
+    if isinstance(value, LayerSpec):
+        if value.color is not None:
+            del plain["transfer_function"]
+        own = {key: item for key, item in plain.items() if key != "volume" and item not in ("", [])}
+        return {**plain["volume"], **own}
     if isinstance(value, VolumeSpec):
         source: dict[str, Any] = plain.pop("source")
         if value.crop is not None and None in value.crop:

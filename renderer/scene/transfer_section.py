@@ -158,12 +158,13 @@ def _check_range(node: TreeNode, low_high: tuple[Any, ...]) -> Any:
     return node.reject("not ascending", hint="append _r to the name to reverse a colormap" if low > high else None)
 
 
+VALUE_RANGE_FIELD = schema.sequence_field(
+    _NUMBER, "[low, high]: two numbers, low less than high", count=2, check=_check_range
+)
 _OPACITY_POINT = schema.pair_field(_NUMBER, _PART, "[value, opacity]: a number, and a number from 0 to 1")
 _COLORMAP_FIELDS: schema.FieldTable = {
     "colormap": COLORMAP_FIELD,
-    "range": schema.sequence_field(
-        _NUMBER, "[low, high]: two numbers, low less than high", count=2, check=_check_range
-    ),
+    "range": VALUE_RANGE_FIELD,
     "opacity": schema.sequence_field(_OPACITY_POINT, "a list of [value, opacity], one or more"),
 }
 _IMPORT = schema.text_field(

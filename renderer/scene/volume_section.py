@@ -209,7 +209,8 @@ class VolumeSpec:
     dataset: Annotated[str | None, _DATASET] = None
 
 
-def _build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
+def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
+    """Return a volume from the keys of VOLUME_TABLE that were given, and add the problems that they have together."""
     sources = [key for key in _SOURCES if key in given]
     if not sources:
         node.reject("no voxels", got="", expected="one of file, raw and procedural")
@@ -257,8 +258,9 @@ _SOURCES: dict[str, schema.FieldType[Any]] = {
     "raw": schema.dataclass_field(RawSource, _check_raw),
     "procedural": schema.dataclass_field(ProceduralSource),
 }
+VOLUME_TABLE: schema.FieldTable = _SOURCES | {"spacing": _SPACING} | schema.field_table(VolumeSpec)
 VOLUME_SECTION = schema.section_field(
-    _SOURCES | {"spacing": _SPACING} | schema.field_table(VolumeSpec),
-    _build_volume,
+    VOLUME_TABLE,
+    build_volume,
     misplaced_hints={"array": _ARRAY_HINT, "nonfinite": _NONFINITE_HINT},
 )

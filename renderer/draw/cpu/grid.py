@@ -11,13 +11,15 @@ from renderer.volume import Bools, Float32, Float64
 
 # Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
 # of tiles of 64 do not fit into the cache.
-TILE_SIDE, SUBSAMPLED_TILE_SIDE = 32, 16
+TILE_SIDE, SMALL_TILE_SIDE = 32, 16
 
 # Pixels that are so near to a rectangle's edge count as inside: rounding may have moved the edge.
 _EDGE_ROUNDING_PX = 2e-3
 
 
-def make_grid(rectangles_px: Float64, stride: int, is_drawn: Bools, image: Float32) -> dict[str, Any]:
+def make_grid(
+    rectangles_px: Float64, stride: int, is_drawn: Bools, image: Float32, *, is_mixture: bool = False
+) -> dict[str, Any]:
     """Return a grid of pixels into which bricks are drawn, in tiles: Grid in kernels.h.
 
     stride: the pixels of the grid are every `stride`-th pixel along both axes. Grid pixel 0 is the centre of pixel 0.
@@ -29,7 +31,7 @@ def make_grid(rectangles_px: Float64, stride: int, is_drawn: Bools, image: Float
         RGBA.
     """
     shape = is_drawn.shape[1], is_drawn.shape[0]
-    side = TILE_SIDE if stride == 1 else SUBSAMPLED_TILE_SIDE
+    side = TILE_SIDE if stride == 1 and not is_mixture else SMALL_TILE_SIDE
     low = np.ceil((rectangles_px[:, :2] - 0.5 - _EDGE_ROUNDING_PX) / stride)
     high = np.floor((rectangles_px[:, 2:] - 0.5 + _EDGE_ROUNDING_PX) / stride) + 1
     rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)

@@ -129,7 +129,7 @@ class BrickRasterizer(Rasterizer):
         image: Float32,
     ) -> None:
         """Draw the mixture of several batches, in bands of tiles whose bricks have slots at once."""
-        grid = make_grid(mixture.rectangles_px, stride, is_drawn, image)
+        grid = make_grid(mixture.rectangles_px, stride, is_drawn, image, is_mixture=True)
         starts, numbers = grid["starts"], grid["numbers"]
         bands = [np.flatnonzero(np.diff(starts))]
         while bands:

@@ -15,7 +15,7 @@ from renderer.film import bytes_digest, consecutive_ranges, png_shape
 from renderer.job.assemble.parts import Part
 from renderer.job.fingerprint import differences
 from renderer.job.record import FrameRecord
-from renderer.scene import FRAME_FIELD, first_few, format_value, schedule_to_dict
+from renderer.scene import FRAME_FIELD, first_few, format_value, schedule_to_dict, without_sources
 from renderer.system import join_lines
 
 _MAX_SHOWN = 4
@@ -55,7 +55,7 @@ def film_problems(parts: Sequence[Part]) -> Iterator[Problem]:
 def _film_identity(part: Part) -> dict[str, Any]:
     """Return what all parts of a film share: what pixels depend on, except the machine, and the encoding."""
     recorded = part.record.scene
-    scene = {key: value for key, value in recorded.items() if key != "volume"}
+    scene = without_sources(recorded)
     output = {key: value for key, value in recorded["output"].items() if key not in ("file", "record_paths")}
     left_out = ("tolerance", "probes") if part.has_goal else ("probes",)
     error = {key: value for key, value in recorded["error"].items() if key not in left_out}

@@ -1,0 +1,136 @@
+"""The scene's `volumes`: several volumes in one picture, each with its own transfer function."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from renderer.scene import schema
+from renderer.scene.clip_section import CLIP_SECTION, ClipSpec
+from renderer.scene.mode_section import ModeSpec, check_mode, check_optics
+from renderer.scene.schema import INVALID, Color, TreeNode
+from renderer.scene.shading_section import ShadingSpec, check_shading
+from renderer.scene.splat_section import SplatSpec
+from renderer.scene.transfer_section import (
+    COLOR_FIELD,
+    TRANSFER_FUNCTION_SECTION,
+    VALUE_RANGE_FIELD,
+    ControlPoint,
+    TransferSpec,
+)
+from renderer.scene.volume_section import VOLUME_TABLE, VolumeSpec, build_volume
+
+MAX_WEIGHT = 1e6
+_CONTRADICTS = {
+    "volume": "put it into the list",
+    "transfer_function": "each volume in the list has its own",
+}
+# The opacity at the end of `range` of what is as thick as the unit: an optical depth of 1.
+_RAMP_OPACITY = -math.expm1(-1.0)
+
+
+@dataclass(frozen=True)
+class LayerSpec:
+    """One volume of a scene, and how it is shown.
+
+    weight: a factor on its extinction. clip: what is clipped away of it alone, besides the scene's.
+    color, range: if its transfer function is a ramp between two values, from nothing to an optical depth of 1 in an
+        eighth of the volume's longest side.
+    """
+
+    volume: VolumeSpec
+    transfer_function: TransferSpec
+    shading: ShadingSpec | None = None
+    clip: tuple[ClipSpec, ...] = ()
+    name: str = ""
+    weight: float = 1.0
+    color: Color | None = None
+    range: tuple[float, float] | None = None
+
+
+_OWN_TABLE: schema.FieldTable = {
+    "name": schema.text_field("a name", "no name", str.strip),
+    "transfer_function": TRANSFER_FUNCTION_SECTION,
+    "color": COLOR_FIELD,
+    "range": VALUE_RANGE_FIELD,
+    "weight": schema.number_field(above=0, maximum=MAX_WEIGHT, zero_hint="take this volume out of the list"),
+    "shading": schema.dataclass_field(ShadingSpec),
+    "clip": CLIP_SECTION,
+}
+
+
+def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
+    own = {key: given.pop(key) for key in _OWN_TABLE if key in given}
+    volume = build_volume(node, given)
+    if "transfer_function" in own:
+        for key in schema.valid_keys(own, "color", "range"):
+            node.key(key).reject(f"contradicts {node.path}.transfer_function", expected="one of them")
+        own.pop("color", None), own.pop("range", None)
+    elif not own.keys() & {"color", "range"}:
+        node.reject("no colors and opacities", got="", expected="transfer_function, or color with range")
+        own["transfer_function"] = INVALID
+    else:
+        for key in {"color", "range"} - own.keys():
+            hint = "`hsplat info` shows the values of a volume" if key == "range" else None
+            _OWN_TABLE[key].reject(node.child(key), "missing", hint=hint)
+        own["transfer_function"] = _ramp(own.get("color", INVALID), own.get("range", INVALID))
+    return LayerSpec(volume, **own)
+
+
+def _ramp(color: Any, span: Any) -> TransferSpec:
+    if INVALID in (color, span) or INVALID in span:
+        return INVALID  # type: ignore[no-any-return]
+    low, high = span
+    return TransferSpec((ControlPoint(low, color, 0.0), ControlPoint(high, color, _RAMP_OPACITY)))
+
+
+def _check_names(node: TreeNode, layers: tuple[LayerSpec, ...]) -> Any:
+    names: dict[str, int] = {}
+    for number, layer in enumerate(layers):
+        if layer.name and layer.name is not INVALID:
+            if layer.name in names:
+                place = node.child(number).child("name", layer.name)
+                place.reject("two volumes of one name", expected="a name of its own for each")
+            names[layer.name] = number
+    return layers
+
+
+VOLUMES_SECTION = schema.sequence_field(
+    schema.section_field({**VOLUME_TABLE, **_OWN_TABLE}, _build_layer),
+    "a list of volumes, each with a transfer_function",
+    check=_check_names,
+)
+
+
+def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
+    """Check that a scene has one volume or several, and that the optics of each fit its mode and its other sections.
+
+    node, given: the whole scene, and its sections as they were read.
+    """
+    for key in schema.valid_keys(given, "volume", "transfer_function") if "volumes" in given else ():
+        node.key(key).reject("contradicts volumes", expected="one of volume and volumes", hint=_CONTRADICTS[key])
+    if "volumes" not in given and given.get("blend", "mix") == "add":
+        node.child("blend", "add").reject(
+            "needs volumes", expected="mix", hint="give the volume in a list: volumes: [...]"
+        )
+    splat = given.get("splat")
+    if "volumes" in given and isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
+        got, expected = f"splat.footprint: {splat.footprint}", "splat.footprint: integrated"
+        node.key("volumes").reject("splats show one volume", got=got, expected=expected)
+    check_mode(node, given)
+    for place, transfer, shading in _layers_of(node, given):
+        check_shading(place.child("shading"), {**given, "shading": shading})
+        check_optics(place, given.get("mode", ModeSpec()), transfer, shading)
+
+
+def _layers_of(node: TreeNode, given: Mapping[str, Any]) -> Iterator[tuple[TreeNode, Any, Any]]:
+    """Yield the node of each layer, which is the scene's own for a single volume, its transfer function and shading."""
+    if "volumes" not in given:
+        yield node, given.get("transfer_function"), given.get("shading")
+    layers = given.get("volumes")
+    for number, layer in enumerate(layers if isinstance(layers, tuple) else ()):
+        if isinstance(layer, LayerSpec) and isinstance(node.value, Mapping):
+            place = node.child("volumes").child(number, node.value["volumes"][number])
+            yield place, layer.transfer_function, layer.shading
