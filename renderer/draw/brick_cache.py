@@ -56,9 +56,10 @@ class Atlas:
         """Return where the bricks in these slots begin in `texels`, halo included: int64 [n]."""
         return slots * self._brick_floats
 
-    def reserve(self) -> None:
-        """Make all slots: those that are unused take no memory, and growing later would need a copy of all texels."""
-        if not len(self.texels):
+    def reserve(self, num: int = 0) -> None:
+        """Make all slots, or `num` if that is more: those that are unused take no memory. What was there is lost."""
+        if not len(self.texels) or num > self.max_slots:
+            self.max_slots = max(num, self.max_slots)
             self.texels = np.empty(self.max_slots * self._brick_floats + _READ_BEHIND, np.float32)
             self._resize(self.max_slots)
 
@@ -210,6 +211,9 @@ class BrickCache:
         for layer, (atlas, is_in, make_texels) in enumerate(self._parts(brick_view)):
             chosen = np.flatnonzero(is_in[numbers])
             of_atlas = numbers[chosen]
+            if not len(of_atlas):
+                continue
+            atlas.reserve(len(of_atlas))
             slots = atlas.upload(brick_view.keys[of_atlas], partial(make_texels, of_atlas))
             offsets[layer % len(offsets), chosen] = atlas.texel_offsets(slots)
         return offsets
@@ -225,13 +229,10 @@ class BrickCache:
             computed.begin(is_enabled=is_enabled)
 
     def _prepare(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
-        """Make a view of bricks, and reserve slots for all of them if possible."""
+        """Return a view of bricks: the last one, if it is of the same ones."""
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
             last = self._brick_view = make_brick_view(batch, order, view)
-        for atlas, is_chosen, _ in self._parts(last):
-            if is_chosen.any():
-                atlas.reserve()
         return last
 
     def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]]:

@@ -72,7 +72,7 @@ class BrickRasterizer(Rasterizer):
             batches[0].bricks.is_additive,
         )
         draw = partial(self._draw_alone, caches, views)
-        if len(batches) > 1 and not is_additive:
+        if sum(len(order) > 0 for order in orders) > 1 and not is_additive:
             draw = partial(self._draw_mixture, caches, views, make_mixture(views), sampling.termination_alpha)
         columns, rows = grid_size(view.size, sampling.strides[0])
         image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
