@@ -29,6 +29,7 @@ RINGS = {
     "transform": TURNED,
 }
 PLANE = {"plane": {"point": [19, 19, 13], "normal": [0.3, 0.2, 1]}}
+FIXED = {"plane": {"point": [0, 0, 3], "normal": [0, 0, 1]}, "fixed": "camera"}
 BOXES = [{"box": [[10, -9, -9], [20, 60, 60]]}, {"box": [[15, 10, -9], [60, 20, 60]]}]
 
 
@@ -66,27 +67,30 @@ def psnr(one: Any, other: Any) -> float:
     return float(-10 * np.log10(np.mean((np.clip(one, 0, 1) - np.clip(other, 0, 1)) ** 2) + 1e-30))
 
 
+COLORED = {key: RINGS[key] for key in ("procedural", "transform")} | {"color": "red", "range": [90, 200]}
+PATH = {"type": "turntable", "frames": 12}
+OTHER = ENGINE | {"transfer_function": {"points": BLUE}}
 SCENES: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
     "two grids": ([ENGINE, RINGS], {}),
-    "orthographic": ([ENGINE, RINGS], {"camera": {"projection": "orthographic", "path": {"type": "turntable", "frames": 12}}}),
-    "from inside": ([ENGINE, RINGS], {"camera": {"distance": 8, "path": {"type": "turntable", "frames": 12}}}),
-    "one grid": ([ENGINE, ENGINE | {"transfer_function": {"points": BLUE}, "weight": 0.3}], {}),
-    "three": ([ENGINE, ENGINE | {"transfer_function": {"points": BLUE}}, RINGS], {}),
+    "orthographic": ([ENGINE, RINGS], {"camera": {"projection": "orthographic", "path": PATH}}),
+    "from inside": ([ENGINE, RINGS], {"camera": {"distance": 8, "path": PATH}}),
+    "one grid": ([ENGINE, OTHER | {"weight": 0.3}], {}),
+    "three": ([ENGINE, OTHER, RINGS], {}),
     "added": ([ENGINE, RINGS], {"blend": "add"}),
-    "added on one grid": ([ENGINE, ENGINE | {"transfer_function": {"points": BLUE}}], {"blend": "add"}),
+    "added on one grid": ([ENGINE, OTHER], {"blend": "add"}),
     "maximum": ([ENGINE, RINGS | {"weight": 0.5}], {"mode": "maximum"}),
     "mean": ([ENGINE, RINGS | {"weight": 0.5}], {"mode": "mean"}),
     "lit": ([ENGINE, RINGS | {"shading": {"ambient": 0.5, "diffuse": 0.5}}], {}),
     "light of the camera": ([ENGINE, RINGS], {"shading": {"light": "camera", "specular": 0.3}}),
-    "lit on one grid": ([ENGINE | {"shading": {}}, ENGINE | {"transfer_function": {"points": BLUE}}], {}),
+    "lit on one grid": ([ENGINE | {"shading": {}}, OTHER], {}),
     "occlusion": ([ENGINE | {"shading": {"occlusion": 0.8}}, RINGS], {}),
     "a plane for one": ([ENGINE | {"clip": [PLANE]}, RINGS], {}),
     "boxes for one": ([ENGINE | {"clip": BOXES}, RINGS], {}),
     "boxes for all": ([ENGINE, RINGS], {"clip": BOXES}),
-    "a plane before the camera": ([ENGINE, RINGS], {"clip": [{"plane": {"point": [0, 0, 3], "normal": [0, 0, 1]}, "fixed": "camera"}]}),
+    "a plane before the camera": ([ENGINE, RINGS], {"clip": [FIXED]}),
     "without some data": ([ENGINE | {"nodata": [12, 13, 14, 96, 97, 98]}, RINGS], {}),
-    "one grid without some data": ([ENGINE | {"nodata": [96, 97, 98]}, ENGINE | {"transfer_function": {"points": BLUE}}], {}),
-    "color and range": ([ENGINE, {key: RINGS[key] for key in ("procedural", "transform")} | {"color": "red", "range": [90, 200]}], {}),
+    "one grid without some data": ([ENGINE | {"nodata": [96, 97, 98]}, OTHER], {}),
+    "color and range": ([ENGINE, COLORED], {}),
 }  # fmt: skip
 
 
@@ -125,7 +129,7 @@ def test_a_volume_of_which_nothing_shows_changes_nothing() -> None:
             "points": [{"value": 254, "color": "red", "opacity": 0}, {"value": 255, "color": "red", "opacity": 1}]
         }
     }
-    framed = {"camera": {"target": [20, 15, 8], "distance": 90, "path": {"type": "turntable", "frames": 12}}}
+    framed = {"camera": {"target": [20, 15, 8], "distance": 90, "path": PATH}}
     assert draw(scene_of([hidden, RINGS], **framed)).tobytes() == draw(scene_of([RINGS], **framed)).tobytes()
 
 

@@ -59,7 +59,10 @@ _RINGS = (
     "{procedural: {name: marschner_lobb, shape: [40, 32, 24]}, name: rings, weight: 0.3, color: '#40c060', range: [120,"
     " 200], transform: [[0.7, -0.5, 0, 20], [0.5, 0.7, 0.2, 0], [0, -0.2, 0.8, 4], [0, 0, 0, 1]]}"
 )
-_CHANNELS = f"{{{_ENGINE}, color: red, range: [20, 200], weight: 0.2}}, {{{_ENGINE}, color: blue, range: [130, 240], weight: 0.5}}"
+_CHANNELS = (
+    f"{{{_ENGINE}, color: red, range: [20, 200], weight: 0.2}}, "
+    f"{{{_ENGINE}, color: blue, range: [130, 240], weight: 0.5}}"
+)
 
 
 @dataclass(frozen=True)
