@@ -21,7 +21,7 @@ from renderer.accuracy import ErrorSamples, FrameProber, pool_samples, psnr
 from renderer.bricks import BrickBatch, Bricks, mean_texels, scalar_texels
 from renderer.draw import BrickRasterizer, brick_cache
 from renderer.film import Pixels
-from renderer.frame import Stage, Stopwatch, draw_frame, make_draw_list, make_primitive, open_stage, pipeline
+from renderer.frame import Stage, Stopwatch, draw_frame, make_draw_list, make_primitive, prepare_stage, pipeline
 from renderer.frame.frame import DrawList
 from renderer.frame.primitives import LOD
 from renderer.scene import Scene
@@ -100,7 +100,7 @@ def main() -> None:
 
 def measured(scene: Scene) -> list[Row]:
     """Measure a scene with every defect; the first row has none."""
-    with open_stage(scene, clock=time.process_time, num_threads=THREADS) as stage:
+    with prepare_stage(scene, clock=time.process_time, num_threads=THREADS) as stage:
         subject = staged(stage)
         probers = {num: FrameProber(stage, num, num_threads=THREADS) for num in RAYS}
         without = film(subject)
@@ -232,8 +232,8 @@ def _transfer_shifted(subject: Subject) -> Film:
 def _restaged(subject: Subject, scene: Scene) -> Film:
     """Draw from another stage as the camera of this one sees it."""
     stage = subject.stage
-    options: dict[str, Any] = {"clock": time.process_time, "num_threads": THREADS, "volume": stage.volume}
-    with open_stage(scene, **options) as other:
+    options: dict[str, Any] = {"clock": time.process_time, "num_threads": THREADS, "volume": stage.layers[0].volume}
+    with prepare_stage(scene, **options) as other:
         return film(staged(replace(other, target=stage.target, distance=stage.distance)))
 
 

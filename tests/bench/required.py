@@ -119,7 +119,7 @@ def little_visible() -> Iterator[str]:
             name = f"256^3 {dtype}, {volume.name}"
             yield row(f"{name}: building", timed(builder(scene, volume), builder(scene, half)), half.name, "ms")
             stages = builder(scene, volume)(), builder(scene, half)()
-            megabytes = [stage.pyramid.num_bytes / 1e6 for stage in stages]
+            megabytes = [stage.layers[0].pyramid.num_bytes / 1e6 for stage in stages]
             if megabytes[0]:
                 yield row(f"{name}: pyramid", (megabytes[0], megabytes[1]), half.name, "MB")
 
@@ -170,9 +170,9 @@ def kernels_of(volume: Path, changes: Sequence[str]) -> set[str]:
 
 def megabytes_held(stage: Stage, rasterizer: BrickRasterizer) -> float:
     """Return what is in memory for later frames: the pyramid, the light grid, and the texels of bricks."""
-    assert stage.bricks is not None
-    grid = stage.bricks.light_grid
-    num_bytes = stage.pyramid.num_bytes + grid.occlusion.nbytes + grid.shadow.nbytes + grid.corners.nbytes
+    assert stage.layers[0].bricks is not None
+    grid = stage.layers[0].bricks.light_grid
+    num_bytes = stage.layers[0].pyramid.num_bytes + grid.occlusion.nbytes + grid.shadow.nbytes + grid.corners.nbytes
     for atlas in rasterizer.cache.atlases:
         num_bytes += 4 * atlas.num_channels * PADDED_BRICK_SIZE**3 * int((atlas._slot_from_key >= 0).sum())
     return num_bytes / 1e6
@@ -191,7 +191,7 @@ def start() -> Iterator[str]:
 
 
 def builder(scene: Scene, volume: Volume) -> Callable[[], Stage]:
-    return lambda: prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS, volume=volume)
+    return lambda: prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS, volumes=[volume])
 
 
 def drawer(stage: Stage, rasterizer: BrickRasterizer) -> Callable[[], object]:

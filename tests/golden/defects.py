@@ -187,14 +187,14 @@ def _sampled(shot: Shot, **changes: Any) -> Pixels:
 
 
 def _mirrored(shot: Shot) -> Pixels:
-    volume = shot.stage.volume
+    volume = shot.stage.layers[0].volume
     values = np.ascontiguousarray(volume.values[:, :, ::-1])
     return shot.drawn(shot.make_draw_list(shot.staged(shot.stage.scene, replace(volume, values=values)))).image
 
 
 def _half_a_voxel_off(shot: Shot) -> Pixels:
     """Move the camera by half a voxel the other way."""
-    step = shot.stage.volume.world_from_index[:3, 0]
+    step = shot.stage.layers[0].volume.world_from_index[:3, 0]
     return shot.seen_from(replace(shot.view, target=shot.view.target - step / 2))
 
 

@@ -130,7 +130,7 @@ class Shot:
         if isinstance(self.batch, BrickBatch):
             return self.batch.cut
         finest_level = finest_level_at(self.stage, self.tolerance)
-        return cut_pyramid(self.stage.pyramid, self.tolerance, finest_level=finest_level)
+        return cut_pyramid(self.stage.layers[0].pyramid, self.tolerance, finest_level=finest_level)
 
     @property
     def view(self) -> View:
@@ -139,7 +139,7 @@ class Shot:
 
     def staged(self, scene: Scene, volume: Volume | None = None) -> Stage:
         """Return the stage of a scene, or of the scene with another volume."""
-        return prepare_stage(scene, clock=time.perf_counter, num_threads=1, volume=volume)
+        return prepare_stage(scene, clock=time.perf_counter, num_threads=1, volumes=[volume])
 
     def make_draw_list(self, stage: Stage, *, tolerance: float | None = None, frame: int | None = None) -> DrawList:
         """Prepare a frame on a stage, by default at the tolerance and of the number of the subject."""

@@ -70,7 +70,7 @@ SCENES = {
 
 def stage_of(scene: Scene, volume: Volume | None = None) -> Stage:
     """Prepare the stage of a scene, on one thread."""
-    return prepare_stage(scene, clock=itertools.count().__next__, num_threads=1, volume=volume)
+    return prepare_stage(scene, clock=itertools.count().__next__, num_threads=1, volumes=[volume])
 
 
 def plan_of(stage: Stage) -> FilmPlan:

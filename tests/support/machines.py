@@ -100,8 +100,8 @@ class UploadingMachine(SimulatedMachine):
 
     def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
         """Return an empty picture after its time."""
-        self.upload(batch, order, view)
-        return super().rasterize(batch, order, view)
+        self.upload([batch], [order], view)
+        return super().rasterize([batch], [order], view)
 
 
 def set_device(monkeypatch: pytest.MonkeyPatch, name: str) -> None:

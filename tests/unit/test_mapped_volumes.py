@@ -206,13 +206,13 @@ def test_a_file_that_shrinks_during_a_build(tmp_path: Path) -> None:
 
 def test_a_file_that_shrinks_before_texels_are_read(tmp_path: Path) -> None:
     stage = film(tmp_path / "v.raw", PLAIN, (40, 40, 40))
-    assert stage.bricks is not None
+    assert stage.layers[0].bricks is not None
     shrink(tmp_path / "v.raw")
     first = np.zeros((1, 3), np.int32)
     with pytest.raises(InputError, match="became shorter while it was in use"):
-        scalar_texels(stage.bricks, first, lit=False)
+        scalar_texels(stage.layers[0].bricks, first, lit=False)
     with pytest.raises(InputError, match="became shorter while it was in use"):
-        mean_texels(stage.bricks, 1, first)
+        mean_texels(stage.layers[0].bricks, 1, first)
 
 
 def test_a_file_that_shrinks_while_the_stage_is_serialized(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

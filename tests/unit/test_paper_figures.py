@@ -177,7 +177,7 @@ def test_every_cell_is_counted_once_in_total(figure_renderer: FigureRenderer) ->
         variation = octrees._variation_of_blocks(stage)
         assert variation.shape == (2, 3, 3)
         for tolerance in (100.0, 1.0, 0.0):
-            cut = cut_pyramid(stage.base.pyramid, tolerance)
+            cut = cut_pyramid(stage.base.layers[0].pyramid, tolerance)
             counts = octrees._cells_in_blocks(cut, variation.shape)
             assert counts.sum() == pytest.approx(len(cut))
             assert (counts[variation >= 0] > 0).all()

@@ -54,8 +54,8 @@ def primitive(stage: Stage) -> BrickPrimitive:
 
 
 def bricks_of(stage: Stage) -> Bricks:
-    assert stage.bricks is not None
-    return stage.bricks
+    assert stage.layers[0].bricks is not None
+    return stage.layers[0].bricks
 
 
 # How many bricks
@@ -148,7 +148,7 @@ def test_the_workload_equals_counted_samples(projection: str, tolerance: float) 
     """Pixels are counted by their centres, and in perspective a brick is not as wide at its back as at its front."""
     stage = stage_of(PLAIN, lumps())
     lod = make_primitive(stage).make_lod(tolerance, lambda name: None)
-    target = stage.volume.centre
+    target = stage.layers[0].volume.centre
     view = look(projection, size=(120, 90), target=tuple(target), distance=150.0)
     orders = lod.orders(view)
     lod = replace(lod, batch=replace(lod.batch, screen_sampling=ScreenSampling((1,), 0.0, 0.0)))
