@@ -130,7 +130,8 @@ def test_exact_rays_are_sums_over_the_octants_with_data() -> None:
         closest = -(origins[pixel] - volume.centre_index) @ directions[pixel] / (directions[pixel] @ directions[pixel])
         points = origins[pixel] + (closest + at)[:, None] * directions[pixel]
         scalars = np.array([scalar_at(values, point) for point in points])
-        depths.append(4e-3 * np.nansum(stage.layers[0].bricks.transfer.classify(np.nan_to_num(scalars))[1] * ~np.isnan(scalars)))
+        extinctions = stage.layers[0].transfer.classify(np.nan_to_num(scalars))[1]
+        depths.append(4e-3 * np.nansum(extinctions * ~np.isnan(scalars)))
     np.testing.assert_allclose(alphas[chosen], -np.expm1(-np.array(depths)), atol=1e-3)
 
 

@@ -102,8 +102,9 @@ def test_scenes_draw_voxels_at_every_tolerance(tolerance: float) -> None:
     with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage, BrickRasterizer() as rasterizer:
         lod = make_primitive(stage).make_lod(tolerance, lambda _: None)
         assert lod.num_cells > 1
-        assert not lod.batch.cut.levels.any()  # type: ignore[union-attr]
+        assert not lod.batches[0].cut.levels.any()
         (frame,) = render_frames(stage, [3], rasterizer, clock=lambda: 0.0)
-        transfer = make_transfer_function(scene.transfer_function, stage.layers[0].volume.finest_spacing)
-        truth, _ = converged_image(stage.layers[0].volume, transfer, view_of_frame(stage, 3), tolerance=1e-5, shading=shading)
+        volume = stage.layers[0].volume
+        transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+        truth, _ = converged_image(volume, transfer, view_of_frame(stage, 3), tolerance=1e-5, shading=shading)
     assert -10 * np.log10(np.mean((frame.radiance - truth) ** 2)) > (20 if tolerance > 1 else 55)

@@ -128,13 +128,14 @@ def test_depth_is_where_the_only_maximum_is() -> None:
     image, view = exact(stage), view_of(stage, NUMBER)
     row, column = np.unravel_index(image[..., 0].argmax(), image.shape[:2])
     place = np.array([5.0, 2.0, 6.0])
-    x, y, z = view.view_from_world(stage.layers[0].volume.world_from_index[:3, :3] @ place + stage.layers[0].volume.world_from_index[:3, 3])
+    volume = stage.layers[0].volume
+    x, y, z = view.view_from_world(volume.world_from_index[:3, :3] @ place + volume.world_from_index[:3, 3])
     assert abs(column + 0.5 - SIZE[0] / 2 - view.scale_px * x / -z) < 1
     assert abs(row + 0.5 - SIZE[1] / 2 + view.scale_px * y / -z) < 1
-    centre = view.view_from_world(stage.layers[0].volume.centre)[2]
-    share = 0.5 + (centre - z) / (2 * stage.layers[0].volume.half_diagonal)
+    centre = view.view_from_world(volume.centre)[2]
+    share = 0.5 + (centre - z) / (2 * volume.half_diagonal)
     brightness = scene_of("maximum")
-    value = exact(stage_of(stage.layers[0].volume, brightness))[row, column, 0]
+    value = exact(stage_of(volume, brightness))[row, column, 0]
     assert image[row, column, 0] == pytest.approx(share * value, abs=0.02)
 
 

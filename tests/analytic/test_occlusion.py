@@ -12,6 +12,7 @@ from small_scene import engine_block
 from stage_pictures import decibels, drawn, exact
 
 from renderer.frame import prepare_stage
+from renderer.layers import group_layers
 from renderer.scene import Scene, ShadingSpec, parse_scene, with_tolerance
 from renderer.transfer import make_light_grid
 
@@ -82,11 +83,13 @@ def test_coarse_cells_have_it_in_their_means(tolerance: float) -> None:
 def test_a_field_that_is_constant_scales_the_light(shading: ShadingSpec) -> None:
     """Half of the ambient and a quarter of the diffuse light arrive everywhere."""
     with prepare_stage(scene_of(shading, 0.0), clock=lambda: 0.0, num_threads=2) as stage:
-        assert stage.layers[0].bricks is not None
+        (layer,) = stage.layers
+        assert layer.bricks is not None
         grid = np.full((4, 5, 6), 0.2, np.float32)
         has = shading.occlusion > 0, shading.shadow > 0
         made = make_light_grid(grid if has[0] else None, grid if has[1] else None, 9.0, (0.5 / 0.8, 0.75 / 0.8))
-        changed = replace(stage, bricks=replace(stage.layers[0].bricks, light_grid=made))
+        layer = replace(layer, light_grid=made, bricks=replace(layer.bricks, light_grid=made))
+        changed = replace(stage, layers=(layer,), groups=group_layers([layer], stage.scene))
         pictures = drawn(changed), exact(changed, 1 / 8)
     ambient, diffuse = 0.5 if has[0] else 1.0, 0.25 if has[1] else 1.0
     scaled = replace(

@@ -203,7 +203,7 @@ def film_of(room: Room, name: str, goal: float) -> Film:
     film = Film(name, goal, found.is_reachable, *figures, [], [])
     if film.excess <= TOO_GOOD:
         return film
-    ladder = tolerance_ladder(room.stage.layers[0].pyramid, make_primitive(room.stage).work, ExactRays.step)
+    ladder = tolerance_ladder(room.stage.largest_error, make_primitive(room.stage).work, ExactRays.step)
     coarser = [ladder[max(ladder.index(each) - 1, 0)] for each in tolerances]
     return film._replace(coarser=coarser, coarser_psnrs=room.draw(coarser).psnrs)
 
@@ -225,7 +225,7 @@ def searched(room: Room, want: MetricTarget) -> tuple[FoundTolerances, int, Floa
             range(NUM_FRAMES),
             ExactRays(room.stage, want, num_threads=THREADS),
             room.rasterizer,
-            is_constant=room.stage.layers[0].bricks is None,
+            is_constant=room.stage.scene.needs_opengl,
             clock=time.perf_counter,
             on_trial=trials.append,
         )

@@ -112,7 +112,7 @@ def rows(scene: Scene) -> Iterator[str]:
     if scene.mode.type == "minimum":
         scene, volume = replace(scene, output=replace(scene.output, background=(1.0, 1.0, 1.0))), negative(volume)
     scene, volume, _ = comparable(scene, volume)
-    options = {"clock": time.perf_counter, "num_threads": THREADS, "volume": volume, "any_tolerance": True}
+    options = {"clock": time.perf_counter, "num_threads": THREADS, "volumes": [volume], "any_tolerance": True}
     with prepare_stage(scene, **options) as stage:
         both = Compared(stage, compute_truth(stage, FRAME, 1e-4, num_threads=THREADS))
         peers = {f"{each.series}, {each.label}".removeprefix("vtk "): each for each in vtk_settings(scene.mode)}

@@ -153,8 +153,9 @@ def timed(stage: Stage, rasterizer: Rasterizer) -> tuple[float, float]:
 
 def exact_frames(stage: Stage) -> list[Float64]:
     """Return the exact pictures of all frames, float64 [pixels, 3]."""
-    transfer = make_transfer_function(stage.scene.transfer_function, stage.layers[0].volume.finest_spacing)
-    layer = TrueLayer(stage.layers[0].volume, transfer, stage.scene.shading)
+    volume = stage.layers[0].volume
+    transfer = make_transfer_function(stage.scene.transfer_function, volume.finest_spacing)
+    layer = TrueLayer(volume, transfer, stage.scene.shading)
     integrator = RayIntegrator([layer], num_threads=THREADS)
     pixels = np.arange(SIZE[0] * SIZE[1])
     radiances = (integrator.integrate(view_of(stage, number), pixels, [STEP])[0] for number in FRAMES)

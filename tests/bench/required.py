@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -170,10 +171,10 @@ def kernels_of(volume: Path, changes: Sequence[str]) -> set[str]:
 
 def megabytes_held(stage: Stage, rasterizer: BrickRasterizer) -> float:
     """Return what is in memory for later frames: the pyramid, the light grid, and the texels of bricks."""
-    assert stage.layers[0].bricks is not None
-    grid = stage.layers[0].bricks.light_grid
-    num_bytes = stage.layers[0].pyramid.num_bytes + grid.occlusion.nbytes + grid.shadow.nbytes + grid.corners.nbytes
-    for atlas in rasterizer.cache.atlases:
+    (layer,) = stage.layers
+    grid = layer.light_grid
+    num_bytes = layer.pyramid.num_bytes + grid.occlusion.nbytes + grid.shadow.nbytes + grid.corners.nbytes
+    for atlas in chain.from_iterable((*cache.scalars, cache.means) for cache in rasterizer.caches.values()):
         num_bytes += 4 * atlas.num_channels * PADDED_BRICK_SIZE**3 * int((atlas._slot_from_key >= 0).sum())
     return num_bytes / 1e6
 

@@ -247,8 +247,9 @@ def drawn(gl: SplatRasterizer, stage: Stage) -> Picture:
 
 
 def integrated(_: SplatRasterizer, stage: Stage) -> Picture:
-    transfer = make_transfer_function(stage.scene.transfer_function, stage.layers[0].volume.finest_spacing)
-    return integrate(stage.layers[0].volume, transfer, view_of(stage, 0), step_voxels=1.0, num_threads=1)
+    volume = stage.layers[0].volume
+    transfer = make_transfer_function(stage.scene.transfer_function, volume.finest_spacing)
+    return integrate(volume, transfer, view_of(stage, 0), step_voxels=1.0, num_threads=1)
 
 
 def difference(scales: Sequence[float], shift: float, picture: Callable[[SplatRasterizer, Stage], Picture]) -> Measure:

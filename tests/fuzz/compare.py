@@ -57,7 +57,7 @@ def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: Rasterize
     _require_splats(splats, field, cells, scene.splat)
     orders = [
         (share, order.astype(np.int64))
-        for share, order in make_primitive(stage).make_lod(frame.tolerance, lambda _: None).orders(view)
+        for share, (order,) in make_primitive(stage).make_lod(frame.tolerance, lambda _: None).orders(view)
     ]
     _require_shares(orders)
     if scene.splat.order == "boxes":

@@ -172,7 +172,8 @@ def _command(case: Case, path: Path) -> tuple[int, str]:
 
 
 def _judge_picture(scene: Scene, case: Case, rasterizer_for: Callable[[Scene], Rasterizer], verdict: Verdict) -> Frame:
-    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volumes=[case.volume if case.in_memory else None])
+    volumes = [case.volume] if case.in_memory and case.volume is not None else None
+    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volumes=volumes)
     if case.volume is not None and not case.in_memory:
         _require_same_volume(stage, case)
     rasterizer, number = rasterizer_for(scene), min(case.frame, scene.camera.path.frames - 1)

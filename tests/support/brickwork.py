@@ -10,7 +10,17 @@ import numpy.typing as npt
 import pytest
 from splatting import look
 
-from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, BrickBatch, BrickCut, Bricks, ScreenSampling, make_bricks
+from renderer.bricks import (
+    BRICK_LEVELS,
+    BRICK_SIZE,
+    BrickBatch,
+    BrickCut,
+    BrickLayer,
+    BrickLayers,
+    Bricks,
+    ScreenSampling,
+    make_bricks,
+)
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.view import View
@@ -122,7 +132,8 @@ def batch_of(
     """A batch by hand: one step for all, or one for each level."""
     volume = cut.volume
     steps = np.broadcast_to(np.asarray(step, np.float64), len(bricks.levels))[cut.levels]
-    return BrickBatch(cut, bricks, steps, shading, screen_sampling, volume.centre, volume.half_diagonal)
+    layers = BrickLayers((BrickLayer(bricks, shading),))
+    return BrickBatch(cut, layers, steps, screen_sampling, volume.centre, volume.half_diagonal)
 
 
 def view_of(

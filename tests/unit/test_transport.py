@@ -76,7 +76,8 @@ def test_a_volume_is_written_once() -> None:
     """The stage and its pyramid share it."""
     stage = stage_of(SPLATS, waves("float64"))
     num_bytes = serialize_stage(stage).nbytes
-    assert stage.layers[0].volume.values.nbytes < num_bytes < stage.layers[0].volume.values.nbytes + stage.layers[0].pyramid.num_bytes + 2**15
+    of_voxels = stage.layers[0].volume.values.nbytes
+    assert of_voxels < num_bytes < of_voxels + stage.layers[0].pyramid.num_bytes + 2**15
 
 
 def test_values_that_no_scene_file_has(plain: Stage) -> None:
