@@ -14,17 +14,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
+from brickwork import alone
 from dense_bricks import means_over_cells
 
-from renderer.bricks import (
-    BrickBatch,
-    BrickLayer,
-    BrickLayers,
-    Bricks,
-    ScreenSampling,
-    cut_bricks,
-    make_brick_batch,
-)
+from renderer.bricks import BrickBatch, BrickLayer, Bricks, ScreenSampling, cut_bricks, make_brick_batch
 from renderer.scene import ShadingSpec
 from renderer.transfer import MAX_NORMALIZED_SCALAR, VISIBILITY_THRESHOLD
 from renderer.view import View, visible_bricks
@@ -81,8 +74,8 @@ def picture_at(
     bricks: Bricks, view: View, tolerance: float, shading: ShadingSpec | None = None, *, every_pixel: bool = True
 ) -> Float64:
     """Composite what is drawn at a tolerance, of voxels about a pixel wide; every pixel, or those that are drawn."""
-    layers = BrickLayers((BrickLayer(bricks, shading),))
-    batch = make_brick_batch(cut_bricks(bricks, tolerance), layers, tolerance=tolerance, voxel_px=1.0)
+    layers, cut = alone(bricks, shading), cut_bricks(bricks, tolerance)
+    batch = make_brick_batch(cut, layers, tolerance=tolerance, voxel_px=1.0)
     if every_pixel:
         batch = replace(batch, screen_sampling=ScreenSampling((1,), 0.0, 0.0))
     return rasterize_bricks_reference(batch, visible_bricks(batch, view), view)

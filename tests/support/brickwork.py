@@ -121,6 +121,11 @@ def cut_of_bricks(bricks: Bricks, levels: UInt8, cells: Int32) -> BrickCut:
     return BrickCut(levels[is_seen], cells[is_seen], boxes[is_seen], step_errors[is_seen], bricks.volume)
 
 
+def alone(bricks: Bricks, shading: ShadingSpec | None = None) -> BrickLayers:
+    """The bricks of a single layer."""
+    return BrickLayers((BrickLayer(bricks, shading),))
+
+
 def batch_of(
     cut: BrickCut,
     bricks: Bricks,
@@ -132,8 +137,7 @@ def batch_of(
     """A batch by hand: one step for all, or one for each level."""
     volume = cut.volume
     steps = np.broadcast_to(np.asarray(step, np.float64), len(bricks.levels))[cut.levels]
-    layers = BrickLayers((BrickLayer(bricks, shading),))
-    return BrickBatch(cut, layers, steps, screen_sampling, volume.centre, volume.half_diagonal)
+    return BrickBatch(cut, alone(bricks, shading), steps, screen_sampling, volume.centre, volume.half_diagonal)
 
 
 def view_of(

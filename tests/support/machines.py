@@ -31,10 +31,10 @@ class Painter(WithoutUploads):
     def __init__(self, paint: Callable[[Any, View], npt.ArrayLike]) -> None:
         self._paint = paint
 
-    def rasterize(self, batch: Any, order: UInt32, view: View) -> Float32:
+    def rasterize(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> Float32:
         """Return the picture."""
         shape = (view.size[1], view.size[0], 4)
-        return np.broadcast_to(np.asarray(self._paint(batch, view), np.float32), shape).copy()
+        return np.broadcast_to(np.asarray(self._paint(batches[0], view), np.float32), shape).copy()
 
 
 class SimulatedMachine(WithoutUploads):

@@ -191,7 +191,7 @@ def test_frames_that_all_upload_something_are_learnt_from(stage: Stage, seconds:
     """A camera among the bricks sees others in each frame."""
 
     class Passing(SimulatedMachine):
-        def upload(self, batch: object, order: object, view: object) -> bool:
+        def upload(self, batches: object, orders: object, view: object) -> bool:
             self.now += seconds / 4
             return True
 
