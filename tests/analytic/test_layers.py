@@ -104,9 +104,12 @@ def test_pictures_are_those_of_exact_rays(name: str) -> None:
     assert psnr(image[..., 3], exact[..., 3]) > 50
 
 
+@pytest.mark.parametrize("blend", ["mix", "add"])
 @pytest.mark.parametrize("tolerance", [0.0, 0.3, 1.0])
-def test_the_tolerance_is_kept_to(tolerance: float) -> None:
-    image, exact = draw_both(scene_of([ENGINE, RINGS], tolerance))
+def test_the_tolerance_is_kept_to(tolerance: float, blend: str) -> None:
+    """With larger tolerances, pixels between others are interpolated."""
+    size = {"file": "film-{frame}.png", "size": [256, 224]}
+    image, exact = draw_both(scene_of([ENGINE, RINGS], tolerance, blend=blend, output=size))
     assert psnr(image, exact) > {0.0: 95, 0.3: 38, 1.0: 28}[tolerance]
 
 

@@ -28,13 +28,12 @@ from renderer.accuracy import (
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import require_writable_dry_run
-from renderer.frame import Stage, view_of
+from renderer.frame import Stage, read_volumes, view_of
 from renderer.job import without_paths
-from renderer.readers import read_volume
 from renderer.scene import Scene, counted, scene_to_dict, schedule_to_dict
 from renderer.study import Measurement, PlannedSetting, Study, Truths, measure_setting, plan_sweep, splat_setting
 from renderer.system import num_cores
-from renderer.volume import Volume
+from renderer.volume import Volume, joint_fingerprint
 
 # Number of frames measured by default.
 _NUM_FRAMES = 3
@@ -82,16 +81,17 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     machine = describe_machine(_devices(request))  # fails before a voxel is read
     if request.peer:
         machine["peer"] = {"name": request.peer, **vtk_peer.describe_vtk()}
-    volume, notes = read_volume(scene.volume), list[str]()
+    volumes, notes = read_volumes(scene), list[str]()
     if request.peer:
-        scene, volume, notes = vtk_peer.comparable(scene, volume)
+        scene, volumes[0], notes = vtk_peer.comparable(scene, volumes[0])
         request = replace(request, scene=scene)
+    volume = volumes[0]
     path = scene.camera.path
     frames = request.frames or spread_evenly(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
     sweep = request.sweep
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
-    with _openers(request, volume) as opened:
+    with _openers(request, volumes) as opened:
         plan = plan_sweep(scene, opened.stage, sweep.errors, sweep.splats, sweep.tolerances)
         with opened.stage(scene) as stage, FilmEvents(reporter, scene.splat.primitive_name) as events:
             views = [view_of(stage, frame) for frame in frames]
@@ -122,7 +122,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
             "scene": scene_to_dict(scene),
             "volume": {
                 "name": volume.name,
-                "fingerprint": volume.fingerprint,
+                "fingerprint": joint_fingerprint(volumes),
                 "dtype": str(volume.values.dtype),
                 "shape": volume.shape_xyz,
             },
@@ -162,10 +162,10 @@ def _devices(request: StudyRequest) -> str:
 
 
 @contextmanager
-def _openers(request: StudyRequest, volume: Volume) -> Iterator[_Openers]:
+def _openers(request: StudyRequest, volumes: Sequence[Volume]) -> Iterator[_Openers]:
     """Yield what opens stages and rasterizers; a quick study has one of each, as only the tolerance changes."""
     scene = request.scene
-    opened = _Openers(partial(open_at_any_tolerance, volumes=[volume]), open_rasterizer)
+    opened = _Openers(partial(open_at_any_tolerance, volumes=volumes), open_rasterizer)
     if request.is_quick:
         with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:
             yield _Openers(lambda of: nullcontext(replace(stage, scene=of)), lambda _: nullcontext(rasterizer))

@@ -109,6 +109,8 @@ def _what_vtk_lacks(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "shading.gradient_opacity", "it multiplies opacities by factors, hsplat extinctions"
     if shading is not None and shading.has_light_grid:
         yield "shading", "it has neither this occlusion nor these shadows"
+    if scene.volumes:
+        yield "volumes", "it would draw the first alone"
     if scene.clip:
         yield "clip", "it would draw all of the volume"
     if mode.type not in _BLENDS:

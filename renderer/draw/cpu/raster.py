@@ -31,6 +31,8 @@ from renderer.volume import Bools, Float32, Float64, Int64, UInt32
 
 # Each task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
+# Of rays through what absorbs nothing; infinite is what is found where no ray is.
+_NO_END = float(np.finfo(np.float32).max)
 
 
 class BrickRasterizer(Rasterizer):
@@ -145,7 +147,7 @@ def _part_alone(cache: BrickCache, brick_view: BrickView) -> _Part:
             )  # fmt: skip
         bricks = _layer_bricks(cache, brick_view, offsets[0], brick_view.rays, batch.model_unit)
         is_additive = batch.bricks.is_additive
-        alpha = np.inf if is_additive else batch.screen_sampling.termination_alpha
+        alpha = _NO_END if is_additive else batch.screen_sampling.termination_alpha
         return kernels().draw_tiles.partial(grid=grid, bricks=bricks, termination_alpha=alpha, is_additive=is_additive)
 
     members = np.column_stack([np.zeros_like(numbers), numbers])
