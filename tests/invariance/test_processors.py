@@ -16,7 +16,7 @@ import pytest
 from brick_reference import rasterize_bricks_reference
 from brickwork import AFFINES, GLOSSY, batch_of, bricks_of, cut_of_bricks, hills, ordered, placed, transfer_of, view_of
 
-from renderer.bricks import ScreenSampling
+from renderer.bricks import BrickBatch, ScreenSampling
 from renderer.draw import BrickRasterizer
 from renderer.kernels.build import BUILT, LEVELS
 from renderer.kernels.library import LEVEL_VARIABLE, processor_level
@@ -38,13 +38,14 @@ PRECISION = 6e-5
 
 
 def digest() -> str:
-    """Return a digest of pyramids, and of pictures with few and many segments, lit or not, of scalars and of means, and
-    with voxels that have no data."""
+    """Return a digest of pyramids, and of pictures with few and many segments, lit or not, of scalars and of means, with
+    voxels that have no data, and of two volumes that are mixed."""
     total = hashlib.blake2b(digest_size=16)
     values = hills((12, 16, 150), 9.0)
     volume = placed(values, AFFINES["oblique"])
     gaps = np.where(np.random.default_rng(1).random(values.shape) < 0.1, np.float32(np.nan), values)
     patchy = make_volume(gaps, volume.world_from_index, "test", num_absent=int(np.isnan(gaps).sum()))
+    before: BrickBatch | None = None
     with BrickRasterizer(num_threads=1) as rasterizer:
         for points, shading, of in (
             (FOG, SHADING, volume),
@@ -62,9 +63,12 @@ def digest() -> str:
             for camera, sampling in (("perspective", EVERY_FOURTH_PIXEL), ("orthographic", None), ("inside", None)):
                 options = {} if sampling is None else {"screen_sampling": sampling}
                 batch, view = batch_of(cut, bricks, shading=shading, **options), view_of(of, camera)
-                picture = rasterizer.rasterize([batch], [ordered(cut, view)], view)
+                order = ordered(cut, view)
+                picture = rasterizer.rasterize([batch], [order], view)
                 assert picture[..., 3].max() > 0.5
                 total.update(picture.tobytes())
+                before = before or batch
+                total.update(rasterizer.rasterize([before, batch], [order, order], view).tobytes())
                 if camera == "orthographic" and of is volume and shading is not GLOSSY:
                     expected = rasterize_bricks_reference(batch, ordered(cut, view), view)
                     assert np.abs(picture - expected).max() < PRECISION
