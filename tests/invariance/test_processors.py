@@ -38,8 +38,8 @@ PRECISION = 6e-5
 
 
 def digest() -> str:
-    """Return a digest of pyramids, and of pictures with few and many segments, lit or not, of scalars and of means, with
-    voxels that have no data, and of two volumes that are mixed."""
+    """Return a digest of pyramids, and of pictures with few and many segments, lit or not, of scalars and of means,
+    with voxels that have no data, and of two volumes that are mixed."""
     total = hashlib.blake2b(digest_size=16)
     values = hills((12, 16, 150), 9.0)
     volume = placed(values, AFFINES["oblique"])
