@@ -101,6 +101,7 @@ SCENES = {
         transfer_function=TransferSpec(POINTS),
         camera=CameraSpec(TurntablePath(9)),
         mode=ModeSpec("maximum", color_by="depth"),
+        blend="add",
         output=OutputSpec(Path("a.mp4")),
     ),
     "time budget": Scene(
