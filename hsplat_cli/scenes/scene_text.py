@@ -50,6 +50,9 @@ _LABELS_COMMENT = """\
 # memory for all that are drawn, and this volume is so large that it stays in its file."""
 
 
+_OPACITY_COMMENT = (
+    "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all."
+)
 _CHANNELS_COMMENT = (
     "# Each channel of the file, in its colour: from the first value of its range, which is dark, to the second."
 )
@@ -85,7 +88,7 @@ def suggest_scene(
         volume,
         # Notes on how the volume was read are printed once.
         lambda spec: read_with_options(
-            spec, reporter if spec.component in ("all", volume.component) else replace(reporter, is_quiet=True)
+            spec, reporter if spec.component in ("all", 0, volume.component) else replace(reporter, is_quiet=True)
         ),
         wish=Wish(film.colormap, film.preset),
     )
@@ -164,7 +167,7 @@ def _single_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
     yield "volume:"
     yield from (f"  {line}" for line in _volume_lines(found.volume, folder, has_absent=found.has_absent))
     yield ""
-    yield "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all."
+    yield _OPACITY_COMMENT
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
     yield from _drawing_lines(suggestion)
 

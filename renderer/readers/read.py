@@ -38,7 +38,7 @@ Ranges = Sequence[tuple[int, int]]
 def read_volume(spec: VolumeSpec) -> Volume:
     """Return the volume that `spec` describes, cropped, checked and read-only.
 
-    A crop moves the affine along, so that voxels keep their place in the world. Of `component: all` it is the first one,
+    A crop moves the affine along, so that voxels keep their place in the world. Of `component: all` it is the first,
     without a note on the others where each is light of its own. Raises InputError for every problem
     with a file or with the part of it that is requested, lack of memory included. A large file that becomes shorter,
     now or later, is such an error, too, and no signal that kills.

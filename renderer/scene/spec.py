@@ -137,8 +137,8 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     problems: list[Problem] = []
     node = schema.TreeNode(tree, "", problems, base)
     has_volumes = isinstance(tree, Mapping) and "volumes" in tree
-    of_channels = isinstance(tree, Mapping) and isinstance(tree.get("volume"), Mapping)
-    of_channels = of_channels and not has_volumes and tree["volume"].get("component") == "all"
+    only = tree.get("volume") if isinstance(tree, Mapping) and not has_volumes else None
+    of_channels = isinstance(only, Mapping) and only.get("component") == "all"
     left_out = _OF_ONE_VOLUME if has_volumes else ("transfer_function",) if of_channels else ()
     required = [key for key in schema.required_keys(Scene) if key not in left_out]
     given = schema.read_fields(node, _SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)

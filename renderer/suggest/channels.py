@@ -19,8 +19,8 @@ _COLORS: tuple[Color, ...] = (
 )  # fmt: skip
 # Of the values above the background, this percentile has the full colour.
 _BRIGHT_PERCENTILE = 99.0
-# Where no background stands apart, as where cells fill the picture, values below this percentile are dark.
-_DARK_PERCENTILE = 25.0
+# Where no background stands apart, as in tissue that fills the picture, the light of lower values would burn it out.
+_DARK_PERCENTILE = 80.0
 
 
 def with_channels(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
@@ -34,7 +34,7 @@ def with_channels(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
     layers = []
     for layer in given:
         is_whole = layer.volume.component == "all"
-        layers += channel_layers(layer, read(layer.volume), read) if is_whole else [layer]
+        layers += channel_layers(layer, read(replace(layer.volume, component=0)), read) if is_whole else [layer]
     named = tuple(_with_own_names(layers))
     first = named[0]
     return replace(scene, volume=first.volume, transfer_function=first.transfer_function, volumes=named)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
+from typing import Literal
 
 import numpy as np
 
@@ -68,11 +69,12 @@ class VolumeSuggestion:
 def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH) -> VolumeSuggestion:
     """Read a volume and suggest how to show it.
 
-    read: reads the voxels, and of `component: all` those of the first. Raises InputError for a volume that cannot be
-    read or drawn, and as `suggest`.
+    read: reads the voxels; of several channels first those of one, which tells of all. Raises InputError for a volume
+    that cannot be read or drawn, and as `suggest`.
     """
     may_have_channels = wish == NO_WISH and volume.component in (None, "all")
-    found = read(replace(volume, component="all") if may_have_channels else volume)
+    asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
+    found = read(replace(volume, component=asked) if may_have_channels else volume)
     raise_problems(volume_problems(volume_extent(found), found.name))
     if may_have_channels and (volume.component == "all" or any(channel.is_light for channel in found.channels)):
         return _channels_suggestion(volume, found, read)
