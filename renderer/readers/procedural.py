@@ -81,13 +81,18 @@ def _cells(source: ProceduralSource, *, inner: float, outer: float) -> Array:
     """Return cells, filled between two shares of their radii, as two channels of a microscope show them."""
     x, y, z = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in source.shape)
     values = np.empty(source.shape[::-1], np.uint8)
-    for plane, z_plane in zip(values, z, strict=True):
-        filled = np.zeros(plane.shape)
-        for cx, cy, cz, rx, ry, rz in _CELLS:
-            radius = np.sqrt(((x - cx) / rx) ** 2 + (((y - cy) / ry) ** 2)[:, np.newaxis] + ((z_plane - cz) / rz) ** 2)
-            inside = np.minimum(radius - inner, outer - radius) if inner > 0 else outer - radius
-            np.maximum(filled, np.clip(0.5 + inside / _CELL_BLUR, 0.0, 1.0), out=filled)
-        plane[:] = np.floor(20 + 200 * filled + 0.5)
+    for rows in _row_blocks(source):
+        for plane, z_plane in zip(values[:, rows], z, strict=True):
+            filled = np.zeros(plane.shape)
+            for cx, cy, cz, rx, ry, rz in _CELLS:
+                radius = ((x - cx) / rx) ** 2 + (((y[rows] - cy) / ry) ** 2)[:, np.newaxis]
+                radius += ((z_plane - cz) / rz) ** 2
+                np.sqrt(radius, out=radius)
+                inside = np.minimum(radius - inner, outer - radius) if inner > 0 else outer - radius
+                inside /= _CELL_BLUR
+                inside += 0.5
+                np.maximum(filled, np.minimum(inside, 1.0), out=filled)
+            plane[:] = np.floor(20 + 200 * filled + 0.5)
     return values
 
 

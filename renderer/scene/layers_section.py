@@ -24,7 +24,7 @@ from renderer.scene.volume_section import VOLUME_TABLE, VolumeSpec, build_volume
 
 MAX_WEIGHT = 1e6
 _CONTRADICTS = {
-    "volume": "put it into the list",
+    "volume": "put it into the list, or name a file by --set volumes.0.file=FILE",
     "transfer_function": "each volume in the list has its own",
 }
 # Of a matrix whose largest entry is 1.

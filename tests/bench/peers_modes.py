@@ -112,8 +112,9 @@ def rows(scene: Scene) -> Iterator[str]:
     if scene.mode.type == "minimum":
         scene, volume = replace(scene, output=replace(scene.output, background=(1.0, 1.0, 1.0))), negative(volume)
     scene, volume, _ = comparable(scene, volume)
-    options = {"clock": time.perf_counter, "num_threads": THREADS, "volumes": [volume], "any_tolerance": True}
-    with prepare_stage(scene, **options) as stage:
+    with prepare_stage(
+        scene, clock=time.perf_counter, num_threads=THREADS, volumes=[volume], any_tolerance=True
+    ) as stage:
         both = Compared(stage, compute_truth(stage, FRAME, 1e-4, num_threads=THREADS))
         peers = {f"{each.series}, {each.label}".removeprefix("vtk "): each for each in vtk_settings(scene.mode)}
         own = [point(f"{tolerance:g}", both.own(tolerance, 2)) for tolerance in TOLERANCES]

@@ -44,19 +44,14 @@ def test_round_tolerances_begin_with_a_single_cell_and_fall(pyramid: Pyramid) ->
 
 def test_an_even_volume_is_one_cell_or_all_voxels() -> None:
     pyramid = _pyramid(np.full((8, 8, 8), 100, np.uint8))
-    assert (
-        list(round_tolerances(root_error(pyramid)))
-        == list(distinct_tolerances(root_error(pyramid), _counter(pyramid)))
-        == [1.0]
-    )
-    assert spread_tolerances(root_error(pyramid), _counter(pyramid), 10) == (1.0, 0.0)
+    error, counter = root_error(pyramid), _counter(pyramid)
+    assert list(round_tolerances(error)) == list(distinct_tolerances(error, counter)) == [1.0]
+    assert spread_tolerances(error, counter, 10) == (1.0, 0.0)
 
 
 def test_distinct_tolerances_end_where_the_cut_is_nearly_the_finest(pyramid: Pyramid) -> None:
-    counts = [
-        len(cut_pyramid(pyramid, tolerance))
-        for tolerance in distinct_tolerances(root_error(pyramid), _counter(pyramid))
-    ]
+    tolerances = distinct_tolerances(root_error(pyramid), _counter(pyramid))
+    counts = [len(cut_pyramid(pyramid, tolerance)) for tolerance in tolerances]
     assert all(b > 1.03 * a for a, b in pairwise(counts))
     assert counts[0] == 1 and counts[-1] > 0.97 * len(cut_pyramid(pyramid, 1e-300))
 
