@@ -48,7 +48,7 @@ def check(request: SceneRequest, output: str | None) -> None:
     those libraries find remains: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg, a
     full disk.
     """
-    job = load_job(replace(request, output=output))
+    job = load_job(replace(request, output=output), reads=False)
     for file in (frame_path(job.scene.output.file, job.frames[0]), sidecar_path(job.scene, job.frames)):
         require_writable_dry_run(file)
     with translate_os_errors(job.scene.output.file):

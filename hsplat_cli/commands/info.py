@@ -16,7 +16,7 @@ from hsplat_cli.scenes import expand_volumes, read_with_options, transfer_lines,
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError
 from renderer.scene import counted, parse_yaml
-from renderer.system import join_lines
+from renderer.system import join_lines, printable
 
 if TYPE_CHECKING:
     from renderer.suggest import Statistics, Suggestion
@@ -40,6 +40,8 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """
     from renderer.suggest import compute_statistics, suggest
 
+    if reading["component"] == "all":
+        raise InputError("this describes one component", where="--component all", hint="leave it out: all are listed")
     reporter = Reporter()
     inside = expand_volumes([str(volume)])[0] if volume.is_dir() else []
     if len(inside) > 1:
@@ -78,6 +80,7 @@ def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> di
     return {
         "name": volume.name,
         "note": volume.note,
+        "channels": [asdict(channel) for channel in volume.channels],
         "shape": list(volume.shape_xyz),
         "dtype": volume.values.dtype.name,
         "bytes": volume.values.nbytes,
@@ -165,11 +168,19 @@ def _fact_lines(facts: dict[str, Any], marks: str) -> list[str]:
         f"  values       {_number(facts['minimum'])} to {_number(facts['maximum'])}, mean {_number(facts['mean'])}",
         "  percentiles  " + "   ".join(f"{p}%: {_number(value)}" for p, value in facts["percentiles"].items()),
         f"  fingerprint  {facts['fingerprint']}",
+        *(f"{'' if k else '  channels':<14} {_channel(k, each)}" for k, each in enumerate(facts["channels"])),
         "",
         "  voxels by value, logarithmic",
         *_histogram(facts, marks),
     ]
     return lines
+
+
+def _channel(number: int, channel: dict[str, Any]) -> str:
+    """Return the number of a component, and what the file says of it: name, colour and window."""
+    color = channel["color"] and "#" + "".join(f"{round(255 * part):02x}" for part in channel["color"])
+    window = channel["window"] and _numbers(channel["window"], " to ")
+    return " ".join(filter(None, (f"{number}:", printable(channel["name"]), color, window)))
 
 
 def _suggestion_lines(suggestion: Suggestion) -> Iterator[str]:

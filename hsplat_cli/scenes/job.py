@@ -48,11 +48,14 @@ class SceneRequest:
     output: Path | str | None = None
 
 
-def load_job(request: SceneRequest, draws: Literal["film", "passes", "nothing"] = "film") -> FilmJob:
+def load_job(
+    request: SceneRequest, draws: Literal["film", "passes", "nothing"] = "film", *, reads: bool = True
+) -> FilmJob:
     """Load the job of a scene file or a sidecar, with the changes of the command line's options.
 
     The job of a sidecar makes its film again, or another one elsewhere. draws: what appears under the name of the
-    output: the film at once, or coarser passes first. Raises InputError, and SceneError as `load_scene`.
+    output: the film at once, or coarser passes first. reads: the channels of files are found, for which their voxels
+    are read; else they stay `component: all`. Raises InputError, and SceneError as `load_scene`.
     """
     content = read_content(request.path)
     if may_be_json(content):
@@ -69,11 +72,23 @@ def load_job(request: SceneRequest, draws: Literal["film", "passes", "nothing"] 
         output=request.output,
         is_single_frame=is_one_frame(request.frames),
     )
+    if reads:
+        scene = _with_channels(scene)
     picked = parse_frames(request.frames, scene.camera.path.frames)
     job = FilmJob(scene, picked, accuracy_of(scene.error), path=request.path)
     if draws != "nothing":
         job.require_no_input()
     return job
+
+
+def _with_channels(scene: Scene) -> Scene:
+    """Return a scene with the channels of its volumes in place of `component: all`, for which their files are read."""
+    if all(layer.volume.component != "all" for layer in scene.layers):
+        return scene
+    from renderer.readers import read_volume
+    from renderer.suggest import with_channels
+
+    return with_channels(scene, read_volume)
 
 
 def load_film(film: Path, volume: Path | None) -> FilmJob:
@@ -101,7 +116,7 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Literal["fi
     path, frames, original = request.path, request.frames, OriginalFilm(request.path, record)
     editor = _editor(record, path)
     editor.apply(request.overrides, request.volume, request.output)
-    scene = editor.parse(is_single_frame=is_one_frame(frames) or len(record.frames) <= 1)
+    scene = _with_channels(editor.parse(is_single_frame=is_one_frame(frames) or len(record.frames) <= 1))
     problems = late_frame_problems(record, scene.camera.path.frames)
     raise_problems(replace(problem, location=str(path)) for problem in problems)
     recorded = None if frames is not None and _has_whole_schedule(record, editor) else record.numbers

@@ -50,6 +50,13 @@ _LABELS_COMMENT = """\
 # memory for all that are drawn, and this volume is so large that it stays in its file."""
 
 
+_OPACITY_COMMENT = (
+    "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all."
+)
+_CHANNELS_COMMENT = (
+    "# Each channel of the file, in its colour: from the first value of its range, which is dark, to the second."
+)
+
 # The kind of a volume whose film shows nothing but its box.
 _CONSTANT = "constant volume"
 
@@ -80,7 +87,9 @@ def suggest_scene(
     found = suggest_for(
         volume,
         # Notes on how the volume was read are printed once.
-        lambda spec: read_with_options(spec, reporter if spec is volume else replace(reporter, is_quiet=True)),
+        lambda spec: read_with_options(
+            spec, reporter if spec.component in ("all", 0, volume.component) else replace(reporter, is_quiet=True)
+        ),
         wish=Wish(film.colormap, film.preset),
     )
     text = scene_text(found, film, folder=scene.parent, output=output)
@@ -124,11 +133,7 @@ def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, outp
         "# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.",
         "version: 1",
         "",
-        *_volume_lines(found, folder),
-        "",
-        "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all.",
-        *transfer_lines(suggestion.transfer, suggestion.notes),
-        *_drawing_lines(suggestion),
+        *(_channel_lines(found, folder) if found.layers else _single_lines(found, folder)),
         "",
         "camera:",
         "  target: visible             # the middle of what can be seen; from as near as shows all of it",
@@ -157,28 +162,47 @@ def volume_file(volume: VolumeSpec) -> Path:
     return file
 
 
-def _volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
-    volume = found.volume
+def _single_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
+    suggestion = found.suggestion
+    yield "volume:"
+    yield from (f"  {line}" for line in _volume_lines(found.volume, folder, has_absent=found.has_absent))
+    yield ""
+    yield _OPACITY_COMMENT
+    yield from transfer_lines(suggestion.transfer, suggestion.notes)
+    yield from _drawing_lines(suggestion)
+
+
+def _channel_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
+    yield from (_CHANNELS_COMMENT, "volumes:")
+    for layer in found.layers:
+        assert layer.color is not None and layer.range is not None
+        lines = [*_volume_lines(layer.volume, folder, has_absent=found.has_absent)]
+        lines += [f"name: {yaml_string(layer.name)}"] * bool(layer.name)
+        lines += [f'color: "{_hex_color(layer.color)}"', f"range: {_list(layer.range)}"]
+        yield from (f"  {' ' if number else '-'} {line}" for number, line in enumerate(lines))
+    yield _with_comment("blend: add", "light adds up, as of fluorescence; mix: colours hide each other")
+
+
+def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iterator[str]:
     file = volume_file(volume)
     place = file if file.is_absolute() else Path(os.path.relpath(file, os.path.realpath(folder)))
-    yield "volume:"
     source = volume.source
     if isinstance(source, RawSource):
-        yield f"  raw: {{file: {yaml_string(place)}, shape: {list(source.shape)}, dtype: {yaml_string(source.dtype)},"
-        yield f"        byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"
+        yield f"raw: {{file: {yaml_string(place)}, shape: {list(source.shape)}, dtype: {yaml_string(source.dtype)},"
+        yield f"      byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"
     else:
-        yield _with_comment(f"  file: {yaml_string(place)}", "relative to this file")
+        yield _with_comment(f"file: {yaml_string(place)}", "relative to this file")
         if isinstance(source, FileSource) and source.spacing is not None:
-            yield _with_comment(f"  spacing: {_list(source.spacing)}", "lengths of a voxel, in place of the file's")
+            yield _with_comment(f"spacing: {_list(source.spacing)}", "lengths of a voxel, in place of the file's")
     for key in ("time", "component"):
         if (index := getattr(volume, key)) is not None:
-            yield f"  {key}: {index}"
+            yield f"{key}: {index}"
     if volume.dataset is not None:
-        yield f"  dataset: {yaml_string(volume.dataset)}"
-    if found.has_absent or volume.nodata != "auto":
+        yield f"dataset: {yaml_string(volume.dataset)}"
+    if has_absent or volume.nodata != "auto":
         nodata = volume.nodata if isinstance(volume.nodata, str) else _list(volume.nodata)
         yield _with_comment(
-            f"  nodata: {nodata}", "values that are left out, as NaN is: auto (fill values), none, or numbers"
+            f"nodata: {nodata}", "values that are left out, as NaN is: auto (fill values), none, or numbers"
         )
 
 

@@ -12,6 +12,7 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
 - `isolation.py`: a child process with limits for `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM), `vtk_image.py`,
   `hdf5.py` (h5py) and `pictures.py` (Pillow);
   `tiff_description.py`: axes by ImageJ, OME, tifffile and Zeiss; `tiff_spacing.py`: lengths by them or the resolution;
+  `tiff_channels.py`: colours, names and windows of channels;
   `slice_names.py`: the order of slices in separate files.
 - `dicom_folder.py`: the files of one series, and strays; `dicom_frames.py`: the frames of one file, by its fields,
   `dicom_fields.py`; `dicom_mosaic.py`: slices side by side in one image; `dicom_dimensions.py`: times and components

@@ -25,6 +25,7 @@ from renderer.readers.common import (
     chosen_part,
     describe_shape,
     fitting_shapes,
+    plain_channels,
     require_exists,
     select_index,
     unreadable_error,
@@ -114,7 +115,8 @@ def _chosen(values: Array, time: int | None, component: int | None) -> Image:
         values = values[np.newaxis]
     axes = axes_of_array(values.shape, time, component)
     chosen = values[chosen_part(axes, values.shape, time, component)]
-    return Image(chosen, np.eye(4), choice_notes(axes, values.shape, time, component))
+    notes = choice_notes(axes, values.shape, time, component)
+    return Image(chosen, np.eye(4), notes, channels=plain_channels(axes, values.shape))
 
 
 def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from renderer.errors import InputError
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, join_some, missing_file_error, short_text
 from renderer.system import free_bytes, free_swap_bytes
-from renderer.volume import Array, Float64, MappedFile, iter_slabs
+from renderer.volume import Array, Channel, Float64, MappedFile, iter_slabs
 
 # Larger volumes are refused, whatever their header says: a corrupt header must not exhaust the machine's memory.
 MAX_VOLUME_BYTES = 2**40
@@ -38,6 +38,11 @@ _NUM_STEPS = 2**16
 GUESSED_LENGTHS = "the file does not give its voxel size"
 NO_SPACING = f"{GUESSED_LENGTHS}; 1 x 1 x 1 is assumed"
 
+# More components are taken for spectra and the like.
+MAX_LIGHTS = 8
+
+_PRIMARIES = {"R": (1.0, 0.0, 0.0), "G": (0.0, 1.0, 0.0), "B": (0.0, 0.0, 1.0)}
+
 
 @dataclass(frozen=True)
 class Image:
@@ -48,12 +53,14 @@ class Image:
     world_from_index: float64 [4, 4], (x, y, z) voxel index to world.
     notes: remarks on how they were read; None stands for none.
     nodata: ranges of values, both ends included, that stand for no data by what the file says.
+    channels: of each component, where there are several.
     """
 
     values: Array
     world_from_index: Float64
     notes: tuple[str | None, ...] = ()
     nodata: tuple[tuple[float, float], ...] = ()
+    channels: tuple[Channel, ...] = ()
 
 
 def describe_count(n: int) -> str:
@@ -282,6 +289,27 @@ def choice_notes(
         for letter, key, wanted in (("t", "time", time), ("c", "component", component))
         if wanted is None and lengths.get(letter, 1) > 1
     )
+
+
+def plain_channels(axes: str, shape: tuple[int, ...], names: Sequence[str] = ()) -> tuple[Channel, ...]:
+    """Return what is known of components that are only named, as in `choice_notes`; RGB and the like are no light."""
+    count = dict(zip(axes, shape, strict=True)).get("c", 1)
+    if count < 2:
+        return ()
+    if len(names) != count:
+        return (Channel(),) * count
+    return tuple(Channel(name, _PRIMARIES.get(name), is_light=False) for name in names)
+
+
+def are_light(image: Image) -> bool:
+    """Return whether each component is light of its own: by what the file says, else as integers that are no picture.
+
+    Floats are vectors, and three or four bytes are colours, where the file does not say.
+    """
+    if not 2 <= len(image.channels) <= MAX_LIGHTS:
+        return False
+    may_be_light = image.values.dtype.kind != "f" and (image.values.itemsize > 1 or len(image.channels) not in (3, 4))
+    return all(may_be_light if each.is_light is None else each.is_light for each in image.channels)
 
 
 def fitting_shapes(shape_xyz: tuple[int, ...], itemsize: int, num_bytes: int) -> list[tuple[int, ...]]:

@@ -15,7 +15,7 @@ from typing import IO
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, choice_notes
+from renderer.readers.common import Image, affine, choice_notes, plain_channels
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field
 
@@ -53,7 +53,8 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
     values, left_over = read_stored(layout, "sssc", time, component)
     notes = (left_over, *choice_notes("sssc", layout.shape, time, component))
     world_from_index = affine(np.ones(3), origin, np.transpose([step[1:] for step in steps]))
-    return Image(values.transpose(2, 1, 0), world_from_index, notes)
+    channels = plain_channels("sssc", layout.shape)
+    return Image(values.transpose(2, 1, 0), world_from_index, notes, channels=channels)
 
 
 def _lines(file: IO[bytes], path: Path) -> Iterator[Field]:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, choice_notes, select_index
+from renderer.readers.common import Image, affine, choice_notes, plain_channels, select_index
 from renderer.readers.dicom_dimensions import UNEVEN, sort_frames
 from renderer.readers.dicom_fields import open_dicom, text_of
 from renderer.readers.dicom_folder import FEW, describe_left_out, find_series, one_of_a_series
@@ -57,7 +57,8 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     told = describe_left_out(left_out)
     notes = (f"left out of this series: {told}" if told else None, note, *first.notes)
     notes += choice_notes("tc", shape, time, component, colours, by_axis)
-    return Image(values, affine(np.ones(3), first.position, axes), notes, nodata)
+    channels = plain_channels("tc", shape, colours)
+    return Image(values, affine(np.ones(3), first.position, axes), notes, nodata, channels)
 
 
 def _read_values(frames: list[Frame], channel: int, host: Host) -> tuple[Array, tuple[tuple[float, float], ...]]:

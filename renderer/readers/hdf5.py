@@ -18,7 +18,16 @@ import numpy as np
 
 from renderer.errors import InputError, require_package
 from renderer.readers.arrays import axes_of_array
-from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, chosen_part, describe_shape, even_steps
+from renderer.readers.common import (
+    NO_SPACING,
+    Image,
+    affine,
+    choice_notes,
+    chosen_part,
+    describe_shape,
+    even_steps,
+    plain_channels,
+)
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.scene import did_you_mean, join_some, short_text
 from renderer.volume import Array, Float64
@@ -80,7 +89,8 @@ def read_hdf5(
         world_from_index, notes = _place(chosen, own, axes, has_spacing_override)
         found = f"the only volume in this file, {short_text(chosen.name)}, is read" if dataset is None else None
         chosen_notes = choice_notes(axes, chosen.shape, time, component)
-    return Image(values, world_from_index, (found, *notes, *chosen_notes), nodata)
+        channels = plain_channels(axes, chosen.shape)
+    return Image(values, world_from_index, (found, *notes, *chosen_notes), nodata, channels)
 
 
 def _packing(dataset: _Dataset) -> tuple[np.dtype[Any], tuple[float, float, float]]:

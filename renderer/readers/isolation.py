@@ -17,6 +17,7 @@ import resource
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import astuple
 from pathlib import Path
 from typing import IO, Any
 
@@ -25,8 +26,9 @@ import numpy.typing as npt
 
 from renderer.errors import InputError, RenderError
 from renderer.readers.common import Image, check_dtype, check_memory, check_size, errors_about
+from renderer.scene import short_text
 from renderer.system import ChildProcesses, describe_exit, open_anonymous_file
-from renderer.volume import Array
+from renderer.volume import Array, Channel
 
 # The limits of a child: memory, to which voxels and files add, as libraries hold what they have read, what they have
 # decoded, and copies of both; and processor time, to which voxels, the number of files and what they take on the disk
@@ -109,7 +111,21 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
     values = np.frombuffer(mmap.mmap(voxels.fileno(), num_bytes), dtype).reshape(shape)
     world_from_index = np.array(answer["world_from_index"], np.float64).reshape(4, 4)
     nodata = tuple((float(low), float(high)) for low, high in answer["nodata"])
-    return Image(values, world_from_index, tuple(answer["notes"]), nodata)
+    channels = tuple(_channel(*each) for each in answer["channels"])
+    return Image(values, world_from_index, tuple(answer["notes"]), nodata, channels)
+
+
+def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
+    """Return a channel of an answer; a colour and a window that are none are left out."""
+    shade, ends = (tuple(float(each) for each in numbers or ()) for numbers in (color, window))
+    is_color = len(shade) == 3 and all(0 <= part <= 1 for part in shade)
+    is_window = len(ends) == 2 and -math.inf < ends[0] < ends[1] < math.inf
+    return Channel(
+        short_text(str(name)),
+        (shade[0], shade[1], shade[2]) if is_color else None,
+        (ends[0], ends[1]) if is_window else None,
+        None if is_light is None else bool(is_light),
+    )
 
 
 class Host:
@@ -203,7 +219,10 @@ def _main() -> None:
             return
         assert image.values is child.values, "readers return what they have allocated"
         answer = {"shape": image.values.shape, "dtype": image.values.dtype.str, "notes": image.notes}
-        child.send(answer | {"world_from_index": image.world_from_index.tolist(), "nodata": image.nodata})
+        channels = [astuple(channel) for channel in image.channels]
+        child.send(
+            answer | {"world_from_index": image.world_from_index.tolist(), "nodata": image.nodata, "channels": channels}
+        )
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from renderer.readers.common import (
     errors_about,
     has_volume,
     in_lps,
+    plain_channels,
     require_exists,
     select_index,
     unreadable_error,
@@ -102,7 +103,8 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     counts = (shape[4] if fields is None else len(fields), shape[3])
     notes += [_ANALYZE] * _is_analyze(header) + [left_over]
     notes += choice_notes("ct", counts, time, component, names)
-    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), tuple(notes))
+    channels = plain_channels("ct", counts, names)
+    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), tuple(notes), channels=channels)
 
 
 def find_pair(path: Path) -> tuple[Path, Path | None]:

@@ -15,7 +15,16 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, describe_count, describe_shape, in_lps
+from renderer.readers.common import (
+    NO_SPACING,
+    Image,
+    affine,
+    choice_notes,
+    describe_count,
+    describe_shape,
+    in_lps,
+    plain_channels,
+)
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
@@ -86,7 +95,8 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     colours = "".join(re.findall(r"([a-z]+)-color", " ".join(kinds))).upper()  # RGB of rgb-color
     chosen = choice_notes(axes[::-1], layout.shape, time, component, colours)
     notes = (None if has_spacing else NO_SPACING, left_over, *chosen)
-    return Image(values, world_from_index, notes)
+    channels = plain_channels(axes[::-1], layout.shape, colours)
+    return Image(values, world_from_index, notes, channels=channels)
 
 
 def read_header(path: Path) -> tuple[dict[str, Field], Layout]:

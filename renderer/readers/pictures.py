@@ -13,7 +13,15 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, choice_notes, errors_about, require_exists, select_index
+from renderer.readers.common import (
+    NO_SPACING,
+    Image,
+    choice_notes,
+    errors_about,
+    plain_channels,
+    require_exists,
+    select_index,
+)
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import slices_of_pictures
@@ -50,7 +58,8 @@ def read_pictures(
             values[index] = np.atleast_3d(np.asarray(picture))[..., channel]
     assert values is not None, "called without files"
     names = bands if len(bands) > 1 else ()
-    return Image(values, np.eye(4), (NO_SPACING, *choice_notes("c", (len(bands),), None, component, names)))
+    notes = choice_notes("c", (len(bands),), None, component, names)
+    return Image(values, np.eye(4), (NO_SPACING, *notes), channels=plain_channels("c", (len(bands),), names))
 
 
 @contextmanager

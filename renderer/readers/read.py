@@ -13,6 +13,7 @@ from renderer.errors import InputError
 from renderer.readers.common import (
     GUESSED_LENGTHS,
     Image,
+    are_light,
     check_axes,
     check_dtype,
     check_integer_resolution,
@@ -37,7 +38,8 @@ Ranges = Sequence[tuple[int, int]]
 def read_volume(spec: VolumeSpec) -> Volume:
     """Return the volume that `spec` describes, cropped, checked and read-only.
 
-    A crop moves the affine along, so that voxels keep their place in the world. Raises InputError for every problem
+    A crop moves the affine along, so that voxels keep their place in the world. Of `component: all` it is the first,
+    without a note on the others where each is light of its own. Raises InputError for every problem
     with a file or with the part of it that is requested, lack of memory included. A large file that becomes shorter,
     now or later, is such an error, too, and no signal that kills.
     """
@@ -66,6 +68,9 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
     ranges = tuple(pair or (0, length) for pair, length in zip(crop, lengths, strict=True))
     image = crop_image(image, ranges)
     notes = [each for each in image.notes if each and (spacing is None or not each.startswith(GUESSED_LENGTHS))]
+    is_light = are_light(image)
+    if spec.component == "all" and is_light:
+        notes = [each for each in notes if not each.startswith(f"{len(image.channels)} components")]
     first = tuple(begin for begin, _ in ranges)
     mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
     if mapped is not None:
@@ -78,7 +83,10 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
     file = file if values is image.values else None
     check_integer_resolution(values, file)
     made = make_volume(values, image.world_from_index, name, file, num_absent=num_absent)
-    return replace(made, file_spacing=replaced, note="; ".join([*notes, *filter(None, [note])]) or None)
+    channels = tuple(replace(each, is_light=is_light) for each in image.channels)
+    return replace(
+        made, file_spacing=replaced, note="; ".join([*notes, *filter(None, [note])]) or None, channels=channels
+    )
 
 
 def _name(source: FileSource | RawSource | ProceduralSource | ArraySource) -> str:
@@ -94,7 +102,7 @@ def _load(spec: VolumeSpec) -> Image:
         # Wrong lengths in the file do not matter if the scene gives a spacing.
         return _load_file(spec, require_exists(source.file), has_spacing_override=source.spacing is not None)
     select_index("time", spec.time, 1)
-    select_index("component", spec.component, 1)
+    select_index("component", _component(spec), 1)
     if isinstance(source, ArraySource):
         values = source.values.view()
         values.flags.writeable = False  # the array is never changed
@@ -127,13 +135,18 @@ def _load_file(spec: VolumeSpec, path: Path, *, has_spacing_override: bool) -> I
             expected="no `dataset` at all: only HDF5 and netCDF-4 files have them",
         )
     if form in _ISOLATED:
-        choice: dict[str, Any] = {"time": spec.time, "component": spec.component}
+        choice: dict[str, Any] = {"time": spec.time, "component": _component(spec)}
         choice |= {"dataset": spec.dataset} if form == "hdf5" else {}
         image = read_isolated(reader, found, has_spacing_override=has_spacing_override, **choice)
     else:
         with errors_about(found):
-            image = import_reader(reader)(found, spec.time, spec.component)
+            image = import_reader(reader)(found, spec.time, _component(spec))
     return replace(image, notes=(note, *image.notes))
+
+
+def _component(spec: VolumeSpec) -> int | None:
+    """Return the component that is read: of all, the first."""
+    return None if spec.component == "all" else spec.component
 
 
 def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:

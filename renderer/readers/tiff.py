@@ -20,11 +20,20 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, choice_notes, chosen_part, errors_about, require_exists, select_index
+from renderer.readers.common import (
+    Image,
+    choice_notes,
+    chosen_part,
+    errors_about,
+    plain_channels,
+    require_exists,
+    select_index,
+)
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
 from renderer.readers.text_header import NUMBER
+from renderer.readers.tiff_channels import find_channels, sample_names
 from renderer.readers.tiff_description import (
     Page,
     num_planes_by_description,
@@ -37,7 +46,6 @@ from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
 # Fields by number.
-_RGB = 2  # the photometric interpretation
 _FIRST_PRIVATE, _DEPTHS, _METAMORPH_PLANES, _GDAL_NODATA = 32768, (32997, 32998), 33629, 42113
 
 
@@ -76,11 +84,14 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
             with _open_pages(file) if name else nullcontext(pages) as own:
                 _fill(values, numbers, _slices(own, first), sample, file)
         world_from_index, note_on_lengths = _world_from_index(first, layout.space, has_spacing_override)
-        notes = choice_notes("tc", (layout.count("T"), num_components), time, component, _colours(first))
+        notes = choice_notes("tc", (layout.count("T"), num_components), time, component, sample_names(first))
+        channels = find_channels(first, layout, num_components)
         nodata = _nodata(first)
     num_left_out = len(pages) - len(slices)
     note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
-    return Image(values, world_from_index, (note_on_images, note, note_on_lengths, layout.note, *notes), nodata)
+    return Image(
+        values, world_from_index, (note_on_images, note, note_on_lengths, layout.note, *notes), nodata, channels
+    )
 
 
 def _slices(pages: list[Page], first: Page) -> list[Page]:
@@ -154,8 +165,9 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
                 with errors_about(folder):
                     values = allocate_voxels(host, (len(files), *plane.shape), _dtype(page))
                 world_from_index, note = _world_from_index(page, "XYZ", has_spacing_override)
-                notes = choice_notes("c", (page.samplesperpixel,), None, component, _colours(page))
-                image = Image(values, world_from_index, (note, *notes), _nodata(page))
+                notes = choice_notes("c", (page.samplesperpixel,), None, component, sample_names(page))
+                channels = plain_channels("c", (page.samplesperpixel,), sample_names(page))
+                image = Image(values, world_from_index, (note, *notes), _nodata(page), channels)
             image.values[index] = plane
     assert image is not None, "called without files"
     return image
@@ -265,11 +277,6 @@ def _num_plain_bytes(page: Page) -> int:
 def _dtype(page: Page) -> np.dtype[Any]:
     """Return the dtype of the voxels; single bits become bytes of 0 and 1."""
     return np.dtype(np.uint8) if page.dtype.kind == "b" else np.dtype(page.dtype)
-
-
-def _colours(page: Page) -> str:
-    """Return the letters of the samples of a page, if it has colours."""
-    return "RGBA"[: page.samplesperpixel] if page.photometric == _RGB else ""
 
 
 def _describe(page: Page) -> str:

@@ -27,6 +27,7 @@ from renderer.readers.common import (
     choice_notes,
     errors_about,
     even_steps,
+    plain_channels,
     require_exists,
     select_index,
 )
@@ -63,7 +64,9 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
         values = allocate_voxels(host, part.values.shape, part.values.dtype)
         values[...] = part.values
         part = replace(part, values=values)
-    return Image(part.values, part.world_from_index, choice_notes("c", (len(part.names),), None, component, part.names))
+    shape = (len(part.names),)
+    notes = choice_notes("c", shape, None, component, part.names)
+    return Image(part.values, part.world_from_index, notes, channels=plain_channels("c", shape, part.names))
 
 
 @dataclass(frozen=True)

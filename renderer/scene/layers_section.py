@@ -33,6 +33,10 @@ _MIN_DETERMINANT = 1e-9
 _RAMP_OPACITY = -math.expm1(-1.0)
 
 
+# Stands for what each channel of a volume with `component: all` has of its own.
+OF_CHANNELS = TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0), ControlPoint(1.0, (1.0, 1.0, 1.0), 1.0)))
+
+
 @dataclass(frozen=True)
 class LayerSpec:
     """One volume of a scene, and how it is shown.
@@ -90,6 +94,8 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
         for key in schema.valid_keys(own, "color", "range"):
             node.key(key).reject(f"contradicts {node.path}.transfer_function", expected="one of them")
         own.pop("color", None), own.pop("range", None)
+    elif volume.component == "all" and not own.keys() & {"color", "range"}:
+        own["transfer_function"] = OF_CHANNELS
     elif not own.keys() & {"color", "range"}:
         node.reject("no colors and opacities", got="", expected="transfer_function, or color with range")
         own["transfer_function"] = INVALID
@@ -97,13 +103,13 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
         for key in {"color", "range"} - own.keys():
             hint = "`hsplat info` shows the values of a volume" if key == "range" else None
             _OWN_TABLE[key].reject(node.child(key), "missing", hint=hint)
-        own["transfer_function"] = _ramp(own.get("color", INVALID), own.get("range", INVALID))
+        color, span = own.get("color", INVALID), own.get("range", INVALID)
+        own["transfer_function"] = INVALID if INVALID in (color, span) or INVALID in span else ramp(color, span)
     return LayerSpec(volume, **own)
 
 
-def _ramp(color: Any, span: Any) -> TransferSpec:
-    if INVALID in (color, span) or INVALID in span:
-        return INVALID  # type: ignore[no-any-return]
+def ramp(color: Color, span: tuple[float, float]) -> TransferSpec:
+    """Return the transfer function of `color` and `range`."""
     low, high = span
     return TransferSpec((ControlPoint(low, color, 0.0), ControlPoint(high, color, _RAMP_OPACITY)))
 
@@ -133,14 +139,16 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
     """
     for key in schema.valid_keys(given, "volume", "transfer_function") if "volumes" in given else ():
         node.key(key).reject("contradicts volumes", expected="one of volume and volumes", hint=_CONTRADICTS[key])
-    if "volumes" not in given and given.get("blend", "mix") == "add":
+    has_several = "volumes" in given or getattr(given.get("volume"), "component", None) == "all"
+    if not has_several and given.get("blend", "mix") == "add":
         node.child("blend", "add").reject(
             "needs volumes", expected="mix", hint="give the volume in a list: volumes: [...]"
         )
     splat = given.get("splat")
-    if "volumes" in given and isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
+    if has_several and isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
         got, expected = f"splat.footprint: {splat.footprint}", "splat.footprint: integrated"
-        node.key("volumes").reject("splats show one volume", got=got, expected=expected)
+        key = "volumes" if "volumes" in given else "volume"
+        node.key(key).reject("splats show one volume", got=got, expected=expected)
     check_mode(node, given)
     for place, transfer, shading in _layers_of(node, given):
         check_shading(place.child("shading"), {**given, "shading": shading})

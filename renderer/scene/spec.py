@@ -27,7 +27,7 @@ from renderer.scene.error_section import (
     check_scheduled_frames,
     schedule_to_dict,
 )
-from renderer.scene.layers_section import VOLUMES_SECTION, LayerSpec, check_layers
+from renderer.scene.layers_section import OF_CHANNELS, VOLUMES_SECTION, LayerSpec, check_layers
 from renderer.scene.limits import proportion_problems, raise_problems
 from renderer.scene.message_text import format_value
 from renderer.scene.mode_section import MODE_SECTION, ModeSpec
@@ -137,8 +137,13 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     problems: list[Problem] = []
     node = schema.TreeNode(tree, "", problems, base)
     has_volumes = isinstance(tree, Mapping) and "volumes" in tree
-    required = [key for key in schema.required_keys(Scene) if not (has_volumes and key in _OF_ONE_VOLUME)]
+    only = tree.get("volume") if isinstance(tree, Mapping) and not has_volumes else None
+    of_channels = isinstance(only, Mapping) and only.get("component") == "all"
+    left_out = _OF_ONE_VOLUME if has_volumes else ("transfer_function",) if of_channels else ()
+    required = [key for key in schema.required_keys(Scene) if key not in left_out]
     given = schema.read_fields(node, _SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
+    if of_channels:
+        given.setdefault("transfer_function", OF_CHANNELS)
     check_layers(node, given)
     check_scheduled_frames(node.child("error"), given)
     check_exact_picture(node.child("error"), given)
@@ -200,8 +205,10 @@ def spec_to_dict(value: Any) -> dict[str, Any]:
     plain = {name: _plain(item) for name, item in pairs if item is not None}  # None stands for a key that is not given
     if isinstance(value, Scene) and not value.volumes:
         del plain["volumes"], plain["blend"]
+        if value.transfer_function == OF_CHANNELS:
+            del plain["transfer_function"]
     if isinstance(value, LayerSpec):
-        if value.color is not None:
+        if value.color is not None or value.transfer_function == OF_CHANNELS:
             del plain["transfer_function"]
         own = {key: item for key, item in plain.items() if key != "volume" and item not in ("", [])}
         return {**plain["volume"], **own}

@@ -66,6 +66,7 @@ _SPACING = schema.sequence_field(
     count=3,
 )
 _SUBSET_INDEX = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
+_COMPONENT = schema.word_or({"all": "all"}, _SUBSET_INDEX, f"all, or {_SUBSET_INDEX.expected}")
 _DATASET = schema.text_field("the name of a dataset in an HDF5 or netCDF-4 file", "no name", str.strip)
 _RANGE = schema.sequence_field(
     schema.integer_field(minimum=0, maximum=MAX_AXIS),
@@ -199,11 +200,11 @@ class ArraySource:
 @dataclass(frozen=True)
 class VolumeSpec:
     """A source of voxels and the part to use; `crop` holds half-open voxel ranges (first, one past the last)
-    for x, y, z, and None for all voxels along an axis."""
+    for x, y, z, and None for all voxels along an axis. `component: all` stands for a layer of each."""
 
     source: FileSource | RawSource | ProceduralSource | ArraySource
     time: Annotated[int | None, _SUBSET_INDEX] = None
-    component: Annotated[int | None, _SUBSET_INDEX] = None
+    component: Annotated[int | Literal["all"] | None, _COMPONENT] = None
     crop: Annotated[tuple[Range | None, Range | None, Range | None] | None, _CROP] = None
     nodata: Annotated[Literal["auto", "none"] | tuple[float, ...], _NODATA] = "auto"
     dataset: Annotated[str | None, _DATASET] = None

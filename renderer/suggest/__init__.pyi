@@ -1,3 +1,4 @@
+from .channels import channel_layers as channel_layers, with_channels as with_channels
 from .histogram import (
     Statistics as Statistics,
     compute_statistics as compute_statistics,

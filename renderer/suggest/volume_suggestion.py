@@ -8,16 +8,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
+from typing import Literal
 
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.scene import ControlPoint, TransferSpec, VolumeSpec, raise_problems, volume_extent, volume_problems
+from renderer.scene import (
+    OF_CHANNELS,
+    ControlPoint,
+    LayerSpec,
+    TransferSpec,
+    VolumeSpec,
+    counted,
+    raise_problems,
+    volume_extent,
+    volume_problems,
+)
 from renderer.suggest import features
 from renderer.suggest.absent import suggest_fill
+from renderer.suggest.channels import channel_layers
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics, compute_statistics
 from renderer.suggest.labels import distinct_values, label_suggestion, label_values
@@ -44,24 +56,38 @@ NO_WISH = Wish()
 class VolumeSuggestion:
     """A suggestion for a volume whose voxels are no longer in memory.
 
-    volume: which voxels. has_absent: whether any of them has no data.
+    volume: which voxels. has_absent: whether any of them has no data. layers: of its channels, if each is to be seen;
+        the suggestion is then that of the first.
     """
 
     volume: VolumeSpec
     suggestion: Suggestion
     has_absent: bool
+    layers: tuple[LayerSpec, ...] = ()
 
 
 def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH) -> VolumeSuggestion:
     """Read a volume and suggest how to show it.
 
-    read: reads the voxels. Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
+    read: reads the voxels; of several channels first those of one, which tells of all. Raises InputError for a volume
+    that cannot be read or drawn, and as `suggest`.
     """
-    found = read(volume)
+    may_have_channels = wish == NO_WISH and volume.component in (None, "all")
+    asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
+    found = read(replace(volume, component=asked) if may_have_channels else volume)
     raise_problems(volume_problems(volume_extent(found), found.name))
+    if may_have_channels and (volume.component == "all" or any(channel.is_light for channel in found.channels)):
+        return _channels_suggestion(volume, found, read)
     statistics = compute_statistics(found.values, found.source)
     suggestion = with_8_bit_colors(suggest(found, statistics, wish))
     return VolumeSuggestion(volume, suggestion, found.num_absent > 0)
+
+
+def _channels_suggestion(volume: VolumeSpec, first: Volume, read: Callable[[VolumeSpec], Volume]) -> VolumeSuggestion:
+    layers = channel_layers(LayerSpec(volume, OF_CHANNELS), first, read)
+    reason = "each is shown in a colour of its own, and their light adds up"
+    suggestion = Suggestion(counted(len(layers), "channel"), reason, layers[0].transfer_function, (), None)
+    return VolumeSuggestion(volume, suggestion, first.num_absent > 0, tuple(layers))
 
 
 # Outlying labels are smaller than this, and not negative.

@@ -9,6 +9,7 @@ from .arrays import (
     UInt32 as UInt32,
     UInt64 as UInt64,
 )
+from .channel import Channel as Channel
 from .mapped_file import (
     MappedFile as MappedFile,
     backing_file as backing_file,

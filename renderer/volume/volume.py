@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from renderer.volume.arrays import Array, Bools, Float64
+from renderer.volume.channel import Channel
 from renderer.volume.mapped_file import MappedFile, iter_slabs
 
 
@@ -28,6 +29,7 @@ class Volume:
     num_absent: the number of voxels without data.
     file_spacing: the spacing in the file, if the scene gives another; else None.
     note: a remark on how the volume was read.
+    channels: all components of the file that it is from; none where that has one.
     """
 
     values: Array
@@ -38,6 +40,7 @@ class Volume:
     num_absent: int = 0
     file_spacing: tuple[float, float, float] | None = None
     note: str | None = None
+    channels: tuple[Channel, ...] = ()
 
     def require_unchanged(self) -> None:
         """Raise InputError if the values are mapped from a file that has changed."""

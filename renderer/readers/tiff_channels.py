@@ -1,0 +1,88 @@
+"""Find the names, colours and windows of the channels of a TIFF file, as ImageJ and OME write them.
+
+OME has a name and a colour for each channel; ImageJ a window, the labels of its planes and a table of 256 colours.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from renderer.readers.common import plain_channels
+from renderer.readers.text_header import NUMBER
+from renderer.readers.tiff_description import Layout, Page, attribute, is_imagej, is_ome
+from renderer.volume import Channel
+
+_RGB = 2  # the photometric interpretation
+
+
+def find_channels(first: Page, layout: Layout, count: int) -> tuple[Channel, ...]:
+    """Return what a file tells of each of its components; each is light, but for the samples of colour pictures.
+
+    first: the first page. Colours that do not tell the channels apart, such as white for all or black for one,
+    are left out.
+    """
+    channels = plain_channels("c", (count,), sample_names(first))
+    if first.photometric == _RGB or count < 2:
+        return tuple(replace(each, is_light=False) for each in channels)
+    if is_ome(first.description):
+        channels = _of_ome(first.description, count)
+    elif is_imagej(first.description) and layout.count("C") == count:
+        channels = _of_imagej(first.parent.imagej_metadata or {}, layout, count)
+    tell_apart = len({each.color for each in channels}) == count and all(any(each.color or (1,)) for each in channels)
+    return tuple(replace(each, color=each.color if tell_apart else None, is_light=True) for each in channels)
+
+
+def sample_names(page: Page) -> str:
+    """Return the letters of the samples of a page, if it has colours."""
+    return "RGBA"[: page.samplesperpixel] if page.photometric == _RGB else ""
+
+
+def _of_ome(description: str, count: int) -> tuple[Channel, ...]:
+    image = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
+    elements = re.findall(r"<(?:\w+:)?Channel\b([^<>]*)>", image)
+    if len(elements) != count:
+        return (Channel(),) * count
+    colors = [attribute(element, "Color") or "" for element in elements]
+    return tuple(
+        Channel(_text(attribute(element, "Name")), _ome_color(color))
+        for element, color in zip(elements, colors, strict=True)
+    )
+
+
+def _ome_color(text: str) -> tuple[float, float, float] | None:
+    """Return a colour that OME writes as a signed number of 32 bits: red, green, blue and alpha."""
+    if not NUMBER.fullmatch(text) or not -(2**31) <= float(text) < 2**32:
+        return None
+    red, green, blue, _ = (int(float(text)) % 2**32).to_bytes(4, "big")
+    return red / 255, green / 255, blue / 255
+
+
+def _of_imagej(fields: dict[str, Any], layout: Layout, count: int) -> tuple[Channel, ...]:
+    """Return the channels of ImageJ, from its fields as tifffile names them; those of one plane may be missing."""
+    windows, tables = np.ravel(fields.get("Ranges", ())).tolist(), fields.get("LUTs", ())
+    labels = [str(label) for label in fields.get("Labels", ())]
+    planes = np.moveaxis(np.arange(np.prod(layout.counts)).reshape(layout.counts), layout.axes.find("C"), 0)
+    channels = []
+    for number, own in enumerate(planes.reshape(count, -1).tolist()):
+        named = {labels[plane] for plane in own if plane < len(labels)}
+        pair = windows[2 * number : 2 * number + 2]
+        brightest = (
+            np.ravel(np.asarray(tables[number], np.float64)[:3, -1] / 255).tolist() if number < len(tables) else []
+        )
+        channels.append(
+            Channel(
+                _text(named.pop()) if len(named) == 1 else "",
+                (brightest[0], brightest[1], brightest[2]) if len(brightest) == 3 else None,
+                (pair[0], pair[1]) if len(pair) == 2 and pair[0] < pair[1] else None,
+            )
+        )
+    return tuple(channels)
+
+
+def _text(text: str | None) -> str:
+    return " ".join(html.unescape(text or "").split())

@@ -1,0 +1,82 @@
+"""Make a layer of each channel of a volume: name, colour and window are the file's, or else suggested."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from renderer.scene import OF_CHANNELS, Color, LayerSpec, Scene, VolumeSpec, ramp
+from renderer.suggest import features
+from renderer.suggest.histogram import compute_statistics
+from renderer.volume import Channel, Volume
+
+# In turn, for channels without one; the first two are told apart by those who see no difference of red and green.
+_COLORS: tuple[Color, ...] = (
+    (0.0, 1.0, 0.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0),
+    (1.0, 0.5, 0.0), (1.0, 1.0, 1.0),
+)  # fmt: skip
+# Of the values above the background, this percentile has the full colour.
+_BRIGHT_PERCENTILE = 99.0
+# Where no background stands apart, as in tissue that fills the picture, the light of lower values would burn it out.
+_DARK_PERCENTILE = 80.0
+
+
+def with_channels(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
+    """Return a scene in which a list of volumes, one for each channel, is in place of each `component: all`.
+
+    read: reads the voxels: those of one channel, and of those without a window. Raises InputError as it does.
+    """
+    given = scene.volumes or (LayerSpec(scene.volume, scene.transfer_function),)
+    if all(layer.volume.component != "all" for layer in given):
+        return scene
+    layers = []
+    for layer in given:
+        is_whole = layer.volume.component == "all"
+        layers += channel_layers(layer, read(replace(layer.volume, component=0)), read) if is_whole else [layer]
+    named = tuple(_with_own_names(layers))
+    first = named[0]
+    return replace(scene, volume=first.volume, transfer_function=first.transfer_function, volumes=named)
+
+
+def channel_layers(layer: LayerSpec, first: Volume, read: Callable[[VolumeSpec], Volume]) -> list[LayerSpec]:
+    """Return a layer for each channel of a volume; a transfer function that is given is that of all.
+
+    first: the first channel, or the volume if that has no others. read: reads the voxels of others.
+    """
+    channels, made = first.channels or (Channel(color=(1.0, 1.0, 1.0)),), []
+    for number, channel in enumerate(channels):
+        spec = replace(layer.volume, component=number)
+        name = " ".join(filter(None, (layer.name, channel.name or (f"{number + 1}" if layer.name else ""))))
+        own = replace(layer, volume=spec, name=name)
+        if layer.transfer_function == OF_CHANNELS:
+            window = channel.window or suggest_window(read(spec) if number else first)
+            red, green, blue = (round(255 * part) / 255 for part in channel.color or _COLORS[number % len(_COLORS)])
+            color = red, green, blue
+            own = replace(own, transfer_function=ramp(color, window), color=color, range=window)
+        made.append(own)
+    return list(_with_own_names(made))
+
+
+def suggest_window(volume: Volume) -> tuple[float, float]:
+    """Return the values of a channel that are shown as nothing and as its full colour."""
+    statistics = compute_statistics(volume.values, volume.source)
+    shown = statistics.without_outliers or statistics
+    if shown.minimum == shown.maximum:
+        return float(shown.minimum), float(shown.minimum) + max(1.0, abs(shown.minimum))
+    sample = features.sample_volume(volume, shown)
+    background, values = features.find_background(sample), sample.normalized[sample.is_valid]
+    low = background.high if background.is_there else float(np.percentile(values, _DARK_PERCENTILE))
+    above = values[values > low]
+    high = max(float(np.percentile(above, _BRIGHT_PERCENTILE)) if above.size else 1.0, low + 1e-3)
+    return sample.round_value(sample.denormalize(low)), sample.round_value(sample.denormalize(high))
+
+
+def _with_own_names(layers: list[LayerSpec]) -> Iterator[LayerSpec]:
+    """Yield layers in which a name that others have, too, has a number."""
+    names: list[str] = []
+    for number, layer in enumerate(layers, 1):
+        name = f"{layer.name} ({number})" if layer.name and layer.name in names else layer.name
+        names.append(name)
+        yield replace(layer, name=name)
