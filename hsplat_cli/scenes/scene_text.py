@@ -179,6 +179,7 @@ def _channel_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
         lines = [*_volume_lines(layer.volume, folder, has_absent=found.has_absent)]
         lines += [f"name: {yaml_string(layer.name)}"] * bool(layer.name)
         lines += [f'color: "{_hex_color(layer.color)}"', f"range: {_list(layer.range)}"]
+        lines += [f"weight: {format_value(layer.weight)}"] * (layer.weight != 1.0)
         yield from (f"  {' ' if number else '-'} {line}" for number, line in enumerate(lines))
     yield _with_comment("blend: add", "light adds up, as of fluorescence; mix: colours hide each other")
 

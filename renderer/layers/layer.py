@@ -12,13 +12,10 @@ from renderer.bricks import BrickBatch, BrickLayer, BrickLayers, Bricks, extreme
 from renderer.lighting import compute_light_grid
 from renderer.modes import Projection, make_projection
 from renderer.pyramid import EVERY_CUT, FinestCut, Pyramid, build_pyramid
-from renderer.scene import LayerSpec, Scene
+from renderer.scene import RAMP_THICKNESS, LayerSpec, Scene
 from renderer.transfer import NO_LIGHT_GRID, LightGrid, TransferFunction, make_transfer_function
 from renderer.view import are_clipped_away, place_object_clips
 from renderer.volume import Volume
-
-# By the volume's longest side: how thick the brightest of a ramp must be for an optical depth of 1.
-_RAMP_THICKNESS = 1 / 8
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,7 @@ def make_layer(
     """
     look = spec.transfer_function
     if spec.color is not None:
-        look = replace(look, unit=_RAMP_THICKNESS * float((volume.spacing * volume.shape_xyz).max()))
+        look = replace(look, unit=RAMP_THICKNESS * float((volume.spacing * volume.shape_xyz).max()))
     transfer = make_transfer_function(look, volume.finest_spacing)
     projection = make_projection(scene.mode, transfer, volume)
     optics = transfer if projection is None else projection.optics

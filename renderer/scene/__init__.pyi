@@ -42,7 +42,12 @@ from .input_file import (
     require_file as require_file,
 )
 from .json_tree import is_shallow as is_shallow, load_json_object as load_json_object
-from .layers_section import OF_CHANNELS as OF_CHANNELS, LayerSpec as LayerSpec, ramp as ramp
+from .layers_section import (
+    OF_CHANNELS as OF_CHANNELS,
+    RAMP_THICKNESS as RAMP_THICKNESS,
+    LayerSpec as LayerSpec,
+    ramp as ramp,
+)
 from .limits import (
     camera_problems as camera_problems,
     raise_problems as raise_problems,

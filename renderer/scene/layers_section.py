@@ -23,6 +23,8 @@ from renderer.scene.transfer_section import (
 from renderer.scene.volume_section import VOLUME_TABLE, VolumeSpec, build_volume
 
 MAX_WEIGHT = 1e6
+# By the volume's longest side: how thick the brightest of a ramp must be for an optical depth of 1.
+RAMP_THICKNESS = 1 / 8
 _CONTRADICTS = {
     "volume": "put it into the list, or name a file by --set volumes.0.file=FILE",
     "transfer_function": "each volume in the list has its own",

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.scene import OF_CHANNELS, Color, LayerSpec, Scene, VolumeSpec, ramp
+from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, Scene, VolumeSpec, ramp
 from renderer.suggest import features
 from renderer.suggest.histogram import compute_statistics
 from renderer.volume import Channel, Volume
@@ -19,6 +19,9 @@ _COLORS: tuple[Color, ...] = (
 )  # fmt: skip
 # Of the values above the background, this percentile has the full colour.
 _BRIGHT_PERCENTILE = 99.0
+# Voxels of a sample along each axis. Rays with this part of the most light are bright, and this percentile of them is
+# fully bright. The largest factor.
+_SAMPLED_SIDE, _LEAST_BRIGHT, _FULL_PERCENTILE, _MOST_WEIGHT = 96, 0.1, 93.0, 50.0
 # Where no background stands apart, as in tissue that fills the picture, the light of lower values would burn it out.
 _DARK_PERCENTILE = 80.0
 
@@ -51,10 +54,13 @@ def channel_layers(layer: LayerSpec, first: Volume, read: Callable[[VolumeSpec],
         name = " ".join(filter(None, (layer.name, channel.name or (f"{number + 1}" if layer.name else ""))))
         own = replace(layer, volume=spec, name=name)
         if layer.transfer_function == OF_CHANNELS:
-            window = channel.window or suggest_window(read(spec) if number else first)
+            volume = read(spec) if number else first
+            window = channel.window or suggest_window(volume)
             red, green, blue = (round(255 * part) / 255 for part in channel.color or _COLORS[number % len(_COLORS)])
             color = red, green, blue
             own = replace(own, transfer_function=ramp(color, window), color=color, range=window)
+            if layer.weight == 1.0:
+                own = replace(own, weight=suggest_weight(volume, window))
         made.append(own)
     return list(_with_own_names(made))
 
@@ -71,6 +77,22 @@ def suggest_window(volume: Volume) -> tuple[float, float]:
     above = values[values > low]
     high = max(float(np.percentile(above, _BRIGHT_PERCENTILE)) if above.size else 1.0, low + 1e-3)
     return sample.round_value(sample.denormalize(low)), sample.round_value(sample.denormalize(high))
+
+
+def suggest_weight(volume: Volume, window: tuple[float, float]) -> float:
+    """Return the weight, of two digits, with which the light of bright rays along the axes is about full."""
+    steps = [max(1, num // _SAMPLED_SIDE) for num in volume.values.shape]
+    sampled = volume.values[tuple(slice(None, None, step) for step in steps)].astype(np.float64)
+    shares = np.clip(
+        (np.nan_to_num(sampled, nan=window[0]) / 2 - window[0] / 2) / (window[1] / 2 - window[0] / 2), 0, 1
+    )
+    lengths = volume.spacing[::-1] * steps / (RAMP_THICKNESS * float((volume.spacing * volume.shape_xyz).max()))
+    depths = np.concatenate([(shares.sum(axis) * lengths[axis]).ravel() for axis in range(3)])
+    bright = depths[depths > _LEAST_BRIGHT * depths.max()]
+    if not bright.size:
+        return 1.0
+    weight = 1 / float(np.percentile(bright, _FULL_PERCENTILE))
+    return float(f"{min(max(weight, 1 / _MOST_WEIGHT), _MOST_WEIGHT):.2g}")
 
 
 def _with_own_names(layers: list[LayerSpec]) -> Iterator[LayerSpec]:

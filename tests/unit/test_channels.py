@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 import tifffile
 import yaml
+from commands import hsplat
+from tiff_files import tiff_bytes
 
 import renderer
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import SceneError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
-from tests.support.commands import hsplat
-from tests.support.tiff_files import tiff_bytes
+from renderer.suggest.channels import suggest_weight
+from renderer.volume import make_volume
 
 STEP = np.linspace(0, 255, 256)
 RED, BLUE = (np.stack([STEP * on for on in color]).astype(np.uint8) for color in ((1, 0, 0), (0, 0, 1)))
@@ -134,3 +136,12 @@ def test_splats_show_no_channels(tmp_path: Path) -> None:
     path = ome_file(tmp_path / "a.tif", "", "")
     with pytest.raises(SceneError, match="splats show one volume"):
         load_job(SceneRequest(scene_file(path, splat={"footprint": "gaussian"})))
+
+
+def test_the_brightest_rays_are_about_full() -> None:
+    """A cube whose sides are eight times as long as what is fully bright, in one half of which nothing is."""
+    values = np.full((40, 40, 40), 250, np.uint8)
+    assert suggest_weight(make_volume(values, np.eye(4), "test"), (50.0, 250.0)) == 0.12
+    values = values.copy()
+    values[:, :, 20:] = 50
+    assert suggest_weight(make_volume(values, 3 * np.eye(4), "test"), (50.0, 250.0)) == 0.12
