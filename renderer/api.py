@@ -450,25 +450,10 @@ def _parameter(path: str) -> str:
 
 
 def _with_suggestion(scene: Scene, wish: Wish | None) -> Scene:
-    """Return the scene with a suggested transfer function."""
+    """Return the scene as it is suggested."""
     from renderer.suggest import suggest_for
 
-    found = suggest_for(scene.volume, read_volume, wish=wish or Wish())
-    if found.layers:
-        return replace(
-            scene,
-            volume=found.layers[0].volume,
-            volumes=found.layers,
-            blend="add",
-            transfer_function=found.layers[0].transfer_function,
-        )
-    return replace(
-        scene,
-        transfer_function=found.suggestion.transfer,
-        shading=found.suggestion.shading,
-        splat=(None if scene.clip else found.suggestion.splat) or scene.splat,  # splats cannot be clipped
-        clip=scene.clip or found.suggestion.clip,
-    )
+    return suggest_for(scene.volume, read_volume, wish=wish or Wish()).applied_to(scene)
 
 
 # Drawing

@@ -38,8 +38,8 @@ _NUM_STEPS = 2**16
 GUESSED_LENGTHS = "the file does not give its voxel size"
 NO_SPACING = f"{GUESSED_LENGTHS}; 1 x 1 x 1 is assumed"
 
-# More components are taken for spectra and the like.
-MAX_LIGHTS = 8
+# More components are taken for spectra and the like; and of no more than this anything is told.
+MAX_LIGHTS, MAX_LISTED = 8, 1000
 
 _PRIMARIES = {"R": (1.0, 0.0, 0.0), "G": (0.0, 1.0, 0.0), "B": (0.0, 0.0, 1.0)}
 
@@ -294,10 +294,8 @@ def choice_notes(
 def plain_channels(axes: str, shape: tuple[int, ...], names: Sequence[str] = ()) -> tuple[Channel, ...]:
     """Return what is known of components that are only named, as in `choice_notes`; RGB and the like are no light."""
     count = dict(zip(axes, shape, strict=True)).get("c", 1)
-    if count < 2:
-        return ()
-    if len(names) != count:
-        return (Channel(),) * count
+    if count < 2 or len(names) != count:
+        return (Channel(),) * min(count, MAX_LISTED) * (count > 1)
     return tuple(Channel(name, _PRIMARIES.get(name), is_light=False) for name in names)
 
 

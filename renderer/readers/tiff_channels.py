@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from renderer.readers.common import plain_channels
+from renderer.readers.common import MAX_LISTED, plain_channels
 from renderer.readers.text_header import NUMBER
 from renderer.readers.tiff_description import Layout, Page, attribute, is_imagej, is_ome
 from renderer.volume import Channel
 
 _RGB = 2  # the photometric interpretation
+_MAX_NAME = 60
 
 
 def find_channels(first: Page, layout: Layout, count: int) -> tuple[Channel, ...]:
@@ -29,9 +30,9 @@ def find_channels(first: Page, layout: Layout, count: int) -> tuple[Channel, ...
     channels = plain_channels("c", (count,), sample_names(first))
     if first.photometric == _RGB or count < 2:
         return tuple(replace(each, is_light=False) for each in channels)
-    if is_ome(first.description):
+    if is_ome(first.description) and count <= MAX_LISTED:
         channels = _of_ome(first.description, count)
-    elif is_imagej(first.description) and layout.count("C") == count:
+    elif is_imagej(first.description) and layout.count("C") == count <= MAX_LISTED:
         channels = _of_imagej(first.parent.imagej_metadata or {}, layout, count)
     tell_apart = len({each.color for each in channels}) == count and all(any(each.color or (1,)) for each in channels)
     return tuple(replace(each, color=each.color if tell_apart else None, is_light=True) for each in channels)
@@ -85,4 +86,4 @@ def _of_imagej(fields: dict[str, Any], layout: Layout, count: int) -> tuple[Chan
 
 
 def _text(text: str | None) -> str:
-    return " ".join(html.unescape(text or "").split())
+    return " ".join(html.unescape(text or "").split())[:_MAX_NAME]

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from renderer.errors import InputError
 from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, Scene, VolumeSpec, ramp
 from renderer.suggest import features
 from renderer.suggest.histogram import compute_statistics
@@ -17,6 +18,7 @@ _COLORS: tuple[Color, ...] = (
     (0.0, 1.0, 0.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0),
     (1.0, 0.5, 0.0), (1.0, 1.0, 1.0),
 )  # fmt: skip
+_MAX_CHANNELS = 64
 # Of the values above the background, this percentile has the full colour.
 _BRIGHT_PERCENTILE = 99.0
 # Voxels of a sample along each axis. Rays with this part of the most light are bright, and this percentile of them is
@@ -49,6 +51,9 @@ def channel_layers(layer: LayerSpec, first: Volume, read: Callable[[VolumeSpec],
     first: the first channel, or the volume if that has no others. read: reads the voxels of others.
     """
     channels, made = first.channels or (Channel(color=(1.0, 1.0, 1.0)),), []
+    if len(channels) > _MAX_CHANNELS:
+        what, expected = "this volume has too many components to show all", f"at most {_MAX_CHANNELS}"
+        raise InputError(what, where=first.name, got="component: all", expected=expected)
     for number, channel in enumerate(channels):
         spec = replace(layer.volume, component=number)
         name = " ".join(filter(None, (layer.name, channel.name or (f"{number + 1}" if layer.name else ""))))
@@ -75,7 +80,7 @@ def suggest_window(volume: Volume) -> tuple[float, float]:
     background, values = features.find_background(sample), sample.normalized[sample.is_valid]
     low = background.high if background.is_there else float(np.percentile(values, _DARK_PERCENTILE))
     above = values[values > low]
-    high = max(float(np.percentile(above, _BRIGHT_PERCENTILE)) if above.size else 1.0, low + 1e-3)
+    high = max(float(np.percentile(above, _BRIGHT_PERCENTILE)) if above.size else 1.0, low + 0.01)
     return sample.round_value(sample.denormalize(low)), sample.round_value(sample.denormalize(high))
 
 

@@ -20,6 +20,7 @@ from renderer.scene import (
     OF_CHANNELS,
     ControlPoint,
     LayerSpec,
+    Scene,
     TransferSpec,
     VolumeSpec,
     counted,
@@ -64,6 +65,16 @@ class VolumeSuggestion:
     suggestion: Suggestion
     has_absent: bool
     layers: tuple[LayerSpec, ...] = ()
+
+    def applied_to(self, scene: Scene) -> Scene:
+        """Return a scene of the volume with what is suggested; its own planes and footprint stay where it has some."""
+        found, transfer = self.suggestion, self.suggestion.transfer
+        if self.layers:
+            volume = self.layers[0].volume
+            return replace(scene, volume=volume, transfer_function=transfer, volumes=self.layers, blend="add")
+        splat = (None if scene.clip else found.splat) or scene.splat  # splats cannot be clipped
+        clip = scene.clip or found.clip
+        return replace(scene, transfer_function=transfer, shading=found.shading, splat=splat, clip=clip)
 
 
 def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH) -> VolumeSuggestion:

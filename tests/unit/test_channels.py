@@ -14,7 +14,7 @@ from tiff_files import tiff_bytes
 
 import renderer
 from hsplat_cli.scenes import SceneRequest, load_job
-from renderer.errors import SceneError
+from renderer.errors import InputError, SceneError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
 from renderer.suggest.channels import suggest_weight
@@ -130,6 +130,12 @@ def test_init_takes_pictures_and_vectors_for_no_channels(tmp_path: Path) -> None
         result = hsplat("init", str(tmp_path / name), *options)
         assert "volume" in yaml.safe_load(result.stdout), name
         assert "3 components" in result.stderr
+
+
+def test_no_layers_for_each_of_very_many_components(tmp_path: Path) -> None:
+    np.save(path := tmp_path / "a.npy", np.zeros((2, 2, 2, 2000), np.uint8))
+    with pytest.raises(InputError, match="too many components"):
+        load_job(SceneRequest(scene_file(path)))
 
 
 def test_splats_show_no_channels(tmp_path: Path) -> None:
