@@ -44,12 +44,13 @@ NO_WISH = Wish()
 class VolumeSuggestion:
     """A suggestion for a volume whose voxels are no longer in memory.
 
-    volume: which voxels. has_absent: whether any of them has no data.
+    volume: which voxels. has_absent: whether any of them has no data. weight: as in `renderer.scene.LayerSpec`.
     """
 
     volume: VolumeSpec
     suggestion: Suggestion
     has_absent: bool
+    weight: float = 1.0
 
 
 def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH) -> VolumeSuggestion:
@@ -57,9 +58,18 @@ def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wis
 
     read: reads the voxels. Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
     """
+    return suggest_read(volume, *read_with_statistics(volume, read), wish)
+
+
+def read_with_statistics(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume]) -> tuple[Volume, Statistics]:
+    """Read a volume and its statistics. Raises InputError for one that cannot be read or drawn."""
     found = read(volume)
     raise_problems(volume_problems(volume_extent(found), found.name))
-    statistics = compute_statistics(found.values, found.source)
+    return found, compute_statistics(found.values, found.source)
+
+
+def suggest_read(volume: VolumeSpec, found: Volume, statistics: Statistics, wish: Wish) -> VolumeSuggestion:
+    """Suggest how to show a volume that is in memory. Raises as `suggest`."""
     suggestion = with_8_bit_colors(suggest(found, statistics, wish))
     return VolumeSuggestion(volume, suggestion, found.num_absent > 0)
 
@@ -127,7 +137,7 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, w
     is_float = isinstance(statistics.minimum, float)
     if found := logarithmic_choice(sample) if is_float and word is None and zero is None else None:
         logarithms, choice = found
-        return with_logarithmic_scale(_chosen_suggestion(choice, logarithms, [], volume.centre), wish.colormap)
+        return with_logarithmic_scale(_chosen_suggestion(choice, logarithms, []), wish.colormap)
     choose = partial(choose_by_word, word=word) if word else partial(recognise, is_float=is_float)
     choice, planes = choose(sample, zero), list[Plane]()
     if choice.preset.is_scan:
@@ -136,14 +146,11 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, w
         sample = features.without(sample, are_beyond(sample, planes))
         again = choose(sample, zero)
         choice = again if again.kind == choice.kind else choice
-    return with_colormap(_chosen_suggestion(choice, sample, planes, volume.centre), wish.colormap)
+    return with_colormap(_chosen_suggestion(choice, sample, planes), wish.colormap)
 
 
-def _chosen_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plane], centre: Float64) -> Suggestion:
-    """Return the suggestion of a preset.
-
-    sample: without what the planes clip away. centre: of the volume, in the world.
-    """
+def _chosen_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plane]) -> Suggestion:
+    """Return the suggestion of a preset. sample: without what the planes clip away."""
     kind, reason, preset = choice
     rays = cast_rays(sample)
     solved = solve_depths(rays, preset.layers, preset.coverage, by_area=not preset.is_scan)
@@ -153,7 +160,7 @@ def _chosen_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Pla
     if preset.is_closed:
         reason += "; its outside hides what is inside, so that a corner is clipped"
         corner = corner_box(sample, preset.covers(sample.normalized))
-    clip = clip_specs(planes, corner, centre, sample.diagonal)
+    clip = clip_specs(planes, corner, sample.centre, sample.diagonal)
     transfer = TransferSpec(mapping, opacity_unit_length(sample.diagonal))
     return Suggestion(kind, reason, transfer, notes, preset.shading, clip=clip, visible=visible)
 
