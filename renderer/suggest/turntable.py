@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 from renderer.scene import OutputSpec
@@ -16,7 +17,7 @@ PRESET_WORDS = ("bone", "vessels", "skin", "brain", "xray", "surface", "glow", "
 class FilmOptions:
     """A choice of the options of a turntable besides its volume.
 
-    background: a colour or `transparent`. colormap, preset: as in `Wish`.
+    background: a colour or `transparent`. colormap, preset: as in `Wish`. over: the volume underneath.
     """
 
     frames: int = 120
@@ -29,6 +30,7 @@ class FilmOptions:
     no_paths: bool = False
     colormap: str | None = None
     preset: str | None = None
+    over: Path | None = None
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> FilmOptions:
