@@ -84,10 +84,10 @@ def suggest_scene(
     from renderer.suggest import Wish, suggest_for, suggest_over
 
     read, wish, under = partial(read_with_options, reporter=reporter), Wish(film.colormap, film.preset), None
-    if film.over is None:
+    if film.under is None:
         found = suggest_for(volume, read, wish=wish)
     else:
-        found, under = suggest_over(volume, VolumeSpec(FileSource(film.over)), read, wish=wish)
+        found, under = suggest_over(volume, film.under, read, wish=wish)
     text = scene_text(found, film, folder=scene.parent, output=output, under=under)
     _check(text, scene)
     for each in filter(None, (found, under)):

@@ -3,8 +3,8 @@ from .histogram import (
     compute_statistics as compute_statistics,
     rebin as rebin,
 )
-from .over import suggest_over as suggest_over
 from .opacity import format_percent as format_percent
+from .over import suggest_over as suggest_over
 from .suggestion import Suggestion as Suggestion
 from .turntable import PRESET_WORDS as PRESET_WORDS, FilmOptions as FilmOptions
 from .volume_suggestion import (

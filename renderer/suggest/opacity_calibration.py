@@ -140,7 +140,9 @@ def cast_through(samples: Sequence[VoxelSample]) -> list[TurntableRays]:
     found = []
     for view in range(_NUM_VIEWS):
         axes = _view_axes(2 * math.pi * (view + 0.3) / _NUM_VIEWS)
-        sides = [max(abs(box.offset @ axis) + box.half @ np.abs(axis @ box.directions) for box in boxes) for axis in axes]
+        sides = [
+            max(abs(box.offset @ axis) + box.half @ np.abs(axis @ box.directions) for box in boxes) for axis in axes
+        ]
         across, along = _jittered_grid(random)
         lengths = (np.arange(count) + random.random((len(across), 1))) * step - radius
         of_view = [_values_along(box, axes, (across * sides[0], along * sides[1]), lengths) for box in boxes]
@@ -181,7 +183,7 @@ def _values_along(
     at = np.floor((starts[:, None] + lengths[..., None] * forward) / box.spacing + shape / 2).astype(np.int32)
     is_inside = ((at >= 0) & (at < shape)).all(axis=2)
     x, y, z = np.moveaxis(np.clip(at, 0, shape - 1), 2, 0)
-    return np.where(is_inside, box.values[z, y, x], np.float32(np.nan)), is_inside
+    return np.where(is_inside, box.values[z, y, x], np.float32(np.nan)), np.asarray(is_inside)
 
 
 def _view_axes(azimuth: float) -> tuple[Float64, Float64, Float64]:
@@ -228,30 +230,27 @@ def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float, 
     return depths
 
 
-def balance(rays: Sequence[TurntableRays], layers: Sequence[Layer], share: float) -> tuple[float, float]:
-    """Return factors, of which one is 1 and none more, on the densities of two layers that are in a volume each.
+def balance(weights: Float32, share: float) -> tuple[float, float]:
+    """Return factors, of which one is 1 and none more, on the densities of two layers, so that the first has this share
+    of what is seen.
 
-    rays: through the volume of each, the same ones. share: of the first layer, in what is seen on the rays that meet
-    both.
+    weights: of `step_weights`, [2, rays, steps], on rays that meet both.
     """
-    weights = np.concatenate([_step_weights(*each) for each in zip(rays, ([layer] for layer in layers), strict=True)])
-    weights = _compact(weights[:, weights.any(axis=2).all(axis=0)])
+    weights = _compact(weights)
     low, high = -_MAX_LOG_FACTOR, _MAX_LOG_FACTOR  # of the first factor divided by the second
-    if not weights.size or _measure(weights, np.ones(2)).shares[0] == share:
-        return 1.0, 1.0
     for _ in range(_NUM_STEPS):
         middle = (low + high) / 2
-        factors = np.exp(np.minimum([middle, -middle], 0.0))
-        low, high = (low, middle) if _measure(weights, factors).shares[0] > share else (middle, high)
-    return float(factors[0]), float(factors[1])
+        first, second = np.exp(np.minimum([middle, -middle], 0.0))
+        low, high = (low, middle) if _measure(weights, np.array([first, second])).shares[0] > share else (middle, high)
+    return float(first), float(second)
 
 
 def _weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
     """Return the weights of the steps between samples, without those that have none."""
-    return _compact(_step_weights(rays, layers))
+    return _compact(step_weights(rays, layers))
 
 
-def _step_weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
+def step_weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
     """Return the weights of the steps between samples, times their lengths in 1 % of the diagonal.
 
     [layers, rays, steps].

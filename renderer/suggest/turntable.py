@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from renderer.scene import OutputSpec
+from renderer.scene import FileSource, OutputSpec, VolumeSpec
 
 # What a suggestion can be steered by; `wishes.py` has what each does. Here, so that options are declared without numpy.
 PRESET_WORDS = ("bone", "vessels", "skin", "brain", "xray", "surface", "glow", "labels")
@@ -31,6 +31,11 @@ class FilmOptions:
     colormap: str | None = None
     preset: str | None = None
     over: Path | None = None
+
+    @property
+    def under(self) -> VolumeSpec | None:
+        """Return the volume underneath."""
+        return None if self.over is None else VolumeSpec(FileSource(self.over))
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> FilmOptions:
