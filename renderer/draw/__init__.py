@@ -11,7 +11,8 @@ premultiplied RGBA without a background. Each footprint has its rasteriser.
   jitter, until early ray termination (Max 1995). `brick_cache.py` keeps the texels of bricks. `cpu/grid.py` divides the
   picture into tiles, and `subsampling.py` interpolates between pixels that are drawn. `cpu/field.py` and
   `cpu/light.py` describe what is sampled, and light and extinction that depend on the view or on gradients;
-  `cpu/extremum.py` says which scalar a ray looks for.
+  `cpu/extremum.py` says which scalar a ray looks for, and `cpu/mixture.py` where
+  bricks of several volumes lie.
 
 Over pictures of both, `cpu/lines.py` draws the lines of overlays, which `overlay.py` makes.
 """

@@ -6,7 +6,7 @@ often. One atlas holds the scalars of level 0, another the means of the levels a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -56,9 +56,10 @@ class Atlas:
         """Return where the bricks in these slots begin in `texels`, halo included: int64 [n]."""
         return slots * self._brick_floats
 
-    def reserve(self) -> None:
-        """Make all slots: those that are unused take no memory, and growing later would need a copy of all texels."""
-        if not len(self.texels):
+    def reserve(self, num: int = 0) -> None:
+        """Make all slots, or `num` if that is more: those that are unused take no memory. What was there is lost."""
+        if not len(self.texels) or num > self.max_slots:
+            self.max_slots = max(num, self.max_slots)
             self.texels = np.empty(self.max_slots * self._brick_floats + _READ_BEHIND, np.float32)
             self._resize(self.max_slots)
 
@@ -178,7 +179,7 @@ class BrickCache:
         if not has_room or not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
             return False
         self._begin_means(is_enabled=False)
-        list(self.upload_groups(brick_view))
+        self.upload_bricks(brick_view, np.arange(len(order)))
         return True
 
     def begin_frame(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
@@ -187,31 +188,21 @@ class BrickCache:
         self._begin_means(is_enabled=bool(np.count_nonzero(brick_view.is_mean) > self.means.max_slots))
         return brick_view
 
-    def upload_groups(self, brick_view: BrickView) -> Iterator[tuple[slice, Int64]]:
-        """Upload all bricks in groups, all of which have slots at once.
-
-        Yield each group before the next one is uploaded, and where the texels of its bricks begin, as `upload_bricks`.
-        """
-        start = 0
-        while start < len(brick_view.order):
-            fits = [np.cumsum(is_in[start:]) <= atlas.max_slots for atlas, is_in, _ in self._parts(brick_view)]
-            group = slice(start, start + int(np.count_nonzero(np.all(fits, axis=0))))
-            yield group, self.upload_bricks(brick_view, np.arange(group.start, group.stop))
-            start = group.stop
-
     def have_slots(self, brick_view: BrickView, numbers: Int64) -> bool:
         """Return whether the bricks with these numbers in the view have slots at once."""
         return all(np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in self._parts(brick_view))
 
     def upload_bricks(self, brick_view: BrickView, numbers: Int64) -> Int64:
-        """Upload the bricks with these numbers in the view, and return where their texels begin in the atlas of each
-        layer: int64 [layers, n]. It is -1 where a layer shows nothing; means are those of the first."""
-        offsets = np.full((len(self.scalars), len(numbers)), -1, np.int64)
+        """Upload the bricks with these numbers in the view, and return where texels begin, in the atlas of each layer,
+        of all its bricks: int64 [layers, n]. It is -1 where a layer shows nothing; means are those of the first."""
+        offsets = np.full((len(self.scalars), len(brick_view.order)), -1, np.int64)
         for layer, (atlas, is_in, make_texels) in enumerate(self._parts(brick_view)):
-            chosen = np.flatnonzero(is_in[numbers])
-            of_atlas = numbers[chosen]
+            of_atlas = numbers[is_in[numbers]]
+            if not len(of_atlas):
+                continue
+            atlas.reserve(len(of_atlas))
             slots = atlas.upload(brick_view.keys[of_atlas], partial(make_texels, of_atlas))
-            offsets[layer % len(offsets), chosen] = atlas.texel_offsets(slots)
+            offsets[layer % len(offsets), of_atlas] = atlas.texel_offsets(slots)
         return offsets
 
     def release(self) -> None:
@@ -225,13 +216,10 @@ class BrickCache:
             computed.begin(is_enabled=is_enabled)
 
     def _prepare(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
-        """Make a view of bricks, and reserve slots for all of them if possible."""
+        """Return a view of bricks: the last one, if it is of the same ones."""
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
             last = self._brick_view = make_brick_view(batch, order, view)
-        for atlas, is_chosen, _ in self._parts(last):
-            if is_chosen.any():
-                atlas.reserve()
         return last
 
     def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]]:

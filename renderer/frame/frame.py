@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from renderer.draw import Rasterizer, draw_lines
 from renderer.film import Pixels, quantize
 from renderer.frame.primitives import LOD, Orders

@@ -51,7 +51,7 @@ from renderer.view import (
     visible_points,
     volume_corners,
 )
-from renderer.volume import Float64, Volume, joint_fingerprint
+from renderer.volume import Float64, Volume, joint_fingerprint, move_volume
 
 # Splats reach beyond their cells: further than the frame's margin, if so few voxels fill it. Studies compare footprints
 # of larger volumes in the same frame.
@@ -111,7 +111,8 @@ def read_volumes(scene: Scene) -> list[Volume]:
     for spec in scene.layers:
         if spec.volume not in read:
             read[spec.volume] = read_volume(spec.volume)
-    return [read[spec.volume] for spec in scene.layers]
+    volumes = [(read[spec.volume], spec.transform) for spec in scene.layers]
+    return [volume if matrix is None else move_volume(volume, np.array(matrix)) for volume, matrix in volumes]
 
 
 def _make_layers(

@@ -49,5 +49,10 @@ def _bricks_of(group: Sequence[Layer], scene: Scene) -> BrickLayers | None:
         return None
     if (extremes := group[0].extreme_bricks) is not None:
         return extremes.bricks
-    bricks = [BrickLayer(each.bricks, each.spec.shading, each.spec.weight) for each in group if each.bricks is not None]
+    is_projection = scene.mode.is_projection  # whose pictures are weighted, and not extinctions
+    bricks = [
+        BrickLayer(each.bricks, each.spec.shading, 1.0 if is_projection else each.spec.weight)
+        for each in group
+        if each.bricks is not None
+    ]
     return BrickLayers(tuple(bricks), group[0].spec.clip, is_additive=scene.blend == "add")

@@ -33,6 +33,8 @@ def procedural_values(source: ProceduralSource) -> Array:
         "constant": _constant,
         "single_voxel": _single_voxel,
         "marschner_lobb": _marschner_lobb,
+        "cell_nuclei": functools.partial(_cells, inner=0.0, outer=0.5),
+        "cell_membranes": functools.partial(_cells, inner=0.86, outer=1.0),
     }
     return makers[source.name](source)
 
@@ -64,6 +66,33 @@ def _marschner_lobb(source: ProceduralSource) -> Array:
         for plane, z_plane in zip(values, z, strict=True):
             rho = (1 - np.sin(np.pi * z_plane / 2) + alpha * (1 + rho_r)) / (2 * (1 + alpha))
             plane[rows] = np.floor(255 * rho + 0.5)
+    return values
+
+
+# Centres and radii of cells, of which each is an ellipsoid, in [-1, 1]^3.
+_CELLS = (
+    (-0.45, -0.4, -0.1, 0.5, 0.45, 0.6), (0.4, -0.5, 0.05, 0.48, 0.42, 0.7), (0.0, 0.15, -0.15, 0.42, 0.4, 0.65),
+    (-0.55, 0.5, 0.1, 0.4, 0.45, 0.6), (0.55, 0.45, 0.0, 0.42, 0.5, 0.75),
+)  # fmt: skip
+_CELL_BLUR = 0.06  # of a cell's radius
+
+
+def _cells(source: ProceduralSource, *, inner: float, outer: float) -> Array:
+    """Return cells, filled between two shares of their radii, as two channels of a microscope show them."""
+    x, y, z = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in source.shape)
+    values = np.empty(source.shape[::-1], np.uint8)
+    for rows in _row_blocks(source):
+        for plane, z_plane in zip(values[:, rows], z, strict=True):
+            filled = np.zeros(plane.shape)
+            for cx, cy, cz, rx, ry, rz in _CELLS:
+                radius = ((x - cx) / rx) ** 2 + (((y[rows] - cy) / ry) ** 2)[:, np.newaxis]
+                radius += ((z_plane - cz) / rz) ** 2
+                np.sqrt(radius, out=radius)
+                inside = np.minimum(radius - inner, outer - radius) if inner > 0 else outer - radius
+                inside /= _CELL_BLUR
+                inside += 0.5
+                np.maximum(filled, np.minimum(inside, 1.0), out=filled)
+            plane[:] = np.floor(20 + 200 * filled + 0.5)
     return values
 
 

@@ -24,9 +24,11 @@ from renderer.scene.volume_section import VOLUME_TABLE, VolumeSpec, build_volume
 
 MAX_WEIGHT = 1e6
 _CONTRADICTS = {
-    "volume": "put it into the list",
+    "volume": "put it into the list, or name a file by --set volumes.0.file=FILE",
     "transfer_function": "each volume in the list has its own",
 }
+# Of a matrix whose largest entry is 1.
+_MIN_DETERMINANT = 1e-9
 # The opacity at the end of `range` of what is as thick as the unit: an optical depth of 1.
 _RAMP_OPACITY = -math.expm1(-1.0)
 
@@ -35,6 +37,7 @@ _RAMP_OPACITY = -math.expm1(-1.0)
 class LayerSpec:
     """One volume of a scene, and how it is shown.
 
+    transform: 4 x 4, row by row: moves the volume from its own place in the world, as a registration says.
     weight: a factor on its extinction. clip: what is clipped away of it alone, besides the scene's.
     color, range: if its transfer function is a ramp between two values, from nothing to an optical depth of 1 in an
         eighth of the volume's longest side.
@@ -45,9 +48,22 @@ class LayerSpec:
     shading: ShadingSpec | None = None
     clip: tuple[ClipSpec, ...] = ()
     name: str = ""
+    transform: tuple[tuple[float, ...], ...] | None = None
     weight: float = 1.0
     color: Color | None = None
     range: tuple[float, float] | None = None
+
+
+def _check_transform(node: TreeNode, rows: tuple[Any, ...]) -> Any:
+    if any(INVALID in row for row in rows):
+        return INVALID
+    (a, b, c, _), (d, e, f, _), (g, h, i, _), last = rows
+    if last != (0, 0, 0, 1):
+        return node.child(3, list(last)).reject("not affine", expected="[0, 0, 0, 1]")
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    if abs(determinant) < _MIN_DETERMINANT * max(map(abs, (a, b, c, d, e, f, g, h, i))) ** 3:
+        return node.reject("flat: it leaves the volume no depth", expected="a matrix that can be inverted")
+    return rows
 
 
 _OWN_TABLE: schema.FieldTable = {
@@ -55,6 +71,12 @@ _OWN_TABLE: schema.FieldTable = {
     "transfer_function": TRANSFER_FUNCTION_SECTION,
     "color": COLOR_FIELD,
     "range": VALUE_RANGE_FIELD,
+    "transform": schema.sequence_field(
+        schema.sequence_field(schema.COORDINATE_FIELD, "four numbers", count=4),
+        "a matrix of 4 x 4 numbers, row by row, whose last row is [0, 0, 0, 1]",
+        count=4,
+        check=_check_transform,
+    ),
     "weight": schema.number_field(above=0, maximum=MAX_WEIGHT, zero_hint="take this volume out of the list"),
     "shading": schema.dataclass_field(ShadingSpec),
     "clip": CLIP_SECTION,

@@ -15,4 +15,9 @@ from .mapped_file import (
     iter_slabs as iter_slabs,
 )
 from .truncation_guard import guard_mapping as guard_mapping
-from .volume import Volume as Volume, joint_fingerprint as joint_fingerprint, make_volume as make_volume
+from .volume import (
+    Volume as Volume,
+    joint_fingerprint as joint_fingerprint,
+    make_volume as make_volume,
+    move_volume as move_volume,
+)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -118,6 +118,14 @@ def make_volume(
     for slab in iter_slabs(values, source):
         digest.update(slab.data.cast("B"))
     return Volume(values, placed, name, digest.hexdigest(), source, num_absent)
+
+
+def move_volume(volume: Volume, matrix: Float64) -> Volume:
+    """Return a volume whose voxels are moved by a matrix, float64 [4, 4], from world to world."""
+    placed = np.asarray(matrix @ volume.world_from_index, np.float64) + 0.0
+    placed.flags.writeable = False
+    digest = hashlib.blake2b(volume.fingerprint.encode("ascii") + placed.tobytes(), digest_size=16)
+    return replace(volume, world_from_index=placed, fingerprint=digest.hexdigest())
 
 
 def joint_fingerprint(volumes: Sequence[Volume]) -> str:

@@ -60,7 +60,7 @@ def stage_of(
         "output": {"file": "{frame}.png", "size": list(SIZE), "background": "transparent"},
     }
     scene = parse_scene(small_tree(**sections | LOOKS[look] | more), base=Path())
-    return prepare_stage(scene, clock=lambda: 0.0, num_threads=2, volume=volume)
+    return prepare_stage(scene, clock=lambda: 0.0, num_threads=2, volumes=[volume])
 
 
 def in_nan(values: Array, before: tuple[int, int, int], shape: tuple[int, int, int]) -> Volume:
@@ -130,7 +130,8 @@ def test_exact_rays_are_sums_over_the_octants_with_data() -> None:
         closest = -(origins[pixel] - volume.centre_index) @ directions[pixel] / (directions[pixel] @ directions[pixel])
         points = origins[pixel] + (closest + at)[:, None] * directions[pixel]
         scalars = np.array([scalar_at(values, point) for point in points])
-        depths.append(4e-3 * np.nansum(stage.bricks.transfer.classify(np.nan_to_num(scalars))[1] * ~np.isnan(scalars)))
+        extinctions = stage.layers[0].transfer.classify(np.nan_to_num(scalars))[1]
+        depths.append(4e-3 * np.nansum(extinctions * ~np.isnan(scalars)))
     np.testing.assert_allclose(alphas[chosen], -np.expm1(-np.array(depths)), atol=1e-3)
 
 
@@ -204,7 +205,7 @@ def test_coarser_pictures_keep_their_tolerance(values: Array, tolerance: float) 
 def test_splats_leave_out_voxels_without_data() -> None:
     values = with_holes()
     stage = stage_of(volume_of(values), splat={"footprint": "gaussian"})
-    cut = cut_pyramid(stage.pyramid, 0.0)
+    cut = cut_pyramid(stage.layers[0].pyramid, 0.0)
     x, y, z = cut.cells.T
     assert len(cut.cells) == np.count_nonzero(~np.isnan(values))
     assert not np.isnan(values[z, y, x]).any()

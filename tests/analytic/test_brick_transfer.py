@@ -18,7 +18,7 @@ def seen_along_z(brick_rasterizer: BrickRasterizer, bricks: Bricks, step: float)
     num_x, num_y, _ = bricks.volume.shape_xyz
     view = View(np.diag([1.0, -1.0, -1.0]), bricks.volume.centre, 100.0, "orthographic", 1.0, (num_x, num_y))
     batch = batch_of(level_cut(bricks, 0), bricks, step=step)
-    return brick_rasterizer.rasterize(batch, ordered(batch.cut, view), view).astype(np.float64)
+    return brick_rasterizer.rasterize([batch], [ordered(batch.cut, view)], view).astype(np.float64)
 
 
 def test_labels_on_the_step_of_a_colormap(brick_rasterizer: BrickRasterizer) -> None:

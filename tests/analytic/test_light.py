@@ -11,7 +11,7 @@ from film_stages import PLAIN
 from ray_integrals import COLORFUL, EXACT, look, oblique, riemann, volume
 
 from renderer.draw import BrickRasterizer
-from renderer.frame import make_primitive, open_stage, render_frames, view_of as view_of_frame
+from renderer.frame import make_primitive, prepare_stage, render_frames, view_of as view_of_frame
 from renderer.scene import ShadingSpec, TurntablePath, with_tolerance
 from renderer.transfer import make_transfer_function
 from renderer.truth import converged_image, integrate
@@ -91,7 +91,7 @@ def test_pictures_converge_to_the_truth(shading: ShadingSpec, camera: str) -> No
     cut = level_cut(bricks, 0)
     with BrickRasterizer() as rasterizer:
         batch = batch_of(cut, bricks, step=1 / 16, shading=shading)
-        image = rasterizer.rasterize(batch, ordered(cut, view), view)
+        image = rasterizer.rasterize([batch], [ordered(cut, view)], view)
     assert -10 * np.log10(np.mean((image - truth) ** 2)) > 80
 
 
@@ -99,11 +99,12 @@ def test_pictures_converge_to_the_truth(shading: ShadingSpec, camera: str) -> No
 def test_scenes_draw_voxels_at_every_tolerance(tolerance: float) -> None:
     shading = ShadingSpec(0.3, 0.7, "camera", 0.3, gradient_opacity=((0.0, 0.2), (60.0, 1.0)))
     scene = with_tolerance(replace(PLAIN, shading=shading), tolerance)
-    with open_stage(scene, clock=lambda: 0.0, num_threads=1) as stage, BrickRasterizer() as rasterizer:
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage, BrickRasterizer() as rasterizer:
         lod = make_primitive(stage).make_lod(tolerance, lambda _: None)
         assert lod.num_cells > 1
-        assert not lod.batch.cut.levels.any()  # type: ignore[union-attr]
+        assert not lod.batches[0].cut.levels.any()
         (frame,) = render_frames(stage, [3], rasterizer, clock=lambda: 0.0)
-        transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
-        truth, _ = converged_image(stage.volume, transfer, view_of_frame(stage, 3), tolerance=1e-5, shading=shading)
+        volume = stage.layers[0].volume
+        transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+        truth, _ = converged_image(volume, transfer, view_of_frame(stage, 3), tolerance=1e-5, shading=shading)
     assert -10 * np.log10(np.mean((frame.radiance - truth) ** 2)) > (20 if tolerance > 1 else 55)

@@ -49,7 +49,7 @@ def scene_of(mode: str, *, tolerance: float = 0.0, camera: str = "perspective", 
 
 
 def stage_of(volume: Volume, scene: Scene) -> Stage:
-    return prepare_stage(scene, clock=perf_counter, num_threads=2, volume=volume)
+    return prepare_stage(scene, clock=perf_counter, num_threads=2, volumes=[volume])
 
 
 def noise(shape: tuple[int, int, int], dtype: npt.DTypeLike = np.float32) -> Array:
@@ -61,7 +61,7 @@ def noise(shape: tuple[int, int, int], dtype: npt.DTypeLike = np.float32) -> Arr
 
 def dense_samples(stage: Stage, num: int, every: int = 1) -> tuple[Float64, Float64]:
     """The trilinear field at midpoints along rays by nothing but its definition, and the lengths of the rays."""
-    volume = stage.volume
+    volume = stage.layers[0].volume
     span = ray_spans(volume, view_of(stage, NUMBER))
     starts, steps, lengths = (each[::every] for each in (span.index_at_start, span.index_per_length, span.length))
     places = lengths[:, None] * (np.arange(num) + 0.5) / num
@@ -128,13 +128,14 @@ def test_depth_is_where_the_only_maximum_is() -> None:
     image, view = exact(stage), view_of(stage, NUMBER)
     row, column = np.unravel_index(image[..., 0].argmax(), image.shape[:2])
     place = np.array([5.0, 2.0, 6.0])
-    x, y, z = view.view_from_world(stage.volume.world_from_index[:3, :3] @ place + stage.volume.world_from_index[:3, 3])
+    volume = stage.layers[0].volume
+    x, y, z = view.view_from_world(volume.world_from_index[:3, :3] @ place + volume.world_from_index[:3, 3])
     assert abs(column + 0.5 - SIZE[0] / 2 - view.scale_px * x / -z) < 1
     assert abs(row + 0.5 - SIZE[1] / 2 + view.scale_px * y / -z) < 1
-    centre = view.view_from_world(stage.volume.centre)[2]
-    share = 0.5 + (centre - z) / (2 * stage.volume.half_diagonal)
+    centre = view.view_from_world(volume.centre)[2]
+    share = 0.5 + (centre - z) / (2 * volume.half_diagonal)
     brightness = scene_of("maximum")
-    value = exact(stage_of(stage.volume, brightness))[row, column, 0]
+    value = exact(stage_of(volume, brightness))[row, column, 0]
     assert image[row, column, 0] == pytest.approx(share * value, abs=0.02)
 
 

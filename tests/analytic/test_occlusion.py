@@ -11,7 +11,8 @@ import pytest
 from small_scene import engine_block
 from stage_pictures import decibels, drawn, exact
 
-from renderer.frame import open_stage
+from renderer.frame import prepare_stage
+from renderer.layers import group_layers
 from renderer.scene import Scene, ShadingSpec, parse_scene, with_tolerance
 from renderer.transfer import make_light_grid
 
@@ -48,7 +49,7 @@ def scene_of(shading: ShadingSpec, tolerance: float) -> Scene:
 
 
 def drawn_with(shading: ShadingSpec, tolerance: float) -> Any:
-    with open_stage(scene_of(shading, tolerance), clock=lambda: 0.0, num_threads=2) as stage:
+    with prepare_stage(scene_of(shading, tolerance), clock=lambda: 0.0, num_threads=2) as stage:
         return drawn(stage)
 
 
@@ -58,7 +59,7 @@ def rmse(one: Any, other: Any) -> float:
 
 @EACH_KIND
 def test_pictures_are_those_of_exact_rays(shading: ShadingSpec) -> None:
-    with open_stage(scene_of(shading, 0.001), clock=lambda: 0.0, num_threads=2) as stage:
+    with prepare_stage(scene_of(shading, 0.001), clock=lambda: 0.0, num_threads=2) as stage:
         image = drawn(stage)
         assert decibels(image, exact(stage, 1 / 8)) > 58
         assert np.array_equal(image, drawn(stage, num_threads=1))
@@ -70,7 +71,7 @@ def test_pictures_are_those_of_exact_rays(shading: ShadingSpec) -> None:
 @pytest.mark.parametrize("tolerance", [0.3, 1.0])
 def test_coarse_cells_have_it_in_their_means(tolerance: float) -> None:
     shading = replace(KINDS["both, specular"], specular=0.0)
-    with open_stage(scene_of(shading, tolerance), clock=lambda: 0.0, num_threads=2) as stage:
+    with prepare_stage(scene_of(shading, tolerance), clock=lambda: 0.0, num_threads=2) as stage:
         image, truth = drawn(stage), exact(stage, 1 / 8)
     plain = drawn_with(replace(shading, occlusion=0.0, shadow=0.0), tolerance)
     bright, dim, wanted = (float(picture[..., :3].sum()) for picture in (plain, image, truth))
@@ -81,18 +82,20 @@ def test_coarse_cells_have_it_in_their_means(tolerance: float) -> None:
 @EACH_KIND
 def test_a_field_that_is_constant_scales_the_light(shading: ShadingSpec) -> None:
     """Half of the ambient and a quarter of the diffuse light arrive everywhere."""
-    with open_stage(scene_of(shading, 0.0), clock=lambda: 0.0, num_threads=2) as stage:
-        assert stage.bricks is not None
+    with prepare_stage(scene_of(shading, 0.0), clock=lambda: 0.0, num_threads=2) as stage:
+        (layer,) = stage.layers
+        assert layer.bricks is not None
         grid = np.full((4, 5, 6), 0.2, np.float32)
         has = shading.occlusion > 0, shading.shadow > 0
         made = make_light_grid(grid if has[0] else None, grid if has[1] else None, 9.0, (0.5 / 0.8, 0.75 / 0.8))
-        changed = replace(stage, bricks=replace(stage.bricks, light_grid=made))
+        layer = replace(layer, light_grid=made, bricks=replace(layer.bricks, light_grid=made))
+        changed = replace(stage, layers=(layer,), groups=group_layers([layer], stage.scene))
         pictures = drawn(changed), exact(changed, 1 / 8)
     ambient, diffuse = 0.5 if has[0] else 1.0, 0.25 if has[1] else 1.0
     scaled = replace(
         shading, ambient=ambient * shading.ambient, diffuse=diffuse * shading.diffuse,
         specular=diffuse * shading.specular, occlusion=0.0, shadow=0.0,
     )  # fmt: skip
-    with open_stage(scene_of(scaled, 0.0), clock=lambda: 0.0, num_threads=2) as stage:
+    with prepare_stage(scene_of(scaled, 0.0), clock=lambda: 0.0, num_threads=2) as stage:
         assert rmse(pictures[0], drawn(stage)) < 1e-5
         assert rmse(pictures[1], exact(stage, 1 / 8)) < 1e-8

@@ -133,8 +133,9 @@ def test_rays_measure_the_error_of_a_frame(variant: str) -> None:
     scene = scene_of(**VARIANTS[variant])
     stage = prepare_stage(scene, clock=perf_counter, num_threads=2)
     frame = drawn(stage, 3)
-    transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
-    exact, _ = converged_image(stage.volume, transfer, view_of(stage, 3), tolerance=1e-6, shading=scene.shading)
+    volume = stage.layers[0].volume
+    transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+    exact, _ = converged_image(volume, transfer, view_of(stage, 3), tolerance=1e-6, shading=scene.shading)
     truth = over_background(exact, scene.output.background)
     shown = frame.image / 255
     picture = shown[..., :3] * shown[..., 3:] if shown.shape[2] == 4 else shown
@@ -150,8 +151,9 @@ def test_rays_converge_where_they_are_asked_to() -> None:
     """A whole picture, compared with itself, then has no error, with light, too; rays of one step leave some."""
     scene = scene_of(**VARIANTS["lit"])
     stage = prepare_stage(scene, clock=perf_counter, num_threads=2)
-    transfer = make_transfer_function(scene.transfer_function, stage.volume.finest_spacing)
-    image, _ = converged_image(stage.volume, transfer, view_of(stage, 3), tolerance=1e-7, shading=scene.shading)
+    volume = stage.layers[0].volume
+    transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+    image, _ = converged_image(volume, transfer, view_of(stage, 3), tolerance=1e-7, shading=scene.shading)
     picture, frame = over_background(image, scene.output.background), drawn(stage, 3)
     converged, quick = (
         FrameProber(stage, 1000, tolerance=tolerance).exact_pixels(3, frame.image).compare_picture(picture)

@@ -59,7 +59,7 @@ def depth_by_path(
     # A Gaussian reaches 1.36 cells (gouraud 1.03), and is widened to a reach of 1.6 px. Cells on this side are larger.
     pixels = deep_inside(faces, 1.2 * max(1.36 * cell_px, 1.6))
     assert np.sum(pixels) >= 20
-    depths = optical_depth(gl.rasterize(batch, in_order(batch), view))
+    depths = optical_depth(gl.rasterize([batch], [in_order(batch)], view))
     return np.asarray(depths[pixels] / (tau * lengths[pixels]))
 
 
@@ -175,7 +175,7 @@ def test_views_near_an_axis_show_no_seams(rasterizer: SplatRasterizer, projectio
         batch = make_splats(cut, SplatSpec())
         steps = {}
         for name, cells in (("depth", None), ("boxes", cut)):
-            inside = rasterizer.rasterize(batch, visible_order(batch, view, cells=cells), view)[30:98, 30:98]
+            inside = rasterizer.rasterize([batch], [visible_order(batch, view, cells=cells)], view)[30:98, 30:98]
             steps[name] = max(float(np.abs(np.diff(inside, axis=axis)).max()) for axis in (0, 1))
         assert steps["depth"] < 0.25 / 255
         if azimuth > 0:

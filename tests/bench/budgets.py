@@ -63,10 +63,11 @@ def splats(data: Path) -> Iterator[str]:
     for name in ("engine", "bonsai"):
         scene = load_scene(ROOT / "configs" / f"{name}.yaml", volume=data / f"{name}.nhdr")
         stage = prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS)
-        assert stage.bricks is not None
+        (bricks,) = (layer.bricks for layer in stage.layers)
+        assert bricks is not None
         primitive = make_primitive(stage)
-        finest_level, finest_level_at_zero = finest_level_at(stage, 1.0), finest_level_at(stage, 0.0)
-        sizes = brick_cut_sizes(stage.bricks, finest_level=finest_level, finest_level_at_zero=finest_level_at_zero)
+        finest, at_zero = finest_level_at(stage, 1.0), finest_level_at(stage, 0.0)
+        sizes = brick_cut_sizes([bricks], finest_levels=[finest], finest_levels_at_zero=[at_zero])
         for number in NUMBERS:
             start = time.perf_counter()
             tolerance = primitive.tolerance_for_cells(number)

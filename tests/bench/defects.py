@@ -21,7 +21,7 @@ from renderer.accuracy import ErrorSamples, FrameProber, pool_samples, psnr
 from renderer.bricks import BrickBatch, Bricks, mean_texels, scalar_texels
 from renderer.draw import BrickRasterizer, brick_cache
 from renderer.film import Pixels
-from renderer.frame import Stage, Stopwatch, draw_frame, make_draw_list, make_primitive, open_stage, pipeline
+from renderer.frame import Stage, Stopwatch, draw_frame, make_draw_list, make_primitive, prepare_stage
 from renderer.frame.frame import DrawList
 from renderer.frame.primitives import LOD
 from renderer.scene import Scene
@@ -66,8 +66,9 @@ class Subject(NamedTuple):
     @property
     def batch(self) -> BrickBatch:
         """Return the bricks."""
-        assert isinstance(self.lod.batch, BrickBatch)
-        return self.lod.batch
+        (batch,) = self.lod.batches
+        assert isinstance(batch, BrickBatch)
+        return batch
 
 
 class Seen(NamedTuple):
@@ -100,7 +101,7 @@ def main() -> None:
 
 def measured(scene: Scene) -> list[Row]:
     """Measure a scene with every defect; the first row has none."""
-    with open_stage(scene, clock=time.process_time, num_threads=THREADS) as stage:
+    with prepare_stage(scene, clock=time.process_time, num_threads=THREADS) as stage:
         subject = staged(stage)
         probers = {num: FrameProber(stage, num, num_threads=THREADS) for num in RAYS}
         without = film(subject)
@@ -142,7 +143,7 @@ def seen(prober: FrameProber, pictures: Film) -> Seen:
 
 def chosen_bricks(subject: Subject) -> dict[str, int]:
     """Return the brick whose absence changes most, of some drawn by lot, and the median one; all have a parent."""
-    order = subject.lod.orders(make_draw_list(subject.stage, subject.lod, 0, _stopwatch()).view)[0][1]
+    order = subject.lod.orders(make_draw_list(subject.stage, subject.lod, 0, _stopwatch()).view)[0][1][0]
     order = order[subject.batch.cut.levels[order] < len(subject.batch.bricks.levels) - 1]
     candidates = np.random.default_rng(0).permutation(order)[:CANDIDATES]
     whole = film(subject, frames=TRIAL_FRAMES)
@@ -219,31 +220,31 @@ def _wrong_light(subject: Subject) -> Film:
 
 
 def _transfer_shifted(subject: Subject) -> Film:
-    low, high = subject.batch.bricks.volume_range
+    low, high = subject.batch.bricks.layers[0].bricks.volume_range
 
     def shifted(*arguments: Any) -> TransferFunction:
         right = make_transfer_function(*arguments)
         return replace(right, values=right.values + (high - low) / 255)
 
-    with patch.object(pipeline, "make_transfer_function", shifted):
+    with patch("renderer.layers.layer.make_transfer_function", shifted):
         return _restaged(subject, subject.stage.scene)
 
 
 def _restaged(subject: Subject, scene: Scene) -> Film:
     """Draw from another stage as the camera of this one sees it."""
     stage = subject.stage
-    options: dict[str, Any] = {"clock": time.process_time, "num_threads": THREADS, "volume": stage.volume}
-    with open_stage(scene, **options) as other:
+    options: dict[str, Any] = {"clock": time.process_time, "num_threads": THREADS, "volumes": [stage.layers[0].volume]}
+    with prepare_stage(scene, **options) as other:
         return film(staged(replace(other, target=stage.target, distance=stage.distance)))
 
 
 def _in_order(draw_list: DrawList, change: Callable[[UInt32], UInt32]) -> DrawList:
-    return replace(draw_list, orders=[(share, change(order)) for share, order in draw_list.orders])
+    return replace(draw_list, orders=[(share, [change(order)]) for share, (order,) in draw_list.orders])
 
 
 def _of_batch(batch: BrickBatch) -> Change:
     """Draw other bricks, in the order of the right ones."""
-    return lambda draw_list: replace(draw_list, lod=replace(draw_list.lod, batch=batch))
+    return lambda draw_list: replace(draw_list, lod=replace(draw_list.lod, batches=[batch]))
 
 
 @contextmanager

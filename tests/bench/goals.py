@@ -23,7 +23,7 @@ from renderer.accuracy import ExactPixels, ExactRays, FoundTolerances, FrameProb
 from renderer.accuracy.tolerances import tolerance_ladder
 from renderer.bricks.pixel_grid import STRIDES
 from renderer.draw import Rasterizer, open_rasterizer
-from renderer.frame import Frame, Stage, make_primitive, open_stage, render_frames
+from renderer.frame import Frame, Stage, make_primitive, prepare_stage, render_frames
 from renderer.scene import MetricTarget, with_tolerance, with_tolerances
 from renderer.volume import Float64
 
@@ -173,7 +173,7 @@ def measure(data: Path, name: str, subject: Subject, found: Measured) -> None:
     lit = {"is_lit": subject.is_lit, "is_splats": subject.is_splats}
     scene = suggested(data / subject.file, SIZE, num_frames=NUM_FRAMES, **lit)
     with (
-        open_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
+        prepare_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
         open_rasterizer(scene) as rasterizer,
     ):
         warm_up(stage, rasterizer)
@@ -203,7 +203,7 @@ def film_of(room: Room, name: str, goal: float) -> Film:
     film = Film(name, goal, found.is_reachable, *figures, [], [])
     if film.excess <= TOO_GOOD:
         return film
-    ladder = tolerance_ladder(room.stage.pyramid, make_primitive(room.stage).work, ExactRays.step)
+    ladder = tolerance_ladder(room.stage.largest_error, make_primitive(room.stage).work, ExactRays.step)
     coarser = [ladder[max(ladder.index(each) - 1, 0)] for each in tolerances]
     return film._replace(coarser=coarser, coarser_psnrs=room.draw(coarser).psnrs)
 
@@ -225,7 +225,7 @@ def searched(room: Room, want: MetricTarget) -> tuple[FoundTolerances, int, Floa
             range(NUM_FRAMES),
             ExactRays(room.stage, want, num_threads=THREADS),
             room.rasterizer,
-            is_constant=room.stage.bricks is None,
+            is_constant=room.stage.scene.needs_opengl,
             clock=time.perf_counter,
             on_trial=trials.append,
         )

@@ -114,7 +114,7 @@ def staged(scene: Scene, values: Values) -> Stage:
         ),
         clock=time.process_time,
         num_threads=THREADS,
-        volume=make_volume(values, world_from_index, "resampled"),
+        volumes=[make_volume(values, world_from_index, "resampled")],
         any_tolerance=True,
     )
 

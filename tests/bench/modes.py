@@ -19,7 +19,7 @@ from measuring import PAGES, THREADS, machine_line, parser_of
 import renderer
 from renderer.accuracy import psnr
 from renderer.draw import BrickRasterizer
-from renderer.frame import Frame, Stage, open_stage, render_frames, view_of
+from renderer.frame import Frame, Stage, prepare_stage, render_frames, view_of
 from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene, scene_to_dict, with_tolerance
 from renderer.truth import SceneRays
@@ -177,7 +177,7 @@ def measured(scene: Scene) -> Iterator[Figures]:
     for tolerance in TOLERANCES:
         at = with_tolerance(scene, tolerance)
         with (
-            open_stage(at, clock=time.perf_counter, num_threads=THREADS) as stage,
+            prepare_stage(at, clock=time.perf_counter, num_threads=THREADS) as stage,
             BrickRasterizer(num_threads=THREADS) as rasterizer,
         ):
             truths = truths or [truth(stage, frame) for frame in FRAMES]

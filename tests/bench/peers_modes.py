@@ -21,7 +21,7 @@ from peers import shown
 from hsplat_cli.studies.peers.vtk_peer import comparable, describe_vtk, look_of, measure_vtk, vtk_settings
 from renderer.accuracy import Truth, compute_truth
 from renderer.draw import BrickRasterizer
-from renderer.frame import Stage, open_stage, view_of
+from renderer.frame import Stage, prepare_stage, view_of
 from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene, with_tolerance
 from renderer.study import Measurement, Setting, measure_setting
@@ -75,8 +75,8 @@ class Compared(NamedTuple):
     def peer(self, settings: Sequence[Setting], repeats: int) -> Iterator[Measurement]:
         """Measure settings of VTK."""
         stage = self.stage
-        look, view = look_of(stage.scene, stage.volume), view_of(stage, FRAME)
-        return measure_vtk(stage.volume, look, [view], [self.truth], settings=settings, repeats=repeats)
+        look, view = look_of(stage.scene, stage.layers[0].volume), view_of(stage, FRAME)
+        return measure_vtk(stage.layers[0].volume, look, [view], [self.truth], settings=settings, repeats=repeats)
 
 
 def main() -> None:
@@ -112,8 +112,9 @@ def rows(scene: Scene) -> Iterator[str]:
     if scene.mode.type == "minimum":
         scene, volume = replace(scene, output=replace(scene.output, background=(1.0, 1.0, 1.0))), negative(volume)
     scene, volume, _ = comparable(scene, volume)
-    options = {"clock": time.perf_counter, "num_threads": THREADS, "volume": volume, "any_tolerance": True}
-    with open_stage(scene, **options) as stage:
+    with prepare_stage(
+        scene, clock=time.perf_counter, num_threads=THREADS, volumes=[volume], any_tolerance=True
+    ) as stage:
         both = Compared(stage, compute_truth(stage, FRAME, 1e-4, num_threads=THREADS))
         peers = {f"{each.series}, {each.label}".removeprefix("vtk "): each for each in vtk_settings(scene.mode)}
         own = [point(f"{tolerance:g}", both.own(tolerance, 2)) for tolerance in TOLERANCES]

@@ -24,7 +24,7 @@ from renderer.accuracy.estimate import error_samples
 from renderer.accuracy.pixels import choose_pixels
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.film import Pixels, over_background
-from renderer.frame import Stage, open_stage, render_frames, view_of
+from renderer.frame import Stage, prepare_stage, render_frames, view_of
 from renderer.scene import with_tolerance
 from renderer.transfer import make_transfer_function
 from renderer.truth import RayIntegrator, TrueLayer
@@ -126,7 +126,7 @@ def measured(data: Path, subject: Subject, processes: Executor) -> Figures:
     """Draw a scene and probe it many times."""
     scene = suggested(data / subject.file, SIZE, is_lit=subject.is_lit, is_splats=subject.is_splats)
     with (
-        open_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
+        prepare_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
         open_rasterizer(scene) as rasterizer,
     ):
         draw_ms, probe_ms = timed(stage, rasterizer)
@@ -153,8 +153,9 @@ def timed(stage: Stage, rasterizer: Rasterizer) -> tuple[float, float]:
 
 def exact_frames(stage: Stage) -> list[Float64]:
     """Return the exact pictures of all frames, float64 [pixels, 3]."""
-    transfer = make_transfer_function(stage.scene.transfer_function, stage.volume.finest_spacing)
-    layer = TrueLayer(stage.volume, transfer, stage.scene.shading)
+    volume = stage.layers[0].volume
+    transfer = make_transfer_function(stage.scene.transfer_function, volume.finest_spacing)
+    layer = TrueLayer(volume, transfer, stage.scene.shading)
     integrator = RayIntegrator([layer], num_threads=THREADS)
     pixels = np.arange(SIZE[0] * SIZE[1])
     radiances = (integrator.integrate(view_of(stage, number), pixels, [STEP])[0] for number in FRAMES)

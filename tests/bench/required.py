@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -119,7 +120,7 @@ def little_visible() -> Iterator[str]:
             name = f"256^3 {dtype}, {volume.name}"
             yield row(f"{name}: building", timed(builder(scene, volume), builder(scene, half)), half.name, "ms")
             stages = builder(scene, volume)(), builder(scene, half)()
-            megabytes = [stage.pyramid.num_bytes / 1e6 for stage in stages]
+            megabytes = [stage.layers[0].pyramid.num_bytes / 1e6 for stage in stages]
             if megabytes[0]:
                 yield row(f"{name}: pyramid", (megabytes[0], megabytes[1]), half.name, "MB")
 
@@ -170,10 +171,10 @@ def kernels_of(volume: Path, changes: Sequence[str]) -> set[str]:
 
 def megabytes_held(stage: Stage, rasterizer: BrickRasterizer) -> float:
     """Return what is in memory for later frames: the pyramid, the light grid, and the texels of bricks."""
-    assert stage.bricks is not None
-    grid = stage.bricks.light_grid
-    num_bytes = stage.pyramid.num_bytes + grid.occlusion.nbytes + grid.shadow.nbytes + grid.corners.nbytes
-    for atlas in rasterizer.cache.atlases:
+    (layer,) = stage.layers
+    grid = layer.light_grid
+    num_bytes = layer.pyramid.num_bytes + grid.occlusion.nbytes + grid.shadow.nbytes + grid.corners.nbytes
+    for atlas in chain.from_iterable((*cache.scalars, cache.means) for cache in rasterizer.caches.values()):
         num_bytes += 4 * atlas.num_channels * PADDED_BRICK_SIZE**3 * int((atlas._slot_from_key >= 0).sum())
     return num_bytes / 1e6
 
@@ -191,7 +192,7 @@ def start() -> Iterator[str]:
 
 
 def builder(scene: Scene, volume: Volume) -> Callable[[], Stage]:
-    return lambda: prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS, volume=volume)
+    return lambda: prepare_stage(scene, clock=time.perf_counter, num_threads=THREADS, volumes=[volume])
 
 
 def drawer(stage: Stage, rasterizer: BrickRasterizer) -> Callable[[], object]:

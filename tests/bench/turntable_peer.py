@@ -78,7 +78,7 @@ def row(scene: Path, data: Path, python: Path, folder: Path, repeats: int) -> st
     transfer = make_transfer_function(spec.transfer_function, read.finest_spacing)
     volume = with_transparent_border(read, transfer)
     file = write_nrrd(volume, folder / "volume.nrrd")
-    stage = prepare_stage(spec, clock=time.perf_counter, num_threads=THREADS, volume=volume)
+    stage = prepare_stage(spec, clock=time.perf_counter, num_threads=THREADS, volumes=[volume])
     truth = compute_truth(stage, 0, 1e-4).picture
     still, film = folder / "still.png", folder / "film.mp4"
 

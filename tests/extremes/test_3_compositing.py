@@ -40,7 +40,7 @@ def drawn(depths: Float64, colors: Float64, size: int = 16) -> tuple[Float64, Fl
     """RGBA of the pile's pixel as drawn, and as float64 has it."""
     batch, view, exact_depths = pile(depths, colors, size)
     with SplatRasterizer() as rasterizer:
-        image = rasterizer.rasterize(batch, np.arange(len(depths), dtype=np.uint32), view)
+        image = rasterizer.rasterize([batch], [np.arange(len(depths), dtype=np.uint32)], view)
     in_front = np.append(np.cumsum(exact_depths[::-1])[::-1][1:], 0.0)
     seen = -np.expm1(-exact_depths) * np.exp(-in_front)
     exact_colors = batch.vertices[:, 3:6].astype(np.float64) / batch.vertices[:, 6:7].astype(np.float64)
@@ -61,7 +61,7 @@ def one_pixel_of_many(num: int, size: int) -> float:
     corners[:, :2] = [[8 - size / 2] * 2, [size / 2 - 8] * 2]
     batch = replace(batch, vertices=np.concatenate([corners, batch.vertices]))
     with SplatRasterizer() as rasterizer:
-        image = rasterizer.rasterize(batch, np.arange(num + 2, dtype=np.uint32), view)
+        image = rasterizer.rasterize([batch], [np.arange(num + 2, dtype=np.uint32)], view)
     expected = -math.expm1(-float(depths.sum())) * np.array([0.9, 0.5, 0.2, 1.0])
     return float(np.abs(image[size // 2 - 1, size // 2] - expected).max())
 
@@ -80,7 +80,7 @@ def depth_as_drawn(footprint: str) -> Measure:
         depth = (0.03, 0.5)[case] if case < 2 else 10 ** rng.uniform(-12, 6) if case % 2 else rng.uniform(0.02, 1.0)
         batch, view, _ = pile(np.array([depth]), np.ones(3), 4)
         batch = replace(batch, footprint=made)
-        alpha = float(gl.rasterize(batch, np.zeros(1, np.uint32), view)[1, 2, 3])
+        alpha = float(gl.rasterize([batch], [np.zeros(1, np.uint32)], view)[1, 2, 3])
         return abs(alpha / -math.expm1(-float(batch.vertices[0, 6]) * weight) - 1)
 
     return lambda cases: worst_drawn(error)(2 * cases)

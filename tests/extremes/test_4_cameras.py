@@ -69,7 +69,7 @@ def scene_of(camera: CameraSpec, unit: float = 1.0) -> Scene:
 
 
 def staged(camera: CameraSpec, volume: Volume, unit: float = 1.0) -> Stage:
-    return prepare_stage(scene_of(camera, unit), clock=lambda: 0.0, num_threads=1, volume=volume)
+    return prepare_stage(scene_of(camera, unit), clock=lambda: 0.0, num_threads=1, volumes=[volume])
 
 
 # Splats against the float64 reference
@@ -131,9 +131,9 @@ def against_reference(cameras: Callable[[Random], CameraSpec]) -> Measure:
 
     def error(gl: SplatRasterizer, rng: Random, _: int) -> float:
         stage = staged(cameras(rng), random_volume(rng))
-        batch, view = make_splats(cut_pyramid(stage.pyramid, 0.0), stage.scene.splat), view_of(stage, 0)
+        batch, view = make_splats(cut_pyramid(stage.layers[0].pyramid, 0.0), stage.scene.splat), view_of(stage, 0)
         order = visible_order(batch, view)
-        return float(np.abs(gl.rasterize(batch, order, view) - rasterize_reference(batch, order, view)).max())
+        return float(np.abs(gl.rasterize([batch], [order], view) - rasterize_reference(batch, order, view)).max())
 
     return worst_drawn(error)
 
@@ -247,8 +247,9 @@ def drawn(gl: SplatRasterizer, stage: Stage) -> Picture:
 
 
 def integrated(_: SplatRasterizer, stage: Stage) -> Picture:
-    transfer = make_transfer_function(stage.scene.transfer_function, stage.volume.finest_spacing)
-    return integrate(stage.volume, transfer, view_of(stage, 0), step_voxels=1.0, num_threads=1)
+    volume = stage.layers[0].volume
+    transfer = make_transfer_function(stage.scene.transfer_function, volume.finest_spacing)
+    return integrate(volume, transfer, view_of(stage, 0), step_voxels=1.0, num_threads=1)
 
 
 def difference(scales: Sequence[float], shift: float, picture: Callable[[SplatRasterizer, Stage], Picture]) -> Measure:

@@ -71,7 +71,7 @@ def energy_error(gl: SplatRasterizer, batch: SplatBatch, view: View) -> float:
         per_px *= -in_view[2]
         slant = float(np.linalg.norm(in_view) / -in_view[2])
     expected = float(batch.vertices[0, 6]) * slant / per_px**2
-    return abs(float(optical_depth(gl.rasterize(batch, FIRST, view)).sum()) / expected - 1)
+    return abs(float(optical_depth(gl.rasterize([batch], [FIRST], view)).sum()) / expected - 1)
 
 
 def energy(spec: SplatSpec, ratio: float) -> Measure:
@@ -96,7 +96,7 @@ def large_energy(spec: SplatSpec) -> Measure:
         center = point_at(view, *(24 + sigma_px * rng.uniform(-1, 1, 2)), DISTANCE)
         batch = thin_splat(center, axes, spec, view)
         expected = optical_depth(rasterize_reference(batch, FIRST, view)).sum()
-        missing = abs(optical_depth(gl.rasterize(batch, FIRST, view)).sum() - expected)
+        missing = abs(optical_depth(gl.rasterize([batch], [FIRST], view)).sum() - expected)
         return float(missing / max(expected, THIN))
 
     return worst_drawn(error)
@@ -110,7 +110,7 @@ def behind_the_near_plane(gl: SplatRasterizer, rng: Random, _: int) -> float:
     a = rng.uniform(-3, 3)
     batch = thin_splat(point_at(view, 48.2, 47.9, DISTANCE - a * sigma), axes, SplatSpec(), view)
     expected = float(batch.vertices[0, 6]) * view.scale_px**2 * 0.5 * math.erfc(a / math.sqrt(2))
-    return abs(float(optical_depth(gl.rasterize(batch, FIRST, view)).sum()) / expected - 1)
+    return abs(float(optical_depth(gl.rasterize([batch], [FIRST], view)).sum()) / expected - 1)
 
 
 def ranges(spec: SplatSpec, most_px: float = math.inf) -> Measure:
@@ -128,7 +128,7 @@ def ranges(spec: SplatSpec, most_px: float = math.inf) -> Measure:
         vertices = batch.vertices.copy()
         vertices[:, :3] = direction
         batch = replace(batch, vertices=vertices, origin=np.zeros(3))
-        image = gl.rasterize(batch, FIRST, view)
+        image = gl.rasterize([batch], [FIRST], view)
         assert np.isfinite(image).all()
         return float(np.abs(image - rasterize_reference(batch, FIRST, view)).max())
 
@@ -162,7 +162,7 @@ class Turn:
     def _picture(self, frame: int) -> Float32:
         view = make_view(self.camera, frame % self.camera.path.frames, self.target, self.distance, (128, 128))
         orders = blended_orders(self.splats, view, self.turning)
-        return np.sum([share * self.gl.rasterize(self.splats, order, view) for share, order in orders], axis=0)
+        return np.sum([share * self.gl.rasterize([self.splats], [order], view) for share, order in orders], axis=0)
 
     @cached_property
     def splats(self) -> SplatBatch:

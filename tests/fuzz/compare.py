@@ -42,9 +42,9 @@ class WrongError(AssertionError):
 
 def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: Rasterizer) -> None:
     """Raise WrongError where the frame is not as the definitions have it; its cut and its orders are verified."""
-    scene, volume = stage.scene, stage.volume
+    scene, volume = stage.scene, stage.layers[0].volume
     finest_level = finest_level_at(stage, frame.tolerance)
-    cut = cut_pyramid(stage.pyramid, frame.tolerance, finest_level=finest_level)
+    cut = cut_pyramid(stage.layers[0].pyramid, frame.tolerance, finest_level=finest_level)
     if len(cut) != frame.num_cells:
         raise WrongError(f"{frame.num_cells} cells in the frame, {len(cut)} in its cut")
     field = classify(volume, scene.transfer_function, scene.shading)
@@ -57,7 +57,7 @@ def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: Rasterize
     _require_splats(splats, field, cells, scene.splat)
     orders = [
         (share, order.astype(np.int64))
-        for share, order in make_primitive(stage).make_lod(frame.tolerance, lambda _: None).orders(view)
+        for share, (order,) in make_primitive(stage).make_lod(frame.tolerance, lambda _: None).orders(view)
     ]
     _require_shares(orders)
     if scene.splat.order == "boxes":
@@ -186,7 +186,7 @@ def without_overlay(stage: Stage, frame: Frame, view: View, rasterizer: Rasteriz
     """The same frame without its lines; raises WrongError unless they lie over it."""
     bare = replace(stage, scene=replace(stage.scene, overlay="none"))
     (below,) = render_frames(bare, [frame.number], rasterizer, clock=lambda: 0.0)
-    cut = cut_pyramid(stage.pyramid, frame.tolerance, finest_level=finest_level_at(stage, frame.tolerance))
+    cut = cut_pyramid(stage.layers[0].pyramid, frame.tolerance, finest_level=finest_level_at(stage, frame.tolerance))
     lines = np.zeros_like(below.radiance)
     draw_lines(make_edges(cut, 0), view, lines)
     if not (lines.min() >= 0 and lines.max() <= 1 and (lines[..., :3] <= lines[..., 3:] + 1e-6).all()):

@@ -32,20 +32,20 @@ def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: Rasterize
     lod = primitive.make_lod(frame.tolerance, lambda stage: None)
     if frame.num_cells != lod.num_cells:
         raise WrongError(f"{frame.num_cells} bricks in the frame, {lod.num_cells} in its cut")
-    ((_, order),) = lod.orders(view)
+    (batch,), ((_, (order,)),) = lod.batches, lod.orders(view)
     bare = replace(stage, scene=replace(stage.scene, overlay="none"))
     (below,) = render_frames(bare, [frame.number], rasterizer, clock=time.perf_counter)
     _require_bounds(frame.radiance, stage)
     if not np.array_equal(frame.image, quantize(frame.radiance, stage.scene.output.background)):
         raise WrongError("the 8 bits are not those of the radiance")
     with np.errstate(under="ignore"):
-        expected = rasterize_bricks_reference(lod.batch, order, view)
+        expected = rasterize_bricks_reference(batch, order, view)
         others = [
-            rasterize_bricks_reference(nudged(lod.batch, nudge, nudge), order, _moved(view, lod.batch, sides))
+            rasterize_bricks_reference(nudged(batch, nudge, nudge), order, _moved(view, batch, sides))
             for nudge, sides in NUDGES
         ]
     spread = np.ptp([expected, *others], axis=0)
-    termination = lod.batch.screen_sampling.termination_transmittance
+    termination = batch.screen_sampling.termination_transmittance
     require_close(below.radiance, expected, PRECISION + termination + SPREADS * spread)
 
 

@@ -172,7 +172,8 @@ def _command(case: Case, path: Path) -> tuple[int, str]:
 
 
 def _judge_picture(scene: Scene, case: Case, rasterizer_for: Callable[[Scene], Rasterizer], verdict: Verdict) -> Frame:
-    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volume=case.volume if case.in_memory else None)
+    volumes = [case.volume] if case.in_memory and case.volume is not None else None
+    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volumes=volumes)
     if case.volume is not None and not case.in_memory:
         _require_same_volume(stage, case)
     rasterizer, number = rasterizer_for(scene), min(case.frame, scene.camera.path.frames - 1)
@@ -199,13 +200,13 @@ def _require_finest(stage: Stage, frame: Frame, max_cells: float) -> None:
     if stage.scene.splat.footprint == "integrated":  # whose numbers may fall with the tolerance
         return
     for tolerance in (*(frame.tolerance * factor for factor in (0.3, 0.9, 0.99, 0.9999)), 0.0):
-        finer = cut_pyramid(stage.pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
+        finer = cut_pyramid(stage.layers[0].pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
         if frame.num_cells < len(finer) <= max_cells:
             raise WrongError(f"{frame.num_cells} cells, {len(finer)} at tolerance {tolerance}, and {max_cells} may be")
 
 
 def _require_same_volume(stage: Stage, case: Case) -> None:
-    expected, got = case.volume, stage.volume
+    expected, got = case.volume, stage.layers[0].volume
     assert expected is not None
     if got.values.dtype != expected.values.dtype or got.values.tobytes() != expected.values.tobytes():
         raise WrongError(f"other voxels were read: {got.values.dtype} {got.values.shape}")

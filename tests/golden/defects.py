@@ -84,7 +84,7 @@ def _swapped(shot: Shot, first: int, second: int) -> Pixels:
 
 
 def _in_order(shot: Shot, change: Callable[[Order], Order]) -> Pixels:
-    orders = [(share, change(order)) for share, order in shot.draw_list.orders]
+    orders = [(share, [change(order)]) for share, (order,) in shot.draw_list.orders]
     return shot.drawn(replace(shot.draw_list, orders=orders)).image
 
 
@@ -134,17 +134,12 @@ def _red_too_strong(shot: Shot) -> Pixels:
     return quantize(shot.frame.radiance * np.float32([1.01, 1, 1, 1]), shot.stage.scene.output.background)
 
 
-class _DenserBricks(BrickBatch):
-    """Bricks with optical depths that are 1 % too large."""
-
-    @property
-    def spacings_per_model_unit(self) -> float:
-        return 1.01 * super().spacings_per_model_unit
-
-
 def _too_dense(shot: Shot) -> Pixels:
+    """Make optical depths 1 % too large."""
     if isinstance(shot.batch, BrickBatch):
-        return shot.drawn_of(_DenserBricks(**vars(shot.batch)))
+        (layer,) = shot.batch.bricks.layers
+        denser = replace(shot.batch.bricks, layers=(replace(layer, weight=1.01),))
+        return shot.drawn_of(replace(shot.batch, bricks=denser))
     return shot.drawn_of(_scaled(shot.batch, slice(3, 7), 1.01))
 
 
@@ -187,14 +182,14 @@ def _sampled(shot: Shot, **changes: Any) -> Pixels:
 
 
 def _mirrored(shot: Shot) -> Pixels:
-    volume = shot.stage.volume
+    volume = shot.stage.layers[0].volume
     values = np.ascontiguousarray(volume.values[:, :, ::-1])
     return shot.drawn(shot.make_draw_list(shot.staged(shot.stage.scene, replace(volume, values=values)))).image
 
 
 def _half_a_voxel_off(shot: Shot) -> Pixels:
     """Move the camera by half a voxel the other way."""
-    step = shot.stage.volume.world_from_index[:3, 0]
+    step = shot.stage.layers[0].volume.world_from_index[:3, 0]
     return shot.seen_from(replace(shot.view, target=shot.view.target - step / 2))
 
 

@@ -48,6 +48,23 @@ def signed_floats(folder: Path) -> Path:
     return path
 
 
+_ALONE = ("volume=null", "transfer_function=null")
+_ENGINE = "procedural: {name: engine_block, shape: [48, 48, 24], seed: 3}"
+_BLOCK = (
+    f"{{{_ENGINE}, name: block, shading: {{}}, clip: [{{plane: {{point: [24, 24, 14], normal: [0.3, 0, 1]}}}}],"
+    " transfer_function: {unit: 1, points: [{value: 85, color: '#6699e6', opacity: 0}, {value: 125, color: '#80a6e6',"
+    " opacity: 0.1}, {value: 145, color: '#f2b04d', opacity: 0.5}]}}"
+)
+_RINGS = (
+    "{procedural: {name: marschner_lobb, shape: [40, 32, 24]}, name: rings, weight: 0.3, color: '#40c060', range: [120,"
+    " 200], transform: [[0.7, -0.5, 0, 20], [0.5, 0.7, 0.2, 0], [0, -0.2, 0.8, 4], [0, 0, 0, 1]]}"
+)
+_CHANNELS = (
+    f"{{{_ENGINE}, color: red, range: [20, 200], weight: 0.2}}, "
+    f"{{{_ENGINE}, color: blue, range: [130, 240], weight: 0.5}}"
+)
+
+
 @dataclass(frozen=True)
 class Case:
     """name: of its folder; protects: what would break unnoticed without it; changes: values of `--set`.
@@ -185,5 +202,8 @@ CASES = (
     Case("maximum_by_depth", "where the largest scalar is", (_DEFAULT, "mode={type: maximum, color_by: depth}")),
     Case("minimum", "the smallest scalar of a ray, from inside", (_DEFAULT, *_INSIDE, "mode=minimum")),
     Case("mean", "the mean scalar over the box", (_DEFAULT, "mode=mean", _HEAT)),
+    Case("volumes", "two volumes in grids of their own, mixed", (_DEFAULT, *_ALONE, f"volumes=[{_BLOCK}, {_RINGS}]")),
+    Case("volumes_added", "light that adds up, on one grid and on another",
+        (_DEFAULT, *_ALONE, f"volumes=[{_CHANNELS}, {_RINGS}]", "blend=add")),
     Case("attenuation", "an X-ray picture", (_DEFAULT, "mode={type: attenuation, scale: 0.0005, zero: 20}", _FILM)),
 )  # fmt: skip

@@ -6,10 +6,11 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from brick_reference import rasterize_bricks_reference
@@ -18,7 +19,6 @@ from subjects import BRICKS, SPLATS, Change, Pixels, Shot, shifted
 
 from renderer.bricks import BrickBatch
 from renderer.draw import BrickRasterizer, SplatRasterizer
-from renderer.splats import SplatBatch
 from renderer.view import View
 from renderer.volume import Float32, UInt32
 from tests.support.machines import WithoutUploads
@@ -49,7 +49,8 @@ def _rounded_otherwise(shot: Shot, share: float) -> Pixels:
 class _Reference(WithoutUploads):
     """Draws in float64."""
 
-    def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
+    def rasterize(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> Float32:
+        (batch,), (order,) = batches, orders
         if isinstance(batch, BrickBatch):
             return rasterize_bricks_reference(batch, order, view).astype(np.float32)
         return rasterize_reference(batch, order, view).astype(np.float32)

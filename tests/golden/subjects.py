@@ -117,12 +117,13 @@ class Shot:
     @property
     def batch(self) -> SplatBatch | BrickBatch:
         """All splats or bricks of the cut."""
-        return self.draw_list.lod.batch
+        batch: SplatBatch | BrickBatch = self.draw_list.lod.batches[0]
+        return batch
 
     @property
     def order(self) -> UInt32:
         """Those that are visible, as they are drawn."""
-        return self.draw_list.orders[0][1]
+        return self.draw_list.orders[0][1][0]
 
     @cached_property
     def cut(self) -> Cut | BrickCut:
@@ -130,7 +131,7 @@ class Shot:
         if isinstance(self.batch, BrickBatch):
             return self.batch.cut
         finest_level = finest_level_at(self.stage, self.tolerance)
-        return cut_pyramid(self.stage.pyramid, self.tolerance, finest_level=finest_level)
+        return cut_pyramid(self.stage.layers[0].pyramid, self.tolerance, finest_level=finest_level)
 
     @property
     def view(self) -> View:
@@ -139,7 +140,8 @@ class Shot:
 
     def staged(self, scene: Scene, volume: Volume | None = None) -> Stage:
         """Return the stage of a scene, or of the scene with another volume."""
-        return prepare_stage(scene, clock=time.perf_counter, num_threads=1, volume=volume)
+        volumes = None if volume is None else [volume]
+        return prepare_stage(scene, clock=time.perf_counter, num_threads=1, volumes=volumes)
 
     def make_draw_list(self, stage: Stage, *, tolerance: float | None = None, frame: int | None = None) -> DrawList:
         """Prepare a frame on a stage, by default at the tolerance and of the number of the subject."""
@@ -148,7 +150,7 @@ class Shot:
 
     def drawn_of(self, batch: SplatBatch | BrickBatch) -> Pixels:
         """Draw other splats or bricks from the same view."""
-        return self.seen_from(self.view, replace(self.draw_list.lod, batch=batch))
+        return self.seen_from(self.view, replace(self.draw_list.lod, batches=[batch]))
 
     def seen_from(self, view: View, lod: LOD | None = None) -> Pixels:
         """Draw a level of detail, by default this frame's, from another view."""

@@ -42,6 +42,7 @@ def subject(shading: ShadingSpec | None) -> tuple[list[BrickBatch], View, View]:
     bricks = bricks_of(volume, transfer, shading)
     cuts = level_cut(bricks, 0), random_cut(bricks, 3), level_cut(bricks, 1)
     batches = [batch_of(cut, bricks, step=0.3, shading=shading) for cut in cuts]
+    batches = [replace(batch, bricks=batches[0].bricks) for batch in batches]
     return batches, view_of(volume, "perspective", (40, 30)), view_of(volume, "inside", (40, 30), azimuth=200.0)
 
 
@@ -56,16 +57,16 @@ def test_what_was_drawn_before_changes_nothing(
         monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", most_bytes)
 
     def draw(rasterizer: BrickRasterizer, batch: BrickBatch) -> bytes:
-        return rasterizer.rasterize(batch, ordered(batch.cut, view), view).tobytes()
+        return rasterizer.rasterize([batch], [ordered(batch.cut, view)], view).tobytes()
 
     histories: list[Callable[[BrickRasterizer, BrickBatch], Any]] = [
         draw,
-        lambda rasterizer, batch: rasterizer.upload(batch, ordered(batch.cut, view), view),
-        lambda rasterizer, batch: [rasterizer.upload(batch, ordered(batch.cut, other), other) for batch in batches],
-        lambda rasterizer, batch: rasterizer.rasterize(batch, ordered(batch.cut, other)[::3], other),
+        lambda rasterizer, batch: rasterizer.upload([batch], [ordered(batch.cut, view)], view),
+        lambda rasterizer, batch: [rasterizer.upload([batch], [ordered(batch.cut, other)], other) for batch in batches],
+        lambda rasterizer, batch: rasterizer.rasterize([batch], [ordered(batch.cut, other)[::3]], other),
         lambda rasterizer, batch: [draw(rasterizer, batch) for batch in batches],
         lambda rasterizer, batch: rasterizer.rasterize(
-            batch, np.flatnonzero(np.arange(len(batch)) % 5 == 2).astype(np.uint32), other
+            [batch], [np.flatnonzero(np.arange(len(batch)) % 5 == 2).astype(np.uint32)], other
         ),
     ]
     for batch in batches:
@@ -82,13 +83,13 @@ def test_bricks_are_uploaded_once() -> None:
     with BrickRasterizer() as rasterizer:
         for batch in batches:
             order = ordered(batch.cut, view)
-            assert rasterizer.upload(batch, order, view)
-            assert not rasterizer.upload(batch, order, view)
+            assert rasterizer.upload([batch], [order], view)
+            assert not rasterizer.upload([batch], [order], view)
         for batch in batches:  # there is room for all
-            assert not rasterizer.upload(batch, ordered(batch.cut, view), view)
+            assert not rasterizer.upload([batch], [ordered(batch.cut, view)], view)
     with BrickRasterizer() as rasterizer:
-        rasterizer.rasterize(batches[0], ordered(batches[0].cut, view), view)
-        assert not rasterizer.upload(batches[0], ordered(batches[0].cut, view), view)
+        rasterizer.rasterize([batches[0]], [ordered(batches[0].cut, view)], view)
+        assert not rasterizer.upload([batches[0]], [ordered(batches[0].cut, view)], view)
 
 
 def test_more_bricks_than_slots_are_not_uploaded_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -96,7 +97,7 @@ def test_more_bricks_than_slots_are_not_uploaded_ahead(monkeypatch: pytest.Monke
     monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 1 << 10)
     batches, view, _ = subject(ShadingSpec())
     with BrickRasterizer() as rasterizer:
-        assert not rasterizer.upload(batches[0], ordered(batches[0].cut, view), view)
+        assert not rasterizer.upload([batches[0]], [ordered(batches[0].cut, view)], view)
 
 
 @pytest.mark.parametrize("shading", [None, ShadingSpec(), GLOSSY], ids=["plain", "lit", "glossy"])
@@ -111,7 +112,7 @@ def test_pictures_do_not_depend_on_the_number_of_threads(
     for num_threads in (1, 2, 3):
         with BrickRasterizer(num_threads=num_threads) as rasterizer:
             pictures.append(
-                [rasterizer.rasterize(batch, ordered(batch.cut, view), view).tobytes() for batch in batches]
+                [rasterizer.rasterize([batch], [ordered(batch.cut, view)], view).tobytes() for batch in batches]
             )
     assert pictures[0] == pictures[1] == pictures[2]
 
@@ -129,11 +130,11 @@ def test_samples_stay_in_their_brick(shading: ShadingSpec | None) -> None:
     with BrickRasterizer() as rasterizer:
         for azimuth in (20.0, 100.0, 200.0, 300.0):
             view = replace(view_of(volume, "inside", (MAX_SIDE, 1), azimuth), target=eye, scale_px=scale_px)
-            expected = rasterizer.rasterize(batch, order, view)
-            atlas = rasterizer.cache.atlases[0]
+            expected = rasterizer.rasterize([batch], [order], view)
+            atlas = rasterizer.caches[id(batch.bricks)].scalars[0]
             free = np.flatnonzero(atlas._key_from_slot < 0)
             assert len(free) > 0
             shape = (len(free), *[PADDED_BRICK_SIZE] * 3, atlas.num_channels)
             atlas._write(free, np.full(shape, np.nan, np.float32))
             assert expected[..., 3].max() > 0.5
-            assert rasterizer.rasterize(batch, order, view).tobytes() == expected.tobytes()
+            assert rasterizer.rasterize([batch], [order], view).tobytes() == expected.tobytes()

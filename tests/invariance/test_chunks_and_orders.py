@@ -43,11 +43,11 @@ def test_chunks_draw_what_one_go_draws(
             batch = place_splats(centers, sigma, 0.1, rng.uniform(0, 1, (300, 3)), SplatSpec(footprint))  # type: ignore[arg-type]
             seen = look(projection, target=target)
             for view in (seen, replace(seen, size=(1, 1))):
-                whole = rasterizer.rasterize(batch, in_order(batch), view)
+                whole = rasterizer.rasterize([batch], [in_order(batch)], view)
                 with monkeypatch.context() as patch:
                     patch.setattr(raster_gl, "MIN_CHUNK_SPLATS", 16)
                     patch.setattr(raster_gl, "splats_per_chunk", lambda *_: 16)
-                    chunked = rasterizer.rasterize(batch, in_order(batch), view)
+                    chunked = rasterizer.rasterize([batch], [in_order(batch)], view)
                 np.testing.assert_allclose(chunked, whole, atol=6 * 300 * 2.0**-24)
 
 
@@ -122,7 +122,7 @@ def test_pictures_on_both_sides_of_an_axis_are_mirror_images(rasterizer: SplatRa
     for azimuth in (0.0, 0.3, 0.8, 2.0, 30.0):
         left, right = (
             sum(
-                share * rasterizer.rasterize(splats, order, view)
+                share * rasterizer.rasterize([splats], [order], view)
                 for share, order in blended_orders(splats, view, turning)
             )
             for view in (look(azimuth=azimuth, size=(64, 64)), look(azimuth=-azimuth, size=(64, 64)))

@@ -62,7 +62,7 @@ def digest() -> str:
             for camera, sampling in (("perspective", EVERY_FOURTH_PIXEL), ("orthographic", None), ("inside", None)):
                 options = {} if sampling is None else {"screen_sampling": sampling}
                 batch, view = batch_of(cut, bricks, shading=shading, **options), view_of(of, camera)
-                picture = rasterizer.rasterize(batch, ordered(cut, view), view)
+                picture = rasterizer.rasterize([batch], [ordered(cut, view)], view)
                 assert picture[..., 3].max() > 0.5
                 total.update(picture.tobytes())
                 if camera == "orthographic" and of is volume and shading is not GLOSSY:

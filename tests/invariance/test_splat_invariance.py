@@ -41,7 +41,7 @@ def view_of(cut: Cut, projection: str = "perspective", **camera: object) -> View
 
 def draw(gl: SplatRasterizer, cut: Cut, view: View, spec: SplatSpec) -> Float32:
     batch = make_splats(cut, spec)
-    return gl.rasterize(batch, visible_order(batch, view), view)
+    return gl.rasterize([batch], [visible_order(batch, view)], view)
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
@@ -56,7 +56,7 @@ def test_a_frame_does_not_depend_on_what_was_drawn_before(
     for other in FOOTPRINTS:
         draw(rasterizer, cut, view_of(cut, "orthographic", size=(33, 70)), SplatSpec(other))  # type: ignore[arg-type]
         batch = place_splats(np.zeros((5, 3)), 30.0, spec=SplatSpec(other, angular=5))  # type: ignore[arg-type]
-        rasterizer.rasterize(batch, in_order(batch), look(near=2.0))
+        rasterizer.rasterize([batch], [in_order(batch)], look(near=2.0))
     assert draw(rasterizer, cut, view_of(cut), spec).tobytes() == first.tobytes()
     with SplatRasterizer() as fresh:
         assert draw(fresh, cut, view_of(cut), spec).tobytes() == first.tobytes()
@@ -94,7 +94,7 @@ def test_splats_beside_the_image_are_culled_by_what_would_be_drawn(
     order = visible_order(batch, view)
     culled = np.setdiff1d(in_order(batch), order)
     assert len(culled) > 500
-    assert not rasterizer.rasterize(batch, culled, view).any()
+    assert not rasterizer.rasterize([batch], [culled], view).any()
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
@@ -119,7 +119,7 @@ def with_and_without_culled(gl: SplatRasterizer, cut: Cut, view: View, footprint
     culled = np.setdiff1d(in_order(batch), order)
     assert len(culled) >= at_least
     orders = order, np.concatenate([culled, order]), np.concatenate([order, culled])
-    return [gl.rasterize(batch, each, view) for each in orders]
+    return [gl.rasterize([batch], [each], view) for each in orders]
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
@@ -143,7 +143,7 @@ def test_nothing_to_draw_is_transparent_black(rasterizer: SplatRasterizer, cut: 
     assert image.shape == (48, 64, 4)
     assert not image.any()
     batch = make_splats(cut, spec)
-    assert not rasterizer.rasterize(batch, in_order(batch)[:0], view_of(cut)).any()
+    assert not rasterizer.rasterize([batch], [in_order(batch)[:0]], view_of(cut)).any()
 
 
 def test_equal_depths_are_drawn_in_the_order_of_their_cells() -> None:

@@ -48,7 +48,7 @@ def assert_parity(
 ) -> Float32:
     """The rasteriser draws the picture of the reference; it is returned."""
     order = ordered(batch.cut, view)
-    image, expected = brick_rasterizer.rasterize(batch, order, view), rasterize_bricks_reference(batch, order, view)
+    image, expected = brick_rasterizer.rasterize([batch], [order], view), rasterize_bricks_reference(batch, order, view)
     assert image.dtype == np.float32
     assert np.isfinite(image).all(), what
     assert expected[..., 3].max() > 0.2, what

@@ -210,7 +210,7 @@ def test_the_outline_is_drawn_over_any_picture(
     )
     stage = stage_of(scene)
     expected = below.radiance.copy()
-    draw_lines(make_outline(stage.volume), view_of(stage, 1), expected)
+    draw_lines(make_outline(stage.layers[0].volume), view_of(stage, 1), expected)
     np.testing.assert_array_equal(above.radiance, expected)
     assert 100 < (above.image != below.image).any(axis=2).sum() < 1000
 

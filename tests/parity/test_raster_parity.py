@@ -62,7 +62,7 @@ def assert_parity(
 ) -> Float32:
     """Both rasterisers draw the same picture, which is returned."""
     order = in_order(batch)
-    image, expected = gl.rasterize(batch, order, view), rasterize_reference(batch, order, view)
+    image, expected = gl.rasterize([batch], [order], view), rasterize_reference(batch, order, view)
     assert image.dtype == np.float32
     assert np.isfinite(image).all(), what
     peak = expected[..., 3].max()
@@ -143,7 +143,7 @@ def test_the_near_plane_cuts_splats(rasterizer: SplatRasterizer, footprint: str,
                 if a <= 4:
                     assert_parity(rasterizer, batch, view, (near, sigma, a), precision=2e-4 if a > 0 else PRECISION)
                 else:
-                    assert not rasterizer.rasterize(batch, in_order(batch), view).any()
+                    assert not rasterizer.rasterize([batch], [in_order(batch)], view).any()
                     missing = rasterize_reference(batch, in_order(batch), view)[..., 3].max()
                     assert missing < 0.5 * math.erfc(4 / math.sqrt(2))
 
@@ -156,11 +156,11 @@ def test_splats_behind_the_eye_or_without_extinction_leave_nothing(
     view = look(projection)
     for depth in (-2.0, -300.0):
         batch = place_splats(point_at(view, 32.0, 24.0, depth), 0.2)
-        assert not rasterizer.rasterize(batch, in_order(batch), view).any()
+        assert not rasterizer.rasterize([batch], [in_order(batch)], view).any()
         assert rasterize_reference(batch, in_order(batch), view).max() < 1e-20
     for footprint in FOOTPRINTS:
         batch = place_splats(np.zeros((2, 3)), 0.2, 0.0, spec=SplatSpec(footprint))  # type: ignore[arg-type]
-        assert not rasterizer.rasterize(batch, in_order(batch), view).any()
+        assert not rasterizer.rasterize([batch], [in_order(batch)], view).any()
 
 
 def test_a_profile_that_ends_in_a_step(rasterizer: SplatRasterizer) -> None:
@@ -183,9 +183,9 @@ def test_quads_draw_what_points_draw(
     axes = random_axes(rng, 150, 0.05, 3.0)
     batch = place_splats(rng.uniform(-1.5, 1.5, (150, 3)), axes, 1.0, rng.uniform(0, 1, (150, 3)))
     for view in (look(near=3.9), look("orthographic")):
-        points = rasterizer.rasterize(batch, in_order(batch), view)
+        points = rasterizer.rasterize([batch], [in_order(batch)], view)
         with monkeypatch.context() as patch:
             patch.setattr(rasterizer, "_largest_point_px", largest_point_px)
-            quads = rasterizer.rasterize(batch, in_order(batch), view)
+            quads = rasterizer.rasterize([batch], [in_order(batch)], view)
         assert points[..., 3].max() > 0.5
         assert points.tobytes() == quads.tobytes()

@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
+from brickwork import alone
 from dense_bricks import means_over_cells
 
-from renderer.bricks import BrickBatch, Bricks, ScreenSampling, cut_bricks, make_brick_batch
+from renderer.bricks import BrickBatch, BrickLayer, Bricks, ScreenSampling, cut_bricks, make_brick_batch
 from renderer.scene import ShadingSpec
 from renderer.transfer import MAX_NORMALIZED_SCALAR, VISIBILITY_THRESHOLD
 from renderer.view import View, visible_bricks
@@ -73,7 +74,8 @@ def picture_at(
     bricks: Bricks, view: View, tolerance: float, shading: ShadingSpec | None = None, *, every_pixel: bool = True
 ) -> Float64:
     """Composite what is drawn at a tolerance, of voxels about a pixel wide; every pixel, or those that are drawn."""
-    batch = make_brick_batch(cut_bricks(bricks, tolerance), bricks, tolerance=tolerance, shading=shading, voxel_px=1.0)
+    layers, cut = alone(bricks, shading), cut_bricks(bricks, tolerance)
+    batch = make_brick_batch(cut, layers, tolerance=tolerance, voxel_px=1.0)
     if every_pixel:
         batch = replace(batch, screen_sampling=ScreenSampling((1,), 0.0, 0.0))
     return rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
@@ -153,10 +155,16 @@ def _radiance(batch: BrickBatch, order: UInt32, rays: _Rays, fields: Fields) -> 
         if is_hit.any():
             level = int(batch.cut.levels[brick])
             if level not in fields:
-                fields[level] = _mean_field(batch.bricks, level) if level else _scalar_field(batch)
+                fields[level] = _mean_field(_layer_of(batch).bricks, level) if level else _scalar_field(batch)
             of_brick = _of_brick(batch, int(brick), fields[level], rays[is_hit], (enter[is_hit], leave[is_hit]))
             total[is_hit] += (1 - total[is_hit, 3:]) * of_brick
     return total
+
+
+def _layer_of(batch: BrickBatch) -> BrickLayer:
+    (layer,) = batch.bricks.layers
+    assert layer.weight == 1.0 and not batch.bricks.clip
+    return layer
 
 
 def _span(rays: _Rays, box: Float64) -> tuple[Float64, Float64]:
@@ -207,12 +215,12 @@ def _scalar_field(batch: BrickBatch) -> Float64:
 
     All are rounded to float32, the precision in which bricks are stored.
     """
-    bricks = batch.bricks
+    bricks = _layer_of(batch).bricks
     halves = bricks.volume.values.astype(np.float64) / 2  # their differences are finite
     first, last = (end / 2 for end in bricks.scalar_range)
     limit = MAX_NORMALIZED_SCALAR
     channels = [np.clip((halves - first) / (last - first), -limit, limit)[..., None]]
-    if batch.shading is not None:
+    if _layer_of(batch).shading is not None:
         world_from_index = bricks.volume.world_from_index[:3, :3]
         channels.append(index_gradients(halves) @ np.linalg.inv(world_from_index))
     around = [(1, 1), (1, 1), (1, 1), (0, 0)]
@@ -293,12 +301,12 @@ def _trilinear(field: Float64, at: Float64) -> Float64:
 
 def _classified(batch: BrickBatch, texel: Float64) -> Float64:
     """[n, 4]: (tau c, tau) times the finest spacing of interpolated texels, (u) or (u, world gradient)."""
-    rows = batch.bricks.pieces.rows
+    rows = _layer_of(batch).bricks.pieces.rows
     k = np.searchsorted(rows[:, 0], texel[:, 0], side="right")
     offset = (texel[:, 0] - rows[k, 1])[:, None]
     channels = rows[k, 4:8] + offset * rows[k, 8:].astype(np.float64)
-    if batch.shading is not None:
-        channels[:, :3] *= light_factor(batch.shading, texel[:, 1:])[:, None]
+    if (shading := _layer_of(batch).shading) is not None:
+        channels[:, :3] *= light_factor(shading, texel[:, 1:])[:, None]
     return np.hstack([channels[:, :3] * channels[:, 3:], channels[:, 3:]])
 
 

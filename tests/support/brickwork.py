@@ -10,7 +10,17 @@ import numpy.typing as npt
 import pytest
 from splatting import look
 
-from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, BrickBatch, BrickCut, Bricks, ScreenSampling, make_bricks
+from renderer.bricks import (
+    BRICK_LEVELS,
+    BRICK_SIZE,
+    BrickBatch,
+    BrickCut,
+    BrickLayer,
+    BrickLayers,
+    Bricks,
+    ScreenSampling,
+    make_bricks,
+)
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.view import View
@@ -111,6 +121,11 @@ def cut_of_bricks(bricks: Bricks, levels: UInt8, cells: Int32) -> BrickCut:
     return BrickCut(levels[is_seen], cells[is_seen], boxes[is_seen], step_errors[is_seen], bricks.volume)
 
 
+def alone(bricks: Bricks, shading: ShadingSpec | None = None) -> BrickLayers:
+    """The bricks of a single layer."""
+    return BrickLayers((BrickLayer(bricks, shading),))
+
+
 def batch_of(
     cut: BrickCut,
     bricks: Bricks,
@@ -122,7 +137,7 @@ def batch_of(
     """A batch by hand: one step for all, or one for each level."""
     volume = cut.volume
     steps = np.broadcast_to(np.asarray(step, np.float64), len(bricks.levels))[cut.levels]
-    return BrickBatch(cut, bricks, steps, shading, screen_sampling, volume.centre, volume.half_diagonal)
+    return BrickBatch(cut, alone(bricks, shading), steps, screen_sampling, volume.centre, volume.half_diagonal)
 
 
 def view_of(

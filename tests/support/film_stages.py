@@ -70,7 +70,8 @@ SCENES = {
 
 def stage_of(scene: Scene, volume: Volume | None = None) -> Stage:
     """Prepare the stage of a scene, on one thread."""
-    return prepare_stage(scene, clock=itertools.count().__next__, num_threads=1, volume=volume)
+    volumes = None if volume is None else [volume]
+    return prepare_stage(scene, clock=itertools.count().__next__, num_threads=1, volumes=volumes)
 
 
 def plan_of(stage: Stage) -> FilmPlan:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from renderer.volume import Float32, UInt32
 class WithoutUploads:
     """The part of a rasteriser that keeps nothing between pictures."""
 
-    def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
+    def upload(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> bool:
         """Upload nothing."""
         return False
 
@@ -31,10 +31,10 @@ class Painter(WithoutUploads):
     def __init__(self, paint: Callable[[Any, View], npt.ArrayLike]) -> None:
         self._paint = paint
 
-    def rasterize(self, batch: Any, order: UInt32, view: View) -> Float32:
+    def rasterize(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> Float32:
         """Return the picture."""
         shape = (view.size[1], view.size[0], 4)
-        return np.broadcast_to(np.asarray(self._paint(batch, view), np.float32), shape).copy()
+        return np.broadcast_to(np.asarray(self._paint(batches[0], view), np.float32), shape).copy()
 
 
 class SimulatedMachine(WithoutUploads):
@@ -62,15 +62,16 @@ class SimulatedMachine(WithoutUploads):
         """Return the seconds so far."""
         return self.now
 
-    def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
+    def rasterize(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> Float32:
         """Return an empty picture after its time."""
-        seconds = self.seconds_of(batch, order, view)
+        seconds = self.seconds_of(batches, orders, view)
         self.now += seconds * self._pace(self.num_drawings) * (1 + self._noise * self._random.standard_normal())
         self.num_drawings += 1
         return np.zeros((view.size[1], view.size[0], 4), np.float32)
 
-    def seconds_of(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> float:
-        """Return the seconds of a drawing at the usual pace."""
+    def seconds_of(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> float:
+        """Return the seconds of a drawing of one batch at the usual pace."""
+        (batch,), (order,) = batches, orders
         if isinstance(batch, BrickBatch):
             num_pixels = num_samples(batch, order, view)
         else:
@@ -90,18 +91,18 @@ class UploadingMachine(SimulatedMachine):
         self._times = times
         self._uploaded: SplatBatch | BrickBatch | None = None
 
-    def upload(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> bool:
+    def upload(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> bool:
         """Take the time of an upload unless the batch is there."""
-        if self._uploaded is batch:
+        if self._uploaded is batches[0]:
             return False
-        self._uploaded = batch
-        self.now += self._times * self.seconds_of(batch, order, view)
+        self._uploaded = batches[0]
+        self.now += self._times * self.seconds_of(batches, orders, view)
         return True
 
-    def rasterize(self, batch: SplatBatch | BrickBatch, order: UInt32, view: View) -> Float32:
+    def rasterize(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> Float32:
         """Return an empty picture after its time."""
-        self.upload(batch, order, view)
-        return super().rasterize(batch, order, view)
+        self.upload(batches, orders, view)
+        return super().rasterize(batches, orders, view)
 
 
 def set_device(monkeypatch: pytest.MonkeyPatch, name: str) -> None:

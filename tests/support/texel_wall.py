@@ -51,19 +51,16 @@ def drawn(
     boxes = np.column_stack([left, zero, zero, right, size, zero + 1, left, zero, zero, zero + 1, zero + 1e9])
     image = np.zeros((BRICK_SIZE, BRICK_SIZE * num_bricks, 4), np.float32)
     rectangles, offsets = np.column_stack([left, zero, right, size]), np.arange(num_bricks) * bricks.shape[1]
-    grid = make_grid(rectangles, 1, _RAYS, boxes, offsets, np.ones(image.shape[:2], np.bool_), image)
-    kernels().draw_tiles(
-        grid=grid,
-        is_mean=np.zeros(num_bricks, np.bool_),
-        scalars=np.append(bricks, np.zeros(2, np.float32)),
-        means=np.empty(0, np.float32),
-        pieces=pieces,
-        termination_alpha=1.0,
-        spacings_per_model_unit=scale,
-        has_absent=False,
-        is_lit=False,
-        lambert=(0.0,) * 5,
-        light=light,
-        tiles=np.arange(len(grid["starts"]) - 1),
-    )
+    grid = make_grid(rectangles, 1, np.ones(image.shape[:2], np.bool_), image)
+    field = {
+        "scalars": np.append(bricks, np.zeros(2, np.float32)), "means": np.empty(0, np.float32),
+        "texel_offsets": offsets, "pieces": pieces, "weight": 1.0, "has_absent": False, "is_lit": False,
+        "lambert": (0.0,) * 5, "light": light,
+    }  # fmt: skip
+    of_layer = {
+        "rays": _RAYS, "spacings_per_model_unit": scale, "boxes": boxes, "is_mean": np.zeros(num_bricks, np.bool_),
+        "fields": [field],
+    }  # fmt: skip
+    tiles = np.arange(len(grid["starts"]) - 1)
+    kernels().draw_tiles(grid=grid, bricks=of_layer, termination_alpha=1.0, is_additive=False, tiles=tiles)
     return image.reshape(BRICK_SIZE, num_bricks, BRICK_SIZE, 4).swapaxes(0, 1).reshape(-1, 4)[:num]

@@ -45,7 +45,7 @@ with BrickRasterizer() as rasterizer:
         (frame,) = render_frames(stage, [0], rasterizer, clock=time.perf_counter)
         return frame
     tiny = make_volume(np.arange(64000, dtype=np.uint8).reshape(40, 40, 40) % 200, np.eye(4), "tiny")
-    draw(prepare_stage(scene, clock=time.perf_counter, num_threads=2, volume=tiny))  # kernels are there now
+    draw(prepare_stage(scene, clock=time.perf_counter, num_threads=2, volumes=[tiny]))  # kernels are there now
     before, peak = anonymous_bytes(), Peak()
     peak.start()
     stage = prepare_stage(scene, clock=time.perf_counter, num_threads=2)
@@ -55,7 +55,7 @@ with BrickRasterizer() as rasterizer:
     peak.join()
     print(json.dumps({
         "build": after_build - before, "all": peak.most - before, "cells": frame.num_cells,
-        "mean": float(frame.image.mean()), "is_mapped": stage.volume.source is not None,
+        "mean": float(frame.image.mean()), "is_mapped": stage.layers[0].volume.source is not None,
     }))
 """
 

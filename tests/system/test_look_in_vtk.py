@@ -12,7 +12,7 @@ from hsplat_cli.studies.peers import vtk_peer
 from hsplat_cli.studies.peers.vtk_peer import comparable, look_of, measure_vtk, vtk_settings
 from renderer.accuracy import Truth
 from renderer.film import over_background
-from renderer.frame import open_stage
+from renderer.frame import prepare_stage
 from renderer.readers import read_volume
 from renderer.scene import CameraSpec, ModeSpec, TurntablePath, parse_scene
 from renderer.truth import Convergence, SceneRays
@@ -54,7 +54,7 @@ def test_vtk_draws_the_preset_as_hsplat_draws_its_import(name: str, data_dir: Pa
     distance = 1.2 * float(np.linalg.norm(volume.world_from_index[:3, :3] @ np.array(volume.shape_xyz)))
     x, y, z = volume.centre
     view = make_view(CameraSpec(TurntablePath(1, 30.0, 20.0)), 0, (x, y, z), distance, SIZE)
-    with open_stage(scene, clock=lambda: 0.0, num_threads=2, volume=volume) as stage:
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=2, volumes=[volume]) as stage:
         exact = SceneRays(stage).integrate(view, np.arange(SIZE[0] * SIZE[1]), 0.25).reshape(*SIZE[::-1], 4)
     truth = Truth(0, over_background(exact, (0.0, 0.0, 0.0)), exact[..., 3] > 0, Convergence((), (), ()))
     monkeypatch.setattr(vtk_peer, "_points", lambda *_: points_of_preset(presets, name, 1024.0))

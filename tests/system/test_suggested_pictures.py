@@ -33,7 +33,7 @@ def picture(values: Array, rasterizer_for: Callable[[Scene], Rasterizer], size: 
         splat=suggestion.splat or PLAIN.splat,
     )
     volume = volume_of(values.astype(np.float32))  # one dtype to compile for
-    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volume=volume)
+    stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volumes=[volume])
     (frame,) = render_frames(stage, [1], rasterizer_for(scene), clock=time.perf_counter)
     return np.asarray(frame.image)
 

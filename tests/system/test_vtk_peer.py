@@ -25,7 +25,7 @@ from hsplat_cli.studies.peers.vtk_peer import (
 from renderer.accuracy import Truth
 from renderer.errors import InputError, RenderError
 from renderer.film import over_background
-from renderer.frame import open_stage
+from renderer.frame import prepare_stage
 from renderer.readers.procedural import procedural_values
 from renderer.scene import CameraSpec, ModeSpec, ProceduralSource, Scene, TurntablePath, parse_scene
 from renderer.study import Measurement, Setting
@@ -243,7 +243,7 @@ def best_psnr(scene: Scene, volume: Volume) -> dict[str, float]:
     scene, volume, _ = comparable(scene, volume)
     view = replace(look(volume), clip=scene.clip)
     width, height = view.size
-    with open_stage(scene, clock=lambda: 0.0, num_threads=2, volume=volume) as stage:
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=2, volumes=[volume]) as stage:
         rays = SceneRays(stage).integrate(view, np.arange(width * height), 0.25).reshape(height, width, 4)
     right = Truth(0, over_background(rays, scene.output.background), rays[..., 3] > 0, CONVERGENCE)
     chosen = [each for each in vtk_settings(scene.mode) if each.series in NEAR and each.label == "step 0.5"]

@@ -34,6 +34,7 @@ ORDER = {
         "bricks",
         "view",
         "modes",
+        "layers",
         "draw",
         "film",
         "frame",

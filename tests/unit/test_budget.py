@@ -157,7 +157,7 @@ def test_an_estimator_learns_rates_that_are_not_typical() -> None:
     primitive = estimator.primitive
     for size in (3, 100, 1000, 1e5):
         draw_list = estimator.make_draw_list(0, primitive.tolerance_for_size(size), Stopwatch(machine.clock))
-        expected = machine.seconds_of(draw_list.lod.batch, draw_list.orders[0][1], draw_list.view)
+        expected = machine.seconds_of(draw_list.lod.batches, draw_list.orders[0][1], draw_list.view)
         assert estimator.predict(draw_list) - WRITING_S == pytest.approx(expected, rel=0.05)
 
 
@@ -191,7 +191,7 @@ def test_frames_that_all_upload_something_are_learnt_from(stage: Stage, seconds:
     """A camera among the bricks sees others in each frame."""
 
     class Passing(SimulatedMachine):
-        def upload(self, batch: object, order: object, view: object) -> bool:
+        def upload(self, batches: object, orders: object, view: object) -> bool:
             self.now += seconds / 4
             return True
 

@@ -93,6 +93,6 @@ def test_threads_end_with_the_rasterizer() -> None:
     view = view_of(bricks.volume, "perspective", (60, 50))
     batch = batch_of(level_cut(bricks, 0), bricks)
     with BrickRasterizer(num_threads=3) as rasterizer:
-        rasterizer.rasterize(batch, ordered(batch.cut, view), view)
+        rasterizer.rasterize([batch], [ordered(batch.cut, view)], view)
         assert threading.active_count() > before
     assert threading.active_count() == before

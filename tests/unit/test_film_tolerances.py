@@ -66,7 +66,7 @@ def search(
     monkeypatch.setattr(references, "FrameProber", Prober)
     monkeypatch.setattr(tolerance_search, "render_frames", render)
     rays, tell = ExactRays(stage, MetricTarget("psnr", decibels), num_threads=1), ([] if trials is None else trials)
-    options: dict[str, Any] = {"is_constant": stage.bricks is None, "clock": lambda: 0.0, "on_trial": tell.append}
+    options: dict[str, Any] = {"is_constant": stage.scene.needs_opengl, "clock": lambda: 0.0, "on_trial": tell.append}
     return find_tolerances(stage, FRAMES, rays, None, **options)  # type: ignore[arg-type]
 
 

@@ -206,13 +206,14 @@ def test_a_file_that_shrinks_during_a_build(tmp_path: Path) -> None:
 
 def test_a_file_that_shrinks_before_texels_are_read(tmp_path: Path) -> None:
     stage = film(tmp_path / "v.raw", PLAIN, (40, 40, 40))
-    assert stage.bricks is not None
+    bricks = stage.layers[0].bricks
+    assert bricks is not None
     shrink(tmp_path / "v.raw")
     first = np.zeros((1, 3), np.int32)
     with pytest.raises(InputError, match="became shorter while it was in use"):
-        scalar_texels(stage.bricks, first, lit=False)
+        scalar_texels(bricks, first, lit=False)
     with pytest.raises(InputError, match="became shorter while it was in use"):
-        mean_texels(stage.bricks, 1, first)
+        mean_texels(bricks, 1, first)
 
 
 def test_a_file_that_shrinks_while_the_stage_is_serialized(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -238,7 +239,8 @@ def test_a_serialized_stage_needs_no_file(tmp_path: Path, brick_rasterizer: Bric
     shrink(tmp_path / "v.raw")
     (theirs,) = render_frames(there, [1], brick_rasterizer, clock=lambda: 0.0)
     np.testing.assert_array_equal(theirs.image, ours.image)
-    assert there.bricks is not None
-    for volume in (there.volume, there.bricks.volume):
+    (layer,) = there.layers
+    assert layer.bricks is not None
+    for volume in (layer.volume, layer.bricks.volume):
         assert volume.source is None
         np.testing.assert_array_equal(volume.values, noise((100, 90, 80)) * 2)

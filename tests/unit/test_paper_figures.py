@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from renderer.pyramid import cut_pyramid
 from renderer.scene import ArraySource, Scene, load_scene
 from renderer.splats import SplatBatch
 from renderer.view import View
+from renderer.volume import Float32, UInt32
 from tests.support.machines import WithoutUploads
 
 STAND_IN = "volume={procedural: {name: engine_block, shape: [40, 48, 24]}}"
@@ -177,7 +178,7 @@ def test_every_cell_is_counted_once_in_total(figure_renderer: FigureRenderer) ->
         variation = octrees._variation_of_blocks(stage)
         assert variation.shape == (2, 3, 3)
         for tolerance in (100.0, 1.0, 0.0):
-            cut = cut_pyramid(stage.base.pyramid, tolerance)
+            cut = cut_pyramid(stage.base.layers[0].pyramid, tolerance)
             counts = octrees._cells_in_blocks(cut, variation.shape)
             assert counts.sum() == pytest.approx(len(cut))
             assert (counts[variation >= 0] > 0).all()
@@ -218,8 +219,8 @@ class TimedRasterizer(WithoutUploads):
     def clock(self) -> float:
         return self.now
 
-    def rasterize(self, batch: SplatBatch, order: npt.NDArray[np.uint32], view: View) -> npt.NDArray[np.float32]:
-        self.now += self._seconds_per_splat * len(order)
+    def rasterize(self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View) -> Float32:
+        self.now += self._seconds_per_splat * len(orders[0])
         return np.zeros((view.size[1], view.size[0], 4), np.float32)
 
 

@@ -54,8 +54,8 @@ def primitive(stage: Stage) -> BrickPrimitive:
 
 
 def bricks_of(stage: Stage) -> Bricks:
-    assert stage.bricks is not None
-    return stage.bricks
+    assert stage.layers[0].bricks is not None
+    return stage.layers[0].bricks
 
 
 # How many bricks
@@ -65,7 +65,7 @@ def bricks_of(stage: Stage) -> Bricks:
 def test_sizes_are_those_of_the_cuts(stage: Stage, finest_level: int, least_steps: int) -> None:
     """At every split threshold and just above it, the size is the largest of that cut and of all coarser ones."""
     bricks = bricks_of(stage)
-    sizes = brick_cut_sizes(bricks, finest_level=finest_level, finest_level_at_zero=finest_level)
+    sizes = brick_cut_sizes([bricks], finest_levels=[finest_level], finest_levels_at_zero=[finest_level])
     assert len(sizes.split_thresholds) >= least_steps
     steps = [math.inf, *sizes.split_thresholds.tolist(), 0.0]
     at_steps = [len(cut_bricks(bricks, step, finest_level=finest_level)) for step in steps]
@@ -79,7 +79,7 @@ def test_sizes_are_those_of_the_cuts(stage: Stage, finest_level: int, least_step
 def test_the_finest_cut_within_a_budget_of_bricks(stage: Stage, primitive: BrickPrimitive, num: int) -> None:
     bricks, tolerance = bricks_of(stage), primitive.tolerance_for_cells(num)
     assert 1 <= len(cut_bricks(bricks, tolerance)) <= num
-    sizes = brick_cut_sizes(bricks, finest_level=0, finest_level_at_zero=0)
+    sizes = brick_cut_sizes([bricks], finest_levels=[0], finest_levels_at_zero=[0])
     finer = sizes.split_thresholds[sizes.split_thresholds < tolerance]
     if tolerance > 0 and len(finer):
         assert len(cut_bricks(bricks, float(finer[0]))) > num
@@ -97,9 +97,9 @@ def test_no_brick_is_finer_than_the_finest_level(tolerance: float) -> None:
     """The lines of the overlay have the colours of their cells."""
     scene = replace(PLAIN, error=ErrorSpec(((0, tolerance),), finest_level=1), overlay="octree")
     lod = make_primitive(stage_of(scene, lumps())).make_lod(tolerance, lambda name: None)
-    assert lod.lines is not None
-    assert lod.batch.cut.levels.min() == 1
-    assert set(lod.lines.vertices[:, 6].tolist()) == set(lod.batch.cut.levels.tolist())
+    (lines,), (batch,) = lod.lines, lod.batches
+    assert batch.cut.levels.min() == 1
+    assert set(lines.vertices[:, 6].tolist()) == set(batch.cut.levels.tolist())
 
 
 # Sizes in a film on a budget of time
@@ -123,9 +123,13 @@ def test_sizes_end_at_tolerance_0_and_more_is_drawn_at_smaller_ones(primitive: B
 # What drawing takes
 
 
+def sampled(lod: BrickLOD, sampling: ScreenSampling) -> BrickLOD:
+    return replace(lod, batches=[replace(lod.batches[0], screen_sampling=sampling)])
+
+
 def counted(lod: BrickLOD, view: View) -> float:
     """Count the samples along the rays through the pixels' centres, and six more for each brick on the way."""
-    batch = lod.batch
+    (batch,) = lod.batches
     frame, volume = ray_setup(batch.cut.volume, batch.model_unit, view), batch.cut.volume
     width, height = view.size
     column, row = np.meshgrid(np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2)
@@ -148,11 +152,11 @@ def test_the_workload_equals_counted_samples(projection: str, tolerance: float) 
     """Pixels are counted by their centres, and in perspective a brick is not as wide at its back as at its front."""
     stage = stage_of(PLAIN, lumps())
     lod = make_primitive(stage).make_lod(tolerance, lambda name: None)
-    target = stage.volume.centre
+    target = stage.layers[0].volume.centre
     view = look(projection, size=(120, 90), target=tuple(target), distance=150.0)
     orders = lod.orders(view)
-    lod = replace(lod, batch=replace(lod.batch, screen_sampling=ScreenSampling((1,), 0.0, 0.0)))
-    assert len(orders[0][1]) == lod.num_cells
+    lod = sampled(lod, ScreenSampling((1,), 0.0, 0.0))
+    assert len(orders[0][1][0]) == lod.num_cells
     assert lod.num_pixels(orders, view) == pytest.approx(counted(lod, view), rel=0.08)
 
 
@@ -163,12 +167,11 @@ def lod() -> BrickLOD:
 
 def test_subsampled_pixel_grids_cost_less(lod: BrickLOD) -> None:
     """The coarser the grid, the less it costs; but pixels that differ are looked at in addition."""
-    view = look(target=tuple(lod.batch.origin), distance=150.0)
+    view = look(target=tuple(lod.batches[0].origin), distance=150.0)
     orders = lod.orders(view)
 
     def load(*strides: int, spread: float = 0.1) -> float:
-        screen_sampling = ScreenSampling(strides, spread, 0.0)
-        return replace(lod, batch=replace(lod.batch, screen_sampling=screen_sampling)).num_pixels(orders, view)
+        return sampled(lod, ScreenSampling(strides, spread, 0.0)).num_pixels(orders, view)
 
     assert load(4) < load(4, 2) < load(4, 1) < load(1)
     assert load(4) < load(2) < load(1) < load(2, 1, spread=0.001)
@@ -182,10 +185,10 @@ def test_bricks_out_of_view_take_no_samples(lod: BrickLOD) -> None:
 
 def test_samples_around_the_eye_are_bounded(lod: BrickLOD) -> None:
     """The projection of a brick around the eye is undefined; no ray in it is longer than its diagonal."""
-    view = look(target=tuple(lod.batch.origin), distance=1e-3, size=(40, 30))
-    ((_, order),) = lod.orders(view)
-    longest = BRICK_SIZE * math.sqrt(3) * 1.5 / lod.batch.steps.min() + 7
-    assert 0 < num_samples(lod.batch, order, view) < len(order) * 40 * 30 * longest
+    view = look(target=tuple(lod.batches[0].origin), distance=1e-3, size=(40, 30))
+    (batch,), ((_, (order,)),) = lod.batches, lod.orders(view)
+    longest = BRICK_SIZE * math.sqrt(3) * 1.5 / batch.steps.min() + 7
+    assert 0 < num_samples(batch, order, view) < len(order) * 40 * 30 * longest
 
 
 # What drawing splats takes
@@ -197,7 +200,7 @@ FRONT = look("orthographic", size=SIZE_PX, azimuth=0.0, elevation=0.0)
 
 def draw_list_of(batch: SplatBatch, *shares: float) -> DrawList:
     order = visible_order(batch, FRONT)
-    return DrawList(0, SplatLOD(0.1, batch, None, pytest.fail), FRONT, [(share, order) for share in shares], 0.0)
+    return DrawList(0, SplatLOD(0.1, [batch], [], pytest.fail), FRONT, [(share, [order]) for share in shares], 0.0)
 
 
 def num_pixels_of(draw_list: DrawList) -> float:

@@ -139,7 +139,7 @@ def refuse(*arguments: Any, **options: Any) -> None:
 
 def draw_splats(gl: SplatRasterizer | RecoveringRasterizer) -> None:
     splats = place_splats(np.zeros((1, 3)), 0.1)
-    gl.rasterize(splats, in_order(splats), look())
+    gl.rasterize([splats], [in_order(splats)], look())
 
 
 @pytest.mark.parametrize("step", ["buffer", "program", "vertex_array"])
@@ -214,7 +214,7 @@ def test_a_device_draws_after_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None
         with pytest.raises(RenderError):
             draw_splats(gl)
         splats = place_splats(np.zeros((1, 3)), 0.1)
-        assert gl.rasterize(splats, in_order(splats), look(size=(16, 16))).any()
+        assert gl.rasterize([splats], [in_order(splats)], look(size=(16, 16))).any()
 
 
 def test_a_context_is_lost_while_it_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -26,6 +26,7 @@ from renderer.scene import (
     ImportedLook,
     Keyframe,
     KeyframePath,
+    LayerSpec,
     MetricTarget,
     ModeSpec,
     OutputSpec,
@@ -53,6 +54,18 @@ AXIS = (1.0, 1e-7, -2.0)
 POINTS = (ControlPoint(-0.5, (0.1, 0.2, 0.3), 0.0), ControlPoint(2.0, (1.0, 1.0, 1.0), 1 / 3))
 
 # Together they give every key of a scene a value other than its default.
+LAYERS = (
+    LayerSpec(
+        VolumeSpec(ProceduralSource("constant", (9, 9, 9)), nodata="none"), TransferSpec(POINTS), ShadingSpec(0.1),
+        (ClipSpec(PlaneSpec(SPACING, AXIS)),), "one",
+        ((1.0, 0.0, 0.5, 3.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 2.0, 0.0), (0.0, 0.0, 0.0, 1.0)), 2.5,
+    ),
+    LayerSpec(
+        VolumeSpec(ProceduralSource("constant", (9, 9, 8))),
+        TransferSpec((ControlPoint(1.5, (1.0, 0.0, 0.0), 0.0), ControlPoint(9.0, (1.0, 0.0, 0.0), -math.expm1(-1.0)))),
+        color=(1.0, 0.0, 0.0), range=(1.5, 9.0),
+    ),
+)  # fmt: skip
 SCENES = {
     "file": Scene(
         volume=VolumeSpec(FileSource(HERE, SPACING), 1, 2, ((0, 1), (0, 2), (1, 3)), (0.1,), "a/b"),
@@ -101,6 +114,14 @@ SCENES = {
         transfer_function=TransferSpec(POINTS),
         camera=CameraSpec(TurntablePath(9)),
         mode=ModeSpec("maximum", color_by="depth"),
+        output=OutputSpec(Path("a.mp4")),
+    ),
+    "volumes": Scene(
+        volume=LAYERS[0].volume,
+        transfer_function=LAYERS[0].transfer_function,
+        camera=CameraSpec(TurntablePath(9)),
+        volumes=LAYERS,
+        blend="add",
         output=OutputSpec(Path("a.mp4")),
     ),
     "time budget": Scene(

@@ -37,7 +37,7 @@ def stage() -> Stage:
 
 
 def at_any_tolerance(scene: Scene, volume: Volume) -> Stage:
-    return prepare_stage(scene, clock=lambda: 0.0, num_threads=1, volume=volume, any_tolerance=True)
+    return prepare_stage(scene, clock=lambda: 0.0, num_threads=1, volumes=[volume], any_tolerance=True)
 
 
 def planned(*arguments: Any) -> list[PlannedSetting]:
@@ -118,7 +118,7 @@ def test_a_plan_has_all_combinations_from_coarse_to_fine(stage: Stage) -> None:
 
     def open_stage(scene: Scene) -> AbstractContextManager[Stage]:
         prepared.append(scene.error.measure)
-        return nullcontext(at_any_tolerance(scene, stage.volume))
+        return nullcontext(at_any_tolerance(scene, stage.layers[0].volume))
 
     splats = [SplatSpec(), SplatSpec(footprint="gouraud"), SplatSpec(opacity_correction=False)]
     plan = planned(stage.scene, open_stage, [ErrorSpec(), RMS], splats, [0.1, 0.0, 0.5])
@@ -143,7 +143,7 @@ def test_a_plan_has_all_combinations_from_coarse_to_fine(stage: Stage) -> None:
 
 
 def integrated(stage: Stage) -> Stage:
-    return at_any_tolerance(replace(stage.scene, splat=SplatSpec(footprint="integrated")), stage.volume)
+    return at_any_tolerance(replace(stage.scene, splat=SplatSpec(footprint="integrated")), stage.layers[0].volume)
 
 
 def test_bricks_have_a_stage_and_tolerances_of_their_own(stage: Stage) -> None:

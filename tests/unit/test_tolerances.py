@@ -34,7 +34,7 @@ def _pyramid(values: np.ndarray) -> Pyramid:
 
 
 def test_round_tolerances_begin_with_a_single_cell_and_fall(pyramid: Pyramid) -> None:
-    tolerances = list(round_tolerances(pyramid))
+    tolerances = list(round_tolerances(root_error(pyramid)))
     assert len(cut_pyramid(pyramid, tolerances[0])) == 1
     assert len(cut_pyramid(pyramid, tolerances[1])) > 1
     assert tolerances[1] <= root_error(pyramid) < tolerances[0]
@@ -44,19 +44,21 @@ def test_round_tolerances_begin_with_a_single_cell_and_fall(pyramid: Pyramid) ->
 
 def test_an_even_volume_is_one_cell_or_all_voxels() -> None:
     pyramid = _pyramid(np.full((8, 8, 8), 100, np.uint8))
-    assert list(round_tolerances(pyramid)) == list(distinct_tolerances(pyramid, _counter(pyramid))) == [1.0]
-    assert spread_tolerances(pyramid, _counter(pyramid), 10) == (1.0, 0.0)
+    error, counter = root_error(pyramid), _counter(pyramid)
+    assert list(round_tolerances(error)) == list(distinct_tolerances(error, counter)) == [1.0]
+    assert spread_tolerances(error, counter, 10) == (1.0, 0.0)
 
 
 def test_distinct_tolerances_end_where_the_cut_is_nearly_the_finest(pyramid: Pyramid) -> None:
-    counts = [len(cut_pyramid(pyramid, tolerance)) for tolerance in distinct_tolerances(pyramid, _counter(pyramid))]
+    tolerances = distinct_tolerances(root_error(pyramid), _counter(pyramid))
+    counts = [len(cut_pyramid(pyramid, tolerance)) for tolerance in tolerances]
     assert all(b > 1.03 * a for a, b in pairwise(counts))
     assert counts[0] == 1 and counts[-1] > 0.97 * len(cut_pyramid(pyramid, 1e-300))
 
 
 def test_spread_tolerances_fall_and_their_cuts_grow(pyramid: Pyramid) -> None:
     for most in (3, 10):
-        tolerances = spread_tolerances(pyramid, _counter(pyramid), most)
+        tolerances = spread_tolerances(root_error(pyramid), _counter(pyramid), most)
         assert 2 <= len(tolerances) <= most
         assert tolerances[-1] == 0 and list(tolerances) == sorted(tolerances, reverse=True)
         counts = [len(cut_pyramid(pyramid, tolerance)) for tolerance in tolerances]
@@ -76,8 +78,8 @@ def test_two_digit_numbers_are_exact_in_text() -> None:
 
 @pytest.mark.parametrize("step", [1.0, 1.12])
 def test_a_ladder_has_numbers_of_two_digits_that_differ_enough(pyramid: Pyramid, step: float) -> None:
-    *ladder, last = tolerance_ladder(pyramid, _counter(pyramid), step)
-    candidates = list(distinct_tolerances(pyramid, _counter(pyramid)))
+    *ladder, last = tolerance_ladder(root_error(pyramid), _counter(pyramid), step)
+    candidates = list(distinct_tolerances(root_error(pyramid), _counter(pyramid)))
     assert last == 0.0 and ladder[0] == candidates[0]
     assert all(step <= a / b < 1.11 * step + 0.01 for a, b in pairwise(ladder))
     if step == 1.0:

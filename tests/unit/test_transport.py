@@ -59,13 +59,13 @@ def test_arrays_are_aligned_views_of_the_bytes() -> None:
     whole = serialize_stage(stage_of_kind("float32"))
     stage = deserialize_stage(whole.data)
     arrays = [
-        stage.volume.values,
-        stage.pyramid.volume.values,
-        stage.volume.world_from_index,
+        stage.layers[0].volume.values,
+        stage.layers[0].pyramid.volume.values,
+        stage.layers[0].volume.world_from_index,
         stage.order_blending.nearby_from_sphere,
-        stage.pyramid.occupied,
+        stage.layers[0].pyramid.occupied,
     ]
-    arrays += [array for level in stage.pyramid.levels for array in (level.means, level.errors, level.masks)]
+    arrays += [array for level in stage.layers[0].pyramid.levels for array in (level.means, level.errors, level.masks)]
     arrays = [array for array in arrays if array.size]
     assert all(np.shares_memory(array, whole) for array in arrays)
     # Relative to the first array: mapped memory begins at a page.
@@ -76,7 +76,8 @@ def test_a_volume_is_written_once() -> None:
     """The stage and its pyramid share it."""
     stage = stage_of(SPLATS, waves("float64"))
     num_bytes = serialize_stage(stage).nbytes
-    assert stage.volume.values.nbytes < num_bytes < stage.volume.values.nbytes + stage.pyramid.num_bytes + 2**15
+    of_voxels = stage.layers[0].volume.values.nbytes
+    assert of_voxels < num_bytes < of_voxels + stage.layers[0].pyramid.num_bytes + 2**15
 
 
 def test_values_that_no_scene_file_has(plain: Stage) -> None:

@@ -87,9 +87,10 @@ def origin_from_record(record: FilmRecord) -> dict[str, Any]:
     """
     assert record.fingerprint is not None, "a single pass has drawn them"
     depends_on, volume = record.fingerprint.depends_on, record.volume
-    section = _without(record.scene["volume"], "file")
-    if "raw" in section:
-        section["raw"] = _without(section["raw"], "file")
+    if "volumes" in record.scene:
+        sources: dict[str, Any] = {"volumes": [_without_files(section) for section in record.scene["volumes"]]}
+    else:
+        sources = {"volume": _without_files(record.scene["volume"])}
     return {
         "volume": {
             "name": short_text(Path(volume.name).name),
@@ -98,9 +99,14 @@ def origin_from_record(record: FilmRecord) -> dict[str, Any]:
             "dtype": volume.dtype,
         },
         "device": short_text(record.device),
-        "scene": depends_on["scene"] | {"volume": section},
+        "scene": depends_on["scene"] | sources,
         "versions": {name: short_text(version) for name, version in depends_on["versions"].items()},
     }
+
+
+def _without_files(volume: Mapping[str, Any]) -> dict[str, Any]:
+    rest = _without(volume, "file")
+    return rest | ({"raw": _without(rest["raw"], "file")} if "raw" in rest else {})
 
 
 def _without(mapping: Mapping[str, Any], key: str) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,12 +22,12 @@ from renderer.draw.brick_cache import BrickCache, BrickView
 from renderer.draw.cpu.extremum import search_of
 from renderer.draw.cpu.field import field_of
 from renderer.draw.cpu.grid import make_grid
-from renderer.draw.cpu.mixture import Mixture, make_mixture
+from renderer.draw.cpu.mixture import make_mixture
 from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.kernels import ThreadPool, kernels
 from renderer.view import RaySetup, View
-from renderer.volume import Bools, Float32, Int64, UInt32
+from renderer.volume import Bools, Float32, Float64, Int64, UInt32
 
 # Each task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
@@ -67,21 +67,19 @@ class BrickRasterizer(Rasterizer):
         views = [
             cache.begin_frame(batch, order, view) for cache, batch, order in zip(caches, batches, orders, strict=True)
         ]
-        sampling, is_additive = (
-            _finest_sampling([batch.screen_sampling for batch in batches]),
-            batches[0].bricks.is_additive,
-        )
-        draw = partial(self._draw_alone, caches, views)
-        if len(batches) > 1 and not is_additive:
-            draw = partial(self._draw_mixture, caches, views, make_mixture(views), sampling.termination_alpha)
+        sampling = _finest_sampling([batch.screen_sampling for batch in batches])
+        is_additive = batches[0].bricks.is_additive
+        parts = [_part_alone(*each) for each in zip(caches, views, strict=True)]
+        if sum(len(order) > 0 for order in orders) > 1 and not is_additive:
+            parts = [_mixed_part(caches, views, sampling.termination_alpha)]
         columns, rows = grid_size(view.size, sampling.strides[0])
         image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
-        draw(sampling.strides[0], is_drawn, image)
+        self._draw_parts(parts, sampling.strides[0], is_drawn, image)
         for coarse, stride in pairwise(sampling.strides):
             image, is_drawn = refine_grid(
                 image, coarse // stride, sampling.difference_threshold, grid_size(view.size, stride), self.threads
             )
-            draw(stride, is_drawn, image)
+            self._draw_parts(parts, stride, is_drawn, image)
         stride = sampling.strides[-1]
         image = image if stride == 1 else upsample(image, stride, view.size, self.threads)
         if is_additive:
@@ -96,74 +94,81 @@ class BrickRasterizer(Rasterizer):
             self.caches[number] = BrickCache(batch.bricks, self.threads)
         return self.caches[number]
 
-    def _draw_alone(
-        self, caches: Sequence[BrickCache], views: Sequence[BrickView], stride: int, is_drawn: Bools, image: Float32
-    ) -> None:
-        """Draw groups of bricks that have slots at once under the image, front to back, batch after batch."""
-        for cache, brick_view in zip(caches, views, strict=True):
-            batch = brick_view.batch
-            for group, offsets in cache.upload_groups(brick_view):
-                grid = make_grid(brick_view.rectangles_px[group], stride, is_drawn, image)
-                if batch.extremes is None:
-                    bricks = _layer_bricks(cache, brick_view, group, offsets, brick_view.rays, batch.model_unit)
-                    alpha = np.inf if batch.bricks.is_additive else batch.screen_sampling.termination_alpha
-                    draw = kernels().draw_tiles.partial(
-                        grid=grid, bricks=bricks, termination_alpha=alpha, is_additive=batch.bricks.is_additive
-                    )
-                else:
-                    draw = kernels().draw_extremes.partial(
-                        grid=grid, rays=brick_view.rays, boxes=brick_view.boxes[group], texel_offsets=offsets[0],
-                        tops=batch.extremes.tops[brick_view.order[group]], scalars=cache.scalars[0].texels,
-                        **search_of(batch, brick_view.view),
-                    )  # fmt: skip
-                self._draw_tiles(draw, np.flatnonzero(np.diff(grid["starts"])))
+    def _draw_parts(self, parts: Sequence[_Part], stride: int, is_drawn: Bools, image: Float32) -> None:
+        """Draw parts of a picture, one under the other, each in bands of tiles whose bricks have slots at once."""
+        for part in parts:
+            grid = make_grid(part.rectangles_px, stride, is_drawn, image, is_mixture=len(part.views) > 1)
+            starts, numbers = grid["starts"], grid["numbers"]
+            bands = [np.flatnonzero(np.diff(starts))]
+            while bands:
+                tiles = bands.pop()
+                met = np.zeros(len(part.members), np.bool_)
+                for tile in tiles:
+                    met[numbers[starts[tile] : starts[tile + 1]]] = True
+                met_of_views = [
+                    np.sort(part.members[met & (part.members[:, 0] == k), 1]) for k in range(len(part.views))
+                ]
+                if tiles.size > 1 and not all(map(BrickCache.have_slots, part.caches, part.views, met_of_views)):
+                    bands += reversed(np.array_split(tiles, 2))
+                    continue
+                draw = part.make_kernel(
+                    grid, list(map(BrickCache.upload_bricks, part.caches, part.views, met_of_views))
+                )
+                num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
+                tasks = [partial(draw, tiles=few) for few in np.array_split(tiles, max(1, num_tasks))]
+                self.threads.map(lambda task: task(), tasks)
 
-    def _draw_mixture(
-        self,
-        caches: Sequence[BrickCache],
-        views: Sequence[BrickView],
-        mixture: Mixture,
-        termination_alpha: float,
-        stride: int,
-        is_drawn: Bools,
-        image: Float32,
-    ) -> None:
-        """Draw the mixture of several batches, in bands of tiles whose bricks have slots at once."""
-        grid = make_grid(mixture.rectangles_px, stride, is_drawn, image, is_mixture=True)
-        starts, numbers = grid["starts"], grid["numbers"]
-        bands = [np.flatnonzero(np.diff(starts))]
-        while bands:
-            tiles = bands.pop()
-            if not tiles.size:
-                continue
-            met = np.zeros(len(mixture.members), np.bool_)
-            for tile in tiles:
-                met[numbers[starts[tile] : starts[tile + 1]]] = True
-            of_views = [np.sort(mixture.members[met & (mixture.members[:, 0] == k), 1]) for k in range(len(views))]
-            if tiles.size > 1 and not all(map(BrickCache.have_slots, caches, views, of_views)):
-                bands += np.array_split(tiles, 2)
-                continue
-            groups = []
-            for cache, brick_view, of_view, rays in zip(caches, views, of_views, mixture.rays, strict=True):
-                offsets = np.full((len(cache.scalars), len(brick_view.order)), -1, np.int64)
-                offsets[:, of_view] = cache.upload_bricks(brick_view, of_view)
-                groups.append(_layer_bricks(cache, brick_view, slice(None), offsets, rays, mixture.unit))
-            draw = kernels().draw_mixture.partial(
-                grid=grid, groups=groups, members=mixture.members, depths=mixture.depths,
-                termination_alpha=termination_alpha,
+
+class _Part(NamedTuple):
+    """A part of a picture that one kernel draws: the bricks of one view, or of several that are mixed.
+
+    members, rectangles_px: as in Mixture. make_kernel: returns what draws tiles, from the grid and from where texels
+        begin, of each view, as `BrickCache.upload_bricks` returns it.
+    """
+
+    caches: Sequence[BrickCache]
+    views: Sequence[BrickView]
+    members: Int64
+    rectangles_px: Float64
+    make_kernel: Callable[[dict[str, Any], Sequence[Int64]], Callable[..., None]]
+
+
+def _part_alone(cache: BrickCache, brick_view: BrickView) -> _Part:
+    batch, numbers = brick_view.batch, np.arange(len(brick_view.order))
+
+    def make_kernel(grid: dict[str, Any], offsets: Sequence[Int64]) -> Callable[..., None]:
+        if batch.extremes is not None:
+            return kernels().draw_extremes.partial(
+                grid=grid, rays=brick_view.rays, boxes=brick_view.boxes, texel_offsets=offsets[0][0],
+                tops=batch.extremes.tops[brick_view.order], scalars=cache.scalars[0].texels,
+                **search_of(batch, brick_view.view),
             )  # fmt: skip
-            self._draw_tiles(draw, tiles)
+        bricks = _layer_bricks(cache, brick_view, offsets[0], brick_view.rays, batch.model_unit)
+        is_additive = batch.bricks.is_additive
+        alpha = np.inf if is_additive else batch.screen_sampling.termination_alpha
+        return kernels().draw_tiles.partial(grid=grid, bricks=bricks, termination_alpha=alpha, is_additive=is_additive)
 
-    def _draw_tiles(self, draw: Callable[..., None], tiles: Int64) -> None:
-        num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
-        tasks = [partial(draw, tiles=part) for part in np.array_split(tiles, max(1, num_tasks))]
-        self.threads.map(lambda task: task(), tasks)
+    members = np.column_stack([np.zeros_like(numbers), numbers])
+    return _Part([cache], [brick_view], members, brick_view.rectangles_px, make_kernel)
+
+
+def _mixed_part(caches: Sequence[BrickCache], views: Sequence[BrickView], termination_alpha: float) -> _Part:
+    mixture = make_mixture(views)
+
+    def make_kernel(grid: dict[str, Any], offsets: Sequence[Int64]) -> Callable[..., None]:
+        of_views = zip(caches, views, offsets, mixture.rays, strict=True)
+        return kernels().draw_mixture.partial(
+            grid=grid, groups=[_layer_bricks(*each, mixture.unit) for each in of_views], members=mixture.members,
+            depths=mixture.depths, termination_alpha=termination_alpha,
+        )  # fmt: skip
+
+    return _Part(caches, views, mixture.members, mixture.rectangles_px, make_kernel)
 
 
 def _layer_bricks(
-    cache: BrickCache, brick_view: BrickView, group: slice, offsets: Int64, rays: RaySetup, unit: float
+    cache: BrickCache, brick_view: BrickView, offsets: Int64, rays: RaySetup, unit: float
 ) -> dict[str, Any]:
-    """Return some bricks of a view as kernels take them: LayerBricks in kernels.h.
+    """Return the bricks of a view as kernels take them: LayerBricks in kernels.h.
 
     offsets: as `BrickCache.upload_bricks` returns them. unit: the world length of the rays' model unit.
     """
@@ -174,7 +179,7 @@ def _layer_bricks(
     ]
     return {
         "rays": rays, "spacings_per_model_unit": np.float32(unit / brick_view.batch.cut.volume.finest_spacing),
-        "boxes": brick_view.boxes[group], "is_mean": brick_view.is_mean[group], "fields": fields,
+        "boxes": brick_view.boxes, "is_mean": brick_view.is_mean, "fields": fields,
     }  # fmt: skip
 
 

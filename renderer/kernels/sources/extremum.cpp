@@ -209,6 +209,7 @@ void draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
     set_up_rays(grid, search.rays, window, tile, 0);
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
         int64_t brick = grid.numbers[k];
+        if (search.texel_offsets[brick] < 0) continue;
         float limit = least((float)search.tops[brick] - search.slack, search.ceiling);
         bool is_look = search.is_sorted && (k - grid.starts[number]) % BRICKS_BETWEEN_LOOKS == 0;
         if (is_look && least_found(window, tile) >= limit) break;
@@ -238,7 +239,7 @@ Status draw_extremes(const DrawExtremes* arguments) {
         return OUT_OF_BOUNDS;
     for (int64_t brick = 0; brick < arguments->boxes.shape[0]; brick++) {
         int64_t begin = arguments->texel_offsets[brick];
-        if (begin < 0 || begin > arguments->scalars.shape[0] - TEXELS_PER_BRICK) return OUT_OF_BOUNDS;
+        if (begin > arguments->scalars.shape[0] - TEXELS_PER_BRICK) return OUT_OF_BOUNDS;
     }
     const Tile tile(grid, arguments->rays, MAX_CELLS);
     if (!tile) return NO_MEMORY;

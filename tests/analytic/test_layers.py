@@ -1,0 +1,154 @@
+"""Pictures of several volumes: against exact rays, against one volume, and the same however they are drawn."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from renderer.draw import BrickRasterizer, brick_cache
+from renderer.frame import prepare_stage, render_frames, view_of
+from renderer.scene import Scene, parse_scene
+from renderer.truth import SceneRays
+from renderer.volume import Float32, Float64
+
+RAMP = [{"value": 70, "color": "#cc7857", "opacity": 0}, {"value": 240, "color": "#faf2e0", "opacity": 0.4}]
+BLUE = [{"value": 90, "color": "#3060ff", "opacity": 0}, {"value": 170, "color": "#a0ffa0", "opacity": 0.3}]
+ENGINE = {
+    "procedural": {"name": "engine_block", "shape": [40, 40, 24]},
+    "transfer_function": {"points": RAMP, "unit": 1},
+}
+# Turned about two axes, and smaller.
+TURNED = [[0.42, -0.36, 0.1, 14.0], [0.3, 0.4, -0.2, 4.0], [0.05, 0.22, 0.5, 1.0], [0, 0, 0, 1]]
+RINGS = {
+    "procedural": {"name": "marschner_lobb", "shape": [48, 40, 33]},
+    "transfer_function": {"points": BLUE, "unit": 1},
+    "transform": TURNED,
+}
+PLANE = {"plane": {"point": [19, 19, 13], "normal": [0.3, 0.2, 1]}}
+FIXED = {"plane": {"point": [0, 0, 3], "normal": [0, 0, 1]}, "fixed": "camera"}
+BOXES = [{"box": [[10, -9, -9], [20, 60, 60]]}, {"box": [[15, 10, -9], [60, 20, 60]]}]
+
+
+def scene_of(volumes: list[dict[str, Any]], tolerance: float = 0.02, **changes: Any) -> Scene:
+    tree = {
+        "version": 1,
+        **({"volumes": volumes} if volumes else {}),
+        "camera": {"path": {"type": "turntable", "frames": 12, "elevation": 25}},
+        "output": {"file": "film-{frame}.png", "size": [72, 64]},
+        "error": {"tolerance": tolerance},
+    }
+    return parse_scene(tree | changes, base=Path())
+
+
+def draw(scene: Scene, *, num_threads: int = 2) -> Float32:
+    with prepare_stage(scene, clock=itertools.count().__next__, num_threads=1) as stage:
+        return _draw(stage, num_threads)
+
+
+def _draw(stage: Any, num_threads: int = 2) -> Float32:
+    with BrickRasterizer(num_threads=num_threads) as rasterizer:
+        (frame,) = render_frames(stage, [1], rasterizer, clock=itertools.count().__next__)
+        return frame.radiance
+
+
+def draw_both(scene: Scene) -> tuple[Float32, Float64]:
+    """Return a picture, and its exact rays."""
+    with prepare_stage(scene, clock=itertools.count().__next__, num_threads=1) as stage:
+        width, height = scene.output.size
+        exact = SceneRays(stage).integrate(view_of(stage, 1), np.arange(width * height), 0.5)
+        return _draw(stage), exact.reshape(height, width, 4)
+
+
+def psnr(one: Any, other: Any) -> float:
+    return float(-10 * np.log10(np.mean((np.clip(one, 0, 1) - np.clip(other, 0, 1)) ** 2) + 1e-30))
+
+
+COLORED = {key: RINGS[key] for key in ("procedural", "transform")} | {"color": "red", "range": [90, 200]}
+PATH = {"type": "turntable", "frames": 12}
+OTHER = ENGINE | {"transfer_function": {"points": BLUE}}
+SCENES: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
+    "two grids": ([ENGINE, RINGS], {}),
+    "orthographic": ([ENGINE, RINGS], {"camera": {"projection": "orthographic", "path": PATH}}),
+    "from inside": ([ENGINE, RINGS], {"camera": {"distance": 8, "path": PATH}}),
+    "one grid": ([ENGINE, OTHER | {"weight": 0.3}], {}),
+    "three": ([ENGINE, OTHER, RINGS], {}),
+    "added": ([ENGINE, RINGS], {"blend": "add"}),
+    "added on one grid": ([ENGINE, OTHER], {"blend": "add"}),
+    "maximum": ([ENGINE, RINGS | {"weight": 0.5}], {"mode": "maximum"}),
+    "mean": ([ENGINE, RINGS | {"weight": 0.5}], {"mode": "mean"}),
+    "lit": ([ENGINE, RINGS | {"shading": {"ambient": 0.5, "diffuse": 0.5}}], {}),
+    "light of the camera": ([ENGINE, RINGS], {"shading": {"light": "camera", "specular": 0.3}}),
+    "lit on one grid": ([ENGINE | {"shading": {}}, OTHER], {}),
+    "occlusion": ([ENGINE | {"shading": {"occlusion": 0.8}}, RINGS], {}),
+    "a plane for one": ([ENGINE | {"clip": [PLANE]}, RINGS], {}),
+    "boxes for one": ([ENGINE | {"clip": BOXES}, RINGS], {}),
+    "boxes for all": ([ENGINE, RINGS], {"clip": BOXES}),
+    "a plane before the camera": ([ENGINE, RINGS], {"clip": [FIXED]}),
+    "without some data": ([ENGINE | {"nodata": [12, 13, 14, 96, 97, 98]}, RINGS], {}),
+    "one grid without some data": ([ENGINE | {"nodata": [96, 97, 98]}, OTHER], {}),
+    "color and range": ([ENGINE, COLORED], {}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_pictures_are_those_of_exact_rays(name: str) -> None:
+    volumes, changes = SCENES[name]
+    image, exact = draw_both(scene_of(volumes, **changes))
+    assert exact[..., :3].max() > 0.2
+    is_lit = "shading" in changes or any("shading" in volume for volume in volumes)
+    assert psnr(image[..., :3], exact[..., :3]) > (45 if is_lit else 55)
+    assert psnr(image[..., 3], exact[..., 3]) > 50
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 0.3, 1.0])
+def test_the_tolerance_is_kept_to(tolerance: float) -> None:
+    image, exact = draw_both(scene_of([ENGINE, RINGS], tolerance))
+    assert psnr(image, exact) > {0.0: 95, 0.3: 38, 1.0: 28}[tolerance]
+
+
+def test_a_list_of_one_volume_is_that_volume() -> None:
+    tree = {key: ENGINE[key] for key in ENGINE if key != "procedural"} | {
+        "volume": {"procedural": ENGINE["procedural"]}
+    }
+    assert draw(scene_of([ENGINE])).tobytes() == draw(scene_of([], **tree)).tobytes()
+
+
+@pytest.mark.parametrize("blend", ["mix", "add"])
+def test_two_copies_of_half_the_weight_are_one(blend: str) -> None:
+    one, half = scene_of([RINGS], blend=blend), RINGS | {"weight": 0.5}
+    np.testing.assert_allclose(draw(scene_of([half, half], blend=blend)), draw(one), rtol=5e-6, atol=1e-6)
+
+
+def test_a_volume_of_which_nothing_shows_changes_nothing() -> None:
+    hidden = ENGINE | {
+        "transfer_function": {
+            "points": [{"value": 254, "color": "red", "opacity": 0}, {"value": 255, "color": "red", "opacity": 1}]
+        }
+    }
+    framed = {"camera": {"target": [20, 15, 8], "distance": 90, "path": PATH}}
+    assert draw(scene_of([hidden, RINGS], **framed)).tobytes() == draw(scene_of([RINGS], **framed)).tobytes()
+
+
+def test_the_order_of_volumes_and_the_number_of_threads_change_no_byte() -> None:
+    volumes = [ENGINE, RINGS, RINGS | {"transform": np.diag([0.5, 0.6, 0.7, 1.0]).tolist(), "weight": 2}]
+    expected = draw(scene_of(volumes), num_threads=1).tobytes()
+    assert draw(scene_of(volumes[::-1]), num_threads=3).tobytes() == expected
+
+
+def test_bricks_that_do_not_fit_the_cache_are_drawn_in_bands(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of([ENGINE, RINGS], 0.1)
+    expected = draw(scene).tobytes()
+    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 12 * 4 * 18**3)
+    assert draw(scene).tobytes() == expected
+
+
+def test_a_matrix_moves_a_volume() -> None:
+    """Against spacings, which say the same."""
+    moved = RINGS | {"transform": np.diag([0.5, 0.25, 0.75, 1.0]).tolist()}
+    spaced = RINGS | {"procedural": {**RINGS["procedural"], "spacing": [0.5, 0.25, 0.75]}}
+    del spaced["transform"]
+    assert draw(scene_of([ENGINE, moved])).tobytes() == draw(scene_of([ENGINE, spaced])).tobytes()
