@@ -12,18 +12,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hsplat_cli.commands.options import FILE
-from hsplat_cli.scenes import (
-    SceneRequest,
-    expand_volumes,
-    load_job,
-    read_with_options,
-    transfer_lines,
-    volume_options,
-    volume_spec,
-)
+from hsplat_cli.scenes import expand_volumes, read_with_options, transfer_lines, volume_options, volume_spec
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError
-from renderer.scene import FileSource, VolumeSpec, counted, parse_yaml
+from renderer.scene import FileSource, VolumeSpec, counted, load_scene, parse_yaml
 from renderer.system import join_lines
 
 if TYPE_CHECKING:
@@ -50,11 +42,12 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
 
     reporter = Reporter()
     inside = expand_volumes([str(volume)])[0] if volume.is_dir() else []
-    rows = [_row(str(each), volume_spec(each, reading)) for each in inside] if len(inside) > 1 else []
-    if volume.suffix.lower() in (".yaml", ".yml"):
-        layers = load_job(SceneRequest(volume), "nothing").scene.layers
-        rows = [_row(layer.name or f"volumes.{number}", layer.volume) for number, layer in enumerate(layers)]
-    if rows:
+    named = [(str(each), volume_spec(each, reading)) for each in inside]
+    is_scene = volume.suffix.lower() in (".yaml", ".yml")
+    if is_scene:
+        named = [(each.name or f"volumes.{k}", each.volume) for k, each in enumerate(load_scene(volume).layers)]
+    if is_scene or len(named) > 1:
+        rows = [_row(*each) for each in named]
         table = format_table([list(rows[0]), *(list(map(str, row.values())) for row in rows)])
         reporter.result(join_lines(json.dumps(rows, indent=2).splitlines()) if as_json else table)
         return

@@ -15,15 +15,7 @@ from renderer.errors import InputError, Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.stage import Clock, Resolution, Stage, Stopwatch
-from renderer.layers import (
-    Layer,
-    LayerGroup,
-    group_layers,
-    layer_digest,
-    make_layer,
-    placement_problems,
-    reach_text,
-)
+from renderer.layers import Layer, LayerGroup, group_layers, layer_digest, make_layer, placement_problems, reach_text
 from renderer.pyramid import EVERY_CUT, FinestCut
 from renderer.readers import read_volume
 from renderer.scene import (

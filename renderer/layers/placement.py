@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
 
 import numpy as np
 
@@ -17,7 +16,7 @@ _MAX_SIZE_RATIO = 300.0
 
 def reach_text(volume: Volume) -> str:
     """Return from where to where in the world a volume reaches, in words."""
-    low, high = (format_value(corner.tolist()) for corner in _world_box(volume))
+    low, high = (format_value([float(f"{at:.6g}") for at in corner]) for corner in _world_box(volume))
     return f"from {low} to {high}"
 
 
@@ -25,27 +24,22 @@ def placement_problems(volumes: Sequence[Volume]) -> Iterator[Problem]:
     """Yield the volumes that are far larger or far smaller than the first one: those in other units of length."""
     for number, volume in enumerate(volumes):
         ratio = volume.half_diagonal / volumes[0].half_diagonal
-        if max(ratio, 1 / ratio) > _MAX_SIZE_RATIO:
+        if not 1 / _MAX_SIZE_RATIO <= ratio <= _MAX_SIZE_RATIO:
             what = (
                 f"this volume is {max(ratio, 1 / ratio):.3g} times as {'large' if ratio > 1 else 'small'} as the first"
             )
-            got = f"{volume.name} reaches {reach_text(volume)}, {volumes[0].name} {reach_text(volumes[0])}"
+            got = f"it reaches {reach_text(volume)}, the first {reach_text(volumes[0])}"
             hint = "are there metres beside millimetres? `spacing` gives the lengths of a voxel"
             yield Problem(f"volumes.{number}", what, got, f"at most {_MAX_SIZE_RATIO:g} times", hint)
 
 
-def placement_notes(layers: Sequence[LayerSpec], volumes: Sequence[Volume]) -> list[str]:
-    """Return a sentence on each of several volumes that overlaps no other."""
-    overlapping: set[int] = set()
-    for pair in combinations(range(len(volumes)), 2):
-        (low, high), (other_low, other_high) = (_world_box(volumes[number]) for number in pair)
-        if (low < other_high).all() and (other_low < high).all():
-            overlapping.update(pair)
-    return [
-        f"{layer.name or volume.name} overlaps no other volume: it reaches {reach_text(volume)}"
-        for number, (layer, volume) in enumerate(zip(layers, volumes, strict=True))
-        if number not in overlapping and len(volumes) > 1
-    ]
+def placement_notes(layers: Sequence[LayerSpec], volumes: Sequence[Volume]) -> Iterator[str]:
+    """Yield a sentence on each of several volumes that overlaps no other."""
+    lows, highs = np.array([_world_box(volume) for volume in volumes]).swapaxes(0, 1)
+    overlaps = ((lows[:, None] < highs) & (lows < highs[:, None])).all(axis=2)
+    for layer, volume, num in zip(layers, volumes, overlaps.sum(axis=1).tolist(), strict=True):
+        if num == 1 < len(volumes):  # itself
+            yield f"{layer.name or volume.name} overlaps no other volume: it reaches {reach_text(volume)}"
 
 
 def _world_box(volume: Volume) -> tuple[Float64, Float64]:

@@ -35,8 +35,8 @@ _EVEN = 1e-9
 _MIN_RAY_OPACITY = 0.01
 # Steps of the search for densities. More change opacities by less than 2 %.
 _NUM_STEPS = 24
-# Of the ratio of two densities, the natural logarithm: a factor of 20,000.
-_MAX_LOG_FACTOR = 10.0
+# Natural logarithms: of the largest factor by which a layer becomes thinner, 20,000, and denser, 8.
+_MAX_LOG_FACTOR, _MAX_LOG_DENSER = 10.0, math.log(8)
 # Optical depths of 1 % of the diagonal: the smallest, the one that the search begins with, and one from which on a
 # surface looks crisp.
 _MIN_DEPTH, _FIRST_DEPTH, CRISP_SURFACE_DEPTH = 0.01, 0.3, 0.8
@@ -67,7 +67,7 @@ class Layer:
 
     def mean_weights(self, one: Float64, other: Float64) -> Float64:
         """Return the mean weights over values between two, normalised, of any shape: thin layers are not missed."""
-        (begin, first), *_, (end, last) = self.knots
+        (begin, first), (end, last) = self.knots[0], self.knots[-1]
         # Beyond the outermost knots, weights are constant.
         at, weights = np.array([(begin - 2, first), *self.knots, (end + 2, last)]).T
         slopes = np.divide(np.diff(weights), np.diff(at), out=np.zeros(len(at) - 1), where=np.diff(at) > 0)
@@ -133,9 +133,8 @@ def cast_through(samples: Sequence[VoxelSample]) -> list[TurntableRays]:
     middle = max(samples, key=attrgetter("diagonal")).centre
     boxes = [_box(sample, middle, unit) for sample in samples]
     radius = max(float(np.linalg.norm(box.offset) + np.linalg.norm(box.half)) for box in boxes)
-    finest, thinnest = (float(min(box.spacing.min() for box in boxes)), float(min(box.half.min() for box in boxes)))
-    step = max(finest, 2 * radius / _MAX_SAMPLES)
-    step = min(step, max(thinnest, 2 * radius / _MAX_SAMPLES_OF_SLABS))
+    step = max(min(float(box.spacing.min()) for box in boxes), 2 * radius / _MAX_SAMPLES)
+    step = min(step, max(min(float(box.half.min()) for box in boxes), 2 * radius / _MAX_SAMPLES_OF_SLABS))
     count = math.ceil(2 * radius / step)
     found = []
     for view in range(_NUM_VIEWS):
@@ -231,16 +230,16 @@ def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float, 
 
 
 def balance(weights: Float32, share: float) -> tuple[float, float]:
-    """Return factors, of which one is 1 and none more, on the densities of two layers, so that the first has this share
-    of what is seen.
+    """Return factors on the densities of two layers, so that the first has this share of what is seen.
 
+    The second becomes thinner, or denser within a bound; only where that is not enough, the first becomes thinner.
     weights: of `step_weights`, [2, rays, steps], on rays that meet both.
     """
     weights = _compact(weights)
-    low, high = -_MAX_LOG_FACTOR, _MAX_LOG_FACTOR  # of the first factor divided by the second
+    low, high = -_MAX_LOG_FACTOR, _MAX_LOG_FACTOR
     for _ in range(_NUM_STEPS):
         middle = (low + high) / 2
-        first, second = np.exp(np.minimum([middle, -middle], 0.0))
+        first, second = np.exp(np.minimum([middle + _MAX_LOG_DENSER, -middle], [0.0, _MAX_LOG_DENSER]))
         low, high = (low, middle) if _measure(weights, np.array([first, second])).shares[0] > share else (middle, high)
     return float(first), float(second)
 

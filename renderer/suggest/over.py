@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.scene import ColormapSpec, VolumeSpec
+from renderer.scene import Color, ColormapSpec, VolumeSpec
 from renderer.suggest.features import VoxelSample, sample_volume
 from renderer.suggest.labels import border_mode
 from renderer.suggest.opacity_calibration import Layer, TurntableRays, balance, cast_through, step_weights
 from renderer.suggest.palette import to_lab
 from renderer.suggest.presets import SHADING
 from renderer.suggest.separation import Plane, are_beyond
-from renderer.suggest.suggestion import Suggestion, with_8_bit_colors
+from renderer.suggest.suggestion import Suggestion, with_8_bit_colors, with_colormap
 from renderer.suggest.volume_suggestion import NO_WISH, VolumeSuggestion, read_with_statistics, suggest_read
 from renderer.suggest.wishes import Wish
 from renderer.transfer import make_transfer_function
@@ -24,7 +24,8 @@ from renderer.volume import Float32, Float64, Volume
 UPPER_SHARE = 2 / 3
 # Percentiles of the gradients of what is visible between which a shell fades in.
 _SHELL_PERCENTILES = (60, 98)
-# Colours that all have less chroma than this, in CIELAB, are taken for grey.
+_EVERY_GRADIENT = (-1.0, 0.0)
+# Colours with less chroma than this, in CIELAB, are taken for grey.
 _MAX_GREY_CHROMA = 15.0
 _WARM, _GREY = (1.0, 0.68, 0.36), (1.0, 1.0, 1.0)
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
@@ -38,23 +39,24 @@ def suggest_over(
     wish: for the upper one. Parameters and errors are else those of `suggest_for`.
     """
     (upper, above), (lower, below) = _suggest(volume, read, wish), _suggest(under, read, NO_WISH)
-    if not (wish.colormap or wish.preset or _largest_chroma(upper.suggestion) > _MAX_GREY_CHROMA):
+    if wish == NO_WISH and _has_grey(upper.suggestion):
         upper = replace(upper, suggestion=_tinted(upper.suggestion, _WARM))
     if not lower.suggestion.is_categorical:
         lower = replace(lower, suggestion=_tinted(lower.suggestion, _GREY))
-    samples = [above, below]
     ends = _shell_ends(lower, below)
-    if ends is not None:
-        samples.append(replace(below, normalized=np.interp(_gradients(below), ends, (0.0, 1.0))))
-    first, second, *factors = cast_through(samples)
-    weights = np.stack([_weights(upper, above, first, above.diagonal), _weights(lower, below, second, above.diagonal)])
-    if ends is not None:
-        weights[1] *= np.nan_to_num((factors[0].values[:, :-1] + factors[0].values[:, 1:]) / 2)
+    factors = replace(below, normalized=np.interp(_gradients(below), ends, (0.0, 1.0)))
+    *rays, of_factors = cast_through([above, below, factors])
+    weights = np.stack([_weights(*each, above.diagonal) for each in ((upper, above, rays[0]), (lower, below, rays[1]))])
+    weights[1] *= np.nan_to_num((of_factors.values[:, :-1] + of_factors.values[:, 1:]) / 2)
     are_both = weights.any(axis=2).all(axis=0)
     if not are_both.any():
         return upper, lower
-    shares = [float(f"{weight:.2g}") for weight in balance(weights[:, are_both], UPPER_SHARE)]
-    return replace(upper, weight=shares[0]), replace(_as_shell(lower, ends), weight=shares[1])
+    of_upper, of_lower = (float(f"{weight:.2g}") for weight in balance(weights[:, are_both], UPPER_SHARE))
+    if (shading := lower.suggestion.shading) is not None:  # no shadows inside of a shell
+        points = None if ends == _EVERY_GRADIENT else ((ends[0], 0.0), (ends[1], 1.0))
+        shading = replace(shading, occlusion=0.0, gradient_opacity=points)
+        lower = replace(lower, suggestion=replace(lower.suggestion, shading=shading))
+    return replace(upper, weight=of_upper), replace(lower, weight=of_lower)
 
 
 def _suggest(
@@ -93,46 +95,32 @@ def _gradients(sample: VoxelSample) -> Float64:
     return np.asarray(np.sqrt(squares) * abs(sample.maximum - sample.minimum))
 
 
-def _shell_ends(found: VolumeSuggestion, sample: VoxelSample) -> tuple[float, float] | None:
-    """Return the gradients from and to which a shell fades in; None for labels, and for what has no surfaces."""
+def _shell_ends(found: VolumeSuggestion, sample: VoxelSample) -> tuple[float, float]:
+    """Return the gradients from and to which a shell fades in: labels, and what has no surfaces, are shown whole."""
     suggestion = found.suggestion
-    if suggestion.is_categorical or suggestion.shading is None:
-        return None
     transfer = make_transfer_function(suggestion.transfer, min(sample.spacing))
     values = sample.minimum + (sample.maximum - sample.minimum) * sample.normalized
-    is_seen = sample.is_valid & (transfer.classify(values)[1] > 0)
-    if not is_seen.any():
-        return None
-    low, high = np.percentile(_gradients(sample)[is_seen], _SHELL_PERCENTILES).tolist()
-    return (float(f"{low:.3g}"), float(f"{high:.3g}")) if low < high else None
+    gradients = _gradients(sample)[sample.is_valid & (transfer.classify(values)[1] > 0)]
+    if suggestion.is_categorical or suggestion.shading is None or not gradients.size:
+        return _EVERY_GRADIENT
+    low, high = (float(f"{each:.3g}") for each in np.percentile(gradients, _SHELL_PERCENTILES))
+    return (low, high) if low < high else _EVERY_GRADIENT
 
 
-def _as_shell(found: VolumeSuggestion, ends: tuple[float, float] | None) -> VolumeSuggestion:
-    """Return a translucent volume: without shadows inside, and with its surfaces alone, if it has some."""
-    shading = found.suggestion.shading
-    if shading is None:
-        return found
-    factors = None if ends is None else ((ends[0], 0.0), (ends[1], 1.0))
-    shading = replace(shading, occlusion=0.0, gradient_opacity=factors)
-    return replace(found, suggestion=replace(found.suggestion, shading=shading))
-
-
-def _largest_chroma(suggestion: Suggestion) -> float:
-    """Return the largest chroma of what is not transparent; that of a colormap counts as large."""
+def _has_grey(suggestion: Suggestion) -> bool:
     mapping = suggestion.transfer.mapping
-    if isinstance(mapping, ColormapSpec):
-        return 100.0
-    colors = np.array([point.color for point in mapping if point.opacity > 0] or [(0.0, 0.0, 0.0)])
-    return float(np.hypot(*to_lab(colors).T[1:]).max())
+    if isinstance(mapping, ColormapSpec) or suggestion.is_categorical:
+        return False
+    chroma = np.hypot(*to_lab(np.array([point.color for point in mapping])).T[1:])
+    return bool(chroma.min() <= _MAX_GREY_CHROMA)
 
 
-def _tinted(suggestion: Suggestion, tint: tuple[float, float, float]) -> Suggestion:
+def _tinted(suggestion: Suggestion, tint: Color) -> Suggestion:
     """Return the suggestion with colours of one hue that are as bright as its own; colormaps become grey."""
     mapping = suggestion.transfer.mapping
     if isinstance(mapping, ColormapSpec):
-        return replace(suggestion, transfer=replace(suggestion.transfer, mapping=replace(mapping, name="gray")))
-    points = []
-    for point in mapping:
-        red, green, blue = (min(1.0, float(np.dot(point.color, _LUMINANCE))) * part for part in tint)
-        points.append(replace(point, color=(red, green, blue)))
-    return with_8_bit_colors(replace(suggestion, transfer=replace(suggestion.transfer, mapping=tuple(points))))
+        return with_colormap(suggestion, "gray")
+    bright = [min(1.0, float(np.dot(point.color, _LUMINANCE))) for point in mapping]
+    colors = [(tint[0] * part, tint[1] * part, tint[2] * part) for part in bright]
+    points = tuple(replace(point, color=color) for point, color in zip(mapping, colors, strict=True))
+    return with_8_bit_colors(replace(suggestion, transfer=replace(suggestion.transfer, mapping=points)))
