@@ -185,8 +185,8 @@ def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Pat
         suggestion = found.suggestion
         yield from [""] * number
         yield f"  - name: {yaml_string(name)}"
-        section = [line.removeprefix("  ") for line in _volume_lines(found, folder)][1:]
-        section.append(_with_comment(f"weight: {format_value(found.weight)}", "how dense it is, beside the other"))
+        weight = _with_comment(f"  weight: {format_value(found.weight)}", "a factor on how dense it is")
+        section = [line.removeprefix("  ") for line in (*_volume_lines(found, folder), weight)][1:]
         section += [*transfer_lines(suggestion.transfer, suggestion.notes), *filter(None, _light_lines(suggestion))]
         yield from (f"    {line}" for line in section)
 

@@ -14,6 +14,7 @@ Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
   segmentations, in the colours of `palette.py`; `wishes.py`: a suggestion steered by a word, a preset or a file.
 - `presets.py`: layers and colours for each kind of data; `opacity_calibration.py`: how dense they are, so that each has
   its part of the picture; `opacity.py`: depths as opacities.
+- `over.py`: two volumes, one over the other.
 - `turntable.py`: the defaults of the film around it.
 """
 

@@ -50,7 +50,7 @@ def exact_share(found: tuple[VolumeSuggestion, VolumeSuggestion], volumes: tuple
         assert isinstance(transfer.mapping, tuple) and shading is not None
         transfer = replace(transfer, mapping=tuple(replace(point, color=color) for point in transfer.mapping))
         even = ShadingSpec(ambient=1.0, diffuse=0.0, gradient_opacity=shading.gradient_opacity)
-        layers.append(LayerSpec(each.volume, transfer, even, weight=each.weight))
+        layers.append(LayerSpec(each.volume, transfer, even, each.suggestion.clip, weight=each.weight))
     scene = replace(scene_of(), volumes=tuple(layers))
     with prepare_stage(scene, clock=lambda: 0.0, num_threads=2, volumes=volumes) as stage:
         pictures = np.array([compute_truth(stage, frame, 1e-3).picture for frame in range(4)])
@@ -78,7 +78,7 @@ def test_balance_of_two_slabs_is_that_of_lamberts_law(depths: tuple[float, float
     front = -np.expm1(-depths[1] * other)
     behind = -np.expm1(-depths[0] * one) * (1 - front)
     assert behind / (front + behind) == pytest.approx(share, abs=1e-4)
-    assert one == 1 and 0 < other <= 8 or one < 1 and other == pytest.approx(8)
+    assert (one == 1 and 0 < other <= 8) or (one < 1 and other == pytest.approx(8))
 
 
 @pytest.mark.parametrize(
