@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import click
@@ -53,8 +54,9 @@ def check(request: SceneRequest, output: str | None) -> None:
         require_writable_dry_run(file)
     with translate_os_errors(job.scene.output.file):
         require_own_folder(unfinished_folder(job.scene.output))
-    if isinstance(job.scene.volume.source, FileSource):
-        find_volume(job.scene.volume.source.file)
+    for layer in job.scene.layers:
+        if isinstance(layer.volume.source, FileSource):
+            find_volume(layer.volume.source.file)
     rows = [f"  {name:<8} {text}" for name, text in _summary(job.scene, len(job.frames))]
     Reporter().result(join_lines([f"{request.path}: ok", *rows]))
 
@@ -68,13 +70,22 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
     film = f", {num_frames / output.frames_per_second:.3g} s at {rate} per second"
     width, height = output.size
     return [
-        ("volume", _source(scene.volume)),
+        *_volumes(scene),
         ("camera", f"{path.type}, {frames}"),
         ("error", _schedule(scene)),
         ("output", f"{output.file}, {width} x {height}{'' if has_frame_files(output) else film}"),
         *(("note", note) for note in scene.import_notes),
         *([("note", advice)] if (advice := _advice(scene)) is not None else []),
     ]
+
+
+def _volumes(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Yield a row for each volume; where they are listed, with name and weight, and how they are blended."""
+    for layer in scene.layers:
+        name = f"{layer.name}: " * bool(layer.name)
+        yield "volume", f"{name}{_source(layer.volume)}{f', weight {layer.weight:g}' * bool(scene.volumes)}"
+    if scene.volumes:
+        yield "blend", scene.blend
 
 
 def _advice(scene: Scene) -> str | None:

@@ -15,7 +15,7 @@ from hsplat_cli.commands.options import FILE
 from hsplat_cli.scenes import expand_volumes, read_with_options, transfer_lines, volume_options, volume_spec
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError
-from renderer.scene import counted, parse_yaml
+from renderer.scene import FileSource, VolumeSpec, counted, load_scene, parse_yaml
 from renderer.system import join_lines, printable
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """Describe a volume: shape, place, values and histogram.
 
     VOLUME is a file, or a folder of slices. The last part of the output suggests a transfer function to paste into
-    a scene file, and says what it shows. Of a folder of several volumes it lists them.
+    a scene file, and says what it shows. Of a folder of several volumes it lists them, as of a scene file.
     """
     from renderer.suggest import compute_statistics, suggest
 
@@ -44,8 +44,12 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
         raise InputError("this describes one component", where="--component all", hint="leave it out: all are listed")
     reporter = Reporter()
     inside = expand_volumes([str(volume)])[0] if volume.is_dir() else []
-    if len(inside) > 1:
-        rows = [_row(each, reading) for each in inside]
+    named = [(str(each), volume_spec(each, reading)) for each in inside]
+    is_scene = volume.suffix.lower() in (".yaml", ".yml")
+    if is_scene:
+        named = [(each.name or f"volumes.{k}", each.volume) for k, each in enumerate(load_scene(volume).layers)]
+    if is_scene or len(named) > 1:
+        rows = [_row(*each) for each in named]
         table = format_table([list(rows[0]), *(list(map(str, row.values())) for row in rows)])
         reporter.result(join_lines(json.dumps(rows, indent=2).splitlines()) if as_json else table)
         return
@@ -57,14 +61,15 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     reporter.result(join_lines(json.dumps(facts, indent=2).splitlines() if as_json else text_lines))
 
 
-def _row(volume: Path, reading: dict[str, Any]) -> dict[str, str]:
+def _row(name: str, volume: VolumeSpec) -> dict[str, str]:
     """Return what a table of several volumes says of one, or in place of its shape why it cannot be read."""
     from renderer.readers import find_volume
 
-    row = {"volume": str(volume), "format": "-", "type": "-"}
+    row = {"volume": name, "format": "-", "type": "-"}
     try:
-        row["format"] = find_volume(volume)[1]
-        read = read_with_options(volume_spec(volume, reading), Reporter(is_quiet=True))
+        if isinstance(volume.source, FileSource):
+            row["format"] = find_volume(volume.source.file)[1]
+        read = read_with_options(volume, Reporter(is_quiet=True))
     except InputError as error:
         return row | {"shape": str(error).splitlines()[0]}
     return row | {"type": read.values.dtype.name, "shape": " x ".join(map(str, read.shape_xyz))}

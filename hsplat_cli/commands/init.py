@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ def init(*, volume: Path, output: Path | None, force: bool, **options: Any) -> N
     spec = volume_spec(volume, options)
     if output is not None:  # before the volume is read, which may take long
         _require_output(output, force=force)
-        require_no_input([output], volume_files(spec))
+        require_no_input([output], chain.from_iterable(map(volume_files, filter(None, (spec, film.under)))))
     scene, film_file = output or Path("scene.yaml"), Path(f"{base_name(volume)}.mp4")
     text, _ = suggest_scene(spec, film, reporter, scene=scene, output=film_file)
     if output is None:

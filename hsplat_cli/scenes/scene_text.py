@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hsplat_cli.scenes.volume_arguments import read_with_options
+from hsplat_cli.scenes.volume_names import name_volumes
 from hsplat_cli.terminal import Reporter
 from renderer.errors import Problem, SceneError
 from renderer.scene import (
@@ -32,10 +33,14 @@ from renderer.system import printable
 
 if TYPE_CHECKING:
     from renderer.suggest import FilmOptions, Suggestion, VolumeSuggestion
+    from renderer.volume import Volume
 
 # Comments begin here, unless the line is longer.
 _COMMENT_COLUMN = 30
 
+_TRANSFER_COMMENT = (
+    "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all."
+)
 _SHADING_COMMENT = (
     "# Darker where a surface faces away from the light, which turns with the object. Delete it for even light."
 )
@@ -50,9 +55,6 @@ _LABELS_COMMENT = """\
 # memory for all that are drawn, and this volume is so large that it stays in its file."""
 
 
-_OPACITY_COMMENT = (
-    "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all."
-)
 _CHANNELS_COMMENT = (
     "# Each channel of the file, in its colour: from the first value of its range, which is dark, to the second."
 )
@@ -66,6 +68,7 @@ _ALWAYS_SHOWN = ("ambient", "diffuse", "light")
 # The option that each value of a scene came from.
 _OPTIONS = {
     "volume.spacing": "--spacing",
+    "volumes.0.spacing": "--spacing",
     "volume.raw.spacing": "--spacing",
     "output.background": "--background",
     "output.size": "--size",
@@ -82,24 +85,27 @@ def suggest_scene(
     Raises InputError for a volume that cannot be read or drawn, and SceneError for an option, such as the background,
     that cannot be in a scene.
     """
-    from renderer.suggest import Wish, suggest_for
+    from renderer.suggest import Wish, suggest_for, suggest_over
 
-    found = suggest_for(
-        volume,
-        # Notes on how the volume was read are printed once.
-        lambda spec: read_with_options(
-            spec, reporter if spec.component in ("all", 0, volume.component) else replace(reporter, is_quiet=True)
-        ),
-        wish=Wish(film.colormap, film.preset),
-    )
-    text = scene_text(found, film, folder=scene.parent, output=output)
+    def read(spec: VolumeSpec) -> Volume:
+        """Read a volume; notes on how it was read are printed once for all of its channels."""
+        is_other = spec.source == volume.source and spec.component not in ("all", 0, volume.component)
+        return read_with_options(spec, replace(reporter, is_quiet=True) if is_other else reporter)
+
+    wish, under = Wish(film.colormap, film.preset), None
+    if film.under is None:
+        found = suggest_for(volume, read, wish=wish)
+    else:
+        found, under = suggest_over(volume, film.under, read, wish=wish)
+    text = scene_text(found, film, folder=scene.parent, output=output, under=under)
     _check(text, scene)
-    chosen = found.suggestion
-    is_constant = chosen.kind == _CONSTANT
-    first = f"{'warning: ' * is_constant}{chosen.kind}; {chosen.reason}"
-    (reporter.warning if is_constant else reporter.status)(f"{volume_file(volume)}: {first}")
-    for line in chosen.outlier_notes:
-        reporter.status(f"{volume_file(volume)}: {line}")
+    for each in filter(None, (found, under)):
+        chosen, name = each.suggestion, volume_file(each.volume)
+        is_constant = chosen.kind == _CONSTANT
+        first = f"{'warning: ' * is_constant}{chosen.kind}; {chosen.reason}"
+        (reporter.warning if is_constant else reporter.status)(f"{name}: {first}")
+        for line in chosen.outlier_notes:
+            reporter.status(f"{name}: {line}")
     return text, found
 
 
@@ -119,21 +125,26 @@ def _at_option(problem: Problem) -> Problem:
     return replace(problem, what=problem.what.partition("\n")[0], location=location)
 
 
-def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, output: Path) -> str:
+def scene_text(
+    found: VolumeSuggestion, film: FilmOptions, *, folder: Path, output: Path, under: VolumeSuggestion | None = None
+) -> str:
     """Return the YAML of a turntable.
 
     found: its volume's file is relative to the current folder. folder: of the scene's file, to which the scene's volume
-    is relative. output: relative to the current folder.
+    is relative. output: relative to the current folder. under: the volume underneath.
     """
-    suggestion, elevation = found.suggestion, format_value(film.elevation)
+    elevation, about = format_value(film.elevation), [*_about(found)]
+    subject = (_channel_lines if found.layers else _one_volume_lines)(found, folder)
+    if under is not None:
+        subject = _volumes_lines(found, under, folder)
+        about = [f"{_name(found)} over {_name(under)}.", *about, *_about(under)]
     lines = [
-        f"# A turntable of {printable(volume_file(found.volume).name)}: {suggestion.kind};",
-        f"# {suggestion.reason}.",
-        *(f"# {note}." for note in suggestion.outlier_notes),
+        f"# A turntable of {about[0]}",
+        *(f"# {line}" for line in about[1:]),
         "# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.",
         "version: 1",
         "",
-        *(_channel_lines(found, folder) if found.layers else _single_lines(found, folder)),
+        *subject,
         "",
         "camera:",
         "  target: visible             # the middle of what can be seen; from as near as shows all of it",
@@ -155,21 +166,48 @@ def scene_text(found: VolumeSuggestion, film: FilmOptions, *, folder: Path, outp
     return "\n".join(lines) + "\n"
 
 
+def _name(found: VolumeSuggestion) -> str:
+    return printable(volume_file(found.volume).name)
+
+
+def _about(found: VolumeSuggestion) -> Iterator[str]:
+    yield f"{_name(found)}: {found.suggestion.kind};"
+    yield f"{found.suggestion.reason}."
+    yield from (f"{note}." for note in found.suggestion.outlier_notes)
+
+
+def _one_volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
+    suggestion = found.suggestion
+    yield "volume:"
+    yield from (f"  {line}" for line in _volume_lines(found.volume, folder, has_absent=found.has_absent))
+    yield from ("", _TRANSFER_COMMENT)
+    yield from transfer_lines(suggestion.transfer, suggestion.notes)
+    yield from _light_lines(suggestion)
+    if suggestion.splat is not None:
+        yield from ("", _VOXEL_COLORS_COMMENT, f"splat: {{footprint: {suggestion.splat.footprint}}}")
+    elif suggestion.is_categorical:
+        yield from ("", _LABELS_COMMENT)
+
+
+def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Path) -> Iterator[str]:
+    """Yield the section `volumes`."""
+    yield from (_TRANSFER_COMMENT, "volumes:")
+    names = name_volumes([volume_file(upper.volume), volume_file(lower.volume)])
+    for number, (found, name) in enumerate(zip((upper, lower), names, strict=True)):
+        suggestion = found.suggestion
+        yield from [""] * number
+        yield f"  - name: {yaml_string(name)}"
+        section = [*_volume_lines(found.volume, folder, has_absent=found.has_absent)]
+        section += [_with_comment(f"weight: {format_value(found.weight)}", "a factor on how dense it is")]
+        section += [*transfer_lines(suggestion.transfer, suggestion.notes), *filter(None, _light_lines(suggestion))]
+        yield from (f"    {line}" for line in section)
+
+
 def volume_file(volume: VolumeSpec) -> Path:
     """Return the file or folder of a volume."""
     file = getattr(volume.source, "file", None)
     assert isinstance(file, Path), volume.source
     return file
-
-
-def _single_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
-    suggestion = found.suggestion
-    yield "volume:"
-    yield from (f"  {line}" for line in _volume_lines(found.volume, folder, has_absent=found.has_absent))
-    yield ""
-    yield _OPACITY_COMMENT
-    yield from transfer_lines(suggestion.transfer, suggestion.notes)
-    yield from _drawing_lines(suggestion)
 
 
 def _channel_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
@@ -228,8 +266,8 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
         yield f'    - {{value: {value}, color: "{color}", opacity: {opacity}}}{note}'
 
 
-def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
-    """Yield the sections `shading` and `splat`, or why there is none."""
+def _light_lines(suggestion: Suggestion) -> Iterator[str]:
+    """Yield the sections `shading` and `clip`."""
     if (shading := suggestion.shading) is not None:
         yield from ("", _SHADING_COMMENT, f"shading: {{{_shading_text(shading)}}}")
     if suggestion.clip:
@@ -240,10 +278,6 @@ def _drawing_lines(suggestion: Suggestion) -> Iterator[str]:
                 yield f"  - plane: {{point: {_list(clip.plane.point)}, normal: {_list(clip.plane.normal)}}}"
             elif clip.box is not None:
                 yield f"  - box: [{_list(clip.box[0])}, {_list(clip.box[1])}]  # a corner, to look inside"
-    if suggestion.splat is not None:
-        yield from ("", _VOXEL_COLORS_COMMENT, f"splat: {{footprint: {suggestion.splat.footprint}}}")
-    elif suggestion.is_categorical:
-        yield from ("", _LABELS_COMMENT)
 
 
 def _shading_text(shading: ShadingSpec) -> str:

@@ -71,7 +71,8 @@ class FilmRequest:
 def require_inputs_kept(requests: Sequence[FilmRequest]) -> None:
     """Raise InputError if an output of one of the films is a file of one of the volumes."""
     outputs = chain.from_iterable(request.output_files() for request in requests)
-    require_no_input(outputs, chain.from_iterable(volume_files(request.volume) for request in requests))
+    volumes = {each for request in requests for each in (request.volume, request.film.under) if each is not None}
+    require_no_input(outputs, chain.from_iterable(map(volume_files, volumes)))
 
 
 def make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:

@@ -15,7 +15,7 @@ from renderer.errors import InputError, Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.stage import Clock, Resolution, Stage, Stopwatch
-from renderer.layers import Layer, LayerGroup, group_layers, layer_digest, make_layer
+from renderer.layers import Layer, LayerGroup, group_layers, layer_digest, make_layer, placement_problems, reach_text
 from renderer.pyramid import EVERY_CUT, FinestCut
 from renderer.readers import read_volume
 from renderer.scene import (
@@ -24,7 +24,6 @@ from renderer.scene import (
     Vector,
     VolumeSpec,
     camera_problems,
-    format_value,
     min_tolerance,
     raise_problems,
     volume_extent,
@@ -76,6 +75,7 @@ def prepare_stage(
     extents = [volume_extent(volume) for volume in volumes]
     for volume, extent in zip(volumes, extents, strict=True):
         raise_problems([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
+    raise_problems(placement_problems(volumes))
     watch.lap("read")
     layers = _make_layers(scene, volumes, any_tolerance=any_tolerance, num_threads=num_threads, lap=watch.lap)
     groups = group_layers(layers, scene)
@@ -180,9 +180,7 @@ def _leaves_nothing(each: ClipSpec, volume: Volume) -> bool:
 
 
 def _clip_problem(key: str, volume: Volume) -> Problem:
-    reach = np.abs(volume.world_from_index[:3, :3]) @ volume.shape_xyz / 2
-    low, high = (format_value(corner.tolist()) for corner in (volume.centre - reach, volume.centre + reach))
-    expected = f"one that leaves some of it; it reaches from {low} to {high}"
+    expected = f"one that leaves some of it; it reaches {reach_text(volume)}"
     return Problem(key, "leaves nothing of the volume", expected=expected)
 
 

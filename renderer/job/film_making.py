@@ -28,6 +28,7 @@ from renderer.job.goals import find_shortfall, summary_parts
 from renderer.job.make_record import film_record
 from renderer.job.plan import FilmPlan, make_plan
 from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, PassRecord
+from renderer.layers import placement_notes
 from renderer.scene import Scene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
 from renderer.volume import Volume, joint_fingerprint
@@ -75,7 +76,7 @@ def make_film(
             for volume in volumes:
                 if volume.note is not None:
                     events.volume_noted(f"{volume.name}: {volume.note}")
-            for note in job.scene.import_notes:
+            for note in (*job.scene.import_notes, *placement_notes(job.scene.layers, volumes)):
                 events.note(note)
             job, fingerprint = _with_fingerprint(job, joint_fingerprint(volumes), executor.device)
             existing = find_existing_film(output.sidecar, events) if resumes else None

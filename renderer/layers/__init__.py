@@ -3,7 +3,8 @@
 In: `LayerSpec`, plain data, and the scene's mode, pyramid and error measure. Out: `Layer`: volume, transfer function,
 pyramid, bricks and light, known by the digest of what it was made from. Whoever makes layers keeps them by it.
 
-- `layer.py`: makes a layer. `groups.py`: which layers are drawn as one.
+- `layer.py`: makes a layer. `groups.py`: which layers are drawn as one. `placement.py`: how volumes lie beside each
+  other.
 """
 
 import lazy_loader

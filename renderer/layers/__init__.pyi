@@ -1,2 +1,7 @@
 from .groups import LayerGroup as LayerGroup, group_layers as group_layers
 from .layer import Layer as Layer, layer_digest as layer_digest, make_layer as make_layer
+from .placement import (
+    placement_notes as placement_notes,
+    placement_problems as placement_problems,
+    reach_text as reach_text,
+)

@@ -15,6 +15,7 @@ Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
 - `presets.py`: layers and colours for each kind of data; `opacity_calibration.py`: how dense they are, so that each has
   its part of the picture; `opacity.py`: depths as opacities.
 - `channels.py`: a layer for each channel of a file.
+- `over.py`: two volumes, one over the other.
 - `turntable.py`: the defaults of the film around it.
 """
 

@@ -5,6 +5,7 @@ from .histogram import (
     rebin as rebin,
 )
 from .opacity import format_percent as format_percent
+from .over import suggest_over as suggest_over
 from .suggestion import Suggestion as Suggestion
 from .turntable import PRESET_WORDS as PRESET_WORDS, FilmOptions as FilmOptions
 from .volume_suggestion import (

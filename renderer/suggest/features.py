@@ -57,6 +57,7 @@ class VoxelSample:
     spacing: world distance between samples along z, y, x.
     diagonal: of the whole volume, world units.
     directions: float64 [3, 3], whose columns are the directions of the axes x, y, z in the world.
+    centre: of the volume, in the world.
     """
 
     normalized: Float64
@@ -68,6 +69,7 @@ class VoxelSample:
     spacing: tuple[float, float, float]
     diagonal: float
     directions: Float64
+    centre: Float64
 
     def denormalize(self, share: float) -> float:
         """Return the data value of a normalised value, which may be below 0 or above 1."""
@@ -177,6 +179,7 @@ def sample_volume(volume: Volume, statistics: Statistics, fill: float = 0.0) -> 
         spacing=(side_z * sz, side_y * sy, side_x * sx),
         diagonal=float(np.linalg.norm(volume.spacing * volume.shape_xyz)),
         directions=volume.world_from_index[:3, :3] / volume.spacing,
+        centre=volume.centre,
     )
     volume.require_unchanged()
     return sample

@@ -75,7 +75,7 @@ def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) ->
 
 
 def _is_piecewise_constant(sample: VoxelSample) -> bool:
-    are_outside = np.abs(sample.normalized - _border_mode(sample)) > _SAME
+    are_outside = np.abs(sample.normalized - border_mode(sample)) > _SAME
     equal = (
         np.mean((np.abs(sample.neighbours - sample.normalized) <= _SAME)[:, are_outside]) if are_outside.any() else 1
     )
@@ -129,7 +129,8 @@ def distinct_values(volume: Volume, statistics: Statistics) -> list[float] | Non
     return sorted(found)
 
 
-def _border_mode(sample: VoxelSample) -> float:
+def border_mode(sample: VoxelSample) -> float:
+    """Return the normalised value that is most frequent on the faces of a volume."""
     values, counts = np.unique(faces(sample.normalized), return_counts=True)
     return float(values[counts.argmax()])
 
@@ -140,7 +141,7 @@ def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float
     Every label but the background has a colour and an opacity, with steps half-way between the labels. The background
     is the most frequent label at the volume's border.
     """
-    at_border = sample.denormalize(_border_mode(sample))
+    at_border = sample.denormalize(border_mode(sample))
     outside = min(range(len(values)), key=lambda k: abs(values[k] / 2 - at_border / 2))
     pieces = ", in separate pieces" if _is_piecewise_constant(sample) else ""
     names = [f"label {format_number(value)}" for value in values]

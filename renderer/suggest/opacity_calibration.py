@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,8 @@ _EVEN = 1e-9
 _MIN_RAY_OPACITY = 0.01
 # Steps of the search for densities. More change opacities by less than 2 %.
 _NUM_STEPS = 24
+# Natural logarithms: of the largest factor by which a layer becomes thinner, 20,000, and denser, 8.
+_MAX_LOG_FACTOR, _MAX_LOG_DENSER = 10.0, math.log(8)
 # Optical depths of 1 % of the diagonal: the smallest, the one that the search begins with, and one from which on a
 # surface looks crisp.
 _MIN_DEPTH, _FIRST_DEPTH, CRISP_SURFACE_DEPTH = 0.01, 0.3, 0.8
@@ -64,7 +67,7 @@ class Layer:
 
     def mean_weights(self, one: Float64, other: Float64) -> Float64:
         """Return the mean weights over values between two, normalised, of any shape: thin layers are not missed."""
-        (begin, first), *_, (end, last) = self.knots
+        (begin, first), (end, last) = self.knots[0], self.knots[-1]
         # Beyond the outermost knots, weights are constant.
         at, weights = np.array([(begin - 2, first), *self.knots, (end + 2, last)]).T
         slopes = np.divide(np.diff(weights), np.diff(at), out=np.zeros(len(at) - 1), where=np.diff(at) > 0)
@@ -118,27 +121,68 @@ def cast_rays(sample: VoxelSample, *, is_interpolated: bool = True) -> Turntable
 
     is_interpolated: not of labels, between which values mean nothing.
     """
-    random = np.random.default_rng(0)
-    values = np.where(sample.is_valid, sample.normalized, np.nan).astype(np.float32)
-    shape = np.array(values.shape[::-1])
-    spacing = np.array(sample.spacing[::-1]) / sample.diagonal
-    half = spacing * shape / 2
-    radius = float(np.linalg.norm(half))
-    step = max(float(spacing.min()), 2 * radius / _MAX_SAMPLES)
-    step = min(step, max(float(half.min()), 2 * radius / _MAX_SAMPLES_OF_SLABS))
+    return cast_through([sample])[0]._replace(is_interpolated=is_interpolated)
+
+
+def cast_through(samples: Sequence[VoxelSample]) -> list[TurntableRays]:
+    """Sample volumes, each in its place in the world, along the same rays, around the largest one's centre.
+
+    The unit of length is the first one's diagonal.
+    """
+    random, unit = np.random.default_rng(0), samples[0].diagonal
+    middle = max(samples, key=attrgetter("diagonal")).centre
+    boxes = [_box(sample, middle, unit) for sample in samples]
+    radius = max(float(np.linalg.norm(box.offset) + np.linalg.norm(box.half)) for box in boxes)
+    step = max(min(float(box.spacing.min()) for box in boxes), 2 * radius / _MAX_SAMPLES)
+    step = min(step, max(min(float(box.half.min()) for box in boxes), 2 * radius / _MAX_SAMPLES_OF_SLABS))
     count = math.ceil(2 * radius / step)
     found = []
     for view in range(_NUM_VIEWS):
-        right, up, forward = (axis @ sample.directions for axis in _view_axes(2 * math.pi * (view + 0.3) / _NUM_VIEWS))
-        sides = [half @ np.abs(axis) for axis in (right, up)]
+        axes = _view_axes(2 * math.pi * (view + 0.3) / _NUM_VIEWS)
+        sides = [
+            max(abs(box.offset @ axis) + box.half @ np.abs(axis @ box.directions) for box in boxes) for axis in axes
+        ]
         across, along = _jittered_grid(random)
-        starts = (across * sides[0])[:, None] * right + (along * sides[1])[:, None] * up
-        lengths = (np.arange(count) + random.random((len(starts), 1))) * step - radius
-        at = np.floor((starts[:, None] + lengths[..., None] * forward) / spacing + shape / 2).astype(np.int32)
-        is_inside = ((at >= 0) & (at < shape)).all(axis=2)
-        x, y, z = np.moveaxis(np.clip(at, 0, shape - 1), 2, 0)
-        found.append(np.where(is_inside, values[z, y, x], np.nan)[is_inside.any(axis=1)])
-    return TurntableRays(np.concatenate(found), step, is_interpolated)
+        lengths = (np.arange(count) + random.random((len(across), 1))) * step - radius
+        of_view = [_values_along(box, axes, (across * sides[0], along * sides[1]), lengths) for box in boxes]
+        is_met = np.any([is_inside.any(axis=1) for _, is_inside in of_view], axis=0)
+        found.append([values[is_met] for values, _ in of_view])
+    return [TurntableRays(np.concatenate(values), step) for values in zip(*found, strict=True)]
+
+
+class _Box(NamedTuple):
+    """A sampled volume in units of a common length. offset: of its centre, in the world. half: of its sides, x, y, z.
+
+    values: float32 [z, y, x], NaN without data. spacing: of the samples along x, y, z. directions: as in VoxelSample.
+    """
+
+    values: Float32
+    spacing: Float64
+    half: Float64
+    offset: Float64
+    directions: Float64
+
+
+def _box(sample: VoxelSample, middle: Float64, unit: float) -> _Box:
+    values = np.where(sample.is_valid, sample.normalized, np.nan).astype(np.float32)
+    spacing = np.array(sample.spacing[::-1]) / unit
+    return _Box(values, spacing, spacing * values.shape[::-1] / 2, (sample.centre - middle) / unit, sample.directions)
+
+
+def _values_along(
+    box: _Box, axes: Sequence[Float64], places: tuple[Float64, Float64], lengths: Float64
+) -> tuple[Float32, Bools]:
+    """Return the values at samples of rays, NaN outside of the volume, and which of them are inside.
+
+    axes: to the right, up and forward. places: of the rays along the first two. lengths: [rays, samples].
+    """
+    shape = np.array(box.values.shape[::-1])
+    right, up, forward = (axis @ box.directions for axis in axes)
+    starts = places[0][:, None] * right + places[1][:, None] * up - box.offset @ box.directions
+    at = np.floor((starts[:, None] + lengths[..., None] * forward) / box.spacing + shape / 2).astype(np.int32)
+    is_inside = ((at >= 0) & (at < shape)).all(axis=2)
+    x, y, z = np.moveaxis(np.clip(at, 0, shape - 1), 2, 0)
+    return np.where(is_inside, box.values[z, y, x], np.float32(np.nan)), np.asarray(is_inside)
 
 
 def _view_axes(azimuth: float) -> tuple[Float64, Float64, Float64]:
@@ -185,10 +229,30 @@ def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float, 
     return depths
 
 
+def balance(weights: Float32, share: float) -> tuple[float, float]:
+    """Return factors on the densities of two layers, so that the first has this share of what is seen.
+
+    The second becomes thinner, or denser within a bound; only where that is not enough, the first becomes thinner.
+    weights: of `step_weights`, [2, rays, steps], on rays that meet both.
+    """
+    weights = _compact(weights)
+    low, high = -_MAX_LOG_FACTOR, _MAX_LOG_FACTOR
+    for _ in range(_NUM_STEPS):
+        middle = (low + high) / 2
+        first, second = np.exp(np.minimum([middle + _MAX_LOG_DENSER, -middle], [0.0, _MAX_LOG_DENSER]))
+        low, high = (low, middle) if _measure(weights, np.array([first, second])).shares[0] > share else (middle, high)
+    return float(first), float(second)
+
+
 def _weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
+    """Return the weights of the steps between samples, without those that have none."""
+    return _compact(step_weights(rays, layers))
+
+
+def step_weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
     """Return the weights of the steps between samples, times their lengths in 1 % of the diagonal.
 
-    [layers, rays, steps]. Steps without any weight are left out: those of a ray that remain move together.
+    [layers, rays, steps].
     """
     before, after = rays.values[:, :-1], rays.values[:, 1:]
     is_inside = ~(np.isnan(before) | np.isnan(after))
@@ -197,8 +261,13 @@ def _weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
     weights = np.zeros((len(layers), *before.shape), np.float32)
     for layer, own in zip(layers, weights, strict=True):
         own[is_inside] = 100 * rays.step * layer.mean_weights(one, other)
+    return weights
+
+
+def _compact(weights: Float32) -> Float32:
+    """Leave out steps without any weight: those of a ray that remain move together."""
     is_seen = weights.any(axis=0)
-    order = np.argsort(~is_seen, axis=1, kind="stable")[:, : max(1, int(is_seen.sum(axis=1).max()))]
+    order = np.argsort(~is_seen, axis=1, kind="stable")[:, : max(1, int(is_seen.sum(axis=1).max(initial=0)))]
     return np.take_along_axis(weights, order[None], axis=2)
 
 

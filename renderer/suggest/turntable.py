@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
-from renderer.scene import OutputSpec
+from renderer.scene import FileSource, OutputSpec, VolumeSpec
 
 # What a suggestion can be steered by; `wishes.py` has what each does. Here, so that options are declared without numpy.
 PRESET_WORDS = ("bone", "vessels", "skin", "brain", "xray", "surface", "glow", "labels")
@@ -16,7 +17,7 @@ PRESET_WORDS = ("bone", "vessels", "skin", "brain", "xray", "surface", "glow", "
 class FilmOptions:
     """A choice of the options of a turntable besides its volume.
 
-    background: a colour or `transparent`. colormap, preset: as in `Wish`.
+    background: a colour or `transparent`. colormap, preset: as in `Wish`. over: the volume underneath.
     """
 
     frames: int = 120
@@ -29,6 +30,12 @@ class FilmOptions:
     no_paths: bool = False
     colormap: str | None = None
     preset: str | None = None
+    over: Path | None = None
+
+    @property
+    def under(self) -> VolumeSpec | None:
+        """Return the volume underneath."""
+        return None if self.over is None else VolumeSpec(FileSource(self.over))
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> FilmOptions:

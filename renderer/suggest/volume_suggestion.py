@@ -59,12 +59,14 @@ class VolumeSuggestion:
 
     volume: which voxels. has_absent: whether any of them has no data. layers: of its channels, if each is to be seen;
         the suggestion is then that of the first.
+    weight: as in `renderer.scene.LayerSpec`.
     """
 
     volume: VolumeSpec
     suggestion: Suggestion
     has_absent: bool
     layers: tuple[LayerSpec, ...] = ()
+    weight: float = 1.0
 
     def applied_to(self, scene: Scene) -> Scene:
         """Return a scene of the volume with what is suggested; its own planes and footprint stay where it has some."""
@@ -85,11 +87,21 @@ def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wis
     """
     may_have_channels = wish == NO_WISH and volume.component in (None, "all")
     asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
-    found = read(replace(volume, component=asked) if may_have_channels else volume)
-    raise_problems(volume_problems(volume_extent(found), found.name))
+    found, statistics = read_with_statistics(replace(volume, component=asked) if may_have_channels else volume, read)
     if may_have_channels and (volume.component == "all" or any(channel.is_light for channel in found.channels)):
         return _channels_suggestion(volume, found, read)
-    statistics = compute_statistics(found.values, found.source)
+    return suggest_read(volume, found, statistics, wish)
+
+
+def read_with_statistics(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume]) -> tuple[Volume, Statistics]:
+    """Read a volume and its statistics. Raises InputError for one that cannot be read or drawn."""
+    found = read(volume)
+    raise_problems(volume_problems(volume_extent(found), found.name))
+    return found, compute_statistics(found.values, found.source)
+
+
+def suggest_read(volume: VolumeSpec, found: Volume, statistics: Statistics, wish: Wish) -> VolumeSuggestion:
+    """Suggest how to show a volume that is in memory. Raises as `suggest`."""
     suggestion = with_8_bit_colors(suggest(found, statistics, wish))
     return VolumeSuggestion(volume, suggestion, found.num_absent > 0)
 
@@ -164,7 +176,7 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, w
     is_float = isinstance(statistics.minimum, float)
     if found := logarithmic_choice(sample) if is_float and word is None and zero is None else None:
         logarithms, choice = found
-        return with_logarithmic_scale(_chosen_suggestion(choice, logarithms, [], volume.centre), wish.colormap)
+        return with_logarithmic_scale(_chosen_suggestion(choice, logarithms, []), wish.colormap)
     choose = partial(choose_by_word, word=word) if word else partial(recognise, is_float=is_float)
     choice, planes = choose(sample, zero), list[Plane]()
     if choice.preset.is_scan:
@@ -173,14 +185,11 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, w
         sample = features.without(sample, are_beyond(sample, planes))
         again = choose(sample, zero)
         choice = again if again.kind == choice.kind else choice
-    return with_colormap(_chosen_suggestion(choice, sample, planes, volume.centre), wish.colormap)
+    return with_colormap(_chosen_suggestion(choice, sample, planes), wish.colormap)
 
 
-def _chosen_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plane], centre: Float64) -> Suggestion:
-    """Return the suggestion of a preset.
-
-    sample: without what the planes clip away. centre: of the volume, in the world.
-    """
+def _chosen_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plane]) -> Suggestion:
+    """Return the suggestion of a preset. sample: without what the planes clip away."""
     kind, reason, preset = choice
     rays = cast_rays(sample)
     solved = solve_depths(rays, preset.layers, preset.coverage, by_area=not preset.is_scan)
@@ -190,7 +199,7 @@ def _chosen_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Pla
     if preset.is_closed:
         reason += "; its outside hides what is inside, so that a corner is clipped"
         corner = corner_box(sample, preset.covers(sample.normalized))
-    clip = clip_specs(planes, corner, centre, sample.diagonal)
+    clip = clip_specs(planes, corner, sample.centre, sample.diagonal)
     transfer = TransferSpec(mapping, opacity_unit_length(sample.diagonal))
     return Suggestion(kind, reason, transfer, notes, preset.shading, clip=clip, visible=visible)
 

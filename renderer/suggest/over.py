@@ -1,0 +1,126 @@
+"""Suggest how to show a volume over another one: the one underneath becomes a translucent shell around it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from renderer.scene import Color, ColormapSpec, VolumeSpec
+from renderer.suggest.features import VoxelSample, sample_volume
+from renderer.suggest.labels import border_mode
+from renderer.suggest.opacity_calibration import Layer, TurntableRays, balance, cast_through, step_weights
+from renderer.suggest.palette import to_lab
+from renderer.suggest.presets import SHADING
+from renderer.suggest.separation import Plane, are_beyond
+from renderer.suggest.suggestion import Suggestion, with_8_bit_colors, with_colormap
+from renderer.suggest.volume_suggestion import NO_WISH, VolumeSuggestion, read_with_statistics, suggest_read
+from renderer.suggest.wishes import Wish
+from renderer.transfer import make_transfer_function
+from renderer.volume import Float32, Float64, Volume
+
+# The part of what is seen that the upper volume has, on the rays that meet both.
+UPPER_SHARE = 2 / 3
+# Percentiles of the gradients of what is visible between which a shell fades in.
+_SHELL_PERCENTILES = (60, 98)
+_EVERY_GRADIENT = (-1.0, 0.0)
+# Colours with less chroma than this, in CIELAB, are taken for grey.
+_MAX_GREY_CHROMA = 15.0
+_WARM, _GREY = (1.0, 0.68, 0.36), (1.0, 1.0, 1.0)
+_LUMINANCE = (0.2126, 0.7152, 0.0722)
+
+
+def suggest_over(
+    volume: VolumeSpec, under: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH
+) -> tuple[VolumeSuggestion, VolumeSuggestion]:
+    """Suggest how to show a volume and the one underneath, each in its place in the world, with weights.
+
+    wish: for the upper one. Parameters and errors are else those of `suggest_for`.
+    """
+    (upper, above), (lower, below) = _suggest(volume, read, wish), _suggest(under, read, NO_WISH)
+    if wish == NO_WISH and _has_grey(upper.suggestion):
+        upper = replace(upper, suggestion=_tinted(upper.suggestion, _WARM))
+    if not lower.suggestion.is_categorical:
+        lower = replace(lower, suggestion=_tinted(lower.suggestion, _GREY))
+    ends = _shell_ends(lower, below)
+    factors = replace(below, normalized=np.interp(_gradients(below), ends, (0.0, 1.0)))
+    *rays, of_factors = cast_through([above, below, factors])
+    weights = np.stack([_weights(*each, above.diagonal) for each in ((upper, above, rays[0]), (lower, below, rays[1]))])
+    weights[1] *= np.nan_to_num((of_factors.values[:, :-1] + of_factors.values[:, 1:]) / 2)
+    are_both = weights.any(axis=2).all(axis=0)
+    if not are_both.any():
+        return upper, lower
+    of_upper, of_lower = (float(f"{weight:.2g}") for weight in balance(weights[:, are_both], UPPER_SHARE))
+    if (shading := lower.suggestion.shading) is not None:  # no shadows inside of a shell
+        points = None if ends == _EVERY_GRADIENT else ((ends[0], 0.0), (ends[1], 1.0))
+        shading = replace(shading, occlusion=0.0, gradient_opacity=points)
+        lower = replace(lower, suggestion=replace(lower.suggestion, shading=shading))
+    return replace(upper, weight=of_upper), replace(lower, weight=of_lower)
+
+
+def _suggest(
+    spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], wish: Wish
+) -> tuple[VolumeSuggestion, VoxelSample]:
+    """Return what is suggested for a volume and holds beside another one, too; and a sample of what it shows."""
+    volume, statistics = read_with_statistics(spec, read)
+    found = suggest_read(spec, volume, statistics, wish)
+    if statistics.minimum == statistics.maximum:  # a sample needs a range
+        statistics = replace(statistics, minimum=statistics.minimum - max(1, abs(statistics.minimum)))
+    sample, suggestion = sample_volume(volume, statistics), found.suggestion
+    planes = tuple(each for each in suggestion.clip if each.plane is not None)
+    if suggestion.is_categorical and spec.nodata == "auto":  # nothing is interpolated between labels and background
+        found = replace(found, volume=replace(spec, nodata=(round(sample.denormalize(border_mode(sample))),)))
+        suggestion = replace(suggestion, shading=SHADING, splat=None)
+    notes = () if suggestion.visible else suggestion.notes
+    found = replace(found, suggestion=replace(suggestion, clip=planes, notes=notes, visible=()))
+    at = [(np.array(each.plane.point) - sample.centre, np.array(each.plane.normal)) for each in planes if each.plane]
+    return found, replace(sample, is_valid=sample.is_valid & ~are_beyond(sample, [Plane(*each) for each in at]))
+
+
+def _weights(found: VolumeSuggestion, sample: VoxelSample, rays: TurntableRays, unit: float) -> Float32:
+    """Return the optical depths of the steps of rays. unit: the length that theirs are given in."""
+    transfer = make_transfer_function(found.suggestion.transfer, min(sample.spacing))
+    at, depths = map(sample.normalize, transfer.values.tolist()), (transfer.extinctions * unit / 100).tolist()
+    rays = rays._replace(is_interpolated=not found.suggestion.is_categorical)
+    return np.asarray(step_weights(rays, [Layer("", tuple(zip(at, depths, strict=True)))])[0])
+
+
+def _gradients(sample: VoxelSample) -> Float64:
+    """Return the magnitudes of gradients, in data units by world units, float64 [z, y, x]."""
+    spacing = np.array(sample.spacing) / sample.strides
+    along_z = np.gradient(sample.normalized, sample.spacing[0], axis=0) if len(sample.normalized) > 1 else 0.0
+    left, right, down, up = sample.neighbours
+    squares = along_z**2 + ((right - left) / (2 * spacing[2])) ** 2 + ((up - down) / (2 * spacing[1])) ** 2
+    return np.asarray(np.sqrt(squares) * abs(sample.maximum - sample.minimum))
+
+
+def _shell_ends(found: VolumeSuggestion, sample: VoxelSample) -> tuple[float, float]:
+    """Return the gradients from and to which a shell fades in: labels, and what has no surfaces, are shown whole."""
+    suggestion = found.suggestion
+    transfer = make_transfer_function(suggestion.transfer, min(sample.spacing))
+    values = sample.minimum + (sample.maximum - sample.minimum) * sample.normalized
+    gradients = _gradients(sample)[sample.is_valid & (transfer.classify(values)[1] > 0)]
+    if suggestion.is_categorical or suggestion.shading is None or not gradients.size:
+        return _EVERY_GRADIENT
+    low, high = (float(f"{each:.3g}") for each in np.percentile(gradients, _SHELL_PERCENTILES))
+    return (low, high) if low < high else _EVERY_GRADIENT
+
+
+def _has_grey(suggestion: Suggestion) -> bool:
+    mapping = suggestion.transfer.mapping
+    if isinstance(mapping, ColormapSpec) or suggestion.is_categorical:
+        return False
+    chroma = np.hypot(*to_lab(np.array([point.color for point in mapping])).T[1:])
+    return bool(chroma.min() <= _MAX_GREY_CHROMA)
+
+
+def _tinted(suggestion: Suggestion, tint: Color) -> Suggestion:
+    """Return the suggestion with colours of one hue that are as bright as its own; colormaps become grey."""
+    mapping = suggestion.transfer.mapping
+    if isinstance(mapping, ColormapSpec):
+        return with_colormap(suggestion, "gray")
+    bright = [min(1.0, float(np.dot(point.color, _LUMINANCE))) for point in mapping]
+    colors = [(tint[0] * part, tint[1] * part, tint[2] * part) for part in bright]
+    points = tuple(replace(point, color=color) for point, color in zip(mapping, colors, strict=True))
+    return with_8_bit_colors(replace(suggestion, transfer=replace(suggestion.transfer, mapping=points)))
