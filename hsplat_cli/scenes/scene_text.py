@@ -198,7 +198,7 @@ def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Pat
         yield from [""] * number
         yield f"  - name: {yaml_string(name)}"
         section = [*_volume_lines(found.volume, folder, has_absent=found.has_absent)]
-        section += [_with_comment(f"weight: {format_value(found.weight)}", "a factor on how dense it is")]
+        section += [_with_comment(f"weight: {format_value(found.weight)}", "a factor on how dense it is", indent=2)]
         section += [*transfer_lines(suggestion.transfer, suggestion.notes), *filter(None, _light_lines(suggestion))]
         yield from (f"    {line}" for line in section)
 
@@ -230,9 +230,11 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
         yield f"raw: {{file: {yaml_string(place)}, shape: {list(source.shape)}, dtype: {yaml_string(source.dtype)},"
         yield f"      byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"
     else:
-        yield _with_comment(f"file: {yaml_string(place)}", "relative to this file")
+        yield _with_comment(f"file: {yaml_string(place)}", "relative to this file", indent=2)
         if isinstance(source, FileSource) and source.spacing is not None:
-            yield _with_comment(f"spacing: {_list(source.spacing)}", "lengths of a voxel, in place of the file's")
+            yield _with_comment(
+                f"spacing: {_list(source.spacing)}", "lengths of a voxel, in place of the file's", indent=2
+            )
     for key in ("time", "component"):
         if (index := getattr(volume, key)) is not None:
             yield f"{key}: {index}"
@@ -241,7 +243,7 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
     if has_absent or volume.nodata != "auto":
         nodata = volume.nodata if isinstance(volume.nodata, str) else _list(volume.nodata)
         yield _with_comment(
-            f"nodata: {nodata}", "values that are left out, as NaN is: auto (fill values), none, or numbers"
+            f"nodata: {nodata}", "values that are left out, as NaN is: auto (fill values), none, or numbers", indent=2
         )
 
 
@@ -287,8 +289,8 @@ def _shading_text(shading: ShadingSpec) -> str:
     return ", ".join(f"{key}: {format_value(value)}" for key, value in shown.items())
 
 
-def _with_comment(line: str, comment: str) -> str:
-    return f"{line:<{_COMMENT_COLUMN}}# {comment}" if len(line) < _COMMENT_COLUMN else f"{line}  # {comment}"
+def _with_comment(line: str, comment: str, *, indent: int = 0) -> str:
+    return f"{line:<{_COMMENT_COLUMN - indent}}# {comment}" if len(line) < _COMMENT_COLUMN else f"{line}  # {comment}"
 
 
 def _list(numbers: Sequence[float]) -> str:
