@@ -73,7 +73,7 @@ def compute_truth(
 ) -> Truth:
     """Compute the truth of a frame to `tolerance` in every channel. Raises RenderError if it does not converge.
 
-    num_threads and on_progress: as in `converged_image`.
+    on_progress: as in `RayIntegrator.converge`.
     """
     scene, view = stage.scene, view_of(stage, frame)
     (width, height), rays = view.size, SceneRays(stage, num_threads=num_threads)

@@ -82,11 +82,6 @@ class BrickBatch:
     def __len__(self) -> int:
         return len(self.cut)
 
-    @property
-    def spacings_per_model_unit(self) -> float:
-        """Return the factor from tau times the finest spacing to tau per model unit."""
-        return self.model_unit / self.cut.volume.finest_spacing
-
 
 def make_brick_batch(cut: BrickCut, bricks: BrickLayers, *, tolerance: float, voxel_px: float) -> BrickBatch:
     """Return the bricks of a cut with the steps and pixels for a tolerance; voxels are about `voxel_px` pixels wide."""

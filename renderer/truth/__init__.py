@@ -1,7 +1,7 @@
 """The converged ray integral that pictures are measured against.
 
 In: layers, each a `Volume` and its transfer function, and a `View`. Out: float64 images of the continuous fields:
-trilinear interpolation, then classification (Max 1995). `converged_image` halves the steps of `integrate` until nothing
+trilinear interpolation, then classification (Max 1995). `RayIntegrator.converge` halves the steps until nothing
 changes; verified by its order of convergence (Etiene et al. 2014).
 
 - `scene_rays.py`: the rays of a scene, in the colours of its mode, and the search for the largest scalar of a ray.

@@ -2,7 +2,6 @@ from .integrator import (
     Convergence as Convergence,
     Progress as Progress,
     RayIntegrator as RayIntegrator,
-    converged_image as converged_image,
     ignore as ignore,
     integrate as integrate,
 )

@@ -96,27 +96,6 @@ def integrate(
     return integrator.integrate(view, np.arange(width * height), [step_voxels], on_progress).reshape(height, width, 4)
 
 
-def converged_image(
-    volume: Volume,
-    transfer: TransferFunction,
-    view: View,
-    *,
-    tolerance: float,
-    shading: ShadingSpec | None = None,
-    num_threads: int = 2,
-    on_progress: Progress = ignore,
-) -> tuple[Float64, Convergence]:
-    """Return the image, converged as by `RayIntegrator.converge`, and its convergence.
-
-    num_threads and on_progress: as in `integrate`. The share is that of the rays that are known to be needed: it falls
-    when pixels need one more halving.
-    """
-    width, height = view.size
-    integrator = RayIntegrator([TrueLayer(volume, transfer, shading)], num_threads=num_threads)
-    image, convergence = integrator.converge(view, np.arange(width * height), tolerance, on_progress)
-    return image.reshape(height, width, 4), convergence
-
-
 class RayIntegrator:
     """An integrator of rays through layers, in any view. It remembers which parts of the volumes show nothing.
 
@@ -177,6 +156,8 @@ class RayIntegrator:
         the integrand has a square root, whose singularities may lie near the ray. One agreement can then be an
         accident, which was seen to leave an error of thirty times the tolerance: two in a row are required.
 
+        on_progress: as in `integrate`. The share is that of the rays that are known to be needed: it falls when pixels
+            need one more halving.
         Returns premultiplied RGBA, float64 [n, 4], and the convergence. Raises RenderError where a pixel does not
         converge.
         """

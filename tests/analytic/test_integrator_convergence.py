@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 from brickwork import transfer_of
-from ray_integrals import COLORFUL, look, oblique, riemann, volume
+from ray_integrals import COLORFUL, converged_image, look, oblique, riemann, volume
 
 from renderer.readers.procedural import procedural_values
 from renderer.scene import ProceduralSource, ShadingSpec
-from renderer.truth import converged_image, integrate
+from renderer.truth import integrate
 from renderer.truth.integrator import IndexRays, index_rays
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ray_integrals import converged_image
 from small_scene import engine_block, small_tree
 
 from renderer.accuracy import ErrorSamples, FrameProber, pool_accuracies, pool_samples, psnr
@@ -19,7 +20,6 @@ from renderer.film import over_background
 from renderer.frame import Frame, Stage, prepare_stage, render_frames, view_of
 from renderer.scene import Scene, parse_scene, with_tolerance
 from renderer.transfer import make_transfer_function
-from renderer.truth import converged_image
 from renderer.volume import UInt8
 
 Picture = UInt8

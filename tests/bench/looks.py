@@ -1,16 +1,14 @@
 """What do suggested scenes look like? `python tests/bench/looks.py DATA [VOLUME ...]` writes the page of it.
 
-Other volumes than those of DATA are drawn if they are named. `--before FOLDER` compares with the pictures that
-`--draw FOLDER` made with an earlier version. The page is docs/benchmarks/looks.md, its pictures are beside it. What is
-still wrong was seen by eye and stands below.
+Other volumes than those of DATA are drawn if they are named. The page is docs/benchmarks/looks.md, its pictures are
+beside it. What is still wrong was seen by eye and stands below.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +18,11 @@ from measuring import PAGES, machine_line
 
 import renderer
 from renderer.readers import read_volume
+from renderer.suggest import compute_statistics, suggest
 from renderer.volume import UInt8
 
 PAGE = PAGES / "looks.md"
-SIZE, FRAMES, BEFORE_FRAMES, ROWS_PER_PICTURE = (200, 200), (10, 45, 85), (10, 45), 8
+SIZE, FRAMES, ROWS_PER_PICTURE = (200, 200), (10, 45, 85), 8
 # What was seen, by volume; the others are what they should be.
 SEEN = {
     "engine": "the far side is veiled",
@@ -73,7 +72,7 @@ def source(path: Path) -> Any:
     return np.fromfile(path, "<u2").reshape(114, 96, 128), {"spacing": (0.015625,) * 3}
 
 
-def draw(path: Path, frames: Sequence[int]) -> tuple[renderer.Scene, Pixels, float]:
+def draw(path: Path) -> tuple[renderer.Scene, Pixels, float]:
     """Return the suggested scene, its pictures side by side, and the seconds that the suggestion took."""
     volume, options = source(path)
     start = time.perf_counter()
@@ -81,85 +80,37 @@ def draw(path: Path, frames: Sequence[int]) -> tuple[renderer.Scene, Pixels, flo
     seconds = time.perf_counter() - start
     return (
         scene,
-        np.concatenate([np.asarray(renderer.render_frame(scene, k))[..., :3] for k in frames], axis=1),
+        np.concatenate([np.asarray(renderer.render_frame(scene, k))[..., :3] for k in FRAMES], axis=1),
         seconds,
     )
 
 
-def draw_all(volumes: dict[str, Path], folder: Path) -> None:
-    """Draw what this version suggests, for another version to compare with."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, path in volumes.items():
-        try:
-            scene, picture, _ = draw(path, BEFORE_FRAMES)
-        except renderer.InputError as error:
-            print(f"{name}: {error.what}", flush=True)
-            continue
-        iio.imwrite(folder / f"{name}.png", picture)
-        transfer = renderer.scene.spec_to_dict(scene.transfer_function)
-        (folder / f"{name}.json").write_text(json.dumps(transfer), encoding="utf-8")
-
-
-def agreement(shares: Sequence[float], targets: Sequence[float]) -> float:
-    """Return the part of the picture that is as asked for, from 0 to 1."""
-    return sum(min(pair) for pair in zip(shares, targets, strict=True))
-
-
-def scores(scene: renderer.Scene, before: Path) -> tuple[float, float] | None:
-    """Return the agreement of an earlier transfer function and of this one; None without targets."""
-    from renderer.scene import TRANSFER_FUNCTION_SECTION, schema
-    from renderer.suggest import compute_statistics, suggest
-    from renderer.suggest.features import sample_volume
-    from renderer.suggest.opacity_calibration import Layer, cast_rays, measure_visibility
-    from renderer.transfer import make_transfer_function
-
+def agreement(scene: renderer.Scene) -> str:
+    """Return the part of the picture that is as asked for, from 0 to 1; nothing without targets."""
     volume = read_volume(scene.volume)
-    statistics = compute_statistics(volume.values, volume.source)
-    shown = suggest(volume, statistics).visible
-    if not shown or not before.exists():
-        return None
-    tree = json.loads(before.read_text("utf-8"))
-    spec = TRANSFER_FUNCTION_SECTION.read(schema.TreeNode(tree, "", []))
-    transfer = make_transfer_function(spec, volume.finest_spacing)
-    sample = sample_volume(volume, statistics.without_outliers or statistics)
-    at = np.linspace(0.0, 1.0, 4001)
-    values = np.array([sample.denormalize(each) for each in at])
-    depths = transfer.classify(values)[1] * sample.diagonal / 100
-    layers, left = [], depths.copy()
-    for each in shown:
-        inside = np.any([(values >= low) & (values <= high) for low, high in each.ranges], axis=0)
-        layers.append(Layer(each.name, tuple(zip(at.tolist(), np.where(inside, left, 0.0).tolist(), strict=True))))
-        left[inside] = 0.0  # the ramp between two materials counts for the lower one
-    layers.append(Layer("others", tuple(zip(at.tolist(), left.tolist(), strict=True))))
-    found = measure_visibility(cast_rays(sample), layers, np.ones(len(layers)))
-    targets = [each.target for each in shown]
-    return agreement(found.shares[:-1], targets), agreement([each.share for each in shown], targets)
+    shown = suggest(volume, compute_statistics(volume.values, volume.source)).visible
+    return f"{sum(min(each.share, each.target) for each in shown):.2f}" if shown else ""
 
 
-def rows(volumes: dict[str, Path], before: Path) -> Iterator[tuple[str, Pixels]]:
+def rows(volumes: dict[str, Path]) -> Iterator[tuple[str, Pixels]]:
     """Yield a line of the table and a row of pictures for each volume."""
     for name, path in volumes.items():
         print(name, flush=True)
-        scene, after, seconds = draw(path, FRAMES)
-        old = before / f"{name}.png"
-        earlier = iio.imread(old) if old.exists() else np.zeros((SIZE[1], len(BEFORE_FRAMES) * SIZE[0], 3), np.uint8)
-        found = scores(scene, before / f"{name}.json")
-        one, other = ("", "") if found is None else (f"{found[0]:.2f}", f"{found[1]:.2f}")
-        kept = f"| {name} | {one} | {other} | {seconds:.1f} | {len(scene.clip) or ''} | {SEEN.get(name, '')} |"
-        yield kept, np.concatenate([earlier, np.full((SIZE[1], 6, 3), 90, np.uint8), after], axis=1)
+        scene, pictures, seconds = draw(path)
+        cells = (name, agreement(scene), f"{seconds:.1f}", len(scene.clip) or "", SEEN.get(name, ""))
+        yield f"| {' | '.join(map(str, cells))} |", pictures
 
 
-def page(volumes: dict[str, Path], before: Path) -> None:
+def page(volumes: dict[str, Path]) -> None:
     """Write the page and its pictures."""
-    found = list(rows(volumes, before))
+    found = list(rows(volumes))
     lines = [
         "# What suggested scenes look like",
         "",
-        "Two frames of a turntable with the suggestion of an earlier version, before opacities were solved for what",
-        "the picture shows, and three with that of this one, in the order of the table. *As asked for* is the part of",
-        "the picture that each material, or level, was meant to have and has, over the whole turn: before, with the",
-        "same targets, and now. *s* is the time of the suggestion, reading included; *clip* are planes that clip away",
-        "what is not the object. The last column says what is still wrong, seen by eye.",
+        "Three frames of a turntable, in the order of the table. *As asked for* is the part of the picture that each",
+        "material, or level, was meant to have and has, over the whole turn. *s* is the time of the suggestion,",
+        "reading included; *clip* are planes that clip away what is not the object. The last column says what is still",
+        "wrong, seen by eye.",
         "",
         *NOTES,
         "",
@@ -169,11 +120,11 @@ def page(volumes: dict[str, Path], before: Path) -> None:
         name = f"looks_{k // ROWS_PER_PICTURE + 1}.jpg"
         iio.imwrite(PAGES / name, np.concatenate([picture for _, picture in part]), quality=85)
         lines += [
-            "| volume | as asked for, before | now | s | clip | still wrong |",
-            "|---|---|---|---|---|---|",
+            "| volume | as asked for | s | clip | still wrong |",
+            "|---|---|---|---|---|",
             *(line for line, _ in part),
             "",
-            f"![these volumes, before and now]({name})",
+            f"![these volumes]({name})",
             "",
         ]
     lines += [machine_line(), "", f"Written by `tests/bench/{Path(__file__).name}`."]
@@ -181,19 +132,14 @@ def page(volumes: dict[str, Path], before: Path) -> None:
 
 
 def main() -> None:
-    """Draw, or write the page."""
+    """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("volumes", type=Path, nargs="*")
-    parser.add_argument("--draw", type=Path)
-    parser.add_argument("--before", type=Path, default=Path("before"))
     given = parser.parse_args()
     volumes = {name: given.data / path for name, path in VOLUMES.items()}
     volumes |= {path.name.partition(".")[0]: path for path in given.volumes}
-    if given.draw is not None:
-        draw_all(volumes, given.draw)
-    else:
-        page(volumes, given.before)
+    page(volumes)
 
 
 if __name__ == "__main__":

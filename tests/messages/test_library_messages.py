@@ -10,12 +10,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from film_stages import PLAIN, stage_of
+from ray_integrals import converged_image
 from splatting import place_splats
 
 from renderer.errors import HsplatError
 from renderer.readers.common import check_lengths, errors_about
 from renderer.scene import CameraSpec, TurntablePath
-from renderer.truth import converged_image
 from renderer.view import fit_distance, make_view
 from renderer.volume import Volume, make_volume
 

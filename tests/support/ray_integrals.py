@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +11,7 @@ from brickwork import transfer_of
 
 from renderer.scene import CameraSpec, ShadingSpec, TurntablePath, Vector
 from renderer.transfer import TransferFunction
-from renderer.truth import integrate
+from renderer.truth import Convergence, RayIntegrator, TrueLayer, integrate
 from renderer.truth.integrator import rays_through_pixels
 from renderer.view import View, make_view
 from renderer.volume import Float64, Volume
@@ -48,6 +49,15 @@ class Span:
     index_at_start: Float64
     index_per_length: Float64
     length: Float64
+
+
+def converged_image(
+    of: Volume, tf: TransferFunction, view: View, tolerance: float, shading: ShadingSpec | None = None, **options: Any
+) -> tuple[Float64, Convergence]:
+    """The image [h, w, 4] and its convergence. options: `num_threads` and `on_progress`."""
+    integrator = RayIntegrator([TrueLayer(of, tf, shading)], num_threads=options.pop("num_threads", 2))
+    pixels, convergence = integrator.converge(view, np.arange(view.size[0] * view.size[1]), tolerance, **options)
+    return pixels.reshape(view.size[1], view.size[0], 4), convergence
 
 
 def ray_spans(of: Volume, view: View) -> Span:

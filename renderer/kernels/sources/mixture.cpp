@@ -36,6 +36,11 @@ struct Slab {
 struct PacketRays {
     Three origin, direction, inverse, sample, way;
     Floats enter, leave;
+
+    INLINE Heights<Floats> heights(const Array<const double, 1>& slab) const {
+        Three normal = {in_all<Floats>((float)slab[0]), in_all<Floats>((float)slab[1]), in_all<Floats>((float)slab[2])};
+        return {dot(normal, origin), dot(normal, direction)};
+    }
 };
 
 // The pixels of a packet, and its bins of a slab. low, high: those that were written.
@@ -45,48 +50,13 @@ struct Packet {
     bool is_alive;
 };
 
-struct Span {
-    Floats enter, leave;
-};
-
-// Clip rays to what lies between two planes; a ray in a plane belongs to what is above it.
-INLINE Span clip_between(Span span, Floats origin, Floats inverse, double low, double high) {
-    Floats one = ((float)low - origin) * inverse, other = ((float)high - origin) * inverse;
-    Mask is_parallel = mask_of(inverse == 0.0f), is_inside = mask_of(origin >= (float)low) & mask_of(origin < (float)high);
-    Floats near = max_of(span.enter, min_of(one, other)), far = min_of(span.leave, max_of(one, other));
-    return {where(is_parallel, span.enter, near),
-            where(is_parallel, where(is_inside, span.leave, in_all<Floats>(-NEVER)), far)};
-}
-
-// Clip rays to what slabs [k, 5], as in ClipRegion, have in common.
-INLINE Span clip_to(const Array<const double, 2>& slabs, Span span, const PacketRays& rays) {
-    for (int64_t k = 0; k < slabs.shape[0]; k++) {
-        auto slab = slabs[k];
-        Three normal = {in_all<Floats>((float)slab[0]), in_all<Floats>((float)slab[1]), in_all<Floats>((float)slab[2])};
-        Floats speed = dot(normal, rays.direction);
-        Floats inverse = where(mask_of(speed == 0.0f), in_all<Floats>(0.0f), 1.0f / speed);
-        span = clip_between(span, dot(normal, rays.origin), inverse, slab[3], slab[4]);
-    }
-    return span;
-}
+using Span = RangeOf<Floats>;
 
 // Take the first part of spans that is in no removed box, and leave what is behind it.
 INLINE Span take_part(Span& rest, const Array<const double, 3>& boxes, const PacketRays& rays) {
-    auto removed = [&](int64_t box) {
-        Span span = clip_to(boxes[box], {in_all<Floats>(-NEVER), in_all<Floats>(NEVER)}, rays);
-        return Span{where(mask_of(span.enter < span.leave), span.enter, in_all<Floats>(NEVER)), span.leave};
-    };
-    for (int64_t again = 0; again < boxes.shape[0]; again++) {  // behind a box may be another one
-        for (int64_t box = 0; box < boxes.shape[0]; box++) {
-            auto [enter, leave] = removed(box);
-            rest.enter = where(mask_of(enter <= rest.enter) & mask_of(rest.enter < leave), leave, rest.enter);
-        }
-    }
-    Span part = rest;
-    for (int64_t box = 0; box < boxes.shape[0]; box++) {
-        Floats enter = removed(box).enter;
-        part.leave = where(mask_of(enter > part.enter) & mask_of(enter < part.leave), enter, part.leave);
-    }
+    Span part = first_part(rest, boxes.shape[0], [&](int64_t box) {
+        return cross_box<Floats>(boxes[box], [&](const auto& slab) { return rays.heights(slab); });
+    });
     rest.enter = part.leave;
     return part;
 }
@@ -181,7 +151,8 @@ struct Mixture {
                                             1.0f / *directions[axis]);
                 }
                 Span span = {in_all<Floats>((float)setup.start), in_all<Floats>(NEVER)};
-                if (setup.clip.exists) span = clip_to(setup.clip.value.slabs, span, of);
+                if (setup.clip.exists)
+                    span = clip_slabs(setup.clip.value.slabs, span, [&](const auto& slab) { return of.heights(slab); });
                 of.enter = span.enter, of.leave = span.leave;
             }
         }
@@ -257,9 +228,9 @@ struct Mixture {
                 Packet& packet = packets[p];
                 if (!packet.is_alive) continue;
                 const PacketRays& of = rays[group * packets.shape[0] + p];
-                Span span = clip_between({of.enter, of.leave}, of.origin.x, of.inverse.x, box.low[0], box.high[0]);
-                span = clip_between(span, of.origin.y, of.inverse.y, box.low[1], box.high[1]);
-                span = clip_between(span, of.origin.z, of.inverse.z, box.low[2], box.high[2]);
+                Span span = clip_slab(Span{of.enter, of.leave}, of.origin.x, of.inverse.x, box.low[0], box.high[0]);
+                span = clip_slab(span, of.origin.y, of.inverse.y, box.low[1], box.high[1]);
+                span = clip_slab(span, of.origin.z, of.inverse.z, box.low[2], box.high[2]);
                 Mask alive = mask_of(packet.alpha <= scene.termination_alpha);
                 for (bool has_more = true; has_more;) {
                     Span part = span;

@@ -61,9 +61,12 @@ struct Along {
     Doubles origin, direction, inverse;
 };
 
-struct Range {
-    Doubles enter, leave;
+// Where rays, one in each lane, enter and leave something.
+template <class V>
+struct RangeOf {
+    V enter, leave;
 };
+using Range = RangeOf<Doubles>;
 
 INLINE Along ray_along(const Tile& tile, int64_t pixel, int axis) {
     return {
@@ -79,46 +82,77 @@ INLINE Doubles jitter_of(ClippedInts column, int32_t row) {
     return __builtin_convertvector(whole >> 8 & 0xFFFFFF, Doubles) / 16777216.0;
 }
 
-// Clip rays to what lies between two planes across an axis; a ray in a plane belongs to what is above it.
-INLINE Range clip_slab(Range range, Doubles origin, Doubles inverse, double low, double high) {
-    Doubles one = (low - origin) * inverse, other = (high - origin) * inverse;
-    ClippedMask is_first = mask_of(one < other);
-    Doubles near = where(is_first, one, other), far = where(is_first, other, one);
-    near = where(mask_of(near > range.enter), near, range.enter);
-    far = where(mask_of(far < range.leave), far, range.leave);
-    ClippedMask is_parallel = mask_of(inverse == 0.0);
-    ClippedMask is_inside = mask_of(origin >= low) & mask_of(origin < high);
-    return {
-        where(is_parallel, range.enter, near),
-        where(is_parallel, where(is_inside, range.leave, in_all<Doubles>(-INFINITE)), far),
-    };
+// Of rays, along the normal of a slab: of their origins, and how much they rise.
+template <class V>
+struct Heights {
+    V origin, speed;
+};
+
+// Clip rays to what lies between two planes; a ray in a plane belongs to what is above it.
+template <class V>
+INLINE RangeOf<V> clip_slab(RangeOf<V> range, V origin, V inverse, double lowest, double highest) {
+    using Number = __remove_cvref(decltype(origin[0]));
+    const Number low = (Number)lowest, high = (Number)highest;
+    V one = (low - origin) * inverse, other = (high - origin) * inverse;
+    V near = max_of(range.enter, min_of(one, other)), far = min_of(range.leave, max_of(one, other));
+    auto is_parallel = mask_of(inverse == (Number)0), is_inside = mask_of(origin >= low) & mask_of(origin < high);
+    return {where(is_parallel, range.enter, near),
+            where(is_parallel, where(is_inside, range.leave, in_all<V>(-INFINITE)), far)};
 }
 
-// Where rays enter and leave what slabs [k, 5], as in ClipRegion, have in common, from a start on.
-INLINE Range clip_slabs(const Array<const double, 2>& slabs, double start, const Tile& tile, int64_t pixel) {
-    Along x = ray_along(tile, pixel, 0), y = ray_along(tile, pixel, 1), z = ray_along(tile, pixel, 2);
-    Range range = {in_all<Doubles>(start), in_all<Doubles>(INFINITE)};
+// Clip rays to what slabs [k, 5], as in ClipRegion, have in common. heights_of: returns Heights of a slab.
+template <class V, class HeightsOf>
+INLINE RangeOf<V> clip_slabs(const Array<const double, 2>& slabs, RangeOf<V> range, HeightsOf heights_of) {
     for (int64_t k = 0; k < slabs.shape[0]; k++) {
         auto slab = slabs[k];
-        Doubles speed = slab[0] * x.direction + slab[1] * y.direction + slab[2] * z.direction;
-        Doubles inverse = where(mask_of(speed == 0.0), in_all<Doubles>(0.0), 1.0 / speed);
-        Doubles origin = slab[0] * x.origin + slab[1] * y.origin + slab[2] * z.origin;
+        auto [origin, speed] = heights_of(slab);
+        V zero = in_all<V>(0), inverse = where(mask_of(speed == zero), zero, 1 / speed);
         range = clip_slab(range, origin, inverse, slab[3], slab[4]);
     }
     return range;
 }
 
+// Where rays enter and leave a box; infinity and -infinity where they do not. slabs: across its axes.
+template <class V, class HeightsOf>
+INLINE RangeOf<V> cross_box(const Array<const double, 2>& slabs, HeightsOf heights_of) {
+    V never = in_all<V>(INFINITE);
+    auto [enter, leave] = clip_slabs(slabs, RangeOf<V>{-never, never}, heights_of);
+    auto is_hit = mask_of(enter < leave);
+    return {where(is_hit, enter, never), where(is_hit, leave, -never)};
+}
+
+// The first part of a range that is in no removed box, empty where nothing is left. removed: returns where rays enter
+// and leave a box, as cross_box.
+template <class V, class Removed>
+INLINE RangeOf<V> first_part(RangeOf<V> range, int64_t num_boxes, Removed removed) {
+    for (int64_t again = 0; again < num_boxes; again++) {  // behind a box may be another one
+        for (int64_t box = 0; box < num_boxes; box++) {
+            auto [enter, leave] = removed(box);
+            range.enter = where(mask_of(enter <= range.enter) & mask_of(range.enter < leave), leave, range.enter);
+        }
+    }
+    RangeOf<V> part = range;
+    for (int64_t box = 0; box < num_boxes; box++) {
+        V enter = removed(box).enter;
+        part.leave = where(mask_of(enter > part.enter) & mask_of(enter < part.leave), enter, part.leave);
+    }
+    return part;
+}
+
 // Find where CLIPPED rays are not clipped away.
 INLINE void clip_rays(const ClipRegion& clip, double start, const Tile& tile, int64_t pixel) {
-    Range range = clip_slabs(clip.slabs, start, tile, pixel);
+    Along x = ray_along(tile, pixel, 0), y = ray_along(tile, pixel, 1), z = ray_along(tile, pixel, 2);
+    auto heights_of = [&](const auto& slab) {
+        return Heights<Doubles>{slab[0] * x.origin + slab[1] * y.origin + slab[2] * z.origin,
+                                slab[0] * x.direction + slab[1] * y.direction + slab[2] * z.direction};
+    };
+    Range range = clip_slabs(clip.slabs, Range{in_all<Doubles>(start), in_all<Doubles>(INFINITE)}, heights_of);
     store(tile.bounds, pixel, range.enter);
     store(tile.bounds, pixel + tile.room, range.leave);
     for (int64_t box = 0; box < tile.num_boxes; box++) {
-        range = clip_slabs(clip.boxes[box], -INFINITE, tile, pixel);
-        int64_t place = pixel + 2 * box * tile.room;
-        ClippedMask is_hit = mask_of(range.enter < range.leave);
-        store(tile.removed, place, where(is_hit, range.enter, in_all<Doubles>(INFINITE)));
-        store(tile.removed, place + tile.room, where(is_hit, range.leave, in_all<Doubles>(-INFINITE)));
+        range = cross_box<Doubles>(clip.boxes[box], heights_of);
+        store(tile.removed, pixel + 2 * box * tile.room, range.enter);
+        store(tile.removed, pixel + (2 * box + 1) * tile.room, range.leave);
     }
 }
 
@@ -159,22 +193,14 @@ INLINE void set_up_rays(const Grid& grid, const RaySetup& rays, Window window, c
 // Take the next part of rays that is not clipped away, between where they enter and leave a brick, empty where nothing is
 // left. has_more: which of the rays that `hit` have more behind it.
 INLINE Range take_part(const Tile& tile, Range range, ClippedMask hit, int64_t pixel, ClippedMask& has_more) {
-    Doubles start = load<Doubles>(tile.bounds, pixel), enter = max_of(range.enter, start);
-    Doubles leave = min_of(range.leave, load<Doubles>(tile.bounds, pixel + tile.room));
-    for (int64_t again = 0; again < tile.num_boxes; again++) {  // behind a box may be another one
-        for (int64_t box = 0; box < tile.num_boxes; box++) {
-            Doubles begin = load<Doubles>(tile.removed, pixel + 2 * box * tile.room);
-            Doubles end = load<Doubles>(tile.removed, pixel + (2 * box + 1) * tile.room);
-            enter = where(mask_of(begin <= enter) & mask_of(enter < end), end, enter);
-        }
-    }
-    Doubles part_end = leave;
-    for (int64_t box = 0; box < tile.num_boxes; box++) {
-        Doubles begin = load<Doubles>(tile.removed, pixel + 2 * box * tile.room);
-        part_end = where(mask_of(begin > enter) & mask_of(begin < part_end), begin, part_end);
-    }
-    hit &= mask_of(part_end > enter);
-    store(tile.bounds, pixel, where(hit, part_end, start));
-    has_more = hit & mask_of(part_end < leave);
-    return {enter, part_end};
+    Doubles start = load<Doubles>(tile.bounds, pixel), end = load<Doubles>(tile.bounds, pixel + tile.room);
+    range = {max_of(range.enter, start), min_of(range.leave, end)};
+    Range part = first_part(range, tile.num_boxes, [&](int64_t box) {
+        int64_t place = pixel + 2 * box * tile.room;
+        return Range{load<Doubles>(tile.removed, place), load<Doubles>(tile.removed, place + tile.room)};
+    });
+    hit &= mask_of(part.leave > part.enter);
+    store(tile.bounds, pixel, where(hit, part.leave, start));
+    has_more = hit & mask_of(part.leave < range.leave);
+    return part;
 }
