@@ -161,7 +161,7 @@ class BrickCache:
     """
 
     def __init__(self, bricks: BrickLayers, threads: ThreadPool) -> None:
-        self._bricks, self._threads = bricks, threads
+        self._threads = threads
         num_scalars, *nums = (level.errors.size for level in bricks.levels)
         self.scalars = [Atlas(4 if layer.shading else 1, num_scalars, has_gradients=True) for layer in bricks.layers]
         self.means = Atlas(4, sum(nums))

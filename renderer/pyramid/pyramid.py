@@ -31,13 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.kernels import ThreadPool, kernels
-from renderer.pyramid.nodes import (
-    BLOCK_SIZE,
-    NODES_OF_GROUP,
-    VisibleNodes,
-    opacities_to_depths,
-    store_scaled,
-)
+from renderer.pyramid.nodes import BLOCK_SIZE, NODES_OF_GROUP, VisibleNodes, opacities_to_depths, store_scaled
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import (
     NO_LIGHT_GRID,

@@ -12,6 +12,7 @@ import statistics
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -40,18 +41,12 @@ Footprint: `integrated`, the default. Measure again when the cut, the budget con
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("--page", type=Path, default=PAGE)
-    parser.add_argument("--only", choices=["splats", "seconds", "progressive"], help="one part; no page is written")
-    arguments = parser.parse_args()
+    data = parser_of(__doc__).parse_args().data
     lines = []
-    for part in (splats, seconds, progressive):
-        if arguments.only in (None, part.__name__):
-            for line in part(arguments.data):
-                print(line, flush=True)
-                lines.append(line)
-    if arguments.only is None:
-        arguments.page.write_text(HEAD.format(machine=machine_line()) + "\n".join(lines) + "\n")
+    for line in chain(splats(data), seconds(data), progressive(data)):
+        print(line, flush=True)
+        lines.append(line)
+    PAGE.write_text(HEAD.format(machine=machine_line()) + "\n".join(lines) + "\n")
 
 
 def splats(data: Path) -> Iterator[str]:

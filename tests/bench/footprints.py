@@ -6,7 +6,6 @@ less time. Times are those of the processors, of all threads, so that other work
 
 from __future__ import annotations
 
-import json
 import statistics
 import tempfile
 import time
@@ -63,28 +62,14 @@ class Subject(NamedTuple):
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("--only", nargs="*", help="names of subjects; no page is written")
-    parser.add_argument(
-        "--found", type=Path, help="a file that keeps the figures, and has those that are there already"
-    )
-    arguments = parser.parse_args()
-    found: dict[str, Any] = {}
-    if arguments.found and arguments.found.exists():
-        found = json.loads(arguments.found.read_text())
-        for each in found.values():
-            each["points"] = {name: [Point(*point) for point in points] for name, points in each["points"].items()}
-    for name, subject in subjects(arguments.data).items():
-        if name in found or (arguments.only and name not in arguments.only):
-            continue
+    data = parser_of(__doc__).parse_args().data
+    found = {}
+    for name, subject in subjects(data).items():
         found[name] = figures(subject)
-        if arguments.found:
-            arguments.found.write_text(json.dumps(found))
         print("\n".join(table(name, found[name])), flush=True)
-    if not arguments.only:
-        lines = [*head(found), *row_of_pictures(), *stills(arguments.data, found)]
-        lines += [line for name, each in found.items() for line in table(name, each)]
-        PAGE.write_text("\n".join(lines).rstrip() + "\n")
+    lines = [*head(found), *row_of_pictures(), *stills(data, found)]
+    lines += [line for name, each in found.items() for line in table(name, each)]
+    PAGE.write_text("\n".join(lines).rstrip() + "\n")
 
 
 HEAD = """# The footprints compared

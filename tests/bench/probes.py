@@ -104,22 +104,12 @@ class Drawn(NamedTuple):
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("--only", nargs="*", help="names of scenes; no page is written")
-    arguments = parser.parse_args()
-    chosen = [each for each in SUBJECTS if not arguments.only or each.name in arguments.only]
+    data, found = parser_of(__doc__).parse_args().data, []
     with ProcessPoolExecutor(THREADS, mp_context=multiprocessing.get_context("spawn")) as processes:
-        found = [_printed(measured(arguments.data, subject, processes)) for subject in chosen]
-    text = "\n".join(page(found))
-    if arguments.only:
-        print(text)
-    else:
-        PAGE.write_text(text + "\n", encoding="utf-8")
-
-
-def _printed(figures: Figures) -> Figures:
-    print(_row(figures), flush=True)
-    return figures
+        for subject in SUBJECTS:
+            found.append(measured(data, subject, processes))
+            print(_row(found[-1]), flush=True)
+    PAGE.write_text("\n".join(page(found)) + "\n", encoding="utf-8")
 
 
 def measured(data: Path, subject: Subject, processes: Executor) -> Figures:

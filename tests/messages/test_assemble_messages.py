@@ -13,7 +13,7 @@ import pytest
 from hsplat_cli import main
 from renderer.film import bytes_digest, encode_png
 from tests.messages.conftest import small_scene
-from tests.support.small_scene import edit_sidecar, sidecar
+from tests.support.small_scene import contents, edit_sidecar, sidecar
 from tests.support.transcripts import Case, cases
 
 
@@ -130,10 +130,6 @@ def test_messages(case: Case, template: Path, folder: Path, capsys: pytest.Captu
     """A refused command changes no file."""
     shutil.copytree(template, folder, dirs_exist_ok=True)
     PREPARATIONS.get(case.title, lambda: None)()
-    before = files()
+    before = contents()
     case.check(capsys)
-    assert files() == before or case.title.endswith("drawn again")
-
-
-def files() -> dict[Path, bytes]:
-    return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    assert contents() == before or case.title.endswith("drawn again")

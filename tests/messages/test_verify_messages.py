@@ -11,7 +11,7 @@ import pytest
 
 from hsplat_cli import main
 from tests.messages.conftest import small_scene
-from tests.support.small_scene import edit_sidecar
+from tests.support.small_scene import contents, edit_sidecar
 from tests.support.transcripts import Case, cases
 
 
@@ -54,11 +54,7 @@ def test_messages(case: Case, template: Path, folder: Path, capsys: pytest.Captu
     """No command changes a file; `~` and `rm` do."""
     shutil.copytree(template, folder, dirs_exist_ok=True)
     PREPARATIONS.get(case.title, lambda: None)()
-    before = files()
+    before = contents()
     case.check(capsys)
     if "written to" not in case.title and not any(line.startswith(("~", "$ rm")) for line in case.lines):
-        assert files() == before
-
-
-def files() -> dict[Path, bytes]:
-    return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+        assert contents() == before

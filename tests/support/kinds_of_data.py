@@ -107,6 +107,13 @@ def two_materials(dtype: str) -> Array:
     return np.clip((blurred(values) + 3 * noise(6)) * scale, 0, np.iinfo(dtype).max).astype(dtype)
 
 
+def two_materials_and(num: int, far: float) -> Array:
+    """Two materials, of 0 to 255, and in some voxels a value away from them."""
+    values = two_materials("uint8").astype(np.float32)
+    values.ravel()[:num] = far
+    return values
+
+
 def signed() -> Array:
     """float32: two lobes of either sign that fade to 0."""
     z, y, x = axes()

@@ -64,3 +64,8 @@ def edit_sidecar(path: str | Path, edit: Callable[[dict[str, Any]], object]) -> 
     data = sidecar(path)
     edit(data)
     Path(path).write_text(json.dumps(data), encoding="utf-8")
+
+
+def contents() -> dict[Path, bytes]:
+    """The content of every file below the current folder."""
+    return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}

@@ -146,15 +146,16 @@ def test_a_film_never_takes_the_place_of_a_mapped_array() -> None:
     assert Path("film.gif").read_bytes() == content
 
 
+def stop(num_finished: int, num_frames: int) -> None:
+    raise ValueError(f"{num_finished} of {num_frames}")
+
+
 def test_progress_is_told_and_what_it_raises_ends_the_job() -> None:
     """The older film stays until the new one is whole."""
     told: list[tuple[int, int]] = []
     film = renderer.render("scene.yaml", on_progress=lambda *numbers: told.append(numbers))
     assert told == [(1, 3), (2, 3), (3, 3)]
     before = [path.read_bytes() for path in (film.path, film.sidecar)]
-
-    def stop(num_finished: int, num_frames: int) -> None:
-        raise ValueError(f"{num_finished} of {num_frames}")
 
     with pytest.raises(ValueError, match="1 of 3"):
         renderer.render("scene.yaml", resume=False, on_progress=stop)
@@ -164,9 +165,6 @@ def test_progress_is_told_and_what_it_raises_ends_the_job() -> None:
 
 def test_a_film_that_was_stopped_shows_the_same_scalars() -> None:
     """The records of frames have what their rays saw."""
-
-    def stop(num_finished: int, num_frames: int) -> None:
-        raise ValueError(f"{num_finished} of {num_frames}")
 
     with pytest.raises(ValueError, match="1 of 3"):
         renderer.render("scene.yaml", output="stopped.mp4", on_progress=stop)

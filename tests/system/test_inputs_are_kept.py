@@ -8,7 +8,7 @@ from pathlib import Path
 import nibabel
 import numpy as np
 import pytest
-from small_scene import small_scene
+from small_scene import contents, small_scene
 from volume_files import write_volume
 
 from hsplat_cli import main
@@ -75,10 +75,6 @@ def linked(link: str, name: str) -> str:
     volume = raw(name)
     Path(link).hardlink_to(name)
     return volume
-
-
-def contents() -> dict[Path, bytes]:
-    return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
 
 
 def refused(capsys: pytest.CaptureFixture[str], output: str, source: str, *arguments: str) -> None:

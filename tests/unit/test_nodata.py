@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from kinds_of_data import KINDS, N, axes, ball, two_materials
+from kinds_of_data import KINDS, N, axes, ball, two_materials_and
 
 from renderer.errors import InputError
 from renderer.readers import read_volume
@@ -85,21 +85,14 @@ def test_two_fill_values_and_nan() -> None:
     assert volume.note == f"{volume.num_absent} of {values.size} voxels have no data: NaN or infinite, -9999, 1e+20"
 
 
-def outside(num: int, far: float) -> Array:
-    """Two materials, of 0 to 255, and in some voxels a value away from them."""
-    values = two_materials("uint8").astype(np.float32)
-    values.ravel()[:num] = far
-    return values
-
-
 @pytest.mark.parametrize(
     "values",
     [
-        outside(1, 1e30),  # one voxel
-        outside(40, 20000.0),  # not one in a thousand
-        outside(400, 5000.0),  # not 30 ranges away: perhaps an object
-        outside(400, -400.0),  # not three ranges below
-        outside(400, -100.0),
+        two_materials_and(1, 1e30),  # one voxel
+        two_materials_and(40, 20000.0),  # not one in a thousand
+        two_materials_and(400, 5000.0),  # not 30 ranges away: perhaps an object
+        two_materials_and(400, -400.0),  # not three ranges below
+        two_materials_and(400, -100.0),
         np.linspace(-40000, 40000, 10**4, dtype=np.float32).reshape(10, 10, 100),  # -9999 is among the others
         np.clip(np.arange(-70000, 70000, 140), -32768, 32767).astype("i2").reshape(10, 10, 10),  # saturated
         np.where(SLAB, 60000, np.arange(Z.size).reshape(Z.shape) % 9).astype(np.uint16),  # labels

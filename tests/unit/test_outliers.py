@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from kinds_of_data import KINDS, axes, extinction, head_in_hounsfield_units, suggested, two_materials
+from kinds_of_data import KINDS, axes, extinction, head_in_hounsfield_units, suggested, two_materials, two_materials_and
 
 from renderer.scene import ColormapSpec
 from renderer.suggest import compute_statistics
@@ -47,17 +47,10 @@ def test_outliers_on_both_sides_beside_voxels_without_data() -> None:
     assert compute_statistics(values).outliers == (OutlierValue(-1e12, 1, -1e12), OutlierValue(1e30, 1, 1e30))
 
 
-def mixed(num: int, far: float) -> Array:
-    """Two materials, of 0 to 255, and in some voxels a value away from them."""
-    values = two_materials("uint8").astype(np.float32)
-    values.ravel()[:num] = far
-    return values
-
-
 @pytest.mark.parametrize(
     "values",
     [
-        mixed(40, 5000.0),  # side by side, but not many, and no value that is known
+        two_materials_and(40, 5000.0),  # side by side, but not many, and no value that is known
         two_materials("uint8"),
         KINDS["labels"][0] * np.uint8(50),
         KINDS["mask"][0],
