@@ -77,7 +77,8 @@ class FrameProber:
         self, stage: Stage, num_rays: int, *, seed: int = 0, num_threads: int = 2, tolerance: float | None = None
     ) -> None:
         self._rays = SceneRays(stage, num_threads=num_threads)
-        self._step = _STEP if stage.scene.shading is None else _SHADED_STEP
+        is_lit = any(layer.spec.shading is not None for layer in stage.layers)
+        self._step = _SHADED_STEP if is_lit else _STEP
         self._ranges = scalar_ranges(stage)
         self._tolerance = tolerance
         self._stage, self._num_rays, self._seed = stage, num_rays, seed

@@ -1,11 +1,12 @@
 """One frame, step by step, and the budgets that choose its tolerance.
 
-In: `Scene`. Out: `Stage` (volume, pyramid, camera path), and from it a `Frame` for each frame number: cut, sort, draw,
+In: `Scene`. Out: `Stage` (layers, framing, camera path), and from it a `Frame` for each frame number: cut, sort, draw,
 round. A `ToleranceController` follows the schedule or a budget of seconds. `serialize_stage` takes a stage to another
 process.
 
 - `pipeline.py`: the table of contents, from a scene to its frames; `stage.py`: what all frames of a film share.
-- `frame.py`: one frame; `primitives.py`: the level of detail at a tolerance, as splats or bricks.
+- `frame.py`: one frame; `primitives.py`: splats or bricks, and the level of detail at a tolerance: all that drawing,
+  budgets and sweeps ask of a footprint.
 - `budget.py`: the tolerance of a frame, by the schedule or by a budget of seconds.
 - `transport.py`: a stage as bytes, for other processes.
 """

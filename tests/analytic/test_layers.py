@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from renderer.accuracy import FrameProber
 from renderer.draw import BrickRasterizer, brick_cache
 from renderer.frame import prepare_stage, render_frames, view_of
 from renderer.scene import Scene, parse_scene
@@ -118,6 +119,18 @@ def test_a_list_of_one_volume_is_that_volume() -> None:
         "volume": {"procedural": ENGINE["procedural"]}
     }
     assert draw(scene_of([ENGINE])).tobytes() == draw(scene_of([], **tree)).tobytes()
+
+
+def test_a_volume_is_lit_by_the_scene_as_by_itself() -> None:
+    light = {"light": "camera", "specular": 0.3}
+    pictures, probes = [], []
+    by_themselves = scene_of([{**each, "shading": light} for each in (ENGINE, RINGS)])
+    for scene in (scene_of([ENGINE, RINGS], shading=light), by_themselves):
+        with prepare_stage(scene, clock=itertools.count().__next__, num_threads=1) as stage:
+            pictures.append(_draw(stage))
+            probes.append(FrameProber(stage, 40).exact_pixels(1, np.zeros((64, 72, 3), np.uint8)).colors)
+    assert pictures[0].tobytes() == pictures[1].tobytes()
+    assert probes[0].tobytes() == probes[1].tobytes()
 
 
 @pytest.mark.parametrize("blend", ["mix", "add"])

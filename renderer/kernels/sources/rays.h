@@ -1,4 +1,4 @@
-// Set up the rays of a tile of pixels, find where they are not clipped away, and clip them to bricks.
+// Set up the rays of a tile of pixels in a grid of voxels, and find where they are not clipped away.
 #pragma once
 #include "kernels.h"
 #include "lanes.h"
