@@ -450,7 +450,7 @@ def _parameter(path: str) -> str:
 
 
 def _with_suggestion(scene: Scene, wish: Wish | None) -> Scene:
-    """Return the scene as it is suggested."""
+    """Return the scene with all that is suggested for its volume."""
     from renderer.suggest import suggest_for
 
     return suggest_for(scene.volume, read_volume, wish=wish or Wish()).applied_to(scene)

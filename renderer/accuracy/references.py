@@ -44,7 +44,7 @@ class ExactRays:
 
 
 class ExactPictures:
-    """The whole exact pictures of frames, which take long; they tell any metric. A step is any, of two digits.
+    """A store of whole exact pictures of frames, which take long but tell any metric. A step is any, of two digits.
 
     Pictures are kept in float32, 12 bytes a pixel. Those compared with them are rounded alike, so that equal pictures
     stay equal: values change by at most 3e-8, a three hundredth of TRUTH_TOLERANCE, and an RMSE by 6e-8, which is 0.005

@@ -3,7 +3,7 @@
 A tolerance is good enough for a frame by some standard deviations of what its comparison says. Frames get one tolerance
 together, or each its own: then key frames get the coarsest one, and those between two of them get one between theirs. A
 frame half-way is tried: where it falls short it becomes a key frame, too. All of it is decided before the film is
-drawn, so whoever draws a frame draws the same bytes.
+drawn, so that a frame has the same bytes in every process.
 """
 
 from __future__ import annotations

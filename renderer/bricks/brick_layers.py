@@ -19,7 +19,7 @@ from renderer.volume import Volume
 
 @dataclass(frozen=True)
 class BrickLayer:
-    """The bricks of one layer, its light, and its weight, a factor on extinction."""
+    """A layer as bricks: these, its light, and its weight, a factor on extinction."""
 
     bricks: Bricks
     shading: ShadingSpec | None = None

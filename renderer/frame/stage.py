@@ -15,7 +15,7 @@ Clock = Callable[[], float]
 
 @dataclass(frozen=True)
 class Resolution:
-    """How large the voxels of a grid are on the pictures of a film.
+    """A measure of how large the voxels of a grid are on the pictures of a film.
 
     finest_level: cells of lower levels would be too small to see on every frame.
     voxel_px: the finest spacing at the volume's centre, in pixels, where it is smallest along the path.
@@ -54,7 +54,7 @@ class Stage:
         self.close()
 
     def close(self) -> None:
-        """Let go of voxels, pyramids and bricks; nothing can be drawn from the stage any more."""
+        """Release voxels, pyramids and bricks; nothing can be drawn from the stage any more."""
         self.layers, self.groups = (), ()
 
     @property

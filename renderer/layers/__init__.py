@@ -1,7 +1,7 @@
 """The layers of a film: each one volume, with all that is made of it before a camera is chosen.
 
 In: `LayerSpec`, plain data, and the scene's mode, pyramid and error measure. Out: `Layer`: volume, transfer function,
-pyramid, bricks and light, known by the digest of what it was made from. Whoever makes layers keeps them by it.
+pyramid, bricks and light, known by the digest of what it was made from, by which layers are kept.
 
 - `layer.py`: makes a layer. `groups.py`: which layers are drawn as one. `placement.py`: how volumes lie beside each
   other.

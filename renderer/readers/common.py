@@ -38,7 +38,7 @@ _NUM_STEPS = 2**16
 GUESSED_LENGTHS = "the file does not give its voxel size"
 NO_SPACING = f"{GUESSED_LENGTHS}; 1 x 1 x 1 is assumed"
 
-# More components are taken for spectra and the like; and of no more than this anything is told.
+# More components than the first are taken for spectra and the like. No more than the second are described.
 MAX_LIGHTS, MAX_LISTED = 8, 1000
 
 _PRIMARIES = {"R": (1.0, 0.0, 0.0), "G": (0.0, 1.0, 0.0), "B": (0.0, 0.0, 1.0)}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Channel:
-    """What a file tells of one of its components; all of it may be unknown.
+    """A description of one component of a file; all of it may be unknown.
 
     name: printable. color: in [0, 1]. window: the values that are shown as black and as full colour.
     is_light: whether it is light of its own, as of fluorescence, and not a part of a colour or of a vector; known of a

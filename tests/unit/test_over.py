@@ -1,4 +1,4 @@
-"""A volume over another one: both are seen, as exact rays say; and where volumes lie is told."""
+"""A volume over another one: exact rays see both, and notes say where volumes lie."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from renderer.volume import Float64, Int64
 
 
 class Mixture(NamedTuple):
-    """The bricks of several views of one camera, by ascending nearest depth, and the rays in the grid of each view.
+    """A list of bricks of several views of one camera, by ascending nearest depth, and the rays in each view's grid.
 
     unit: the world length of a model unit. members: int64 [n, 2], the number of the view, and of the brick in it.
     depths: float64 [n, 3], the nearest and the farthest depth, and the depth of a step, in model units, from the plane
