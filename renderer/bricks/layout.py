@@ -30,14 +30,15 @@ class Voxels(NamedTuple):
     """A volume's voxels, as kernels read them into bricks.
 
     raw: as `raw_voxels` returns them. scalars: the scalar of each bit pattern; None where voxels are scalars
-        themselves. has_absent: whether any voxel has no data.
+        themselves. has_absent: whether any voxel has no data. is_labels: whether scalars are numbers of labels.
     """
 
     raw: RawVoxels
     scalars: Float64 | None
     has_absent: bool
+    is_labels: bool
 
 
 def voxels_of(volume: Volume, classifier: Classifier) -> Voxels:
     """Return the voxels of a volume, whose classifier this is."""
-    return Voxels(raw_voxels(volume), classifier.scalars, volume.num_absent > 0)
+    return Voxels(raw_voxels(volume), classifier.scalars, volume.num_absent > 0, volume.is_labels)

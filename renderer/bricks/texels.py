@@ -42,7 +42,7 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     is set in theirs.
 
     lit: [n, 18, 18, 18, 4], (u, gx, gy, gz), with the gradient in world axes: central differences at voxel centres,
-    one-sided at the border and 0 along an axis of one voxel. It is divided by a number that is the same in the whole
+    one-sided at the border and 0 along an axis of one voxel; of labels, those of smoothed opacities. It is divided by a number that is the same in the whole
     volume, such that differences of scalars are at most 1, and so is the largest entry of the transform to the world.
 
     Raises InputError where the volume's file was changed.
@@ -54,10 +54,17 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     volume.require_unchanged()
     kernels().fill_scalar_texels(
         voxels=voxels_of(volume, bricks.pyramid.classifier), cells=cells, first=first, width=width, factor=factor,
-        world_from_gradient=matrix / np.abs(matrix).max(), scale=_unit_scale(*bricks.volume_range), texels=texels,
+        world_from_gradient=matrix / np.abs(matrix).max(), scale=_unit_scale(*bricks.volume_range),
+        opacities=_opacities(bricks), texels=texels,
     )  # fmt: skip
     volume.require_unchanged()
     return texels if lit else texels[..., 0]
+
+
+def _opacities(bricks: Bricks) -> Float64:
+    """Return the opacity of a voxel of each label, by its number, float64 [n]; of other volumes [0]."""
+    num = int(bricks.volume_range[1]) + 1 if bricks.volume.is_labels else 0
+    return np.asarray(-np.expm1(-bricks.transfer.classify(np.arange(num))[1] * bricks.volume.finest_spacing))
 
 
 def texel_gradients(bricks: Bricks, magnitudes: Float64) -> Float64:

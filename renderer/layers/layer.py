@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from renderer.bricks import BrickBatch, BrickLayer, BrickLayers, Bricks, extreme_bricks, make_bricks
+from renderer.layers.labels import number_labels
 from renderer.lighting import compute_light_grid
 from renderer.modes import Projection, make_projection
 from renderer.pyramid import EVERY_CUT, FinestCut, Pyramid, build_pyramid
@@ -22,7 +23,7 @@ from renderer.volume import Volume
 class Layer:
     """A volume of a scene, and all that pictures of it have in common.
 
-    transfer: the scene's colours and opacities. projection: what the mode colours; None for emission and absorption.
+    volume: of labels, with their numbers in their place. transfer: the scene's colours and opacities. projection: what the mode colours; None for emission and absorption.
     bricks: if the footprint is drawn from bricks. extreme_bricks: those in which rays look for extremes, if they do.
     digest: of the plain data from which it was made, and of its voxels.
     """
@@ -70,6 +71,8 @@ def make_layer(
     if spec.color is not None:
         look = replace(look, unit=RAMP_THICKNESS * float((volume.spacing * volume.shape_xyz).max()))
     transfer = make_transfer_function(look, volume.finest_spacing)
+    if (labels := spec.transfer_function.labels) is not None:
+        volume = number_labels(volume, [style.value for style in labels.styles])
     projection = make_projection(scene.mode, transfer, volume)
     optics = transfer if projection is None else projection.optics
     light_grid = NO_LIGHT_GRID

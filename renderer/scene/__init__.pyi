@@ -42,6 +42,13 @@ from .input_file import (
     require_file as require_file,
 )
 from .json_tree import is_shallow as is_shallow, load_json_object as load_json_object
+from .labels_section import (
+    MAX_LABELS as MAX_LABELS,
+    LabelKey as LabelKey,
+    LabelsSpec as LabelsSpec,
+    LabelStyle as LabelStyle,
+    MaskSpec as MaskSpec,
+)
 from .layers_section import (
     OF_CHANNELS as OF_CHANNELS,
     RAMP_THICKNESS as RAMP_THICKNESS,

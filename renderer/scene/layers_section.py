@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from renderer.scene import schema
 from renderer.scene.clip_section import CLIP_SECTION, ClipSpec
+from renderer.scene.colors import COLOR_FIELD
+from renderer.scene.labels_section import MASK_SECTION, MaskSpec
+from renderer.scene.message_text import did_you_mean
 from renderer.scene.mode_section import ModeSpec, check_mode, check_optics
 from renderer.scene.schema import INVALID, Color, TreeNode
 from renderer.scene.shading_section import ShadingSpec, check_shading
 from renderer.scene.splat_section import SplatSpec
 from renderer.scene.transfer_section import (
-    COLOR_FIELD,
+    LABELS_FIELD,
     TRANSFER_FUNCTION_SECTION,
     VALUE_RANGE_FIELD,
     ControlPoint,
     TransferSpec,
 )
-from renderer.scene.volume_section import VOLUME_TABLE, VolumeSpec, build_volume
+from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, VolumeSpec, build_volume
 
 MAX_WEIGHT = 1e6
 # By the volume's longest side: how thick the brightest of a ramp must be for an optical depth of 1.
@@ -29,8 +32,6 @@ _CONTRADICTS = {
     "volume": "put it into the list, or name a file by --set volumes.0.file=FILE",
     "transfer_function": "each volume in the list has its own",
 }
-# Of a matrix whose largest entry is 1.
-_MIN_DETERMINANT = 1e-9
 # The opacity at the end of `range` of what is as thick as the unit: an optical depth of 1.
 _RAMP_OPACITY = -math.expm1(-1.0)
 
@@ -47,6 +48,7 @@ class LayerSpec:
     weight: a factor on its extinction. clip: what is clipped away of it alone, besides the scene's.
     color, range: if its transfer function is a ramp between two values, from nothing to an optical depth of 1 in an
         eighth of the volume's longest side.
+    mask: where it is shown.
     """
 
     volume: VolumeSpec
@@ -58,40 +60,27 @@ class LayerSpec:
     weight: float = 1.0
     color: Color | None = None
     range: tuple[float, float] | None = None
-
-
-def _check_transform(node: TreeNode, rows: tuple[Any, ...]) -> Any:
-    if any(INVALID in row for row in rows):
-        return INVALID
-    (a, b, c, _), (d, e, f, _), (g, h, i, _), last = rows
-    if last != (0, 0, 0, 1):
-        return node.child(3, list(last)).reject("not affine", expected="[0, 0, 0, 1]")
-    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    if abs(determinant) < _MIN_DETERMINANT * max(map(abs, (a, b, c, d, e, f, g, h, i))) ** 3:
-        return node.reject("flat: it leaves the volume no depth", expected="a matrix that can be inverted")
-    return rows
+    mask: MaskSpec | None = None
 
 
 _OWN_TABLE: schema.FieldTable = {
     "name": schema.text_field("a name", "no name", str.strip),
     "transfer_function": TRANSFER_FUNCTION_SECTION,
+    "labels": LABELS_FIELD,
     "color": COLOR_FIELD,
     "range": VALUE_RANGE_FIELD,
-    "transform": schema.sequence_field(
-        schema.sequence_field(schema.COORDINATE_FIELD, "four numbers", count=4),
-        "a matrix of 4 x 4 numbers, row by row, whose last row is [0, 0, 0, 1]",
-        count=4,
-        check=_check_transform,
-    ),
+    "transform": TRANSFORM_FIELD,
     "weight": schema.number_field(above=0, maximum=MAX_WEIGHT, zero_hint="take this volume out of the list"),
     "shading": schema.dataclass_field(ShadingSpec),
     "clip": CLIP_SECTION,
+    "mask": MASK_SECTION,
 }
 
 
 def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
     own = {key: given.pop(key) for key in _OWN_TABLE if key in given}
     volume = build_volume(node, given)
+    take_labels(node, own)
     if "transfer_function" in own:
         for key in schema.valid_keys(own, "color", "range"):
             node.key(key).reject(f"contradicts {node.path}.transfer_function", expected="one of them")
@@ -99,7 +88,8 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
     elif volume.component == "all" and not own.keys() & {"color", "range"}:
         own["transfer_function"] = OF_CHANNELS
     elif not own.keys() & {"color", "range"}:
-        node.reject("no colors and opacities", got="", expected="transfer_function, or color with range")
+        expected = "transfer_function, labels, or color with range"
+        node.reject("no colors and opacities", got="", expected=expected)
         own["transfer_function"] = INVALID
     else:
         for key in {"color", "range"} - own.keys():
@@ -110,6 +100,14 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
     return LayerSpec(volume, **own)
 
 
+def take_labels(node: TreeNode, given: dict[str, Any]) -> None:
+    """Put what the key `labels` of a scene or a layer says in the place of its transfer function."""
+    if "labels" in given:
+        labels = given.pop("labels")
+        if given.setdefault("transfer_function", labels) is not labels:
+            node.key("labels").reject("contradicts transfer_function", expected="one of them")
+
+
 def ramp(color: Color, span: tuple[float, float]) -> TransferSpec:
     """Return the transfer function of `color` and `range`."""
     low, high = span
@@ -117,6 +115,7 @@ def ramp(color: Color, span: tuple[float, float]) -> TransferSpec:
 
 
 def _check_names(node: TreeNode, layers: tuple[LayerSpec, ...]) -> Any:
+    """Refuse two layers of one name, and put the volumes of layers in the place of their names in masks."""
     names: dict[str, int] = {}
     for number, layer in enumerate(layers):
         if layer.name and layer.name is not INVALID:
@@ -124,7 +123,23 @@ def _check_names(node: TreeNode, layers: tuple[LayerSpec, ...]) -> Any:
                 place = node.child(number).child("name", layer.name)
                 place.reject("two volumes of one name", expected="a name of its own for each")
             names[layer.name] = number
-    return layers
+    return tuple(
+        replace(
+            layer,
+            mask=_named_mask(node.child(number).child("mask"), layer.mask, {k: layers[n] for k, n in names.items()}),
+        )
+        for number, layer in enumerate(layers)
+    )
+
+
+def _named_mask(node: TreeNode, mask: Any, layers: Mapping[str, LayerSpec]) -> Any:
+    if not isinstance(mask, MaskSpec) or not isinstance(mask.volume, str):
+        return mask
+    if mask.volume not in layers:
+        expected, hint = "that of a volume in the list", did_you_mean(mask.volume, layers)
+        return node.child("name", mask.volume).reject("no volume of this name", expected=expected, hint=hint)
+    named = layers[mask.volume]
+    return replace(mask, volume=named.volume, transform=named.transform)
 
 
 VOLUMES_SECTION = schema.sequence_field(
@@ -155,6 +170,20 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
     for place, transfer, shading in _layers_of(node, given):
         check_shading(place.child("shading"), {**given, "shading": shading})
         check_optics(place, given.get("mode", ModeSpec()), transfer, shading)
+        if isinstance(transfer, TransferSpec) and transfer.labels is not None:
+            _check_labels(place, given, shading)
+
+
+def _check_labels(node: TreeNode, given: Mapping[str, Any], shading: Any) -> None:
+    """Check that what is at `node`, which shows labels, needs no scalars between them."""
+    mode, splat = given.get("mode", ModeSpec()), given.get("splat")
+    if isinstance(mode, ModeSpec) and mode.type is not INVALID and mode.is_projection:
+        hint = "labels are names, of which none is larger than another"
+        node.key("labels").reject(f"contradicts mode: {mode.type}", expected="transfer_function", hint=hint)
+    if isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
+        node.key("labels").reject("needs footprint: integrated", got=f"footprint: {splat.footprint}", expected="")
+    if isinstance(shading, ShadingSpec) and isinstance(shading.gradient_opacity, tuple):
+        node.child("shading").key("gradient_opacity").reject("contradicts labels", hint="labels have no gradients")
 
 
 def _layers_of(node: TreeNode, given: Mapping[str, Any]) -> Iterator[tuple[TreeNode, Any, Any]]:

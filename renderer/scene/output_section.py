@@ -10,8 +10,8 @@ from pathlib import Path, PurePath
 from typing import Annotated, Any
 
 from renderer.scene import schema
+from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.schema import INVALID, Color, TreeNode
-from renderer.scene.transfer_section import COLOR_FIELD
 
 # The frame number in file names, padded with zeros to at most nine digits, so that names sort in frame order.
 FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")

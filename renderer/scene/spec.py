@@ -11,7 +11,7 @@ in [0, 1] as given (display-referred), shapes, points and sizes in (x, y, z) and
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -27,7 +27,8 @@ from renderer.scene.error_section import (
     check_scheduled_frames,
     schedule_to_dict,
 )
-from renderer.scene.layers_section import OF_CHANNELS, VOLUMES_SECTION, LayerSpec, check_layers
+from renderer.scene.labels_section import MASK_SECTION, LabelsSpec, MaskSpec
+from renderer.scene.layers_section import OF_CHANNELS, VOLUMES_SECTION, LayerSpec, check_layers, take_labels
 from renderer.scene.limits import proportion_problems, raise_problems
 from renderer.scene.message_text import format_value
 from renderer.scene.mode_section import MODE_SECTION, ModeSpec
@@ -35,8 +36,8 @@ from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_fram
 from renderer.scene.schema import INVALID
 from renderer.scene.shading_section import ShadingSpec
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
-from renderer.scene.transfer_section import TRANSFER_FUNCTION_SECTION, ColormapSpec, TransferSpec
-from renderer.scene.volume_section import VOLUME_SECTION, ArraySource, FileSource, VolumeSpec
+from renderer.scene.transfer_section import LABELS_FIELD, TRANSFER_FUNCTION_SECTION, ColormapSpec, TransferSpec
+from renderer.scene.volume_section import VOLUME_SECTION, VOLUME_TABLE, ArraySource, FileSource, VolumeSpec
 
 VERSION = 1
 
@@ -75,6 +76,7 @@ class Scene:
     shading: ShadingSpec | None = None
     mode: Annotated[ModeSpec, MODE_SECTION] = field(default=ModeSpec())
     clip: Annotated[tuple[ClipSpec, ...], CLIP_SECTION] = ()
+    mask: Annotated[MaskSpec | None, MASK_SECTION] = None
     volumes: Annotated[tuple[LayerSpec, ...], VOLUMES_SECTION] = ()
     blend: Literal["mix", "add"] = "mix"
     overlay: Literal["none", "octree", "bounds"] = "none"
@@ -84,7 +86,7 @@ class Scene:
     def layers(self) -> tuple[LayerSpec, ...]:
         """Return what is drawn: the volumes, or the only one. Those without shading have the scene's."""
         if not self.volumes:
-            return (LayerSpec(self.volume, self.transfer_function, self.shading),)
+            return (LayerSpec(self.volume, self.transfer_function, self.shading, mask=self.mask),)
         return tuple(replace(layer, shading=layer.shading or self.shading) for layer in self.volumes)
 
     @property
@@ -97,8 +99,6 @@ class Scene:
         """Return why pictures cannot be compared with exact rays through the interpolated field; None if they can."""
         if self.overlay != "none":
             return f"overlay: {self.overlay}"
-        if self.needs_opengl and self.transfer_function.names_labels:
-            return f"footprint: {self.splat.footprint} shows labels, and nothing lies between two of them"
         return None
 
     @property
@@ -121,6 +121,8 @@ class Scene:
         asks = {
             "mode": self.mode.is_projection,
             "clip": bool(self.clip),
+            "labels": self.transfer_function.labels is not None,
+            "mask": self.mask is not None,
             "volumes": bool(self.volumes),
             "shading": self.shading is not None and bool(self.shading.keys_for_bricks),
         }
@@ -139,9 +141,11 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     has_volumes = isinstance(tree, Mapping) and "volumes" in tree
     only = tree.get("volume") if isinstance(tree, Mapping) and not has_volumes else None
     of_channels = isinstance(only, Mapping) and only.get("component") == "all"
-    left_out = _OF_ONE_VOLUME if has_volumes else ("transfer_function",) if of_channels else ()
+    has_labels = isinstance(tree, Mapping) and "labels" in tree
+    left_out = _OF_ONE_VOLUME if has_volumes else ("transfer_function",) if of_channels or has_labels else ()
     required = [key for key in schema.required_keys(Scene) if key not in left_out]
     given = schema.read_fields(node, _SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
+    take_labels(node, given)
     if of_channels:
         given.setdefault("transfer_function", OF_CHANNELS)
     check_layers(node, given)
@@ -161,7 +165,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     return scene
 
 
-_SECTIONS = schema.field_table(Scene)
+_SECTIONS = schema.field_table(Scene) | {"labels": LABELS_FIELD}
 _OF_ONE_VOLUME = ("volume", "transfer_function")
 
 # Keys that users put at the top level, and where they belong, or what they are called now.
@@ -191,45 +195,100 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
 
 def without_sources(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return a scene as plain data without what says where its voxels come from, and which part of them is used."""
-    own = {field.name for field in fields(LayerSpec)}
-    rest = {key: value for key, value in tree.items() if key != "volume"}
+
+    def own(entry: Mapping[str, Any]) -> dict[str, Any]:
+        rest = {key: value for key, value in entry.items() if key not in VOLUME_TABLE}
+        mask = {key: value for key, value in entry.get("mask", {}).items() if key not in VOLUME_TABLE}
+        return rest | ({"mask": mask} if mask else {})
+
+    rest = {key: value for key, value in own(tree).items() if key != "volume"}
     if "volumes" in tree:
-        rest["volumes"] = [{key: value for key, value in entry.items() if key in own} for entry in tree["volumes"]]
+        rest["volumes"] = [own(entry) for entry in tree["volumes"]]
     return rest
 
 
 def spec_to_dict(value: Any) -> dict[str, Any]:
     """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data; as `scene_to_dict`."""
-    left_out = _OF_ONE_VOLUME if isinstance(value, Scene) and value.volumes else ()
-    pairs = ((field.name, getattr(value, field.name)) for field in fields(value) if field.name not in left_out)
+    pairs = ((field.name, getattr(value, field.name)) for field in fields(value))
     plain = {name: _plain(item) for name, item in pairs if item is not None}  # None stands for a key that is not given
-    if isinstance(value, Scene) and not value.volumes:
-        del plain["volumes"], plain["blend"]
-        if value.transfer_function == OF_CHANNELS:
-            del plain["transfer_function"]
-    if isinstance(value, LayerSpec):
-        if value.color is not None or value.transfer_function == OF_CHANNELS:
-            del plain["transfer_function"]
-        own = {key: item for key, item in plain.items() if key != "volume" and item not in ("", [])}
-        return {**plain["volume"], **own}
-    if isinstance(value, VolumeSpec):
-        source: dict[str, Any] = plain.pop("source")
-        if value.crop is not None and None in value.crop:
-            ranges = zip("xyz", plain["crop"], strict=True)
-            plain["crop"] = {axis: pair for axis, pair in ranges if pair is not None}
-        return (source if isinstance(value.source, FileSource) else {value.source.key: source}) | plain
-    if isinstance(value, TransferSpec):
-        mapping = plain.pop("mapping")
-        plain.pop("imported", None)
-        has_colormap = isinstance(value.mapping, ColormapSpec)
-        return ({"colormap": mapping.pop("name")} | mapping if has_colormap else {"points": mapping}) | plain
-    if isinstance(value, ErrorSpec):
-        return schedule_to_dict(value) | {key: plain[key] for key in plain if key not in ("tolerance", "goal")}
-    if isinstance(value, SplatSpec):
-        return {key: item for key, item in plain.items() if key not in unused_splat_keys(value.footprint)}
-    if isinstance(value, OutputSpec):
-        return plain | {"background": plain.get("background", "transparent")}
-    return {"type": value.type} | plain if isinstance(value, CameraPath) else plain
+    for cls, change in _CHANGES.items():
+        if isinstance(value, cls):
+            return change(value, plain)
+    return plain
+
+
+def _of_scene(scene: Scene, plain: dict[str, Any]) -> dict[str, Any]:
+    left_out = _OF_ONE_VOLUME if scene.volumes else ("volumes", "blend")
+    return {key: item for key, item in _with_look(scene, plain).items() if key not in left_out}
+
+
+def _of_layer(layer: LayerSpec, plain: dict[str, Any]) -> dict[str, Any]:
+    if layer.color is not None:
+        del plain["transfer_function"]
+    return _with_own_keys(plain.pop("volume"), _with_look(layer, plain))
+
+
+def _with_look(value: Scene | LayerSpec, plain: dict[str, Any]) -> dict[str, Any]:
+    """Return plain data with the key that says how a volume looks."""
+    look = plain.pop("transfer_function", None)
+    if look is None or value.transfer_function == OF_CHANNELS:
+        return plain
+    return {**plain, "transfer_function" if value.transfer_function.labels is None else "labels": look}
+
+
+def _of_mask(mask: MaskSpec, plain: dict[str, Any]) -> dict[str, Any]:
+    labels = {key: item for key, item in plain.pop("labels").items() if key != "opacity"}
+    return _with_own_keys(plain.pop("volume"), labels | plain)
+
+
+def _with_own_keys(volume: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+    return {**volume, **{key: item for key, item in own.items() if item not in ("", [])}}
+
+
+def _of_labels(labels: LabelsSpec, plain: dict[str, Any]) -> dict[str, Any]:
+    for key in ("colors", "opacity", "names"):
+        if isinstance(pairs := getattr(labels, key), tuple):
+            plain[key] = {label: _plain(item) for label, item in pairs}
+    return {key: item for key, item in plain.items() if item != []}
+
+
+def _of_volume(volume: VolumeSpec, plain: dict[str, Any]) -> dict[str, Any]:
+    source: dict[str, Any] = plain.pop("source")
+    if volume.crop is not None and None in volume.crop:
+        ranges = zip("xyz", plain["crop"], strict=True)
+        plain["crop"] = {axis: pair for axis, pair in ranges if pair is not None}
+    return (source if isinstance(volume.source, FileSource) else {volume.source.key: source}) | plain
+
+
+def _of_transfer(transfer: TransferSpec, plain: dict[str, Any]) -> dict[str, Any]:
+    mapping = plain.pop("mapping")
+    plain.pop("imported", None)
+    if isinstance(transfer.mapping, ColormapSpec):
+        mapping = {"colormap": mapping.pop("name")} | mapping
+    return (mapping if isinstance(mapping, dict) else {"points": mapping}) | plain
+
+
+def _of_error(error: ErrorSpec, plain: dict[str, Any]) -> dict[str, Any]:
+    return schedule_to_dict(error) | {key: plain[key] for key in plain if key not in ("tolerance", "goal")}
+
+
+def _of_splat(splat: SplatSpec, plain: dict[str, Any]) -> dict[str, Any]:
+    return {key: item for key, item in plain.items() if key not in unused_splat_keys(splat.footprint)}
+
+
+# What differs, for each part of a scene, between its fields and its keys.
+_CHANGES: dict[Any, Callable[[Any, dict[str, Any]], dict[str, Any]]] = {
+    Scene: _of_scene,
+    LayerSpec: _of_layer,
+    MaskSpec: _of_mask,
+    LabelsSpec: _of_labels,
+    VolumeSpec: _of_volume,
+    TransferSpec: _of_transfer,
+    ErrorSpec: _of_error,
+    SplatSpec: _of_splat,
+    OutputSpec: lambda _, plain: plain | {"background": plain.get("background", "transparent")},
+    CameraPath: lambda path, plain: {"type": path.type} | plain,
+}
 
 
 def _plain(value: Any) -> Any:

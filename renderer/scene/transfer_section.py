@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -13,63 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from renderer.errors import InputError
 from renderer.scene import schema
 from renderer.scene.colormaps import is_colormap, nearest_colormap
+from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.input_file import read_bounded, require_file
-from renderer.scene.message_text import did_you_mean, format_value
+from renderer.scene.labels_section import LABELS_TABLE, LabelsSpec, build_labels
+from renderer.scene.message_text import format_value
 from renderer.scene.schema import INVALID, Color, TreeNode
 
 if TYPE_CHECKING:
     from renderer.looks import Look
 
-COLOR_NAMES = {
-    "black": "#000000",
-    "white": "#ffffff",
-    "gray": "#808080",
-    "grey": "#808080",
-    "silver": "#c0c0c0",
-    "red": "#ff0000",
-    "maroon": "#800000",
-    "orange": "#ffa500",
-    "brown": "#a52a2a",
-    "yellow": "#ffff00",
-    "olive": "#808000",
-    "lime": "#00ff00",
-    "green": "#008000",
-    "cyan": "#00ffff",
-    "teal": "#008080",
-    "blue": "#0000ff",
-    "navy": "#000080",
-    "magenta": "#ff00ff",
-    "purple": "#800080",
-    "pink": "#ffc0cb",
-}
-
-_HEX = re.compile(r"#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
 _NUMBER, _PART = schema.number_field(), schema.number_field(minimum=0, maximum=1)
-
-
-def _parse_color(node: TreeNode) -> Any:
-    if isinstance(node.value, (list, tuple)):
-        return _parse_rgb(node, node.value)
-    if not isinstance(node.value, str):
-        return node.reject("not a color")
-    text = COLOR_NAMES.get(node.value.lower(), node.value)
-    if not _HEX.fullmatch(text):
-        return node.reject("not a color", hint=did_you_mean(text.lower(), COLOR_NAMES))
-    digits = text[1:] if len(text) == 7 else "".join(2 * digit for digit in text[1:])
-    return tuple(part / 255 for part in bytes.fromhex(digits))
-
-
-def _parse_rgb(node: TreeNode, parts: Sequence[Any]) -> Any:
-    if len(parts) == 3 and all(isinstance(part, int) for part in parts) and 1 < max(parts) <= 255 and min(parts) >= 0:
-        return node.reject("not a color", hint=f'write it as "#{bytes(parts).hex()}"')
-    return schema.sequence_field(_PART, "", count=3).parser(node)
-
-
-COLOR_FIELD = schema.FieldType(
-    'a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white',
-    _parse_color,
-    'a color that begins with # needs quotes: "#ff8800"',
-)
 
 
 def _parse_colormap(node: TreeNode) -> Any:
@@ -127,28 +79,20 @@ class ImportedLook:
 
 @dataclass(frozen=True)
 class TransferSpec:
-    """A map from scalar to colour and extinction: control points, values not descending, or a colormap.
+    """A map from scalar to colour and extinction: control points, values not descending, a colormap, or labels.
 
     `unit` is the world length that opacities refer to; None means the volume's finest spacing. What was imported is in
     the control points, so that `imported` changes nothing and is not recorded.
     """
 
-    mapping: tuple[ControlPoint, ...] | ColormapSpec
+    mapping: tuple[ControlPoint, ...] | ColormapSpec | LabelsSpec
     unit: Annotated[float | None, schema.LENGTH_FIELD] = None
     imported: ImportedLook | None = field(default=None, compare=False)
 
     @property
-    def names_labels(self) -> bool:
-        """Return whether values are names, as of labels: several colours with steps between them, and no slopes."""
-        mapping, num_colors = self.mapping, 2
-        styles: list[tuple[float, Any]]
-        if isinstance(mapping, ColormapSpec):
-            styles = [*mapping.opacity]
-        else:
-            styles = [(point.value, (point.color, point.opacity)) for point in mapping]
-            num_colors = len({point.color for point in mapping if point.opacity})
-        are_steps = [value == next_value for (value, style), (next_value, other) in pairwise(styles) if style != other]
-        return num_colors > 1 and any(are_steps) and all(are_steps)
+    def labels(self) -> LabelsSpec | None:
+        """Return the labels, if the values are names of what is there."""
+        return self.mapping if isinstance(self.mapping, LabelsSpec) else None
 
 
 def _check_range(node: TreeNode, low_high: tuple[Any, ...]) -> Any:
@@ -321,3 +265,12 @@ def check_opacities(node: TreeNode, transfer: object) -> None:
 
 
 TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _build_transfer)
+
+
+def _build_labels(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
+    unit = given.pop("unit", None)
+    return TransferSpec(build_labels(node, given), unit)
+
+
+# What a scene says of labels in place of a transfer function.
+LABELS_FIELD = schema.section_field({**LABELS_TABLE, "unit": schema.LENGTH_FIELD}, _build_labels)

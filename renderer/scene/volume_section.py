@@ -39,6 +39,9 @@ _ALIASES = {
 MAX_AXIS = 2**16
 MAX_VOXELS = 2**36
 
+# Of a matrix whose largest entry is 1.
+_MIN_DETERMINANT = 1e-9
+
 _HEADERLESS = (".raw", ".bin", ".dat")
 
 
@@ -104,7 +107,27 @@ _NODATA = schema.word_or(
 )
 
 
-def _file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
+def _check_transform(node: TreeNode, rows: tuple[Any, ...]) -> Any:
+    if any(INVALID in row for row in rows):
+        return INVALID
+    (a, b, c, _), (d, e, f, _), (g, h, i, _), last = rows
+    if last != (0, 0, 0, 1):
+        return node.child(3, list(last)).reject("not affine", expected="[0, 0, 0, 1]")
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    if abs(determinant) < _MIN_DETERMINANT * max(map(abs, (a, b, c, d, e, f, g, h, i))) ** 3:
+        return node.reject("flat: it leaves the volume no depth", expected="a matrix that can be inverted")
+    return rows
+
+
+TRANSFORM_FIELD = schema.sequence_field(
+    schema.sequence_field(schema.COORDINATE_FIELD, "four numbers", count=4),
+    "a matrix of 4 x 4 numbers, row by row, whose last row is [0, 0, 0, 1]",
+    count=4,
+    check=_check_transform,
+)
+
+
+def file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
     """Return the type of an existing file (or folder), relative to the node's base."""
 
     def parse(node: TreeNode) -> Any:
@@ -163,7 +186,7 @@ class RawSource:
     """A file of headerless voxels, x fastest; `dtype`: a numpy name without byte order; `offset`: bytes to skip."""
 
     key: ClassVar[str] = "raw"  # in the section
-    file: Annotated[Path, _file_field("a file of voxels without a header", folder=False)]
+    file: Annotated[Path, file_field("a file of voxels without a header", folder=False)]
     shape: Shape
     dtype: Annotated[str, schema.choice_field(*ITEM_SIZES, aliases=_ALIASES)]
     byte_order: Literal["little", "big"] = "little"
@@ -255,7 +278,7 @@ def _check_raw(node: TreeNode, given: dict[str, Any]) -> None:
 _ARRAY_HINT = "an array in memory, of a film that was made in Python: save it with numpy.save, name it by --volume"
 _NONFINITE_HINT = "NaN and infinities are left out, by `nodata: auto`"
 _SOURCES: dict[str, schema.FieldType[Any]] = {
-    "file": _file_field("a file such as NRRD, NIfTI, TIFF, DICOM or .npy, or a folder with one volume", folder=True),
+    "file": file_field("a file such as NRRD, NIfTI, TIFF, DICOM or .npy, or a folder with one volume", folder=True),
     "raw": schema.dataclass_field(RawSource, _check_raw),
     "procedural": schema.dataclass_field(ProceduralSource),
 }

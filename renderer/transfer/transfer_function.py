@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene import ColormapSpec, TransferSpec, colormap_points
+from renderer.scene import ColormapSpec, LabelsSpec, TransferSpec, colormap_points
 from renderer.transfer.piecewise import TransferTable, make_transfer_table
 from renderer.volume import Array, Float64
 
@@ -87,6 +87,13 @@ def make_transfer_function(spec: TransferSpec, finest_spacing: float) -> Transfe
         with np.errstate(divide="ignore", over="ignore"):  # the infinite extinction of opacity 1 meets the cap
             return np.minimum(-np.log1p(-opacity) / unit, cap) + 0.0  # -0.0 + 0.0 is 0.0
 
+    if isinstance(spec.mapping, LabelsSpec):
+        # Steps half-way between the numbers that stand for labels; 0 stands for those that are hidden.
+        styles = spec.mapping.styles
+        values = np.repeat(np.arange(len(styles) + 1) + 0.5, 2)[:-1]
+        opacities = np.append(0.0, np.repeat([style.opacity for style in styles], 2))
+        colors = np.vstack([np.zeros((1, 3)), np.repeat([style.color for style in styles], 2, axis=0)])
+        return TransferFunction(values, colors, extinction(opacities), unit)
     if isinstance(spec.mapping, ColormapSpec):
         values, opacities = np.array(spec.mapping.opacity, np.float64).T
         points_of = _logarithmic_control_points if spec.mapping.scale == "log" else _colormap_control_points

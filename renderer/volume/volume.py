@@ -30,6 +30,8 @@ class Volume:
     file_spacing: the spacing in the file, if the scene gives another; else None.
     note: a remark on how the volume was read.
     channels: all components of the file that it is from; none where that has one.
+    is_labels: whether the values are numbers of labels, 0 for none, and nothing lies between two of them.
+    mask: where it is shown: a volume of labels on a grid of its own, whose number there is 1; None for everywhere.
     """
 
     values: Array
@@ -41,6 +43,8 @@ class Volume:
     file_spacing: tuple[float, float, float] | None = None
     note: str | None = None
     channels: tuple[Channel, ...] = ()
+    is_labels: bool = False
+    mask: Volume | None = None
 
     def require_unchanged(self) -> None:
         """Raise InputError if the values are mapped from a file that has changed."""

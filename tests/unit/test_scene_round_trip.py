@@ -26,7 +26,9 @@ from renderer.scene import (
     ImportedLook,
     Keyframe,
     KeyframePath,
+    LabelsSpec,
     LayerSpec,
+    MaskSpec,
     MetricTarget,
     ModeSpec,
     OutputSpec,
@@ -59,6 +61,7 @@ LAYERS = (
         VolumeSpec(ProceduralSource("constant", (9, 9, 9)), nodata="none"), TransferSpec(POINTS), ShadingSpec(0.1),
         (ClipSpec(PlaneSpec(SPACING, AXIS)),), "one",
         ((1.0, 0.0, 0.5, 3.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 2.0, 0.0), (0.0, 0.0, 0.0, 1.0)), 2.5,
+        mask=MaskSpec(VolumeSpec(FileSource(HERE)), LabelsSpec(show=(1,), names=HERE)),
     ),
     LayerSpec(
         VolumeSpec(ProceduralSource("constant", (9, 9, 8))),
@@ -122,6 +125,22 @@ SCENES = {
         camera=CameraSpec(TurntablePath(9)),
         volumes=LAYERS,
         blend="add",
+        output=OutputSpec(Path("a.mp4")),
+    ),
+    "labels": Scene(
+        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
+        transfer_function=TransferSpec(
+            LabelsSpec(
+                ((3, (1.0, 0.0, 0.5)), ("a b", (0.0, 0.0, 0.0))),
+                ((3, 0.5), ("a b", 1 / 3)),
+                (3, "a b", -7),
+                (9,),
+                ((3, "three"), (-7, "a b")),
+            ),
+            2.5,
+        ),
+        camera=CameraSpec(TurntablePath(9)),
+        mask=MaskSpec(VolumeSpec(FileSource(HERE)), transform=LAYERS[0].transform),
         output=OutputSpec(Path("a.mp4")),
     ),
     "time budget": Scene(

@@ -46,27 +46,6 @@ def parse(tree: object) -> Scene:
 STEPS = [(0, "black", 0), (1, "black", 0), (1, "red", 0.5), (2, "red", 0.5), (2, "blue", 0.9), (9, "blue", 0.9)]
 
 
-@pytest.mark.parametrize(
-    ("section", "is_of_labels"),
-    [
-        ({"points": STEPS}, True),
-        ({"points": STEPS[:4]}, False),  # a mask
-        ({"points": [*STEPS[:3], *STEPS[4:]]}, False),  # a slope from red to blue
-        ({"colormap": "glasbey", "range": [0, 9], "opacity": [[0, 0], [1, 0], [1, 0.5]]}, True),
-        ({"colormap": "glasbey", "range": [0, 9], "opacity": [[0, 0], [9, 0.5]]}, False),
-        ({"colormap": "glasbey", "range": [0, 9], "opacity": [[0, 0.5]]}, False),
-    ],
-)
-def test_a_transfer_function_of_steps_alone_names_labels(section: dict[str, Any], is_of_labels: bool) -> None:
-    if "points" in section:
-        keys = ("value", "color", "opacity")
-        section = {"points": [dict(zip(keys, point, strict=True)) for point in section["points"]]}
-    bricks = parse(changed(transfer_function=section))
-    assert bricks.transfer_function.names_labels == is_of_labels and bricks.no_exact_picture is None
-    splats = parse(changed(transfer_function=section, splat={"footprint": "gaussian"}))
-    assert (splats.no_exact_picture is not None) == is_of_labels
-
-
 def complaints(tree: object) -> list[tuple[str, str]]:
     with pytest.raises(SceneError) as caught:
         parse(tree)

@@ -63,28 +63,74 @@ void fill_gradients(const Field& field, const int64_t (&shape)[3], const Array<c
         }
 }
 
+// Smooth a field by (1, 4, 6, 4, 1) / 16 along each axis. Its lowest places then have what those two places behind had.
+void smooth(const Field& field) {
+    int64_t side = field.shape[0], steps[3] = {1, side, side * side};
+    for (int64_t step : steps)
+        for (int64_t k = 0; k + 4 * step < field.size(); k++) {
+            const double* f = &field.data[k];
+            field.data[k] = (f[0] + f[4 * step] + 4 * (f[step] + f[3 * step]) + 6 * f[2 * step]) / 16;
+        }
+}
+
+// Write the gradients of the smoothed opacities of labels to [3, n, n, n], else as `fill_gradients`. opacities: by the
+// number of a label; beyond the volume's border they are 0. field: scratch, [n + 6, n + 6, n + 6].
+void fill_label_gradients(const Voxels& voxels, const Array<const int32_t, 1>& cell, const double (&m)[9],
+                          const Array<const double, 1>& opacities, const Field& field, const Array<double, 4>& gradients) {
+    constexpr int64_t size = PADDED_BRICK_SIZE, margin = HALO + 3;
+    load_brick(voxels, cell, field);
+    auto is_inside = [&](int axis, int64_t at) {
+        int64_t voxel = BRICK_SIZE * cell[axis] - margin + at;
+        return voxel >= 0 && voxel < voxels.raw.shape[2 - axis];
+    };
+    int64_t side = field.shape[0];
+    for (int64_t z = 0; z < side; z++)
+        for (int64_t y = 0; y < side; y++)
+            for (int64_t x = 0; x < side; x++) {
+                double& at = field(z, y, x);
+                at = is_inside(0, x) && is_inside(1, y) && is_inside(2, z) ? opacities[(int64_t)at] : 0;
+            }
+    smooth(field);
+    auto places = [&](int axis) { return Places(voxels.raw.shape[2 - axis], BRICK_SIZE * cell[axis] - HALO, size); };
+    Places along_x = places(0), along_y = places(1), along_z = places(2);
+    for (int64_t t = 0; t < size; t++)
+        for (int64_t u = 0; u < size; u++)
+            for (int64_t v = 0; v < size; v++) {
+                int64_t z = along_z.nearest[t] + 1, y = along_y.nearest[u] + 1, x = along_x.nearest[v] + 1;
+                double g[3] = {
+                    (field(z, y, x + 1) - field(z, y, x - 1)) / 2,
+                    (field(z, y + 1, x) - field(z, y - 1, x)) / 2,
+                    (field(z + 1, y, x) - field(z - 1, y, x)) / 2,
+                };
+                for (int axis = 0; axis < 3; axis++)
+                    gradients(axis, t, u, v) = m[3 * axis] * g[0] + m[3 * axis + 1] * g[1] + m[3 * axis + 2] * g[2];
+            }
+}
+
 }  // namespace
 
 // Write texels [n, 18, 18, 18, c], as `scalar_texels` returns them, of bricks at cells [n, 3] (x, y, z). first, width,
 // factor: of the range, as `range_width` returns them. world_from_gradient: for the gradients of four channels. With
-// the factor `scale`, no difference of two scalars overflows.
+// the factor `scale`, no difference of two scalars overflows. opacities: of labels, by their numbers.
 Status fill_scalar_texels(const FillScalarTexels* arguments) {
-    const auto [voxels, cells, first, width, factor, m, scale, texels] = *arguments;
+    const auto [voxels, cells, first, width, factor, m, scale, opacities, texels] = *arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE;
     const bool is_lit = texels.shape[4] == 4, has_absent = voxels.has_absent;
     if (!fit_together(voxels, cells) || !has_shape(texels, cells.shape[0], size, size, size, is_lit ? 4 : 1))
         return OUT_OF_BOUNDS;
     // Gradients need the voxels next to those of texels, and so does what takes the place of voxels without data.
     int64_t margin = is_lit, side = size + 2 * margin, gradient_side = is_lit * (size + 2 * has_absent);
-    Cube field(side), around(side + 2);
+    Cube field(side), around(side + 2), smoothed(size + 6);
     Buffer<double> memory(3 * gradient_side * gradient_side * gradient_side), filled(3 * size * size * size);
-    if (!field || !around || !memory || !filled) return NO_MEMORY;
+    if (!field || !around || !smoothed || !memory || !filled) return NO_MEMORY;
     const Array<double, 4> gradients = {memory.data, {3, gradient_side, gradient_side, gradient_side}};
     const Array<double, 4> planes = {has_absent ? filled.data : memory.data, {3, size, size, size}};
     for (int64_t i = 0; i < cells.shape[0]; i++) {
         load_brick(voxels, cells[i], has_absent ? around.field : field.field);
         if (has_absent) fill_absent(around.field, field.field);
-        if (is_lit && has_absent) {
+        if (is_lit && voxels.is_labels) {
+            fill_label_gradients(voxels, cells[i], m, opacities, smoothed.field, gradients);
+        } else if (is_lit && has_absent) {
             fill_gradients<true>(around.field, voxels.raw.shape, cells[i], m, scale, gradients);
             for (int axis = 0; axis < 3; axis++) fill_absent(gradients[axis], planes[axis]);
         } else if (is_lit) {

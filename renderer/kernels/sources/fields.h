@@ -1,5 +1,6 @@
 // Sample the fields of layers in a brick, and classify and light the samples: in each lane a sample of its own.
 #pragma once
+#include "labels.h"
 #include "light.h"
 
 // Floats behind the last texel that loads of whole rows touch.
@@ -49,7 +50,7 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
         return found;
     }
     Corners corners = load_corners(texels, at);
-    Floats scalar = interpolate(corners, shares);
+    Floats scalar = field.is_labels ? labels_at(texels, at, shares, corners, active) : interpolate(corners, shares);
     found.visible = active & mask_of(scalar >= field.pieces.lowest_visible);
     if (!any_of(found.visible)) return found;
     found.sample = classify(table, scalar);
@@ -189,7 +190,7 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
         int64_t size = (is_mean[brick] ? field.means : field.scalars).shape[0], offset = field.texel_offsets[brick];
         if (offset < 0) continue;  // where it shows nothing
         bool has_channels = is_mean[brick] || field.light.exists || field.is_lit;
-        int64_t num = has_channels ? 4 * TEXELS_PER_BRICK + READ_BEHIND : TEXELS_PER_BRICK;
+        int64_t num = (has_channels ? 4 : 1) * TEXELS_PER_BRICK + (has_channels || field.is_labels) * READ_BEHIND;
         if (offset > size - num) return false;
     }
     const auto& [rows, guide, lowest_visible] = field.pieces;

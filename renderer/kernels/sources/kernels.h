@@ -185,7 +185,7 @@ KERNEL(place_splats, PlaceSplats)
 struct Voxels {
     AnyArray<3> raw;
     Maybe<Array<const double, 1>> scalars;
-    bool has_absent;
+    bool has_absent, is_labels;
 };
 
 struct MeasureVoxelBricks {
@@ -220,6 +220,7 @@ struct FillScalarTexels {
     Voxels voxels;
     Array<const int32_t, 2> cells;
     double first, width, factor, world_from_gradient[9], scale;
+    Array<const double, 1> opacities;
     Array<float, 5> texels;
 };
 KERNEL(fill_scalar_texels, FillScalarTexels)
@@ -385,7 +386,7 @@ struct Field {
     Array<const int64_t, 1> texel_offsets;
     PiecewiseTransfer pieces;
     float weight;
-    bool has_absent, is_lit;
+    bool has_absent, is_labels, is_lit;
     float lambert[5];
     Maybe<Light> light;
 };

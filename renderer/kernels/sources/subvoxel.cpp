@@ -44,6 +44,8 @@
 // Where some voxels of a dual cell have no data, rays meet a step from w to nothing, at a place that no scalar tells. D
 // is that of the step of a transfer function in the middle of a ray, D^2 = w^2 / 12. Segments are divided there, so that
 // longer ones do: width^2 = 1 / 4 in place of 1 / 17.
+//
+// Between two labels there is nothing but such a step. D is that of the largest difference in each channel.
 #include "absent.h"
 #include "transfer.h"
 
@@ -221,6 +223,24 @@ Variation with_edges_of_data(const Variation& found, const Field& around, const 
     return {__builtin_sqrt(largest), __builtin_sqrt(squared(found.steps) + total / cells.size()), found.differences};
 }
 
+// The same of numbers of labels, which are at the corners of dual cells as in `with_edges_of_data`.
+Variation variation_of_labels(const Field& around, const DualCells& cells, const TransferTable& table) {
+    double largest = 0, total = 0;
+    cells.for_each([&](int64_t z, int64_t y, int64_t x, Range range) {
+        if (!(range.low < range.high)) return;
+        Channels low = evaluate(table, range.low), high = low;
+        for (int k = 0; k < 8; k++) {
+            Channels w = evaluate(table, around(z + 1 + (k >> 2), y + 1 + (k >> 1 & 1), x + 1 + (k & 1)));
+            low = __builtin_elementwise_min(low, w), high = __builtin_elementwise_max(high, w);
+        }
+        double square = squared_length(high - low);
+        largest = most(largest, square), total += cells.share(z, y, x) * square;
+    });
+    double step = __builtin_sqrt(total / cells.size());
+    return {DIFFERENCE_ERROR_SHARE * __builtin_sqrt(largest), __builtin_sqrt(1.0 / 12) * EDGE_INVERSE_WIDTH * step,
+            DIFFERENCE_ERROR_SHARE * step};
+}
+
 }  // namespace
 
 // Measure the dual cells in bricks of voxels at cells [n, 3] (x, y, z); all results are 0 before.
@@ -244,6 +264,7 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         for (int axis = 0; axis < 3; axis++)
             of_brick.nums[axis] = least(voxels.raw.shape[axis] - BRICK_SIZE * cells(i, 2 - axis), BRICK_SIZE);
         load_brick(voxels, cells[i], voxels.has_absent ? around.field : low.field);
+        if (voxels.is_labels) load_brick(voxels, cells[i], around.field);
         bool is_whole = !voxels.has_absent || fill_absent(around.field, low.field);
         Range range = range_of(low.field);
         if (!(range.low <= range.high)) continue;
@@ -254,7 +275,7 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         if (is_varying || is_visible) to_ranges(of_brick);
         if (is_visible) find_visible_bounds(of_brick, breakpoints, bounds[z][y][x]);
         if (!is_varying) continue;
-        Variation found = variation(of_brick, curve);
+        Variation found = voxels.is_labels ? variation_of_labels(around.field, of_brick, table) : variation(of_brick, curve);
         if (!is_whole) found = with_edges_of_data(found, around.field, of_brick, curve);
         measures(0, z, y, x) = found.largest;
         measures(1, z, y, x) = found.steps;

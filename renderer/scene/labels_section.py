@@ -1,0 +1,168 @@
+"""The scene's `labels` and `mask`: which labels of a segmentation are shown, their colours and names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from renderer.scene import schema
+from renderer.scene.colors import COLOR_FIELD
+from renderer.scene.schema import INVALID, Color, TreeNode
+from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, VolumeSpec, build_volume, file_field
+
+# A label by its number or by its name.
+LabelKey = int | str
+MAX_LABELS = 2**16
+# Integers of this size are exact in float64, in which labels are compared.
+_MAX_LABEL = 2**53
+_MAX_NAME_LENGTH = 200
+
+
+class LabelStyle(NamedTuple):
+    """A label that is shown: its value in the volume, its name, its colour and its opacity."""
+
+    value: int
+    name: str
+    color: Color
+    opacity: float
+
+
+@dataclass(frozen=True)
+class LabelsSpec:
+    """A choice of the labels that are shown, and of their looks.
+
+    colors: `auto`, as different as possible; `table`, those of the volume's table of labels; or pairs of a label and a
+        colour. Labels without one have the table's; without a table, too, as different ones as possible. None: as if no
+        pair was given.
+    opacity: of all labels, or pairs of a label and its opacity; others are opaque. show: labels, None for all but 0,
+        without those of `hide`. names: the file of a table, or pairs of a number and a name; None: the table in the
+        volume's file, or beside it.
+    """
+
+    colors: Literal["auto", "table"] | tuple[tuple[LabelKey, Color], ...] | None = None
+    opacity: float | tuple[tuple[LabelKey, float], ...] = 1.0
+    show: tuple[LabelKey, ...] | None = None
+    hide: tuple[LabelKey, ...] = ()
+    names: Path | tuple[tuple[int, str], ...] | None = None
+
+    @property
+    def is_resolved(self) -> bool:
+        """Return whether each label that is shown has a number and a colour here."""
+        colors = dict(self.colors) if isinstance(self.colors, tuple) else {}
+        return self.show is not None and not self.hide and all(label in colors for label in self.show)
+
+    @property
+    def styles(self) -> tuple[LabelStyle, ...]:
+        """Return the labels that are shown, by value, of a choice that is resolved."""
+        assert self.is_resolved and isinstance(self.colors, tuple) and self.show is not None
+        colors, names = dict(self.colors), dict(self.names) if isinstance(self.names, tuple) else {}
+        opacities = dict(self.opacity) if isinstance(self.opacity, tuple) else dict.fromkeys(self.show, self.opacity)
+        shown = sorted(label for label in self.show if isinstance(label, int))
+        return tuple(LabelStyle(each, names.get(each, ""), colors[each], opacities.get(each, 1.0)) for each in shown)
+
+
+def _label_key(value: object) -> LabelKey | None:
+    """Return the number or the name that a value stands for; JSON has numbers of labels as text."""
+    if isinstance(value, str):
+        digits = value.strip().removeprefix("-")
+        is_number = digits.isdecimal() and digits.isascii() and len(digits) < 20
+        return int(value) if is_number else value.strip()[:_MAX_NAME_LENGTH] or None
+    number = schema.parse_whole_number(value)
+    return number if number is not None and abs(number) <= _MAX_LABEL else None
+
+
+def _parse_label(node: TreeNode) -> Any:
+    found = _label_key(node.value)
+    return node.reject("not a label") if found is None else found
+
+
+_LABEL = schema.FieldType("the number or the name of a label", _parse_label)
+
+
+def _by_label(item: schema.FieldType[Any], expected: str) -> schema.FieldType[Any]:
+    """Return the type of a mapping from labels to items, as pairs."""
+
+    def parse(node: TreeNode) -> Any:
+        if not isinstance(node.value, Mapping):
+            return node.reject("not a mapping")
+        if not 0 < len(node.value) <= MAX_LABELS:
+            return node.reject("wrong number of labels", got=str(len(node.value)), expected=f"1 to {MAX_LABELS}")
+        pairs: dict[Any, Any] = {}
+        for key, value in node.value.items():
+            label = _LABEL.read(node.key(key, key))
+            if label in pairs and label is not INVALID:
+                node.key(key, key).reject("a label twice", expected="each label once")
+            pairs[label] = item.read(node.child(key, value))
+        return INVALID if INVALID in pairs or INVALID in pairs.values() else tuple(pairs.items())
+
+    return schema.FieldType(expected, parse)
+
+
+def _mapping_or(other: schema.FieldType[Any], by_label: schema.FieldType[Any]) -> schema.FieldType[Any]:
+    def parse(node: TreeNode) -> Any:
+        return (by_label if isinstance(node.value, Mapping) else other).parser(node)
+
+    return schema.FieldType(by_label.expected, parse)
+
+
+_PART = schema.number_field(minimum=0, maximum=1)
+_COLORS = _by_label(COLOR_FIELD, "auto, table, or a mapping from labels to colors")
+_OPACITIES = _by_label(_PART, "a number from 0 to 1, or a mapping from labels to such numbers")
+_NAMES = _by_label(
+    schema.text_field("a name", "no name", str.strip),
+    "the file of a table of labels, or a mapping from numbers to names",
+)
+_LABELS = schema.sequence_field(_LABEL, "a list of labels, by number or by name")
+_CHOICE: schema.FieldTable = {
+    "show": _LABELS,
+    "hide": _LABELS,
+    "names": _mapping_or(file_field(_NAMES.expected, folder=False), _NAMES),
+}
+LABELS_TABLE: schema.FieldTable = {
+    "colors": schema.word_or({"auto": "auto", "table": "table"}, _COLORS, _COLORS.expected),
+    "opacity": _mapping_or(_PART, _OPACITIES),
+    **_CHOICE,
+}
+
+
+def build_labels(node: TreeNode, given: dict[str, Any]) -> LabelsSpec:
+    """Return the labels from the keys of LABELS_TABLE that were given."""
+    names = given.get("names")
+    if isinstance(names, tuple):
+        for value, _ in names:
+            if not isinstance(value, int):
+                node.child("names").key(value, value).reject("not the number of a label", expected="a whole number")
+    return LabelsSpec(**given)
+
+
+@dataclass(frozen=True)
+class MaskSpec:
+    """A volume of labels, on a grid of its own: a layer is shown where this has one of the labels that are shown.
+
+    volume: or the name of a layer in the list of volumes, until it is known. transform: as of a layer.
+    """
+
+    volume: VolumeSpec | str
+    labels: LabelsSpec = LabelsSpec()
+    transform: tuple[tuple[float, ...], ...] | None = None
+
+
+_MASK_NAME = schema.text_field("the name of a volume in the list", "no name", str.strip)
+
+
+def _build_mask(node: TreeNode, given: dict[str, Any]) -> MaskSpec:
+    labels = build_labels(node, {key: given.pop(key) for key in _CHOICE if key in given})
+    transform = given.pop("transform", None)
+    if "name" not in given:
+        return MaskSpec(build_volume(node, given), labels, transform)
+    name = given.pop("name")
+    for key in schema.valid_keys({**given, "transform": transform or INVALID}, *given, "transform"):
+        node.key(key).reject(f"contradicts {node.path}.name", expected="a name, or a volume of its own")
+    return MaskSpec(name, labels)
+
+
+MASK_SECTION = schema.section_field(
+    {**VOLUME_TABLE, **_CHOICE, "name": _MASK_NAME, "transform": TRANSFORM_FIELD}, _build_mask
+)
