@@ -11,6 +11,7 @@ import numpy as np
 
 from renderer.volume.arrays import Array, Bools, Float64
 from renderer.volume.channel import Channel
+from renderer.volume.label import Label
 from renderer.volume.mapped_file import MappedFile, iter_slabs
 
 
@@ -30,6 +31,7 @@ class Volume:
     file_spacing: the spacing in the file, if the scene gives another; else None.
     note: a remark on how the volume was read.
     channels: all components of the file that it is from; none where that has one.
+    labels: those that the file itself describes, by value.
     """
 
     values: Array
@@ -41,6 +43,7 @@ class Volume:
     file_spacing: tuple[float, float, float] | None = None
     note: str | None = None
     channels: tuple[Channel, ...] = ()
+    labels: tuple[Label, ...] = ()
 
     def require_unchanged(self) -> None:
         """Raise InputError if the values are mapped from a file that has changed."""
