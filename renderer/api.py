@@ -51,7 +51,7 @@ from renderer.scene import (
     short_text,
     spec_to_dict,
 )
-from renderer.suggest import FilmOptions, Wish, with_channels
+from renderer.suggest import FilmOptions, Wish, resolve_scene
 from renderer.system import num_cores, printable
 
 SceneLike: TypeAlias = "Scene | str | os.PathLike[str] | npt.ArrayLike"
@@ -335,7 +335,7 @@ def _scene(
     if isinstance(source, Scene) and "transfer_function" not in given:  # plain data do not say where it is from
         scene = replace(scene, transfer_function=source.transfer_function)
     suggests = wish is not None or (is_new and "transfer_function" not in given)
-    return _with_suggestion(scene, wish) if suggests else with_channels(scene, read_volume)
+    return _with_suggestion(scene, wish) if suggests else resolve_scene(scene, read_volume)
 
 
 def _wish(transfer_function: Any) -> Wish | None:

@@ -54,8 +54,8 @@ def load_job(
     """Load the job of a scene file or a sidecar, with the changes of the command line's options.
 
     The job of a sidecar makes its film again, or another one elsewhere. draws: what appears under the name of the
-    output: the film at once, or coarser passes first. reads: the channels of files are found, for which their voxels
-    are read; else they stay `component: all`. Raises InputError, and SceneError as `load_scene`.
+    output: the film at once, or coarser passes first. reads: the channels and labels of files are found, for which
+    their voxels are read. Raises InputError, and SceneError as `load_scene`.
     """
     content = read_content(request.path)
     if may_be_json(content):
@@ -73,7 +73,7 @@ def load_job(
         is_single_frame=is_one_frame(request.frames),
     )
     if reads:
-        scene = _with_channels(scene)
+        scene = _resolved(scene)
     picked = parse_frames(request.frames, scene.camera.path.frames)
     job = FilmJob(scene, picked, accuracy_of(scene.error), path=request.path)
     if draws != "nothing":
@@ -81,14 +81,14 @@ def load_job(
     return job
 
 
-def _with_channels(scene: Scene) -> Scene:
-    """Return a scene with the channels of its volumes in place of `component: all`, for which their files are read."""
-    if all(layer.volume.component != "all" for layer in scene.layers):
+def _resolved(scene: Scene) -> Scene:
+    """Return a scene that says itself which channels and labels its volumes have, for which their files are read."""
+    if not scene.asks_files:
         return scene
     from renderer.readers import read_volume
-    from renderer.suggest import with_channels
+    from renderer.suggest import resolve_scene
 
-    return with_channels(scene, read_volume)
+    return resolve_scene(scene, read_volume)
 
 
 def load_film(film: Path, volume: Path | None) -> FilmJob:
@@ -116,7 +116,7 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Literal["fi
     path, frames, original = request.path, request.frames, OriginalFilm(request.path, record)
     editor = _editor(record, path)
     editor.apply(request.overrides, request.volume, request.output)
-    scene = _with_channels(editor.parse(is_single_frame=is_one_frame(frames) or len(record.frames) <= 1))
+    scene = _resolved(editor.parse(is_single_frame=is_one_frame(frames) or len(record.frames) <= 1))
     problems = late_frame_problems(record, scene.camera.path.frames)
     raise_problems(replace(problem, location=str(path)) for problem in problems)
     recorded = None if frames is not None and _has_whole_schedule(record, editor) else record.numbers

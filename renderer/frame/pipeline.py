@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -15,7 +16,16 @@ from renderer.errors import InputError, Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.stage import Clock, Resolution, Stage, Stopwatch
-from renderer.layers import Layer, LayerGroup, group_layers, layer_digest, make_layer, placement_problems, reach_text
+from renderer.layers import (
+    Layer,
+    LayerGroup,
+    group_layers,
+    layer_digest,
+    make_layer,
+    mask_volume,
+    placement_problems,
+    reach_text,
+)
 from renderer.pyramid import EVERY_CUT, FinestCut
 from renderer.readers import read_volume
 from renderer.scene import (
@@ -99,12 +109,18 @@ def prepare_stage(
 
 def read_volumes(scene: Scene) -> list[Volume]:
     """Return the volume of each layer of a scene; the same one is read once. Raises InputError."""
-    read: dict[VolumeSpec, Volume] = {}
+    read, volumes = cache(read_volume), []
     for spec in scene.layers:
-        if spec.volume not in read:
-            read[spec.volume] = read_volume(spec.volume)
-    volumes = [(read[spec.volume], spec.transform) for spec in scene.layers]
-    return [volume if matrix is None else move_volume(volume, np.array(matrix)) for volume, matrix in volumes]
+        volume = _moved(read(spec.volume), spec.transform)
+        if (mask := spec.mask) is not None:
+            assert isinstance(mask.volume, VolumeSpec)
+            volume = mask_volume(volume, _moved(read(mask.volume), mask.transform), mask.labels.values)
+        volumes.append(volume)
+    return volumes
+
+
+def _moved(volume: Volume, matrix: Sequence[Sequence[float]] | None) -> Volume:
+    return volume if matrix is None else move_volume(volume, np.array(matrix))
 
 
 def _make_layers(

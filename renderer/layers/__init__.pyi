@@ -1,4 +1,5 @@
 from .groups import LayerGroup as LayerGroup, group_layers as group_layers
+from .labels import mask_volume as mask_volume
 from .layer import Layer as Layer, layer_digest as layer_digest, make_layer as make_layer
 from .placement import (
     placement_notes as placement_notes,

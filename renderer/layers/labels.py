@@ -7,30 +7,43 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.volume import Array, Volume, iter_slabs
+from renderer.errors import InputError
+from renderer.scene import format_value
+from renderer.volume import Array, Volume, iter_slabs, joint_fingerprint
 
 
 def number_labels(volume: Volume, shown: Sequence[int], *, as_one: bool = False) -> Volume:
     """Return a volume with a number in place of each label: 1, 2, ... of those that are shown, 0 of all others.
 
     shown: labels, ascending. as_one: all that are shown have the number 1. It keeps the fingerprint.
-    Raises InputError where the volume's file was changed.
+    Raises InputError for a label that no voxel has, and where the volume's file was changed.
     """
-    numbers = np.ones(len(shown), np.int64) if as_one else np.arange(1, len(shown) + 1)
-    dtype = np.min_scalar_type(int(numbers.max(initial=0)))
-    found = np.empty(volume.values.shape, dtype)
+    labels, numbers = np.array(shown), np.arange(1, len(shown) + 1, dtype=np.min_scalar_type(len(shown)))
+    found, counts = np.empty(volume.values.shape, numbers.dtype), np.zeros(len(shown) + 1, np.int64)
     start = 0
     for slab in iter_slabs(volume.values, volume.source):
-        found[start : start + len(slab)] = _numbers_of(slab, np.array(shown), numbers.astype(dtype))
+        of_slab = _numbers_of(slab, labels, numbers)
+        found[start : start + len(slab)] = of_slab
+        counts += np.bincount(of_slab.ravel(), minlength=len(counts))
         start += len(slab)
+    if not counts[1:].all():
+        missing = format_value([shown[at] for at in np.flatnonzero(counts[1:] == 0)])
+        hint = "`hsplat info` lists its labels"
+        raise InputError("no such labels in this volume", where=volume.name, got=missing, hint=hint)
+    if as_one:
+        found = np.minimum(found, 1).astype(np.uint8)
     found.flags.writeable = False
     return replace(volume, values=found, source=None, num_absent=0, is_labels=True)
 
 
+def mask_volume(volume: Volume, mask: Volume, shown: Sequence[int]) -> Volume:
+    """Return a volume that is shown only where another one has one of some labels, ascending; errors as above."""
+    fingerprint = joint_fingerprint([volume, mask])
+    return replace(volume, mask=number_labels(mask, shown, as_one=True), fingerprint=fingerprint)
+
+
 def _numbers_of(values: Array, shown: Array, numbers: Array) -> Array:
     """Return the numbers of labels; of those that are not shown, and of NaN, it is 0."""
-    if not len(shown):
-        return np.zeros(values.shape, numbers.dtype)
     if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:
         lowest = np.iinfo(values.dtype).min
         table = np.zeros(1 << 8 * values.dtype.itemsize, numbers.dtype)

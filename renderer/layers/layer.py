@@ -23,7 +23,8 @@ from renderer.volume import Volume
 class Layer:
     """A volume of a scene, and all that pictures of it have in common.
 
-    volume: of labels, with their numbers in their place. transfer: the scene's colours and opacities. projection: what the mode colours; None for emission and absorption.
+    volume: of labels, with numbers in their place. transfer: the scene's colours and opacities. projection: what the
+        mode colours; None for emission and absorption.
     bricks: if the footprint is drawn from bricks. extreme_bricks: those in which rays look for extremes, if they do.
     digest: of the plain data from which it was made, and of its voxels.
     """
@@ -47,8 +48,8 @@ class Layer:
 def layer_digest(spec: LayerSpec, scene: Scene, volume: Volume, finest_cut: FinestCut) -> str:
     """Return the digest of what a layer is made from; its name, its weight and the camera do not count."""
     made_from = (
-        volume.fingerprint, spec.transfer_function, spec.color, spec.shading, scene.clip + spec.clip, scene.mode,
-        scene.pyramid, scene.error.measure, scene.error.of, scene.needs_opengl, finest_cut,
+        volume.fingerprint, spec.mask, spec.transfer_function, spec.color, spec.shading, scene.clip + spec.clip,
+        scene.mode, scene.pyramid, scene.error.measure, scene.error.of, scene.needs_opengl, finest_cut,
     )  # fmt: skip
     return hashlib.blake2b(repr(made_from).encode(), digest_size=16).hexdigest()
 
@@ -72,7 +73,7 @@ def make_layer(
         look = replace(look, unit=RAMP_THICKNESS * float((volume.spacing * volume.shape_xyz).max()))
     transfer = make_transfer_function(look, volume.finest_spacing)
     if (labels := spec.transfer_function.labels) is not None:
-        volume = number_labels(volume, [style.value for style in labels.styles])
+        volume = number_labels(volume, labels.values)
     projection = make_projection(scene.mode, transfer, volume)
     optics = transfer if projection is None else projection.optics
     light_grid = NO_LIGHT_GRID

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 from renderer.looks.tables import labels_look
+from renderer.volume import Label
 
 _NUMBER = r"[-+.\deE]+"
 _ITK_SNAP = re.compile(rf'(\d+)\s+({_NUMBER})\s+({_NUMBER})\s+({_NUMBER})\s+({_NUMBER})\s+([01])\s+[01]\s+".*"')
@@ -39,6 +41,16 @@ def read_itk_snap(file: LookFile) -> Look:
 def read_fsleyes(file: LookFile) -> Look:
     """Return the table with rows of label, red, green and blue from 0 to 1, and name."""
     return labels_look(file, ((*row, 1) for row in _rows(file, _FSLEYES)), 1.0)
+
+
+def read_label_table(path: Path) -> tuple[Label, ...]:
+    """Return the labels of a table, by value; raises InputError for a file that is none."""
+    raise NotImplementedError(path)
+
+
+def find_label_table(volume_file: Path) -> Path | None:
+    """Return the first file beside a volume that is named like a table of its labels and is one."""
+    raise NotImplementedError(volume_file)
 
 
 def _rows(file: LookFile, pattern: re.Pattern[str]) -> Iterator[tuple[object, ...]]:

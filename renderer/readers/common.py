@@ -19,7 +19,7 @@ import numpy.typing as npt
 from renderer.errors import InputError
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, join_some, missing_file_error, short_text
 from renderer.system import free_bytes, free_swap_bytes
-from renderer.volume import Array, Channel, Float64, MappedFile, iter_slabs
+from renderer.volume import Array, Channel, Float64, Label, MappedFile, iter_slabs
 
 # Larger volumes are refused, whatever their header says: a corrupt header must not exhaust the machine's memory.
 MAX_VOLUME_BYTES = 2**40
@@ -54,6 +54,7 @@ class Image:
     notes: remarks on how they were read; None stands for none.
     nodata: ranges of values, both ends included, that stand for no data by what the file says.
     channels: of each component, where there are several.
+    labels: those that the file describes, by value.
     """
 
     values: Array
@@ -61,6 +62,7 @@ class Image:
     notes: tuple[str | None, ...] = ()
     nodata: tuple[tuple[float, float], ...] = ()
     channels: tuple[Channel, ...] = ()
+    labels: tuple[Label, ...] = ()
 
 
 def describe_count(n: int) -> str:

@@ -84,9 +84,8 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
     check_integer_resolution(values, file)
     made = make_volume(values, image.world_from_index, name, file, num_absent=num_absent)
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
-    return replace(
-        made, file_spacing=replaced, note="; ".join([*notes, *filter(None, [note])]) or None, channels=channels
-    )
+    remarks = "; ".join([*notes, *filter(None, [note])]) or None
+    return replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
 
 
 def _name(source: FileSource | RawSource | ProceduralSource | ArraySource) -> str:

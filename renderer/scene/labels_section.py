@@ -36,31 +36,44 @@ class LabelsSpec:
     colors: `auto`, as different as possible; `table`, those of the volume's table of labels; or pairs of a label and a
         colour. Labels without one have the table's; without a table, too, as different ones as possible. None: as if no
         pair was given.
-    opacity: of all labels, or pairs of a label and its opacity; others are opaque. show: labels, None for all but 0,
-        without those of `hide`. names: the file of a table, or pairs of a number and a name; None: the table in the
-        volume's file, or beside it.
+    opacity: of all labels, or pairs of a label and its opacity; others are opaque. None: the table's.
+    show: labels, None for all but 0, without those of `hide`.
+    names: the file of a table, or pairs of a number and a name; None: the table in the volume's file, or beside it.
     """
 
     colors: Literal["auto", "table"] | tuple[tuple[LabelKey, Color], ...] | None = None
-    opacity: float | tuple[tuple[LabelKey, float], ...] = 1.0
+    opacity: float | tuple[tuple[LabelKey, float], ...] | None = None
     show: tuple[LabelKey, ...] | None = None
     hide: tuple[LabelKey, ...] = ()
     names: Path | tuple[tuple[int, str], ...] | None = None
 
     @property
-    def is_resolved(self) -> bool:
-        """Return whether each label that is shown has a number and a colour here."""
+    def has_numbers(self) -> bool:
+        """Return whether it is known by their numbers which labels are shown."""
+        return self.show is not None and not self.hide and all(isinstance(label, int) for label in self.show)
+
+    @property
+    def has_colors(self) -> bool:
+        """Return whether the numbers and colours of the labels that are shown are known."""
         colors = dict(self.colors) if isinstance(self.colors, tuple) else {}
-        return self.show is not None and not self.hide and all(label in colors for label in self.show)
+        return self.has_numbers and all(label in colors for label in self.show or ())
+
+    @property
+    def values(self) -> tuple[int, ...]:
+        """Return the values of labels that are shown, ascending, of a choice that has numbers."""
+        assert self.has_numbers
+        return tuple(sorted({label for label in self.show or () if isinstance(label, int)}))
 
     @property
     def styles(self) -> tuple[LabelStyle, ...]:
-        """Return the labels that are shown, by value, of a choice that is resolved."""
-        assert self.is_resolved and isinstance(self.colors, tuple) and self.show is not None
+        """Return the labels that are shown, by value, of a choice that has colours."""
+        assert self.has_colors and isinstance(self.colors, tuple)
         colors, names = dict(self.colors), dict(self.names) if isinstance(self.names, tuple) else {}
-        opacities = dict(self.opacity) if isinstance(self.opacity, tuple) else dict.fromkeys(self.show, self.opacity)
-        shown = sorted(label for label in self.show if isinstance(label, int))
-        return tuple(LabelStyle(each, names.get(each, ""), colors[each], opacities.get(each, 1.0)) for each in shown)
+        opacities: dict[Any, float] = dict(self.opacity) if isinstance(self.opacity, tuple) else {}
+        default = self.opacity if isinstance(self.opacity, float) else 1.0
+        return tuple(
+            LabelStyle(each, names.get(each, ""), colors[each], opacities.get(each, default)) for each in self.values
+        )
 
 
 def _label_key(value: object) -> LabelKey | None:

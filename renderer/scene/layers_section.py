@@ -62,6 +62,13 @@ class LayerSpec:
     range: tuple[float, float] | None = None
     mask: MaskSpec | None = None
 
+    @property
+    def asks_files(self) -> bool:
+        """Return whether it leaves channels or labels to its files."""
+        labels, mask = self.transfer_function.labels, self.mask
+        has_open_labels = labels is not None and not labels.has_colors
+        return self.volume.component == "all" or has_open_labels or (mask is not None and not mask.labels.has_numbers)
+
 
 _OWN_TABLE: schema.FieldTable = {
     "name": schema.text_field("a name", "no name", str.strip),

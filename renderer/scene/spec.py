@@ -84,10 +84,16 @@ class Scene:
 
     @property
     def layers(self) -> tuple[LayerSpec, ...]:
-        """Return what is drawn: the volumes, or the only one. Those without shading have the scene's."""
+        """Return what is drawn: the volumes, or the only one. Those without shading or mask have the scene's."""
         if not self.volumes:
             return (LayerSpec(self.volume, self.transfer_function, self.shading, mask=self.mask),)
-        return tuple(replace(layer, shading=layer.shading or self.shading) for layer in self.volumes)
+        shading, mask = self.shading, self.mask
+        return tuple(replace(each, shading=each.shading or shading, mask=each.mask or mask) for each in self.volumes)
+
+    @property
+    def asks_files(self) -> bool:
+        """Return whether it leaves channels or labels to its files."""
+        return any(layer.asks_files for layer in self.layers)
 
     @property
     def needs_opengl(self) -> bool:
@@ -237,7 +243,7 @@ def _with_look(value: Scene | LayerSpec, plain: dict[str, Any]) -> dict[str, Any
 
 
 def _of_mask(mask: MaskSpec, plain: dict[str, Any]) -> dict[str, Any]:
-    labels = {key: item for key, item in plain.pop("labels").items() if key != "opacity"}
+    labels = {key: item for key, item in plain.pop("labels").items() if key != "colors"}
     return _with_own_keys(plain.pop("volume"), labels | plain)
 
 

@@ -1,9 +1,10 @@
-from .channels import channel_layers as channel_layers, with_channels as with_channels
+from .channels import channel_layers as channel_layers
 from .histogram import (
     Statistics as Statistics,
     compute_statistics as compute_statistics,
     rebin as rebin,
 )
+from .label_choice import resolve_scene as resolve_scene
 from .opacity import format_percent as format_percent
 from .over import suggest_over as suggest_over
 from .suggestion import Suggestion as Suggestion

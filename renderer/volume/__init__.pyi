@@ -10,6 +10,7 @@ from .arrays import (
     UInt64 as UInt64,
 )
 from .channel import Channel as Channel
+from .label import Label as Label
 from .mapped_file import (
     MappedFile as MappedFile,
     backing_file as backing_file,

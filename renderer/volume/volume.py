@@ -11,6 +11,7 @@ import numpy as np
 
 from renderer.volume.arrays import Array, Bools, Float64
 from renderer.volume.channel import Channel
+from renderer.volume.label import Label
 from renderer.volume.mapped_file import MappedFile, iter_slabs
 
 
@@ -32,6 +33,7 @@ class Volume:
     channels: all components of the file that it is from; none where that has one.
     is_labels: whether the values are numbers of labels, 0 for none, and nothing lies between two of them.
     mask: where it is shown: a volume of labels on a grid of its own, whose number there is 1; None for everywhere.
+    labels: those that the file itself describes, by value.
     """
 
     values: Array
@@ -45,6 +47,7 @@ class Volume:
     channels: tuple[Channel, ...] = ()
     is_labels: bool = False
     mask: Volume | None = None
+    labels: tuple[Label, ...] = ()
 
     def require_unchanged(self) -> None:
         """Raise InputError if the values are mapped from a file that has changed."""

@@ -1,0 +1,226 @@
+"""Write out what a scene leaves to its volumes of labels: which labels there are, and their names and colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import InputError, Problem, closest_match
+from renderer.looks import find_label_table, read_label_table
+from renderer.scene import (
+    MAX_LABELS,
+    Color,
+    FileSource,
+    LabelKey,
+    LabelsSpec,
+    MaskSpec,
+    Scene,
+    TransferSpec,
+    VolumeSpec,
+    colormap_points,
+    format_value,
+    raise_problems,
+)
+from renderer.suggest.channels import with_channels
+from renderer.suggest.palette import distinct_colors
+from renderer.volume import Label, Volume, iter_slabs
+
+_PALETTE: tuple[Color, ...] = (
+    (0.90, 0.47, 0.29),
+    (0.29, 0.56, 0.85),
+    (0.91, 0.77, 0.28),
+    (0.37, 0.71, 0.42),
+    (0.69, 0.42, 0.78),
+    (0.31, 0.77, 0.77),
+    (0.85, 0.34, 0.48),
+    (0.60, 0.66, 0.29),
+    (0.54, 0.48, 0.85),
+    (0.79, 0.60, 0.42),
+)
+# Up to this many labels have colours that are as different as possible; more take those of a colormap in turn.
+_MAX_DISTINCT_COLORS, _MANY_LABELS_COLORMAP = 255, "glasbey"
+
+
+@dataclass(frozen=True)
+class KnownLabels:
+    """What is known of the labels of a volume.
+
+    num_voxels: of each label that it has, by value. table: what its file, or a table, says of labels, by value.
+    """
+
+    num_voxels: dict[int, int]
+    table: dict[int, Label]
+
+    @property
+    def names(self) -> dict[int, str]:
+        """Return the names of labels that have one."""
+        return {value: label.name for value, label in self.table.items() if label.name}
+
+    def find(self, key: LabelKey) -> list[int]:
+        """Return the values of a label that is in the volume or in the table; of a name several may be."""
+        if isinstance(key, int):
+            return [key] * (key in self.num_voxels or key in self.table)
+        return [value for value, name in self.names.items() if name == key]
+
+    def hint(self, key: LabelKey) -> str | None:
+        """Return a hint with the label that is most like one that is not known."""
+        if isinstance(key, str):
+            close = closest_match(key, self.names.values())
+            return f"did you mean {close}?" if close else None if self.names else "its labels have no names"
+        return f"the nearest is {min(self.num_voxels, key=lambda value: abs(value - key))}"
+
+
+def with_labels(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
+    """Return a scene in which all labels that are shown have their number, colour and name.
+
+    read: reads the voxels of volumes whose labels are not known yet. Raises SceneError for labels that are not there,
+    and InputError for volumes that are no labels and tables that cannot be read.
+    """
+    problems: list[Problem] = []
+
+    def transfer(spec: TransferSpec, volume: VolumeSpec, place: str) -> TransferSpec:
+        labels = spec.labels
+        if labels is None or labels.has_colors:
+            return spec
+        known = known_labels(volume, read(volume), labels)
+        return replace(spec, mapping=choose_labels(labels, known, f"{place}labels", problems))
+
+    def mask(spec: MaskSpec | None, place: str) -> MaskSpec | None:
+        if spec is None or spec.labels.has_numbers or not isinstance(spec.volume, VolumeSpec):
+            return spec
+        known = known_labels(spec.volume, read(spec.volume), spec.labels)
+        chosen = choose_labels(spec.labels, known, f"{place}mask", problems)
+        return replace(spec, labels=LabelsSpec(show=chosen.show))
+
+    volumes = []
+    for number, layer in enumerate(scene.volumes):
+        place = f"volumes.{number}."
+        look = transfer(layer.transfer_function, layer.volume, place)
+        volumes.append(replace(layer, transfer_function=look, mask=mask(layer.mask, place)))
+    first = volumes[0].transfer_function if volumes else transfer(scene.transfer_function, scene.volume, "")
+    found = replace(scene, transfer_function=first, volumes=tuple(volumes), mask=mask(scene.mask, ""))
+    raise_problems(problems)
+    return found
+
+
+def resolve_scene(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
+    """Return a scene that says itself what it leaves to its files: channels and labels. Raises as their functions."""
+    return with_labels(with_channels(scene, read), read)
+
+
+def known_labels(spec: VolumeSpec, volume: Volume, labels: LabelsSpec) -> KnownLabels:
+    """Return what is known of the labels of a volume, whose values they are.
+
+    labels: whose names go before those of a table. Raises InputError for a volume that is no labels.
+    """
+    table = {label.value: label for label in _table_of(spec, volume, labels)}
+    if isinstance(labels.names, tuple):
+        table |= {value: replace(table.get(value, Label(value)), name=name) for value, name in labels.names}
+    return KnownLabels(count_labels(volume), table)
+
+
+def _table_of(spec: VolumeSpec, volume: Volume, labels: LabelsSpec) -> Sequence[Label]:
+    if isinstance(labels.names, Path):
+        return read_label_table(labels.names)
+    if volume.labels or not isinstance(spec.source, FileSource):
+        return volume.labels
+    beside = find_label_table(spec.source.file)
+    return () if beside is None else read_label_table(beside)
+
+
+def count_labels(volume: Volume) -> dict[int, int]:
+    """Return the number of voxels of each label, ascending by value.
+
+    Raises InputError for values that are no whole numbers, and for more than MAX_LABELS.
+    """
+    found: dict[int, int] = {}
+    start = 0
+    for slab in iter_slabs(volume.values, volume.source):
+        values, counts = np.unique(slab[~np.isnan(slab)] if volume.num_absent else slab, return_counts=True)
+        is_whole = values == np.trunc(values)
+        if not is_whole.all():
+            value = values[~is_whole][0]
+            z, y, x = np.argwhere(slab == value)[0].tolist()
+            raise InputError(
+                "this volume is no map of labels", where=volume.name,
+                got=f"{float(value):.6g} in the voxel {[x, y, z + start]}", expected="whole numbers",
+                hint="a transfer_function shows values that are measured",
+            )  # fmt: skip
+        for label, count in zip(values.tolist(), counts.tolist(), strict=True):
+            found[int(label)] = found.get(int(label), 0) + count
+        if len(found) > MAX_LABELS:
+            raise InputError("too many labels", where=volume.name, expected=f"at most {MAX_LABELS}")
+        start += len(slab)
+    return dict(sorted(found.items()))
+
+
+def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: list[Problem]) -> LabelsSpec:
+    """Return the labels that are shown with their numbers, colours, opacities and names.
+
+    place: of the labels in the scene. problems: to which those of labels that are not there are added.
+    """
+
+    def values_of(key: LabelKey, path: str) -> Iterator[int]:
+        values = known.find(key)
+        if not values:
+            what, expected = "no such label in the volume", "the number or the name of one of its labels"
+            problems.append(Problem(f"{place}.{path}", what, format_value(key), expected, known.hint(key)))
+        yield from values
+
+    def by_value(pairs: Any, path: str) -> dict[int, Any]:
+        given = pairs if isinstance(pairs, tuple) else ()
+        return {value: item for key, item in given for value in values_of(key, f"{path}.{key}")}
+
+    def in_list(keys: Sequence[LabelKey], path: str) -> list[int]:
+        return [value for number, key in enumerate(keys) for value in values_of(key, f"{path}.{number}")]
+
+    present, hidden = [*known.num_voxels], in_list(spec.hide, "hide")
+    asked = [value for value in present if value] if spec.show is None else in_list(spec.show, "show")
+    colors, opacities = _colors_of(spec, known, present), by_value(spec.opacity, "opacity")
+    if isinstance(spec.opacity, float):
+        opacities = dict.fromkeys(present, spec.opacity)
+    elif spec.opacity is None:
+        opacities = {value: label.opacity for value, label in known.table.items() if label.opacity is not None}
+    colors |= by_value(spec.colors, "colors")
+    shown = [value for value in present if value in asked and value not in hidden and opacities.get(value, 1.0) > 0]
+    if not shown and not problems:
+        problems.append(Problem(place, "no label is shown", expected=f"some of {format_value(present)}"))
+    if spec.colors == "table" and (missing := [value for value in shown if value not in known.table]):
+        what, expected = "the table has no such label", "a table with all labels that are shown"
+        problems.append(Problem(f"{place}.colors", what, format_value(missing), expected))
+    found = {value: opacities.get(value, 1.0) for value in shown}
+    names = tuple((value, known.names[value]) for value in shown if value in known.names)
+    return LabelsSpec(
+        colors=tuple((value, colors[value]) for value in shown),
+        opacity=next(iter(found.values())) if len(set(found.values())) == 1 else tuple(found.items()),
+        show=tuple(shown),
+        names=names or None,
+    )
+
+
+def _colors_of(spec: LabelsSpec, known: KnownLabels, present: Sequence[int]) -> dict[int, Color]:
+    """Return the colours of labels for which the scene itself has none."""
+    rest = [value for value in present if value]
+    colors = dict(zip(rest, label_colors(len(rest)), strict=True)) | {0: (1.0, 1.0, 1.0)}
+    if spec.colors != "auto":
+        colors |= {value: label.color for value, label in known.table.items() if label.color is not None}
+    return colors
+
+
+@cache
+def label_colors(num: int) -> tuple[Color, ...]:
+    """Return colours for this many labels, which differ as much as possible."""
+    if num <= _MAX_DISTINCT_COLORS:
+        return tuple(map(_in_8_bits, distinct_colors(_PALETTE, num)))
+    colors = colormap_points(_MANY_LABELS_COLORMAP, _MAX_DISTINCT_COLORS + 1)
+    return tuple(_in_8_bits(colors[number % len(colors)]) for number in range(num))
+
+
+def _in_8_bits(color: Sequence[float]) -> Color:
+    red, green, blue = (round(255 * part) / 255 for part in color)
+    return red, green, blue
