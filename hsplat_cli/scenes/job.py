@@ -82,8 +82,8 @@ def load_job(
 
 
 def _with_channels(scene: Scene) -> Scene:
-    """Return a scene with the channels of its volumes in place of `component: all`, for which their files are read."""
-    if all(layer.volume.component != "all" for layer in scene.layers):
+    """Return a scene in which what depends on voxels is chosen, as by `with_channels`; for that, files are read."""
+    if not any(layer.depends_on_voxels for layer in scene.layers):
         return scene
     from renderer.readers import read_volume
     from renderer.suggest import with_channels

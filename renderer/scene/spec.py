@@ -36,7 +36,7 @@ from renderer.scene.schema import INVALID
 from renderer.scene.shading_section import ShadingSpec
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
 from renderer.scene.transfer_section import TRANSFER_FUNCTION_SECTION, ColormapSpec, TransferSpec
-from renderer.scene.volume_section import VOLUME_SECTION, ArraySource, FileSource, VolumeSpec
+from renderer.scene.volume_section import VOLUME_SECTION, WITHOUT_TRANSFER, ArraySource, FileSource, VolumeSpec
 
 VERSION = 1
 
@@ -138,7 +138,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     node = schema.TreeNode(tree, "", problems, base)
     has_volumes = isinstance(tree, Mapping) and "volumes" in tree
     only = tree.get("volume") if isinstance(tree, Mapping) and not has_volumes else None
-    of_channels = isinstance(only, Mapping) and only.get("component") == "all"
+    of_channels = isinstance(only, Mapping) and only.get("component") in WITHOUT_TRANSFER
     left_out = _OF_ONE_VOLUME if has_volumes else ("transfer_function",) if of_channels else ()
     required = [key for key in schema.required_keys(Scene) if key not in left_out]
     given = schema.read_fields(node, _SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)

@@ -1,16 +1,19 @@
-from .channels import channel_layers as channel_layers, with_channels as with_channels
+from .channels import channel_layers as channel_layers
 from .histogram import (
     Statistics as Statistics,
     compute_statistics as compute_statistics,
     rebin as rebin,
 )
 from .opacity import format_percent as format_percent
+from .open_layers import with_channels as with_channels
 from .over import suggest_over as suggest_over
 from .suggestion import Suggestion as Suggestion
 from .turntable import PRESET_WORDS as PRESET_WORDS, FilmOptions as FilmOptions
 from .volume_suggestion import (
     VolumeSuggestion as VolumeSuggestion,
+    read_in_colors as read_in_colors,
     suggest as suggest,
     suggest_for as suggest_for,
+    suggest_read as suggest_read,
 )
 from .wishes import WISHES as WISHES, Wish as Wish

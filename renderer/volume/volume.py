@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from renderer.volume.arrays import Array, Bools, Float64
+from renderer.volume.arrays import Array, Bools, Float64, UInt8
 from renderer.volume.channel import Channel
 from renderer.volume.mapped_file import MappedFile, iter_slabs
 
@@ -30,6 +30,8 @@ class Volume:
     file_spacing: the spacing in the file, if the scene gives another; else None.
     note: a remark on how the volume was read.
     channels: all components of the file that it is from; none where that has one.
+    colors: uint8 [z, y, x, 3], read-only, of voxels that are colours; the values are then their luminance or their
+        alpha.
     """
 
     values: Array
@@ -41,6 +43,7 @@ class Volume:
     file_spacing: tuple[float, float, float] | None = None
     note: str | None = None
     channels: tuple[Channel, ...] = ()
+    colors: UInt8 | None = None
 
     def require_unchanged(self) -> None:
         """Raise InputError if the values are mapped from a file that has changed."""
@@ -102,9 +105,15 @@ class Volume:
 
 
 def make_volume(
-    values: Array, world_from_index: Float64, name: str, source: MappedFile | None = None, *, num_absent: int = 0
+    values: Array,
+    world_from_index: Float64,
+    name: str,
+    source: MappedFile | None = None,
+    *,
+    num_absent: int = 0,
+    colors: UInt8 | None = None,
 ) -> Volume:
-    """Make a Volume around `values`, which become read-only and are not copied.
+    """Make a Volume around `values`, and `colors` of its voxels, which become read-only and are not copied.
 
     values: [z, y, x], native byte order, C-contiguous, an integer or float dtype; finite, but for `num_absent` NaN.
     world_from_index: float64 [4, 4].
@@ -120,7 +129,10 @@ def make_volume(
     digest.update(placed.data.cast("B"))
     for slab in iter_slabs(values, source):
         digest.update(slab.data.cast("B"))
-    return Volume(values, placed, name, digest.hexdigest(), source, num_absent)
+    if colors is not None:
+        colors.flags.writeable = False
+        digest.update(colors.data.cast("B"))
+    return Volume(values, placed, name, digest.hexdigest(), source, num_absent, colors=colors)
 
 
 def move_volume(volume: Volume, matrix: Float64) -> Volume:
