@@ -483,6 +483,7 @@ struct LayerOptics {
     Intervals intervals;
     Maybe<RayShading> shading;
     double weight;
+    Maybe<Sized<const uint8_t, 4, 3>> colors;
 };
 
 // rays: of each layer. adds: whether what is behind is seen as if nothing were before it.
