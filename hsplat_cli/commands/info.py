@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +39,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     VOLUME is a file, or a folder of slices. The last part of the output suggests a transfer function to paste into
     a scene file, and says what it shows. Of a folder of several volumes it lists them, as of a scene file.
     """
-    from renderer.suggest import compute_statistics, suggest
+    from renderer.suggest import Wish, read_in_colors, suggest_read
 
     if reading["component"] == "all":
         raise InputError("this describes one component", where="--component all", hint="leave it out: all are listed")
@@ -53,9 +54,10 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
         table = format_table([list(rows[0]), *(list(map(str, row.values())) for row in rows)])
         reporter.result(join_lines(json.dumps(rows, indent=2).splitlines()) if as_json else table)
         return
-    read = read_with_options(volume_spec(volume, reading), reporter)
-    statistics = compute_statistics(read.values, read.source)
-    suggestion = suggest(read, statistics)
+    spec = volume_spec(volume, reading)
+    first = read_with_options(spec, reporter)
+    spec, read, statistics = read_in_colors(spec, first, partial(read_with_options, reporter=Reporter(is_quiet=True)))
+    suggestion = suggest_read(spec, read, statistics, Wish()).suggestion
     facts = _facts(read, statistics, suggestion)
     text_lines = [*_fact_lines(facts, _histogram_marks()), *_suggestion_lines(suggestion)]
     reporter.result(join_lines(json.dumps(facts, indent=2).splitlines() if as_json else text_lines))

@@ -82,8 +82,8 @@ def load_job(
 
 
 def _resolved(scene: Scene) -> Scene:
-    """Return a scene that says itself which channels and labels its volumes have, for which their files are read."""
-    if not scene.asks_files:
+    """Return a scene in which what depends on voxels is chosen, as by `resolve_scene`; for that, files are read."""
+    if not any(layer.depends_on_voxels for layer in scene.layers):
         return scene
     from renderer.readers import read_volume
     from renderer.suggest import resolve_scene

@@ -19,6 +19,7 @@ from .means import (
     MAX_CACHE_BYTES as MAX_CACHE_BYTES,
     MIN_BRICKS_PER_THREAD as MIN_BRICKS_PER_THREAD,
     MeanCache as MeanCache,
+    color_texels as color_texels,
 )
 from .pixel_grid import ScreenSampling as ScreenSampling
 from .sampling import (

@@ -4,7 +4,7 @@ A brick of level l is a node of level l + BRICK_LEVELS of the octree, filled wit
 level 0 with voxels. The field is linear between the centres of its cells, and between them and the cells of its
 neighbours at the same level, the halo, whatever is drawn there.
 
-    level 0     the scalar, classified after interpolation
+    level 0     the scalar, classified after interpolation; (tau c, tau) of voxels that are colours
     above       the means of (tau c, tau), classified before, which may be interpolated
 """
 
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells, voxels_of
+from renderer.bricks.means import color_texels
 from renderer.bricks.node_statistics import NodeStatistics
 from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve
 from renderer.kernels import ThreadPool, kernels
@@ -37,6 +38,7 @@ from renderer.transfer import (
     PiecewiseTransfer,
     TransferFunction,
     make_piecewise_transfer,
+    make_transfer_table,
 )
 from renderer.volume import Bools, Float32, Float64, Volume
 
@@ -219,6 +221,8 @@ def _measure_voxels(
     bounds, measures = np.zeros((*shape, 2, 3), np.float32), np.zeros((3, *shape))
     if pyramid.of == "scalar":
         curve = make_scalar_curve(volume_range)
+    elif volume.colors is not None:  # the transfer function shows nothing between voxels
+        curve = make_transfer_table(np.zeros(1), np.zeros((1, 4)))
     else:
         brightest = lighting.light[3] + lighting.light[4] if lighting else 1.0
         curve = make_channel_curve(transfer, volume.finest_spacing, pyramid.measure == "rms", brightest, volume_range)
@@ -230,6 +234,13 @@ def _measure_voxels(
     def work(part: slice) -> None:
         volume.require_unchanged()
         measure(cells=cells[part])
+        if volume.colors is not None:
+            x, y, z = cells[part].T
+            shown = cells[part][bounds[z, y, x, 1, 0] > 0]
+            kernels().measure_differences(
+                texels=color_texels(pyramid, shown), cells=shown, shape=volume.values.shape,
+                is_opacity=pyramid.measure == "rms", measures=measures,
+            )  # fmt: skip
 
     with ThreadPool(num_threads) as pool:
         pool.map(work, _parts(len(cells)))

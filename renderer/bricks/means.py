@@ -23,7 +23,7 @@ from renderer.pyramid import (
     visible_children,
 )
 from renderer.transfer import raw_voxels
-from renderer.volume import Array, Int32
+from renderer.volume import Array, Float32, Int32
 
 # Most memory of cached bricks.
 MAX_CACHE_BYTES = 256 << 20
@@ -82,6 +82,27 @@ def stored_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
         x, y, z = (found - first).T
         packed_channels(out)[z, y, x] = packed_channels(of_level)[nodes]
     return means
+
+
+def color_texels(pyramid: Pyramid, cells: Int32) -> Float32:
+    """Return (tau c, tau) times the finest spacing of the voxels of bricks at `cells` [n, 3] (x, y, z) and of their
+    halo, float32 [n, 18, 18, 18, 4]; beyond the volume's border the nearest voxel is repeated.
+
+    Raises InputError where the volume's file was changed.
+    """
+    volume, corners = pyramid.volume, BRICK_SIZE * cells.astype(np.int64) - HALO
+    texels = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
+    volume.require_unchanged()
+    kernels().average_cells(
+        raw=raw_voxels(volume), classifier=pyramid.classifier, level=0, corners=corners, means=texels
+    )
+    volume.require_unchanged()
+    places = np.arange(PADDED_BRICK_SIZE)
+    for corner, brick in zip(corners[:, ::-1].tolist(), texels, strict=True):
+        nearest = [np.clip(places, -at, num - 1 - at) for at, num in zip(corner, volume.values.shape, strict=True)]
+        if any((near != places).any() for near in nearest):
+            brick[...] = brick[np.ix_(*nearest)]
+    return texels
 
 
 def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:

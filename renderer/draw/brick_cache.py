@@ -20,6 +20,7 @@ from renderer.bricks import (
     BrickLayer,
     BrickLayers,
     MeanCache,
+    color_texels,
     mean_texels,
     scalar_texels,
 )
@@ -163,7 +164,11 @@ class BrickCache:
     def __init__(self, bricks: BrickLayers, threads: ThreadPool) -> None:
         self._threads = threads
         num_scalars, *nums = (level.errors.size for level in bricks.levels)
-        self.scalars = [Atlas(4 if layer.shading else 1, num_scalars, has_gradients=True) for layer in bricks.layers]
+        colored = [layer.bricks.volume.colors is not None for layer in bricks.layers]
+        self.scalars = [
+            Atlas(4 if layer.shading or has_colors else 1, num_scalars, has_gradients=not has_colors)
+            for layer, has_colors in zip(bricks.layers, colored, strict=True)
+        ]
         self.means = Atlas(4, sum(nums))
         self._computed = [MeanCache(threads) for _ in bricks.layers]
         self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
@@ -238,6 +243,8 @@ class BrickCache:
 
     def _scalar_texels(self, layer: BrickLayer, cells: Int32, among: Int64, chosen: Int64) -> Float32:
         make = partial(scalar_texels, layer.bricks, lit=layer.shading is not None)
+        if layer.bricks.volume.colors is not None:
+            make = partial(color_texels, layer.bricks.pyramid)
         return self._threads.map_concatenated(make, cells[among[chosen]], MIN_BRICKS_PER_THREAD)
 
     def _mean_texels(self, brick_view: BrickView, cells: Int32, among: Int64, chosen: Int64) -> Float32:

@@ -1,4 +1,5 @@
 from .color_spaces import lab_from_rgb as lab_from_rgb
+from .curves import linear_in_extinction as linear_in_extinction
 from .label_tables import find_label_table as find_label_table, read_label_table as read_label_table
 from .look import (
     MAX_LOOK_POINTS as MAX_LOOK_POINTS,

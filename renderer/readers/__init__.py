@@ -5,7 +5,7 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
 
 - `read.py` chooses the reader, crops and checks; `nodata.py`: which voxels have no data; `sniff.py` finds formats and
   volumes in folders; `foreign.py` names files that are not read, by `foreign.tsv`; `common.py`: the checks that hold
-  for all formats.
+  for all formats; `colors.py` joins the components of colours.
 - `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `mgh.py`, `mrc.py`, `arrays.py` (.npy, .npz, raw), `cube.py`: parsed
   in Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and decompresses
   voxels.

@@ -1,3 +1,4 @@
+from .common import are_colors as are_colors
 from .read import header_and_voxel_files as header_and_voxel_files, read_volume as read_volume
 from .sniff import (
     TIFF_SUFFIXES as TIFF_SUFFIXES,

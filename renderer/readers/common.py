@@ -286,8 +286,10 @@ def choice_notes(
     about = {axis: f" (by {short_text(name)})" for axis, name in by_axis.items()}
     if len(names) == lengths.get("c"):
         about["c"] = f" ({join_some(names)})"
+    hints = {"c": "; `component: color` draws the colours" * (lengths.get("c") in (3, 4))}
     return tuple(
         f"{lengths[letter]} {key}s{about.get(letter, '')}; the first is drawn; `{key}: k` chooses another"
+        f"{hints.get(letter, '')}"
         for letter, key, wanted in (("t", "time", time), ("c", "component", component))
         if wanted is None and lengths.get(letter, 1) > 1
     )
@@ -310,6 +312,15 @@ def are_light(image: Image) -> bool:
         return False
     may_be_light = image.values.dtype.kind != "f" and (image.values.itemsize > 1 or len(image.channels) not in (3, 4))
     return all(may_be_light if each.is_light is None else each.is_light for each in image.channels)
+
+
+def are_colors(dtype: npt.DTypeLike, channels: Sequence[Channel]) -> bool:
+    """Return whether components are those of a colour: by their names, else as three or four bytes, no light."""
+    names = [each.name for each in channels]
+    if len(names) not in (3, 4) or any(each.is_light for each in channels):
+        return False
+    are_numbered = all(not name or name.endswith(f"[{number}]") for number, name in enumerate(names))
+    return names[:3] == ["R", "G", "B"] or (np.dtype(dtype) == np.uint8 and are_numbered)
 
 
 def fitting_shapes(shape_xyz: tuple[int, ...], itemsize: int, num_bytes: int) -> list[tuple[int, ...]]:

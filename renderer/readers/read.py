@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
+from renderer.readers.colors import join_colors
 from renderer.readers.common import (
     GUESSED_LENGTHS,
     Image,
+    are_colors,
     are_light,
     check_axes,
     check_dtype,
@@ -39,7 +41,7 @@ def read_volume(spec: VolumeSpec) -> Volume:
     """Return the volume that `spec` describes, cropped, checked and read-only.
 
     A crop moves the affine along, so that voxels keep their place in the world. Of `component: all` it is the first,
-    without a note on the others where each is light of its own. Raises InputError for every problem
+    without a note on the others where each is light of its own or part of a colour. Raises InputError for every problem
     with a file or with the part of it that is requested, lack of memory included. A large file that becomes shorter,
     now or later, is such an error, too, and no signal that kills.
     """
@@ -66,10 +68,14 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
     check_lengths(image.world_from_index)
     crop, lengths = spec.crop or (None, None, None), image.values.shape[::-1]
     ranges = tuple(pair or (0, length) for pair, length in zip(crop, lengths, strict=True))
-    image = crop_image(image, ranges)
+    image, colors = crop_image(image, ranges), None
+    if isinstance(spec.component, str) and spec.has_colors:
+        image, colors = join_colors(
+            image, spec.component, lambda k: crop_image(_load(replace(spec, component=k)), ranges)
+        )
     notes = [each for each in image.notes if each and (spacing is None or not each.startswith(GUESSED_LENGTHS))]
     is_light = are_light(image)
-    if spec.component == "all" and is_light:
+    if spec.component == "all" and (is_light or are_colors(image.values.dtype, image.channels)):
         notes = [each for each in notes if not each.startswith(f"{len(image.channels)} components")]
     first = tuple(begin for begin, _ in ranges)
     mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
@@ -82,7 +88,7 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
         mapped.require_unchanged()
     file = file if values is image.values else None
     check_integer_resolution(values, file)
-    made = make_volume(values, image.world_from_index, name, file, num_absent=num_absent)
+    made = make_volume(values, image.world_from_index, name, file, num_absent=num_absent, colors=colors)
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
     remarks = "; ".join([*notes, *filter(None, [note])]) or None
     return replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
@@ -144,8 +150,10 @@ def _load_file(spec: VolumeSpec, path: Path, *, has_spacing_override: bool) -> I
 
 
 def _component(spec: VolumeSpec) -> int | None:
-    """Return the component that is read: of all, the first."""
-    return None if spec.component == "all" else spec.component
+    """Return the component that is read first: of all and of colours, number 0."""
+    if spec.has_colors:
+        return 0
+    return spec.component if isinstance(spec.component, int) else None
 
 
 def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:

@@ -14,7 +14,7 @@ from renderer.scene.labels_section import MASK_SECTION, MaskSpec
 from renderer.scene.message_text import did_you_mean
 from renderer.scene.mode_section import ModeSpec, check_mode, check_optics
 from renderer.scene.schema import INVALID, Color, TreeNode
-from renderer.scene.shading_section import ShadingSpec, check_shading
+from renderer.scene.shading_section import ShadingSpec, check_shading, pointwise_keys
 from renderer.scene.splat_section import SplatSpec
 from renderer.scene.transfer_section import (
     LABELS_FIELD,
@@ -22,8 +22,15 @@ from renderer.scene.transfer_section import (
     VALUE_RANGE_FIELD,
     ControlPoint,
     TransferSpec,
+    check_colors_given,
 )
-from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, VolumeSpec, build_volume
+from renderer.scene.volume_section import (
+    TRANSFORM_FIELD,
+    VOLUME_TABLE,
+    WITHOUT_TRANSFER,
+    VolumeSpec,
+    build_volume,
+)
 
 MAX_WEIGHT = 1e6
 # By the volume's longest side: how thick the brightest of a ramp must be for an optical depth of 1.
@@ -36,7 +43,7 @@ _CONTRADICTS = {
 _RAMP_OPACITY = -math.expm1(-1.0)
 
 
-# Stands for what each channel of a volume with `component: all` has of its own.
+# Stands for what each channel of a volume with `component: all` has of its own, and for what suits colours.
 OF_CHANNELS = TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0), ControlPoint(1.0, (1.0, 1.0, 1.0), 1.0)))
 
 
@@ -63,11 +70,12 @@ class LayerSpec:
     mask: MaskSpec | None = None
 
     @property
-    def asks_files(self) -> bool:
-        """Return whether it leaves channels or labels to its files."""
+    def depends_on_voxels(self) -> bool:
+        """Return whether the voxels must be read to say how they are shown."""
         labels, mask = self.transfer_function.labels, self.mask
+        is_open = self.volume.component == "all" or (self.volume.has_colors and self.transfer_function == OF_CHANNELS)
         has_open_labels = labels is not None and not labels.has_colors
-        return self.volume.component == "all" or has_open_labels or (mask is not None and not mask.labels.has_numbers)
+        return is_open or has_open_labels or (mask is not None and not mask.labels.has_numbers)
 
 
 _OWN_TABLE: schema.FieldTable = {
@@ -92,7 +100,7 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
         for key in schema.valid_keys(own, "color", "range"):
             node.key(key).reject(f"contradicts {node.path}.transfer_function", expected="one of them")
         own.pop("color", None), own.pop("range", None)
-    elif volume.component == "all" and not own.keys() & {"color", "range"}:
+    elif volume.component in WITHOUT_TRANSFER and not own.keys() & {"color", "range"}:
         own["transfer_function"] = OF_CHANNELS
     elif not own.keys() & {"color", "range"}:
         expected = "transfer_function, labels, or color with range"
@@ -174,11 +182,17 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
         key = "volumes" if "volumes" in given else "volume"
         node.key(key).reject("splats show one volume", got=got, expected=expected)
     check_mode(node, given)
-    for place, transfer, shading in _layers_of(node, given):
+    for place, volume, transfer, shading in _layers_of(node, given):
         check_shading(place.child("shading"), {**given, "shading": shading})
         check_optics(place, given.get("mode", ModeSpec()), transfer, shading)
         if isinstance(transfer, TransferSpec) and transfer.labels is not None:
             _check_labels(place, given, shading)
+        elif getattr(volume, "has_colors", False):
+            own = (place, shading) if shading is not None else (node, given.get("shading"))
+            _check_colors(node, given, f"contradicts component: {volume.component}", own)
+        else:
+            section = place.value.get("transfer_function") if isinstance(place.value, Mapping) else None
+            check_colors_given(place.child("transfer_function", section))
 
 
 def _check_labels(node: TreeNode, given: Mapping[str, Any], shading: Any) -> None:
@@ -193,12 +207,25 @@ def _check_labels(node: TreeNode, given: Mapping[str, Any], shading: Any) -> Non
         node.child("shading").key("gradient_opacity").reject("contradicts labels", hint="labels have no gradients")
 
 
-def _layers_of(node: TreeNode, given: Mapping[str, Any]) -> Iterator[tuple[TreeNode, Any, Any]]:
-    """Yield the node of each layer, which is the scene's own for a single volume, its transfer function and shading."""
+def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, shaded: tuple[TreeNode, Any]) -> None:
+    """Refuse what cannot be drawn of voxels that are colours. shaded: the node with their shading, and this."""
+    place, shading = shaded
+    for key in pointwise_keys(shading) if isinstance(shading, ShadingSpec) else ():
+        hint = "colours are lit before they are interpolated: ambient, diffuse, occlusion and shadow remain"
+        place.child("shading").key(key).reject(contradicts, expected="", hint=hint)
+    if getattr(given.get("mode"), "is_projection", False):
+        node.key("mode").reject(contradicts, expected="emission_absorption", hint="`component: k` projects one of them")
+    if getattr(given.get("error"), "of", None) == "scalar":
+        node.child("error").key("of").reject(contradicts, expected="classified")
+
+
+def _layers_of(node: TreeNode, given: Mapping[str, Any]) -> Iterator[tuple[TreeNode, Any, Any, Any]]:
+    """Yield the node of each layer, which is the scene's own for a single volume, that, its transfer function and its
+    shading."""
     if "volumes" not in given:
-        yield node, given.get("transfer_function"), given.get("shading")
+        yield node, given.get("volume"), given.get("transfer_function"), given.get("shading")
     layers = given.get("volumes")
     for number, layer in enumerate(layers if isinstance(layers, tuple) else ()):
         if isinstance(layer, LayerSpec) and isinstance(node.value, Mapping):
             place = node.child("volumes").child(number, node.value["volumes"][number])
-            yield place, layer.transfer_function, layer.shading
+            yield place, layer.volume, layer.transfer_function, layer.shading

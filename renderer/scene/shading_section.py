@@ -70,7 +70,7 @@ class ShadingSpec:
     @property
     def is_pointwise(self) -> bool:
         """Return whether it is more than that, so that only samples between voxels can be shaded."""
-        return bool(_pointwise_keys(self))
+        return bool(pointwise_keys(self))
 
     @property
     def has_light_grid(self) -> bool:
@@ -87,10 +87,10 @@ class ShadingSpec:
         """Return the keys that ask for what only bricks can show."""
         dimming = {"occlusion": self.occlusion, "shadow": self.shadow}
         dims = [key for key, strength in dimming.items() if strength is not INVALID and strength > 0]
-        return [*_pointwise_keys(self), *dims]
+        return [*pointwise_keys(self), *dims]
 
 
-def _pointwise_keys(shading: ShadingSpec) -> list[str]:
+def pointwise_keys(shading: ShadingSpec) -> list[str]:
     """Return the keys that ask for what is computed at every sample: it depends on the view, or changes extinction."""
     asks = {
         "light": shading.light == "camera",
@@ -113,7 +113,7 @@ def check_shading(node: TreeNode, given: dict[str, Any]) -> None:
     for key in shading.keys_for_bricks if footprint in ("gaussian", "gouraud") else ():
         hint = "splats have one colour for all views: write splat: {footprint: integrated}, or leave splat out"
         node.key(key).reject("needs footprint: integrated", got=f"footprint: {footprint}", expected="", hint=hint)
-    for key in _pointwise_keys(shading):
+    for key in pointwise_keys(shading):
         if not isinstance(error, ErrorSpec):
             break
         place, hint = node.key(key), f"all visible voxels are drawn with {node.path}.{key}"

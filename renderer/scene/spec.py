@@ -37,7 +37,14 @@ from renderer.scene.schema import INVALID
 from renderer.scene.shading_section import ShadingSpec
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
 from renderer.scene.transfer_section import LABELS_FIELD, TRANSFER_FUNCTION_SECTION, ColormapSpec, TransferSpec
-from renderer.scene.volume_section import VOLUME_SECTION, VOLUME_TABLE, ArraySource, FileSource, VolumeSpec
+from renderer.scene.volume_section import (
+    VOLUME_SECTION,
+    VOLUME_TABLE,
+    WITHOUT_TRANSFER,
+    ArraySource,
+    FileSource,
+    VolumeSpec,
+)
 
 VERSION = 1
 
@@ -91,11 +98,6 @@ class Scene:
         return tuple(replace(each, shading=each.shading or shading, mask=each.mask or mask) for each in self.volumes)
 
     @property
-    def asks_files(self) -> bool:
-        """Return whether it leaves channels or labels to its files."""
-        return any(layer.asks_files for layer in self.layers)
-
-    @property
     def needs_opengl(self) -> bool:
         """Return whether it has splats; bricks are drawn by kernels."""
         return self.splat.footprint != "integrated"
@@ -146,7 +148,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     node = schema.TreeNode(tree, "", problems, base)
     has_volumes = isinstance(tree, Mapping) and "volumes" in tree
     only = tree.get("volume") if isinstance(tree, Mapping) and not has_volumes else None
-    of_channels = isinstance(only, Mapping) and only.get("component") == "all"
+    of_channels = isinstance(only, Mapping) and only.get("component") in WITHOUT_TRANSFER
     has_labels = isinstance(tree, Mapping) and "labels" in tree
     left_out = _OF_ONE_VOLUME if has_volumes else ("transfer_function",) if of_channels or has_labels else ()
     required = [key for key in schema.required_keys(Scene) if key not in left_out]

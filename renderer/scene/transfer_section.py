@@ -21,6 +21,7 @@ from renderer.scene.schema import INVALID, Color, TreeNode
 if TYPE_CHECKING:
     from renderer.looks import Look
 
+_WHITE: Color = (1.0, 1.0, 1.0)
 _NUMBER, _PART = schema.number_field(), schema.number_field(minimum=0, maximum=1)
 
 
@@ -155,10 +156,14 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
         return TransferSpec(points, unit)
     if not any(key in given for key in _COLORMAP_FIELDS):
         node.reject("no colors and opacities", got="", expected="points, colormap with range and opacity, or import")
+    elif _has_opacities_alone(given):
+        pairs = list(given["opacity"]) if isinstance(given["opacity"], tuple) else [INVALID]
+        _check_points(node.child("opacity"), [(INVALID, INVALID) if pair is INVALID else pair for pair in pairs], 0)
+        return TransferSpec(
+            tuple(pair if pair is INVALID else ControlPoint(pair[0], _WHITE, pair[1]) for pair in pairs), unit
+        )
     else:
-        for key in [key for key in _COLORMAP_FIELDS if key not in given and key != "opacity"]:
-            hint = "`hsplat info` shows the values of a volume" if key == "range" else None
-            _FIELDS[key].reject(node.child(key), "missing", hint=hint)
+        _require_colormap(node, given)
     name, low_high, opacity = (given.get(key, INVALID) for key in _COLORMAP_FIELDS)
     if "opacity" not in given and isinstance(low_high, tuple) and INVALID not in low_high:
         opacity = ((low_high[0], 1.0),)
@@ -171,6 +176,23 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
         for index, pair in enumerate(pairs):
             _check_positive(node.child("opacity").child(index), INVALID if pair is INVALID else pair[0])
     return TransferSpec(ColormapSpec(name, low_high, opacity, scale), unit)
+
+
+def _has_opacities_alone(section: Mapping[str, Any]) -> bool:
+    """Return whether a transfer function has no colours: then it is white, for voxels that are colours."""
+    return "opacity" in section and section.keys() <= {"opacity", "unit"}
+
+
+def _require_colormap(node: TreeNode, given: Mapping[str, Any]) -> None:
+    for key in [key for key in _COLORMAP_FIELDS if key not in given and key != "opacity"]:
+        hint = "`hsplat info` shows the values of a volume" if key == "range" else None
+        _FIELDS[key].reject(node.child(key), "missing", hint=hint)
+
+
+def check_colors_given(node: TreeNode) -> None:
+    """Check that the text of a transfer function gives colours, as all need whose voxels are no colours."""
+    if isinstance(node.value, Mapping) and _has_opacities_alone(node.value):
+        _require_colormap(node, node.value)
 
 
 def _check_positive(node: TreeNode, value: Any) -> None:

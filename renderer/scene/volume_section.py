@@ -69,7 +69,11 @@ _SPACING = schema.sequence_field(
     count=3,
 )
 _SUBSET_INDEX = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
-_COMPONENT = schema.word_or({"all": "all"}, _SUBSET_INDEX, f"all, or {_SUBSET_INDEX.expected}")
+# Components that need no transfer function.
+WITHOUT_TRANSFER = ("all", "color", "color_alpha")
+_COMPONENT = schema.word_or(
+    {word: word for word in WITHOUT_TRANSFER}, _SUBSET_INDEX, f"all, color, color_alpha, or {_SUBSET_INDEX.expected}"
+)
 _DATASET = schema.text_field("the name of a dataset in an HDF5 or netCDF-4 file", "no name", str.strip)
 _RANGE = schema.sequence_field(
     schema.integer_field(minimum=0, maximum=MAX_AXIS),
@@ -223,14 +227,20 @@ class ArraySource:
 @dataclass(frozen=True)
 class VolumeSpec:
     """A source of voxels and the part to use; `crop` holds half-open voxel ranges (first, one past the last)
-    for x, y, z, and None for all voxels along an axis. `component: all` stands for a layer of each."""
+    for x, y, z, and None for all voxels along an axis. `component: all` stands for a layer of each; `color` for voxels
+    that are colours, with their luminance as scalars, and `color_alpha` with their alpha."""
 
     source: FileSource | RawSource | ProceduralSource | ArraySource
     time: Annotated[int | None, _SUBSET_INDEX] = None
-    component: Annotated[int | Literal["all"] | None, _COMPONENT] = None
+    component: Annotated[int | Literal["all", "color", "color_alpha"] | None, _COMPONENT] = None
     crop: Annotated[tuple[Range | None, Range | None, Range | None] | None, _CROP] = None
     nodata: Annotated[Literal["auto", "none"] | tuple[float, ...], _NODATA] = "auto"
     dataset: Annotated[str | None, _DATASET] = None
+
+    @property
+    def has_colors(self) -> bool:
+        """Return whether voxels are drawn in colours of their own."""
+        return self.component in ("color", "color_alpha")
 
 
 def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:

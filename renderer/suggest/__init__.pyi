@@ -4,14 +4,16 @@ from .histogram import (
     compute_statistics as compute_statistics,
     rebin as rebin,
 )
-from .label_choice import resolve_scene as resolve_scene
 from .opacity import format_percent as format_percent
+from .open_layers import resolve_scene as resolve_scene
 from .over import suggest_over as suggest_over
 from .suggestion import Suggestion as Suggestion
 from .turntable import PRESET_WORDS as PRESET_WORDS, FilmOptions as FilmOptions
 from .volume_suggestion import (
     VolumeSuggestion as VolumeSuggestion,
+    read_in_colors as read_in_colors,
     suggest as suggest,
     suggest_for as suggest_for,
+    suggest_read as suggest_read,
 )
 from .wishes import WISHES as WISHES, Wish as Wish

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, Scene, VolumeSpec, ramp
+from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, VolumeSpec, ramp
 from renderer.suggest import features
 from renderer.suggest.histogram import compute_statistics
 from renderer.volume import Channel, Volume
@@ -26,23 +26,6 @@ _BRIGHT_PERCENTILE = 99.0
 _SAMPLED_SIDE, _LEAST_BRIGHT, _FULL_PERCENTILE, _MOST_WEIGHT = 96, 0.1, 93.0, 50.0
 # Where no background stands apart, as in tissue that fills the picture, the light of lower values would burn it out.
 _DARK_PERCENTILE = 80.0
-
-
-def with_channels(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
-    """Return a scene in which a list of volumes, one for each channel, is in place of each `component: all`.
-
-    read: reads the voxels: those of one channel, and of those without a window. Raises InputError as it does.
-    """
-    given = scene.volumes or (LayerSpec(scene.volume, scene.transfer_function),)
-    if all(layer.volume.component != "all" for layer in given):
-        return scene
-    layers = []
-    for layer in given:
-        is_whole = layer.volume.component == "all"
-        layers += channel_layers(layer, read(replace(layer.volume, component=0)), read) if is_whole else [layer]
-    named = tuple(_with_own_names(layers))
-    first = named[0]
-    return replace(scene, volume=first.volume, transfer_function=first.transfer_function, volumes=named)
 
 
 def channel_layers(layer: LayerSpec, first: Volume, read: Callable[[VolumeSpec], Volume]) -> list[LayerSpec]:
@@ -67,7 +50,7 @@ def channel_layers(layer: LayerSpec, first: Volume, read: Callable[[VolumeSpec],
             if layer.weight == 1.0:
                 own = replace(own, weight=suggest_weight(volume, window))
         made.append(own)
-    return list(_with_own_names(made))
+    return list(with_own_names(made))
 
 
 def suggest_window(volume: Volume) -> tuple[float, float]:
@@ -100,7 +83,7 @@ def suggest_weight(volume: Volume, window: tuple[float, float]) -> float:
     return float(f"{min(max(weight, 1 / _MOST_WEIGHT), _MOST_WEIGHT):.2g}")
 
 
-def _with_own_names(layers: list[LayerSpec]) -> Iterator[LayerSpec]:
+def with_own_names(layers: list[LayerSpec]) -> Iterator[LayerSpec]:
     """Yield layers in which a name that others have, too, has a number."""
     names: list[str] = []
     for number, layer in enumerate(layers, 1):

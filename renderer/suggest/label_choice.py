@@ -26,7 +26,6 @@ from renderer.scene import (
     format_value,
     raise_problems,
 )
-from renderer.suggest.channels import with_channels
 from renderer.suggest.palette import distinct_colors
 from renderer.volume import Label, Volume, iter_slabs
 
@@ -106,11 +105,6 @@ def with_labels(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
     found = replace(scene, transfer_function=first, volumes=tuple(volumes), mask=mask(scene.mask, ""))
     raise_problems(problems)
     return found
-
-
-def resolve_scene(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
-    """Return a scene that says itself what it leaves to its files: channels and labels. Raises as their functions."""
-    return with_labels(with_channels(scene, read), read)
 
 
 def known_labels(spec: VolumeSpec, volume: Volume, labels: LabelsSpec) -> KnownLabels:

@@ -15,7 +15,13 @@ from renderer.suggest.palette import to_lab
 from renderer.suggest.presets import SHADING
 from renderer.suggest.separation import Plane, are_beyond
 from renderer.suggest.suggestion import Suggestion, with_8_bit_colors, with_colormap
-from renderer.suggest.volume_suggestion import NO_WISH, VolumeSuggestion, read_with_statistics, suggest_read
+from renderer.suggest.volume_suggestion import (
+    NO_WISH,
+    VolumeSuggestion,
+    read_in_colors,
+    read_with_statistics,
+    suggest_read,
+)
 from renderer.suggest.wishes import Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float32, Float64, Volume
@@ -39,9 +45,9 @@ def suggest_over(
     wish: for the upper one. Parameters and errors are else those of `suggest_for`.
     """
     (upper, above), (lower, below) = _suggest(volume, read, wish), _suggest(under, read, NO_WISH)
-    if wish == NO_WISH and _has_grey(upper.suggestion):
+    if wish == NO_WISH and not upper.volume.has_colors and _has_grey(upper.suggestion):
         upper = replace(upper, suggestion=_tinted(upper.suggestion, _WARM))
-    if not lower.suggestion.is_categorical:
+    if not (lower.suggestion.is_categorical or lower.volume.has_colors):
         lower = replace(lower, suggestion=_tinted(lower.suggestion, _GREY))
     ends = _shell_ends(lower, below)
     factors = replace(below, normalized=np.interp(_gradients(below), ends, (0.0, 1.0)))
@@ -53,7 +59,8 @@ def suggest_over(
         return upper, lower
     of_upper, of_lower = (float(f"{weight:.2g}") for weight in balance(weights[:, are_both], UPPER_SHARE))
     if (shading := lower.suggestion.shading) is not None:  # no shadows inside of a shell
-        points = None if ends == _EVERY_GRADIENT else ((ends[0], 0.0), (ends[1], 1.0))
+        is_even = ends == _EVERY_GRADIENT or lower.volume.has_colors
+        points = None if is_even else ((ends[0], 0.0), (ends[1], 1.0))
         shading = replace(shading, occlusion=0.0, gradient_opacity=points)
         lower = replace(lower, suggestion=replace(lower.suggestion, shading=shading))
     return replace(upper, weight=of_upper), replace(lower, weight=of_lower)
@@ -63,7 +70,10 @@ def _suggest(
     spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], wish: Wish
 ) -> tuple[VolumeSuggestion, VoxelSample]:
     """Return what is suggested for a volume and holds beside another one, too; and a sample of what it shows."""
-    volume, statistics = read_with_statistics(spec, read)
+    is_open = wish == NO_WISH and spec.component is None
+    volume, statistics = read_with_statistics(replace(spec, component="all") if is_open else spec, read)
+    if is_open or spec.has_colors:
+        spec, volume, statistics = read_in_colors(spec, volume, read, statistics)
     found = suggest_read(spec, volume, statistics, wish)
     if statistics.minimum == statistics.maximum:  # a sample needs a range
         statistics = replace(statistics, minimum=statistics.minimum - max(1, abs(statistics.minimum)))

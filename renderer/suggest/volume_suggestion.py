@@ -16,8 +16,11 @@ from typing import Literal
 import numpy as np
 
 from renderer.errors import InputError
+from renderer.looks import linear_in_extinction
+from renderer.readers import are_colors
 from renderer.scene import (
     OF_CHANNELS,
+    ColormapSpec,
     ControlPoint,
     LayerSpec,
     Scene,
@@ -51,6 +54,12 @@ from renderer.suggest.wishes import LABELS_WISH, WISHES, Wish, choose_by_word, i
 from renderer.volume import Float64, Volume
 
 NO_WISH = Wish()
+_COLORS = "voxels that are colours"
+# The opacity of a voxel is its alpha.
+_ALPHA_POINTS = tuple(
+    ControlPoint(value, (r, g, b), opacity)
+    for value, (r, g, b, opacity) in linear_in_extinction([(0.0, (1.0, 1.0, 1.0, 0.0)), (255.0, (1.0, 1.0, 1.0, 1.0))])
+)
 
 
 @dataclass(frozen=True)
@@ -74,6 +83,7 @@ class VolumeSuggestion:
         if self.layers:
             volume = self.layers[0].volume
             return replace(scene, volume=volume, transfer_function=transfer, volumes=self.layers, blend="add")
+        scene = replace(scene, volume=self.volume)
         splat = (None if scene.clip else found.splat) or scene.splat  # splats cannot be clipped
         clip = scene.clip or found.clip
         return replace(scene, transfer_function=transfer, shading=found.shading, splat=splat, clip=clip)
@@ -90,6 +100,8 @@ def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wis
     found, statistics = read_with_statistics(replace(volume, component=asked) if may_have_channels else volume, read)
     if may_have_channels and (volume.component == "all" or any(channel.is_light for channel in found.channels)):
         return _channels_suggestion(volume, found, read)
+    if wish == NO_WISH or volume.has_colors:
+        volume, found, statistics = read_in_colors(volume, found, read, statistics)
     return suggest_read(volume, found, statistics, wish)
 
 
@@ -100,10 +112,43 @@ def read_with_statistics(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume
     return found, compute_statistics(found.values, found.source)
 
 
+def read_in_colors(
+    volume: VolumeSpec, found: Volume, read: Callable[[VolumeSpec], Volume], statistics: Statistics | None = None
+) -> tuple[VolumeSpec, Volume, Statistics]:
+    """Return a volume with its voxels and their statistics; if voxels are colours, as such, with the opacities of alpha
+    where that varies. found, statistics: of what was read of it."""
+    component = volume.component
+    if component is None and are_colors(found.values.dtype, found.channels):
+        component = "color"
+    if component == "color" and len(found.channels) == 4:
+        of_alpha = replace(volume, component="color_alpha")
+        alpha = read(of_alpha)
+        low, high = alpha.value_range()
+        if low < high:
+            return of_alpha, alpha, compute_statistics(alpha.values, alpha.source)
+    if component != volume.component:
+        volume, statistics = replace(volume, component=component), None
+        found = read(volume)
+    return volume, found, statistics or compute_statistics(found.values, found.source)
+
+
 def suggest_read(volume: VolumeSpec, found: Volume, statistics: Statistics, wish: Wish) -> VolumeSuggestion:
     """Suggest how to show a volume that is in memory. Raises as `suggest`."""
-    suggestion = with_8_bit_colors(suggest(found, statistics, wish))
-    return VolumeSuggestion(volume, suggestion, found.num_absent > 0)
+    suggestion = (_color_suggestion if volume.has_colors else suggest)(found, statistics, wish)
+    if volume.component == "color_alpha" and wish == NO_WISH:
+        reason = "each voxel is as opaque as its alpha says"
+        suggestion = Suggestion(_COLORS, reason, TransferSpec(_ALPHA_POINTS), (), None)
+    return VolumeSuggestion(volume, with_8_bit_colors(suggestion), found.num_absent > 0)
+
+
+def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Suggestion:
+    """Return a suggestion for colours by their luminance; what the wish colours is multiplied by them."""
+    found = suggest(volume, statistics, Wish(wish.colormap, wish.preset or "surface"))
+    transfer = found.transfer
+    if wish == NO_WISH and not isinstance(transfer.mapping, ColormapSpec):
+        white = tuple(replace(point, color=(1.0, 1.0, 1.0)) for point in transfer.mapping)
+        transfer = replace(transfer, mapping=white)
+    return replace(found, kind=_COLORS, reason="opacities go with their luminance", transfer=transfer)
 
 
 def _channels_suggestion(volume: VolumeSpec, first: Volume, read: Callable[[VolumeSpec], Volume]) -> VolumeSuggestion:

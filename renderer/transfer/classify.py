@@ -19,7 +19,7 @@ from renderer.scene import ShadingSpec
 from renderer.transfer.light_grid import NO_LIGHT_GRID, LightGrid
 from renderer.transfer.piecewise import TransferTable
 from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints
-from renderer.volume import Float32, Float64, Volume
+from renderer.volume import Float32, Float64, UInt8, Volume
 
 RawVoxels = npt.NDArray[Any]
 
@@ -46,6 +46,7 @@ class Classifier(NamedTuple):
     is_opacity: whether the channels are (a c, a).
     lighting: None without shading.
     breakpoints: visibility breakpoints (`renderer.transfer.transfer_function`).
+    colors: of the voxels, by which those of the transfer function are multiplied; None for white.
     """
 
     table: Float32 | None
@@ -54,6 +55,7 @@ class Classifier(NamedTuple):
     is_opacity: bool
     lighting: VoxelLighting | None
     breakpoints: Float64
+    colors: UInt8 | None = None
 
 
 def raw_voxels(volume: Volume) -> RawVoxels:
@@ -78,7 +80,7 @@ def make_classifier(
         to_world = np.ascontiguousarray(np.linalg.inv(volume.world_from_index[:3, :3]).T)
         lighting = VoxelLighting((x, y, z, float(shading.ambient), float(shading.diffuse)), to_world, grid)
     if dtype.itemsize > 2:
-        return Classifier(None, None, transfer.curve(finest_spacing), opacity, lighting, breakpoints)
+        return Classifier(None, None, transfer.curve(finest_spacing), opacity, lighting, breakpoints, volume.colors)
     patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}").view(dtype)
     scalars = patterns.astype(np.float64)
     scalars[~np.isfinite(scalars)] = np.nan
@@ -87,7 +89,7 @@ def make_classifier(
     weights = -np.expm1(-depths) if opacity else depths
     weights[weights < VISIBILITY_THRESHOLD] = 0.0
     table = np.column_stack([colors * weights[:, None], weights]).astype(np.float32)
-    return Classifier(table, scalars, None, opacity, lighting, breakpoints)
+    return Classifier(table, scalars, None, opacity, lighting, breakpoints, volume.colors)
 
 
 def toward_light(shading: ShadingSpec) -> Float64:

@@ -87,6 +87,7 @@ def optics_of(layer: TrueLayer) -> dict[str, Any]:
         "intervals": intervals_of(layer.transfer, scale),
         "shading": layer.shading and shading_of(layer.shading, layer.light_grid, layer.volume, scale),
         "weight": layer.weight,
+        "colors": layer.volume.colors,
     }
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from renderer.volume.arrays import Array, Bools, Float64
+from renderer.volume.arrays import Array, Bools, Float64, UInt8
 from renderer.volume.channel import Channel
 from renderer.volume.label import Label
 from renderer.volume.mapped_file import MappedFile, iter_slabs
@@ -34,6 +34,8 @@ class Volume:
     is_labels: whether the values are numbers of labels, 0 for none, and nothing lies between two of them.
     mask: where it is shown: a volume of labels on a grid of its own, whose number there is 1; None for everywhere.
     labels: those that the file itself describes, by value.
+    colors: uint8 [z, y, x, 3], read-only, of voxels that are colours; the values are then their luminance or their
+        alpha.
     """
 
     values: Array
@@ -48,6 +50,7 @@ class Volume:
     is_labels: bool = False
     mask: Volume | None = None
     labels: tuple[Label, ...] = ()
+    colors: UInt8 | None = None
 
     def require_unchanged(self) -> None:
         """Raise InputError if the values are mapped from a file that has changed."""
@@ -109,9 +112,15 @@ class Volume:
 
 
 def make_volume(
-    values: Array, world_from_index: Float64, name: str, source: MappedFile | None = None, *, num_absent: int = 0
+    values: Array,
+    world_from_index: Float64,
+    name: str,
+    source: MappedFile | None = None,
+    *,
+    num_absent: int = 0,
+    colors: UInt8 | None = None,
 ) -> Volume:
-    """Make a Volume around `values`, which become read-only and are not copied.
+    """Make a Volume around `values`, and `colors` of its voxels, which become read-only and are not copied.
 
     values: [z, y, x], native byte order, C-contiguous, an integer or float dtype; finite, but for `num_absent` NaN.
     world_from_index: float64 [4, 4].
@@ -127,7 +136,10 @@ def make_volume(
     digest.update(placed.data.cast("B"))
     for slab in iter_slabs(values, source):
         digest.update(slab.data.cast("B"))
-    return Volume(values, placed, name, digest.hexdigest(), source, num_absent)
+    if colors is not None:
+        colors.flags.writeable = False
+        digest.update(colors.data.cast("B"))
+    return Volume(values, placed, name, digest.hexdigest(), source, num_absent, colors=colors)
 
 
 def move_volume(volume: Volume, matrix: Float64) -> Volume:

@@ -18,7 +18,8 @@ def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64
     scalars: of each brick [PADDED_BRICK_SIZE^3]; with shading, the gradients [PADDED_BRICK_SIZE^3, 3] follow.
     means: of each brick [PADDED_BRICK_SIZE^3, 4].
     offsets: int64 [n], where the texels of each brick begin in its atlas; -1 where the layer shows nothing.
-    has_absent: whether any voxel has no data. is_labels: whether scalars are numbers of labels.
+    has_absent: whether any voxel has no data. is_labels: whether scalars are numbers of labels. has_colors: whether
+        voxels are colours: in place of scalars are (tau c, tau) of each.
     lambert: unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
     """
     shading = layer.shading if layer.shading and layer.shading.is_plain else ShadingSpec()
@@ -30,6 +31,7 @@ def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64
         "weight": layer.weight,
         "has_absent": layer.bricks.volume.num_absent > 0,
         "is_labels": layer.bricks.volume.is_labels,
+        "has_colors": layer.bricks.volume.colors is not None,
         "is_lit": layer.shading is not None and layer.shading.is_plain,
         "lambert": (*toward_light(shading).tolist(), shading.ambient, shading.diffuse),
         "light": make_light(layer),

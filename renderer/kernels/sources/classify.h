@@ -1,4 +1,5 @@
-// Classification of voxels: the transfer function, and Lambert's law on the gradient, applied to voxels of a box.
+// Classification of voxels: the transfer function, Lambert's law on the gradient, and the voxels' own colours, applied to
+// voxels of a box.
 #pragma once
 #include "lanes.h"
 #include "light_grid.h"
@@ -65,10 +66,10 @@ INLINE void look_up_box(const AnyArray<3>& raw, const Array<const float, 2>& tab
     });
 }
 
-// Call `take(x, y, z, channels)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.
+// As classify_box, without the voxels' own colours.
 template <int SIDE, class Take>
-INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Take take) {
-    const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints] = classifier;
+INLINE void classify_scalars(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Take take) {
+    const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints, colors] = classifier;
     if (table.exists && !lighting.exists) {
         if (raw.dtype == 0) look_up_box<uint8_t, SIDE>(raw, table.value, box, take);
         else look_up_box<uint16_t, SIDE>(raw, table.value, box, take);
@@ -97,6 +98,17 @@ INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, c
                     channels.rgb *= lighting_factor(lighting.value, raw, here, side, voxel);
                 take(x, y, z, __builtin_convertvector(channels, FourChannels));
             }
+}
+
+// Call `take(x, y, z, channels)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.
+template <int SIDE, class Take>
+INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Take take) {
+    if (!classifier.colors.exists) return classify_scalars<SIDE>(raw, classifier, box, take);
+    const auto& colors = classifier.colors.value;
+    classify_scalars<SIDE>(raw, classifier, box, [&](int64_t x, int64_t y, int64_t z, FourChannels channels) {
+        const uint8_t* color = &colors(box.first[2] + z, box.first[1] + y, box.first[0] + x, 0);
+        take(x, y, z, channels * (FourChannels{(float)color[0], (float)color[1], (float)color[2], 255.0f} / 255.0f));
+    });
 }
 
 }  // namespace

@@ -82,6 +82,9 @@ struct ShownLayers {
     int64_t num;
     bool is_mean;
 
+    // Whether the texels of a layer are (tau c, tau): means, or voxels that are colours.
+    INLINE bool has_means(int64_t number) const { return is_mean || fields[number]->has_colors; }
+
     // Choose those in a brick. Means are those of all layers, in the first field.
     INLINE void choose(int64_t brick) {
         is_mean = bricks->is_mean[brick], num = 0;
@@ -104,7 +107,7 @@ struct ShownLayers {
 
     INLINE Kind kind(int64_t number) const {
         const Field& field = *fields[number];
-        return is_mean ? MEANS : field.light.exists ? LIT : field.is_lit ? LAMBERT : UNLIT;
+        return has_means(number) ? MEANS : field.light.exists ? LIT : field.is_lit ? LAMBERT : UNLIT;
     }
 
     // Whether all of them are classified, and not lit.
@@ -189,7 +192,7 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
     for (int64_t brick = 0; brick < is_mean.shape[0]; brick++) {
         int64_t size = (is_mean[brick] ? field.means : field.scalars).shape[0], offset = field.texel_offsets[brick];
         if (offset < 0) continue;  // where it shows nothing
-        bool has_channels = is_mean[brick] || field.light.exists || field.is_lit;
+        bool has_channels = is_mean[brick] || field.has_colors || field.light.exists || field.is_lit;
         int64_t num = (has_channels ? 4 : 1) * TEXELS_PER_BRICK + (has_channels || field.is_labels) * READ_BEHIND;
         if (offset > size - num) return false;
     }

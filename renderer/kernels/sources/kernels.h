@@ -62,6 +62,7 @@ struct Classifier {
     bool is_opacity;
     Maybe<VoxelLighting> lighting;
     Array<const double, 1> breakpoints;
+    Maybe<Sized<const uint8_t, 4, 3>> colors;
 };
 
 // As in renderer/transfer/piecewise.py.
@@ -197,6 +198,15 @@ struct MeasureVoxelBricks {
     Array<double, 4> measures;
 };
 KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
+
+struct MeasureDifferences {
+    Array<const float, 5> texels;
+    Array<const int32_t, 2> cells;
+    int64_t shape[3];
+    bool is_opacity;
+    Array<double, 4> measures;
+};
+KERNEL(measure_differences, MeasureDifferences)
 
 struct MeasureRanges {
     Voxels voxels;
@@ -386,7 +396,7 @@ struct Field {
     Array<const int64_t, 1> texel_offsets;
     PiecewiseTransfer pieces;
     float weight;
-    bool has_absent, is_labels, is_lit;
+    bool has_absent, is_labels, has_colors, is_lit;
     float lambert[5];
     Maybe<Light> light;
 };
@@ -474,6 +484,7 @@ struct LayerOptics {
     Intervals intervals;
     Maybe<RayShading> shading;
     double weight;
+    Maybe<Sized<const uint8_t, 4, 3>> colors;
 };
 
 // rays: of each layer. adds: whether what is behind is seen as if nothing were before it.

@@ -155,7 +155,7 @@ void draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
             int64_t following = grid.numbers[k + 1];
             shown.choose(following);
             for (int64_t layer = 0; layer < shown.num; layer++)
-                prefetch_brick(box_of(boxes, following), shown.texels(layer, following), shown.is_mean ? 4 : 1);
+                prefetch_brick(box_of(boxes, following), shown.texels(layer, following), shown.has_means(layer) ? 4 : 1);
         }
         int64_t brick = grid.numbers[k];
         shown.choose(brick);

@@ -358,18 +358,18 @@ Status merge_tier(const MergeTier* arguments) {
     return arguments->variances.shape[1] == 1 ? merge_all<double>(*arguments) : merge_all<float>(*arguments);
 }
 
-// Write the means of cells of level 1 or 2 (x, y, z) from each of `corners` [n, 3] on to `means` [n, z, y, x, 4], which
+// Write the means of cells of level 1 or 2, or the voxels of level 0, (x, y, z) from each of `corners` [n, 3] on to `means` [n, z, y, x, 4], which
 // are 0 where nothing is visible.
 Status average_cells(const AverageCells* arguments) {
     const auto& [raw, classifier, level, corners, means] = *arguments;
     int64_t num = corners.shape[0], side = BLOCK_SIZE >> level;
     if (!fits(classifier, raw) || corners.shape[1] != 3 || means.shape[0] != num || means.shape[4] != 4 ||
-        (level != 1 && level != 2))
+        level < 0 || level > 2)
         return OUT_OF_BOUNDS;
     Group<float> group;
     VisibilityTest test(raw, classifier);
     if (!test) return NO_MEMORY;
-    const float* found = group.means + FIRST_NODE[level - 1] * 4;
+    const float* found = group.means + FIRST_NODE[most(level - 1, (int64_t)0)] * 4;
     // Where nodes lie along an axis: 64 of them have their two octal digits exchanged.
     auto offset = [&](int64_t at) { return level == 1 ? 8 * (at & 1) + (at >> 1) : at; };
     for (int64_t i = 0; i < num; i++) {
@@ -380,9 +380,14 @@ Status average_cells(const AverageCells* arguments) {
         }
         auto add_block = [&](const Box& box) {
             if (!test(box)) return;
-            build_block(raw, classifier, box, group);
             int64_t first[3];
             for (int axis = 0; axis < 3; axis++) first[axis] = (box.first[axis] >> level) - corners(i, axis);
+            if (level == 0)
+                return classify_box<BLOCK_SIZE>(
+                    raw, classifier, box, [&](int64_t x, int64_t y, int64_t z, FourChannels channels) {
+                        store(&means(i, first[2] + z, first[1] + y, first[0] + x, 0), 0, channels);
+                    });
+            build_block(raw, classifier, box, group);
             for (int64_t z = 0; z < least(side, means.shape[1] - first[2]); z++)
                 for (int64_t y = 0; y < least(side, means.shape[2] - first[1]); y++)
                     for (int64_t x = 0; x < least(side, means.shape[3] - first[0]); x++) {

@@ -70,8 +70,9 @@ INLINE Step plain_step(const LayerRay& layer, double number, double width) {
     for (int node = 0; node <= MIDDLE; node++) {
         double at = PLACES[node], x = (number + at) * width;
         double t = part.start + x * part.extent;
-        double lit = layer.shading.exists ? layer.light.lambert_factor(layer.gradient, t) : 1.0;
-        step.colors[node] = part.interval.color(value_at(part.value, x), lit);
+        bool is_lit = layer.shading.exists && !layer.colors.exists;
+        double lit = is_lit ? layer.light.lambert_factor(layer.gradient, t) : 1.0;
+        step.colors[node] = layer.colors.exists ? layer.own_color(t) : part.interval.color(value_at(part.value, x), lit);
         step.densities[node] = d0 + at * (2.0 * d1 + at * (3.0 * d2 + at * 4.0 * d3));
         if (node < NUM_NODES) step.before[node] = at * (d0 + at * (d1 + at * (d2 + at * d3)));
     }
@@ -100,7 +101,7 @@ INLINE Step glossy_step(const LayerRay& layer, double number, double width) {
 }
 
 INLINE Step step_through(LayerRay& layer, double number, double width) {
-    bool is_glossy = layer.shading.exists && !layer.shading.value.is_plain;
+    bool is_glossy = layer.shading.exists && !layer.shading.value.is_plain && !layer.colors.exists;
     Step step = is_glossy ? glossy_step(layer, number, width) : plain_step(layer, number, width);
     layer.depth = step.depth;
     return step;
@@ -173,6 +174,7 @@ struct Integrator {
 bool is_right(const LayerOptics& layer, const IndexRays& rays, int64_t num_rays) {
     return rays.parts.shape[0] == num_rays && fit(rays) && fits_macrocells(layer.macrocells, layer.values) &&
         has_shape(layer.intervals.rows, layer.intervals.knots.shape[0] + 1, 10) &&
+        (!layer.colors.exists || has_shape(layer.colors.value, layer.values.shape[0], layer.values.shape[1], layer.values.shape[2], 3)) &&
         (!layer.shading.exists || layer.shading.value.factors.shape[1] == 3);
 }
 

@@ -2,7 +2,8 @@
 //
 // Along a ray inside one cell, the trilinear field is a cubic polynomial in the fraction t in [0, 1] of the segment.
 // The cubic is split where it crosses a control value of the transfer function (and where the light grazes the
-// surface). No thin shell can be missed, because crossings are computed and not sampled.
+// surface). No thin shell can be missed, because crossings are computed and not sampled. Of voxels that are colours,
+// extinction and its products with colour are such cubics themselves, between lit voxels.
 //
 // Most cells show nothing, which is found out once for each macrocell, when the first ray meets it.
 #pragma once
@@ -93,6 +94,7 @@ struct LayerRay : LayerOptics {
     Segment segment;
     Cubic cubic;
     Gradient gradient;
+    Cubic channels[4];  // (tau c, tau) of voxels that are colours
     int absent;
     int64_t num_splits, num_taken;
     double taken, length_voxels;
@@ -133,6 +135,42 @@ struct LayerRay : LayerOptics {
         return {combination(row(0), in_index), combination(row(1), in_index), combination(row(2), in_index)};
     }
 
+    // Classify and light the voxels at the corners of the cell, which are colours. scalars: theirs.
+    void load_channels(const double* scalars) {
+        double corners[4][8] = {}, differences[3][8];
+        if (shading.exists) load_differences(values, segment.cell, absent, intervals.scale, differences);
+        for (int k = 0; k < 8; k++) {
+            if (absent >> k & 1) continue;
+            Cell at = segment.cell + Cell{k & 1, k >> 1 & 1, k >> 2};
+            for (int axis = 0; axis < 3; axis++) at[axis] = least(most<int64_t>(at[axis], 0), size_of(values)[axis] - 1);
+            Interval in = interval(num_below(intervals.knots, scalars[k]));
+            double lit = shading.exists ? lit_at(at, {differences[0][k], differences[1][k], differences[2][k]}) : 1.0;
+            double tau = in.base() + in.slope() * (scalars[k] - in.origin());
+            Color color = in.color(scalars[k], lit);
+            for (int channel = 0; channel < 3; channel++)
+                corners[channel][k] = tau * color[channel] * colors.value(at.z, at.y, at.x, channel) / 255.0;
+            corners[3][k] = tau;
+        }
+        for (int channel = 0; channel < 4; channel++)
+            channels[channel] = cubic_in_cell(corners[channel], segment.entry, segment.extent);
+    }
+
+    // The factor on the colour of a voxel with this gradient along the index axes.
+    double lit_at(Cell voxel, Point in_index) {
+        auto along = [&](int row) {
+            return Cubic{dot(point_of(&shading.value.world_from_gradient[3 * row]), in_index), 0.0, 0.0, 0.0};
+        };
+        light.begin = __builtin_convertvector(voxel, Point), light.extent = {};
+        return light.factors_at({along(0), along(1), along(2)}, 0.0).lit;
+    }
+
+    // The colour at t along the cell, of voxels that are colours.
+    INLINE Color own_color(double t) const {
+        double tau = value_at(channels[3], t);
+        if (!(tau > 0.0)) return {};
+        return Color{value_at(channels[0], t), value_at(channels[1], t), value_at(channels[2], t)} / tau;
+    }
+
     // Prepare to take the pieces of the cell; return whether it shows anything.
     INLINE bool enter() {
         const auto& [cell, macrocell, s, s_exit, entry, extent] = segment;
@@ -143,6 +181,12 @@ struct LayerRay : LayerOptics {
         for (double corner : corners) low = least(low, corner), high = most(high, corner);
         if (!is_visible(low, high)) return false;
         cubic = cubic_in_cell(corners, entry, extent);
+        num_taken = 0, taken = 0.0, length_voxels = __builtin_sqrt(dot(extent, extent));
+        if (colors.exists) {
+            load_channels(corners);
+            num_splits = 0;
+            return true;
+        }
         num_splits = add_crossings(cubic, intervals.knots, splits, 0);
         if (absent != 0) num_splits = add_middles(entry, extent, splits, num_splits);
         if (shading.exists) {
@@ -151,7 +195,6 @@ struct LayerRay : LayerOptics {
             const double zero = 0.0;
             num_splits = add_crossings(combination(light.light, gradient), {&zero, {1}}, splits, num_splits);
         }
-        num_taken = 0, taken = 0.0, length_voxels = __builtin_sqrt(dot(extent, extent));
         return true;
     }
 
@@ -182,14 +225,14 @@ struct LayerRay : LayerOptics {
         const auto& knots = intervals.knots;
         int64_t k = num_below(knots, value_at(cubic, 0.5 * (from + to)));
         Interval in = interval(k);
-        double base = in.base(), slope = in.slope();
-        if (base == 0.0 && slope == 0.0) return false;
+        double base = in.base(), slope = in.slope(), scale = (to - from) * (segment.end - segment.start) * weight;
+        if (base == 0.0 && slope == 0.0 && !colors.exists) return false;
         Cubic value = restrict_cubic(cubic, from, to - from);
         if (0 < k && k < knots.shape[0]) value = clamp_cubic(value, knots[k - 1], knots[k]);
         // The optical depth is a cubic, too.
-        double scale = (to - from) * (segment.end - segment.start) * weight;
         Cubic tau = slope * value * scale;
         tau[0] = (base + slope * (value[0] - in.origin())) * scale;
+        if (colors.exists) tau = restrict_cubic(channels[3], from, to - from) * scale;
         piece = {in, k, from, to - from, (to - from) * length_voxels, value, tau};
         begin = reached = lerp(segment.start, segment.end, from), end = lerp(segment.start, segment.end, to);
         done = 0.0;

@@ -1,0 +1,88 @@
+"""Join the components of voxels that are colours: 8 bits of red, green and blue, and their luminance or their alpha."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import Image, check_memory
+from renderer.scene import counted, join_some
+from renderer.volume import Array, UInt8, backing_file, guard_mapping
+
+# Of red, green and blue in luminance (Rec. 709).
+_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)
+# What white may be; of floats 1, too.
+_WHITE = (255, 65535)
+
+
+def join_colors(first: Image, component: str, read: Callable[[int], Image]) -> tuple[Image, UInt8]:
+    """Return an image of luminance, or with `color_alpha` of alpha, in 8 bits, and the colours, uint8 [z, y, x, 3].
+
+    first: the first component. read: reads another one. Voxels with a component that is NaN or infinite are NaN.
+    Raises InputError for components that are no colours, and for lack of memory.
+    """
+    count = max(1, len(first.channels))
+    names = f" ({join_some([each.name for each in first.channels])})" if count > 1 and first.channels[0].name else ""
+    got = f"component: {component}, of a file with {counted(count, 'component')}{names}"
+    if count not in (3, 4):
+        raise InputError("these voxels are not colours", got=got, expected="3 components, or 4 with alpha")
+    if component == "color_alpha" and count == 3:
+        hint = "`component: color` takes opacities from luminance"
+        raise InputError("these colours have no alpha", got=got, expected="4 components", hint=hint)
+    shape = first.values.shape
+    check_memory(4 * first.values.size)
+    parts = [first.values, *(read(k).values for k in range(1, count))]
+    files = [file for part in parts if (file := backing_file(part))]
+    for file, part in zip(files, parts, strict=False):  # all or none of them are mapped
+        guard_mapping(file, part)
+    white = _white_of(parts)
+    colors, scalars = (
+        np.empty((*shape, 3), np.uint8),
+        np.empty(shape, np.uint8 if first.values.dtype.kind != "f" else np.float32),
+    )
+    for z, planes in enumerate(zip(*parts, strict=True)):
+        in_bytes = [_in_bytes(plane, white) for plane in planes]
+        colors[z] = np.stack(in_bytes[:3], axis=-1)
+        scalars[z] = in_bytes[3] if component == "color_alpha" else np.rint(colors[z] @ _WEIGHTS)
+        if scalars.dtype.kind == "f":
+            scalars[z][~np.isfinite(planes).all(axis=0)] = np.nan
+    for file in files:
+        file.require_unchanged()
+    if not np.isnan(scalars).any():
+        scalars = scalars.astype(np.uint8, copy=False)
+    note = (
+        f"colours of {first.values.dtype.name} become 8 bits: {white} is 255"
+        if first.values.dtype != np.uint8
+        else None
+    )
+    return replace(first, values=scalars, notes=(*first.notes, note), nodata=()), colors
+
+
+def _white_of(parts: list[Array]) -> int:
+    """Return the number that stands for white: the least that no component exceeds."""
+    if parts[0].dtype == np.uint8:
+        return _WHITE[0]
+    ends = [end for plane in _finite_planes(parts) for end in (plane.min().item(), plane.max().item())]
+    low, high = min(ends, default=0), max(ends, default=0)
+    of_type = (1, *_WHITE) if parts[0].dtype.kind == "f" else _WHITE
+    if low < 0 or high > of_type[-1]:
+        expected = "whole numbers from 0 to 255 or 65535, or floats that may also be from 0 to 1"
+        raise InputError("these components are not colours", got=f"values from {low:g} to {high:g}", expected=expected)
+    return next(white for white in of_type if high <= white)
+
+
+def _finite_planes(parts: list[Array]) -> Iterator[Array]:
+    for plane in (plane for part in parts for plane in part):
+        finite = plane[np.isfinite(plane)]
+        if finite.size:
+            yield finite
+
+
+def _in_bytes(plane: Array, white: int) -> Any:
+    if plane.dtype == np.uint8:
+        return plane
+    return np.rint(np.nan_to_num(plane.astype(np.float64), nan=0, posinf=0, neginf=0) * (255 / white)).astype(np.uint8)

@@ -1,0 +1,39 @@
+"""Choose what a scene leaves open: the layers of `component: all`, the looks of labels and those of colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from renderer.scene import LayerSpec, Scene, VolumeSpec
+from renderer.suggest.channels import channel_layers, with_own_names
+from renderer.suggest.label_choice import with_labels
+from renderer.suggest.volume_suggestion import NO_WISH, read_in_colors, suggest_read
+from renderer.volume import Volume
+
+
+def resolve_scene(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
+    """Return a scene in which a list of volumes, one for each channel, is in place of each `component: all`, in which
+    labels have numbers and colours, and voxels that are colours a transfer function.
+
+    read: reads the voxels: those of one channel, and of those without a window. Raises InputError as it does, and as
+    `with_labels`.
+    """
+    given = scene.volumes or (LayerSpec(scene.volume, scene.transfer_function),)
+    layers: list[LayerSpec] = []
+    for layer in given:
+        if layer.volume.component == "all":
+            layers += channel_layers(layer, read(replace(layer.volume, component=0)), read)
+        else:
+            is_open = layer.volume.has_colors and layer.depends_on_voxels
+            layers.append(_with_colors(layer, read) if is_open else layer)
+    named = tuple(with_own_names(layers))
+    first, is_list = named[0], bool(scene.volumes) or scene.volume.component == "all"
+    volumes = named if is_list else ()
+    scene = replace(scene, volume=first.volume, transfer_function=first.transfer_function, volumes=volumes)
+    return with_labels(scene, read)
+
+
+def _with_colors(layer: LayerSpec, read: Callable[[VolumeSpec], Volume]) -> LayerSpec:
+    found = suggest_read(*read_in_colors(layer.volume, read(layer.volume), read), NO_WISH)
+    return replace(layer, volume=found.volume, transfer_function=found.suggestion.transfer)
