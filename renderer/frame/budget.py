@@ -165,11 +165,7 @@ def calibrate_costs(
 
 
 def find_finest_in_time(
-    estimator: LODCostEstimator,
-    number: int,
-    seconds: float,
-    watch: Stopwatch,
-    sizes: tuple[float, float] = _ANY_SIZE,
+    estimator: LODCostEstimator, number: int, seconds: float, watch: Stopwatch, sizes: tuple[float, float] = _ANY_SIZE
 ) -> tuple[DrawList, float]:
     """Return the finest frame predicted to fit into `seconds`, and its predicted seconds.
 

@@ -184,12 +184,7 @@ class FilmInProgress:
             )
 
     def finish(
-        self,
-        plan: FilmPlan,
-        frames: Sequence[FrameRecord],
-        *,
-        num_resumed: int = 0,
-        passes: Sequence[PassRecord] = (),
+        self, plan: FilmPlan, frames: Sequence[FrameRecord], *, num_resumed: int = 0, passes: Sequence[PassRecord] = ()
     ) -> FinishedFilm:
         """Write the sidecar of the film of these frames. num_resumed: how many of them earlier jobs drew.
 

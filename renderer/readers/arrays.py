@@ -145,10 +145,7 @@ def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[
     """
     try:
         if file.read(6) != b"\x93NUMPY":
-            raise InputError(
-                "this is not a .npy file",
-                expected="an array saved by numpy.save",
-            )
+            raise InputError("this is not a .npy file", expected="an array saved by numpy.save")
         version = (*file.read(2),)
         read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
         if version not in read_header:

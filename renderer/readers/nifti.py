@@ -79,9 +79,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
         check_dtype(dtype)
     if shape[5:].count(1) != len(shape[5:]):
         raise InputError(
-            "the volume has too many axes",
-            got=describe_shape(shape),
-            expected="x, y, z, then time and component",
+            "the volume has too many axes", got=describe_shape(shape), expected="x, y, z, then time and component"
         )
     offset = int(header["vox_offset"])
     encoding: Encoding = "deflate" if is_compressed else "raw"

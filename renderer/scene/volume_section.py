@@ -294,7 +294,5 @@ _SOURCES: dict[str, schema.FieldType[Any]] = {
 }
 VOLUME_TABLE: schema.FieldTable = _SOURCES | {"spacing": _SPACING} | schema.field_table(VolumeSpec)
 VOLUME_SECTION = schema.section_field(
-    VOLUME_TABLE,
-    build_volume,
-    misplaced_hints={"array": _ARRAY_HINT, "nonfinite": _NONFINITE_HINT},
+    VOLUME_TABLE, build_volume, misplaced_hints={"array": _ARRAY_HINT, "nonfinite": _NONFINITE_HINT}
 )

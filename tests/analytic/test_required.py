@@ -16,11 +16,7 @@ from renderer.transfer import TransferFunction
 from renderer.view import visible_points
 from renderer.volume import Volume, make_volume
 
-MEASURES = {
-    "optical": ErrorSpec(),
-    "rms": ErrorSpec(measure="rms"),
-    "scalar": ErrorSpec(measure="rms", of="scalar"),
-}
+MEASURES = {"optical": ErrorSpec(), "rms": ErrorSpec(measure="rms"), "scalar": ErrorSpec(measure="rms", of="scalar")}
 
 
 def terraces(shape: tuple[int, int, int], dtype: Any, seed: int) -> Volume:

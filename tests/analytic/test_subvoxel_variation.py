@@ -97,9 +97,7 @@ RAMP = transfer_of((0, (0.0, 0.2, 1.0), 0.0), (255, (1.0, 1.0, 1.0), 0.7))
 
 
 @pytest.mark.parametrize(
-    "volume",
-    [box(16, 48), box(18, 46), blocks(4)],
-    ids=["on bricks", "on nodes", "noise of 4 voxels"],
+    "volume", [box(16, 48), box(18, 46), blocks(4)], ids=["on bricks", "on nodes", "noise of 4 voxels"]
 )
 def test_edges_at_node_borders_are_drawn_within_the_tolerance(volume: Volume) -> None:
     """No node has an error there, and coarse cells would blur it all the same; the transfer function is linear, so that

@@ -18,7 +18,6 @@ import numpy as np
 import yaml
 from compare import WrongError, compare_splats
 from compare_bricks import compare_bricks
-from oracle import DisagreementError
 from scenes import DTYPES, Case, legal_case, random_of
 from spoil import spoil
 
@@ -90,9 +89,9 @@ def judge(case: Case, folder: Path, rasterizer_for: Callable[[Scene], Rasterizer
                 _judge_spoilt(case, path, rasterizer_for, verdict)
             else:
                 _judge_legal(case, path, rasterizer_for, verdict)
-    except (WrongError, DisagreementError) as error:
+    except WrongError as error:
         verdict.outcome, verdict.why = "wrong", str(error)
-    except Exception:  # whatever it was, of the program or of the oracle, it is to be looked at
+    except Exception:  # whatever it was, of the program or of the reference, it is to be looked at
         verdict.outcome, verdict.why = "wrong", traceback.format_exc(limit=-6)
     verdict.seconds = time.perf_counter() - start
     return verdict

@@ -1,10 +1,11 @@
-"""Random scenes and small volumes, every second one spoilt, drawn by the program and compared with the oracle.
+"""Random scenes and small volumes, every second one spoilt, drawn by the program and compared with a reference.
 
     python tests/fuzz/run.py [--scenes 20000] [--seed 1] [--workers 2] [--only INDEX]
 
-A legal scene must give the cells of `tests/support/oracle.py` and the picture that the reference rasteriser makes of
-them, within a bound that follows from its numbers; a spoilt one an error with its place, or the right picture where
-it turns out to be legal. What fails is written to a folder, with the command that repeats it; then the exit code is 1.
+A legal scene must give the picture that the reference rasteriser makes of its splats or bricks, within a bound that
+follows from its numbers; a spoilt one an error with its place, or the right picture where it turns out to be legal.
+Cuts, splats and orders have tests of their own (tests/analytic/). What fails is written to a folder, with the command
+that repeats it; then the exit code is 1.
 """
 
 from __future__ import annotations

@@ -6,16 +6,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import compare
 import numpy as np
 import pytest
 from judge import judge, make_case, write_case
 
-from renderer.draw import Rasterizer
+from renderer.draw import Rasterizer, SplatRasterizer
 from renderer.draw.gl import raster as raster_gl
-from renderer.frame import primitives
 from renderer.scene import Scene
-from renderer.splats import SplatBatch, make_splats
+from renderer.splats import SplatBatch
 
 SEED = 2
 # Kernels are compiled for every type of voxel, which takes longer than all scenes here; the whole run has them all.
@@ -73,8 +71,12 @@ def test_small_faults_are_seen(
     fault: Callable[[SplatBatch], SplatBatch],
 ) -> None:
     """The bounds are no wider than rounding: a fault of 1 % is seen, unless it is out of the picture."""
-    for module in (primitives, compare):
-        monkeypatch.setattr(module, "make_splats", lambda cut, spec: fault(make_splats(cut, spec)))
+    rasterize = SplatRasterizer.rasterize
+    monkeypatch.setattr(
+        SplatRasterizer,
+        "rasterize",
+        lambda gl, batches, orders, view: rasterize(gl, [fault(each) for each in batches], orders, view),
+    )
     numbers = range(0, 24, 2)
     verdicts = [judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer_for) for index in numbers]
     assert sum(verdict.outcome == "wrong" for verdict in verdicts) >= len(numbers) // 3

@@ -63,8 +63,9 @@ def turns(elevation: float, edges: Float64 = IDENTITY) -> list[list[tuple[float,
 
 
 @pytest.mark.parametrize("elevation", [0.0, -0.5, 20.0, 45.0, 80.0, 89.0])
-def test_few_views_have_several_orders_and_shares_add_up(elevation: float) -> None:
-    mixtures = turns(elevation)
+@pytest.mark.parametrize("edges", [IDENTITY, SHEARED], ids=str)
+def test_few_views_have_several_orders_and_shares_add_up(elevation: float, edges: Float64) -> None:
+    mixtures = turns(elevation, edges)
     for mixture in mixtures:
         assert sum(weight for weight, _ in mixture) == pytest.approx(1, abs=1e-15)
         assert min(weight for weight, _ in mixture) > 0

@@ -19,10 +19,7 @@ from renderer.scene import OutputSpec
     ("number", "text"),
     [
         (errno.ENOSPC, "out/film.mp4: the disk is full\n  hint: free some space, or write to another disk"),
-        (
-            errno.EACCES,
-            "out/film.mp4: no permission to write here\n  hint: choose another folder for the output",
-        ),
+        (errno.EACCES, "out/film.mp4: no permission to write here\n  hint: choose another folder for the output"),
         (errno.EISDIR, "out/film.mp4: the output is a folder\n  expected: the name of a file"),
         (errno.ENOTDIR, "out/film.mp4: the output folder is a file\n  got: out"),
         (errno.EIO, "out/film.mp4: the output cannot be written\n  got: Input/output error"),

@@ -89,9 +89,7 @@ def brick_series() -> list[Measurement]:
     options = {"footprint": "integrated"}
     return [
         dataclasses.replace(
-            each,
-            num_cells=40,
-            setting=dataclasses.replace(each.setting, options={**each.setting.options, **options}),
+            each, num_cells=40, setting=dataclasses.replace(each.setting, options={**each.setting.options, **options})
         )
         for each in drawn
     ]

@@ -63,10 +63,7 @@ def told(path: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("output", "schedule"),
-    [
-        ("film.mp4", "{tolerance: {0: 0.5, 6: 0.02}}"),
-        ("{frame}.png", "{splats: {0: 1, 6: 100}}"),
-    ],
+    [("film.mp4", "{tolerance: {0: 0.5, 6: 0.02}}"), ("{frame}.png", "{splats: {0: 1, 6: 100}}")],
 )
 def test_as_if_made_in_one_go(schedule: str, output: str, folder: Path) -> None:
     options = ("--set", f"error={schedule}")
@@ -127,13 +124,7 @@ def touched(folder: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize(
-    ("output", "schedule"),
-    [
-        ("film.mp4", "{psnr: 20}"),
-        ("{frame}.png", "{seconds: 1}"),
-    ],
-)
+@pytest.mark.parametrize(("output", "schedule"), [("film.mp4", "{psnr: 20}"), ("{frame}.png", "{seconds: 1}")])
 def test_what_was_put_together_is_up_to_date(output: str, schedule: str, folder, capsys) -> None:
     """This holds for `assemble`, the scene and the sidecar, also where the parts are gone."""
     draw_parts("--set", f"error={schedule}")

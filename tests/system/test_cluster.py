@@ -120,10 +120,7 @@ def test_the_error_of_a_worker_is_that_of_the_film(client: Client, stage: Stage,
 
 def test_a_cluster_without_workers_is_an_error(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "_MAX_WAIT_S", 0.5)
-    with (
-        LocalCluster(n_workers=0, dashboard_address=":0") as cluster,
-        Client(cluster, set_as_default=False) as client,
-    ):
+    with LocalCluster(n_workers=0, dashboard_address=":0") as cluster, Client(cluster, set_as_default=False) as client:
         error = error_of(client, stage)
     assert str(error) == (
         "--workers 2: the cluster has no workers\n  got: none for 0.5 s\n  hint: `dask worker ADDRESS` starts one"

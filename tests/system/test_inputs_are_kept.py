@@ -205,8 +205,7 @@ def test_goldens(options: list[str], capsys) -> None:
 
 @pytest.mark.parametrize("source", ["one/0000.png", "two/0000.png", "one/compare.yaml"])
 @pytest.mark.parametrize(
-    "sides",
-    [("one", "two"), ("one/{frame:04}.png", "two"), ("one/0000.png", "two/0001.png"), ("scene.yaml", "one")],
+    "sides", [("one", "two"), ("one/{frame:04}.png", "two"), ("one/0000.png", "two/0001.png"), ("scene.yaml", "one")]
 )
 def test_reports_of_comparisons(source: str, sides: tuple[str, str], capsys) -> None:
     scene_of(raw("two/0000.png") if sides[1] == "one" else None)

@@ -186,9 +186,7 @@ def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
     mark = uuid.uuid4().hex
     arguments = ["turntable", "in/labels.npy", "in/signed.npy", "-o", "out", "--frames", "400", "--size", "64"]
     process = subprocess.Popen(
-        [*HSPLAT, *arguments, "--workers", "2", "--quiet"],
-        env=environment(**{MARK: mark}),
-        start_new_session=True,
+        [*HSPLAT, *arguments, "--workers", "2", "--quiet"], env=environment(**{MARK: mark}), start_new_session=True
     )
     while not list(Path("out").glob("labels.mp4.unfinished/000003.json")):
         assert process.poll() is None

@@ -7,14 +7,7 @@ import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE, Shape, patches
 
-from renderer.bricks import (
-    BRICK_LEVELS,
-    BRICK_SIZE,
-    PADDED_BRICK_SIZE,
-    MeanCache,
-    make_bricks,
-    means as brick_means,
-)
+from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, PADDED_BRICK_SIZE, MeanCache, make_bricks, means as brick_means
 from renderer.bricks.layout import HALO
 from renderer.bricks.means import recompute_means, stored_means
 from renderer.pyramid import Pyramid, build_pyramid, descendants, root_cells

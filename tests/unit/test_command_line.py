@@ -223,13 +223,7 @@ def test_a_closed_pipe_is_no_error() -> None:
     read_end, write_end = os.pipe()
     os.close(read_end)
     with os.fdopen(write_end, "wb") as pipe:
-        done = subprocess.run(
-            [*HSPLAT, "check", str(DEMO)],
-            cwd=ROOT,
-            stdout=pipe,
-            stderr=subprocess.PIPE,
-            check=False,
-        )
+        done = subprocess.run([*HSPLAT, "check", str(DEMO)], cwd=ROOT, stdout=pipe, stderr=subprocess.PIPE, check=False)
     assert done.stderr == b""
     assert done.returncode == 1
 

@@ -46,11 +46,7 @@ def version_1(most: int, used: int, *, cache: int = 0) -> dict[str, object]:
     ],
 )  # fmt: skip
 def test_control_groups_limit_the_memory(
-    own: str | None,
-    groups: dict[str, dict[str, object]],
-    free: float,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    own: str | None, groups: dict[str, dict[str, object]], free: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of a group and those that it is in, the one with the least left counts; pages of files can be had again."""
     for group, files in groups.items():

@@ -10,8 +10,7 @@ from renderer.study.thumbnails import THUMBNAIL_PX
 
 
 @pytest.mark.parametrize(
-    ("size", "small"),
-    [((1, 1), (1, 1)), ((256, 256), (256, 256)), ((257, 3), (129, 2)), ((5, 769), (2, 193))],
+    ("size", "small"), [((1, 1), (1, 1)), ((256, 256), (256, 256)), ((257, 3), (129, 2)), ((5, 769), (2, 193))]
 )
 def test_thumbnails_are_small_and_keep_even_pictures(size: tuple[int, int], small: tuple[int, int]) -> None:
     made = thumbnail(np.full((*size, 3), 0.4))

@@ -158,10 +158,7 @@ class ClusterDrawing:
 
 
 def draw_ahead(
-    numbers: Sequence[int],
-    draw: Callable[[int], DrawnFrame],
-    threads: ThreadPoolExecutor,
-    check: Callable[[], int],
+    numbers: Sequence[int], draw: Callable[[int], DrawnFrame], threads: ThreadPoolExecutor, check: Callable[[], int]
 ) -> Generator[DrawnFrame, None, None]:
     """Draw a few frames ahead of the one that is waited for, and yield them in order; may be closed before its end.
 

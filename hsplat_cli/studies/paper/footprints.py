@@ -71,7 +71,7 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
                     "error of the integral": f"{item.integral_error:+.2%}",
                 }
                 for item in drawn
-            ],
+            ]
         },
         notes=(
             "The Gaussian of hsplat is slightly broader in the middle than a plain one: two zeros in its spectrum keep "

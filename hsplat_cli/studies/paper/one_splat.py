@@ -62,8 +62,7 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> SplatSeries:
     source = scene.volume.source
     if not (isinstance(source, ProceduralSource) and source.name == "constant" and len(set(source.spacing)) == 1):
         raise InputError(
-            "figure 3 needs a cube of one material",
-            expected="volume.procedural: {name: constant, shape: [1, 1, 1]}",
+            "figure 3 needs a cube of one material", expected="volume.procedural: {name: constant, shape: [1, 1, 1]}"
         )
     length = source.shape[0] * source.spacing[0]
     rows: dict[str, list[tuple[Pixels, str]]] = {"With correction": [], "Without": [], "The voxels themselves": []}

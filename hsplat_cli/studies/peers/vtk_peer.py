@@ -238,13 +238,7 @@ def look_of(scene: Scene, volume: Volume) -> Look:
 
 
 def measure_vtk(
-    volume: Volume,
-    look: Look,
-    views: Sequence[View],
-    truths: Truths,
-    *,
-    settings: Sequence[Setting],
-    repeats: int,
+    volume: Volume, look: Look, views: Sequence[View], truths: Truths, *, settings: Sequence[Setting], repeats: int
 ) -> Iterator[Measurement]:
     """Measure each setting, and yield it at once.
 
