@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from hsplat_cli.scenes.volume_arguments import read_with_options
@@ -20,6 +21,7 @@ from renderer.scene import (
     Color,
     ColormapSpec,
     FileSource,
+    LabelsSpec,
     RawSource,
     ShadingSpec,
     TransferSpec,
@@ -45,15 +47,7 @@ _SHADING_COMMENT = (
     "# Darker where a surface faces away from the light, which turns with the object. Delete it for even light."
 )
 _CLIP_COMMENT = "# Planes that clip away what is not the object, such as a table; delete them to see everything."
-_VOXEL_COLORS_COMMENT = """\
-# Each voxel has its colour before anything is interpolated; without this line, the skin of a label has
-# those of all numbers between its own and its neighbour's. Where labels to look through have blurred
-# edges, a smaller tolerance makes them sharp."""
-_LABELS_COMMENT = """\
-# The skin of a label has the colours of all numbers between its own and its neighbour's, for what is
-# interpolated are numbers. `splat: {footprint: gaussian}` gives each voxel its own colour, but takes
-# memory for all that are drawn, and this volume is so large that it stays in its file."""
-
+_LABELS_COMMENT = "# Which labels are shown, by number or by name, and how: `hide: [...]` leaves some out."
 
 _CHANNELS_COMMENT = (
     "# Each channel of the file, in its colour: from the first value of its range, which is dark, to the second."
@@ -180,13 +174,9 @@ def _one_volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
     suggestion = found.suggestion
     yield "volume:"
     yield from (f"  {line}" for line in _volume_lines(found.volume, folder, has_absent=found.has_absent))
-    yield from ("", _TRANSFER_COMMENT)
+    yield from ("", _LABELS_COMMENT if suggestion.transfer.labels else _TRANSFER_COMMENT)
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
     yield from _light_lines(suggestion)
-    if suggestion.splat is not None:
-        yield from ("", _VOXEL_COLORS_COMMENT, f"splat: {{footprint: {suggestion.splat.footprint}}}")
-    elif suggestion.is_categorical:
-        yield from ("", _LABELS_COMMENT)
 
 
 def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Path) -> Iterator[str]:
@@ -248,7 +238,10 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
 
 
 def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterator[str]:
-    """Yield the section `transfer_function`, one line for each point, with a note behind it."""
+    """Yield the section `transfer_function`, one line for each point, with a note behind it, or `labels`."""
+    if transfer.labels is not None:
+        yield from _label_lines(transfer.labels, transfer.unit)
+        return
     yield "transfer_function:"
     if transfer.unit is not None:
         yield f"  unit: {format_value(transfer.unit)}"
@@ -262,10 +255,26 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
         yield from (f"    - {_list(pair)}" for pair in mapping.opacity)
         return
     yield "  points:"
-    for k, point in enumerate(mapping):
+    for k, point in enumerate(transfer.points):
         value, color, opacity = format_value(point.value), _hex_color(point.color), format_value(point.opacity)
         note = f"  # {notes[k]}" if k < len(notes) and notes[k] else ""
         yield f'    - {{value: {value}, color: "{color}", opacity: {opacity}}}{note}'
+
+
+def _label_lines(labels: LabelsSpec, unit: float | None) -> Iterator[str]:
+    """Yield the section `labels` of labels with colours, one line for each."""
+    styles = labels.styles
+    yield "labels:"
+    yield from [] if unit is None else [f"  unit: {format_value(unit)}"]
+    flow = ", ".join(str(style.value) for style in styles)
+    yield from wrap(f"[{flow}]", 100, initial_indent="  show: ", subsequent_indent="         ")
+    if len({style.opacity for style in styles}) == 1:
+        yield f"  opacity: {format_value(styles[0].opacity)}"
+    else:
+        yield from ("  opacity:", *(f"    {style.value}: {format_value(style.opacity)}" for style in styles))
+    yield from ("  colors:", *(f'    {style.value}: "{_hex_color(style.color)}"' for style in styles))
+    if any(style.name for style in styles):
+        yield from ("  names:", *(f"    {style.value}: {yaml_string(style.name)}" for style in styles if style.name))
 
 
 def _light_lines(suggestion: Suggestion) -> Iterator[str]:

@@ -42,8 +42,9 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     is set in theirs.
 
     lit: [n, 18, 18, 18, 4], (u, gx, gy, gz), with the gradient in world axes: central differences at voxel centres,
-    one-sided at the border and 0 along an axis of one voxel; of labels, those of smoothed opacities. It is divided by a number
-    that is the same in the whole volume, such that differences of scalars are at most 1, and so is the largest entry of the transform to the world.
+    one-sided at the border and 0 along an axis of one voxel; of labels, those of smoothed
+    opacities. It is divided by a number that is the same in the whole volume, such that differences of scalars are at
+    most 1, and so is the largest entry of the transform to the world.
 
     Raises InputError where the volume's file was changed.
     """

@@ -27,7 +27,7 @@ def number_labels(volume: Volume, shown: Sequence[int], *, as_one: bool = False)
         counts += np.bincount(of_slab.ravel(), minlength=len(counts))
         start += len(slab)
     if not counts[1:].all():
-        missing = format_value([shown[at] for at in np.flatnonzero(counts[1:] == 0)])
+        missing = format_value(labels[counts[1:] == 0].tolist())
         hint = "`hsplat info` lists its labels"
         raise InputError("no such labels in this volume", where=volume.name, got=missing, hint=hint)
     if as_one:

@@ -91,6 +91,11 @@ class TransferSpec:
     imported: ImportedLook | None = field(default=None, compare=False)
 
     @property
+    def points(self) -> tuple[ControlPoint, ...]:
+        """Return its control points; none of a colormap and of labels."""
+        return self.mapping if isinstance(self.mapping, tuple) else ()
+
+    @property
     def labels(self) -> LabelsSpec | None:
         """Return the labels, if the values are names of what is there."""
         return self.mapping if isinstance(self.mapping, LabelsSpec) else None

@@ -14,8 +14,8 @@ Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
   segmentations, in the colours of `palette.py`; `wishes.py`: a suggestion steered by a word, a preset or a file.
 - `presets.py`: layers and colours for each kind of data; `opacity_calibration.py`: how dense they are, so that each has
   its part of the picture; `opacity.py`: depths as opacities.
-- `channels.py`: a layer for each channel of a file, for `component: all`; `label_choice.py`: which labels are shown, and
-  their colours; `open_layers.py`: both, where a scene leaves them open.
+- `channels.py`: a layer for each channel of a file, for `component: all`; `label_choice.py`: which labels are shown,
+  and their colours; `open_layers.py`: both, where a scene leaves them open.
 - `over.py`: two volumes, one over the other; its weights are searched by `opacity_calibration.py`.
 - `turntable.py`: the defaults of the film around it.
 """

@@ -26,7 +26,7 @@ from renderer.scene import (
     format_value,
     raise_problems,
 )
-from renderer.suggest.palette import distinct_colors
+from renderer.suggest.palette import distinct_colors, in_8_bits
 from renderer.volume import Label, Volume, iter_slabs
 
 _PALETTE: tuple[Color, ...] = (
@@ -112,15 +112,15 @@ def known_labels(spec: VolumeSpec, volume: Volume, labels: LabelsSpec) -> KnownL
 
     labels: whose names go before those of a table. Raises InputError for a volume that is no labels.
     """
-    table = {label.value: label for label in _table_of(spec, volume, labels)}
+    found = read_label_table(labels.names) if isinstance(labels.names, Path) else table_of(spec, volume)
+    table = {label.value: label for label in found}
     if isinstance(labels.names, tuple):
         table |= {value: replace(table.get(value, Label(value)), name=name) for value, name in labels.names}
     return KnownLabels(count_labels(volume), table)
 
 
-def _table_of(spec: VolumeSpec, volume: Volume, labels: LabelsSpec) -> Sequence[Label]:
-    if isinstance(labels.names, Path):
-        return read_label_table(labels.names)
+def table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:
+    """Return what the file of a volume, or a table beside it, says of its labels."""
     if volume.labels or not isinstance(spec.source, FileSource):
         return volume.labels
     beside = find_label_table(spec.source.file)
@@ -210,11 +210,6 @@ def _colors_of(spec: LabelsSpec, known: KnownLabels, present: Sequence[int]) -> 
 def label_colors(num: int) -> tuple[Color, ...]:
     """Return colours for this many labels, which differ as much as possible."""
     if num <= _MAX_DISTINCT_COLORS:
-        return tuple(map(_in_8_bits, distinct_colors(_PALETTE, num)))
+        return tuple(map(in_8_bits, distinct_colors(_PALETTE, num)))
     colors = colormap_points(_MANY_LABELS_COLORMAP, _MAX_DISTINCT_COLORS + 1)
-    return tuple(_in_8_bits(colors[number % len(colors)]) for number in range(num))
-
-
-def _in_8_bits(color: Sequence[float]) -> Color:
-    red, green, blue = (round(255 * part) / 255 for part in color)
-    return red, green, blue
+    return tuple(in_8_bits(colors[number % len(colors)]) for number in range(num))

@@ -8,17 +8,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from renderer.scene import Color, ControlPoint, SplatSpec, TransferSpec
+from renderer.scene import MAX_LABELS, LabelsSpec, TransferSpec
 from renderer.suggest.features import VoxelSample, faces
 from renderer.suggest.histogram import Statistics
+from renderer.suggest.label_choice import count_labels, label_colors
 from renderer.suggest.opacity import format_number, opacity_from_depth, opacity_unit_length
-from renderer.suggest.opacity_calibration import CRISP_SURFACE_DEPTH, Layer, cast_rays, solve_depths
-from renderer.suggest.palette import distinct_colors
-from renderer.suggest.presets import OPAQUE_COVERAGE, SHADING, STONE, flip_light
-from renderer.suggest.suggestion import Suggestion, with_colormap
-from renderer.volume import Bools, Volume, iter_slabs
+from renderer.suggest.opacity_calibration import CRISP_SURFACE_DEPTH, Layer, TurntableRays, cast_rays, solve_depths
+from renderer.suggest.presets import OPAQUE_COVERAGE, SHADING, STONE
+from renderer.suggest.suggestion import ShownLayer, Suggestion
+from renderer.volume import Bools, Float64, Label, Volume, iter_slabs
 
-_MAX_LABELS = 4096
+# Each of up to this many labels has a density of its own.
+_MAX_SOLVED = 10
 # Up to this many values are always labels. More are, if at least this part of the neighbours of voxels outside the
 # background have the voxel's own value; scans have up to 0.6.
 _MAX_CERTAIN_LABELS, _MIN_EQUAL_NEIGHBOURS = 3, 0.75
@@ -32,25 +33,6 @@ _MAX_TRANSITION_FRACTION = 0.5
 
 # Normalised values that differ by no more than this are the same.
 _SAME = 1e-9
-
-_PALETTE: tuple[Color, ...] = (
-    (0.90, 0.47, 0.29),
-    (0.29, 0.56, 0.85),
-    (0.91, 0.77, 0.28),
-    (0.37, 0.71, 0.42),
-    (0.69, 0.42, 0.78),
-    (0.31, 0.77, 0.77),
-    (0.85, 0.34, 0.48),
-    (0.60, 0.66, 0.29),
-    (0.54, 0.48, 0.85),
-    (0.79, 0.60, 0.42),
-)
-# Up to this many labels have colours that are as different as possible; more share those of a colormap.
-_MAX_DISTINCT_COLORS, _MANY_LABELS_COLORMAP = 255, "glasbey"
-
-# The largest volume in a file that is drawn with splats, which need several times its memory.
-_MAX_BYTES_FOR_SPLATS = 1 << 30
-
 # A label encloses smaller ones if it covers this part of their projections, along all three axes.
 _ENCLOSING_COVERAGE = 0.85
 # Its part of the picture, compared with that of another label.
@@ -63,7 +45,7 @@ def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) ->
     if len(np.unique(sample.normalized)) > _MAX_CERTAIN_LABELS and not is_piecewise:
         return None
     found = distinct_values(volume, statistics)
-    if found is None or (len(found) > 2 and not all(value == int(value) for value in found)):
+    if found is None or not all(value == int(value) for value in found):
         return None
     if len(found) > _MAX_CERTAIN_LABELS:
         if not is_piecewise or _transition_value_fraction(sample) > _MAX_TRANSITION_FRACTION:
@@ -119,12 +101,12 @@ def distinct_values(volume: Volume, statistics: Statistics) -> list[float] | Non
     """Return every value in the range of the statistics, ascending; None if there are too many."""
     if statistics.bin_width == 1.0 and volume.values.dtype.kind in "iu":
         counted: list[float] = statistics.bins[statistics.counts > 0].tolist()
-        return counted if len(counted) <= _MAX_LABELS else None
+        return counted if len(counted) <= MAX_LABELS else None
     found: set[float] = set()
     for plane in iter_slabs(volume.values, volume.source, 1):
         values = np.unique(plane)
         found.update(values[(values >= statistics.minimum) & (values <= statistics.maximum)].astype(float).tolist())
-        if len(found) > _MAX_LABELS:
+        if len(found) > MAX_LABELS:
             return None
     return sorted(found)
 
@@ -136,49 +118,76 @@ def border_mode(sample: VoxelSample) -> float:
 
 
 def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float]) -> Suggestion:
-    """Return the suggestion for labels.
+    """Return the suggestion for labels: every one but the background has a colour and an opacity.
 
-    Every label but the background has a colour and an opacity, with steps half-way between the labels. The background
-    is the most frequent label at the volume's border.
+    The background is the most frequent label at the volume's border.
     """
     at_border = sample.denormalize(border_mode(sample))
     outside = min(range(len(values)), key=lambda k: abs(values[k] / 2 - at_border / 2))
     pieces = ", in separate pieces" if _is_piecewise_constant(sample) else ""
-    names = [f"label {format_number(value)}" for value in values]
-    names[outside] = "the background"
     reason = f"there are {len(values)} values{pieces}, and {format_number(values[outside])} is the background"
-    ranges = list(pairwise([values[0], *(low / 2 + high / 2 for low, high in pairwise(values)), values[-1]]))
-    opacities = [opacity_from_depth(depth, sample.diagonal) for depth in _solve_label_depths(sample, ranges, outside)]
-    has_colormap = len(values) > _MAX_DISTINCT_COLORS + 1
-    colors = [STONE] * (len(values) - 1) if has_colormap else distinct_colors(_PALETTE, len(values) - 1)
-    colors.insert(outside, (0.0, 0.0, 0.0))
-    styles = zip(ranges, colors, opacities, strict=True)
-    points = tuple(ControlPoint(at, color, opacity) for ends, color, opacity in styles for at in ends)
-    notes = tuple(word for name in names for word in (name, ""))
-    shading = flip_light(SHADING) if outside == len(values) - 1 else SHADING
-    transfer = TransferSpec(points, opacity_unit_length(sample.diagonal))
-    if len(values) == 2:
-        return Suggestion("mask", reason, transfer, notes, shading)
-    # A volume that stays in its file may be larger than memory, and splats would need it there.
-    has_splats = volume.source is None or volume.values.nbytes <= _MAX_BYTES_FOR_SPLATS
-    splat = SplatSpec(footprint="gaussian") if has_splats else None
-    shading = replace(shading, occlusion=0.0)  # splats have none
-    found = Suggestion("labels", reason, transfer, notes, shading, is_categorical=True, splat=splat)
-    return with_colormap(found, _MANY_LABELS_COLORMAP if has_colormap else None)
+    middles = np.array([(low / 2 + high / 2) for low, high in pairwise(values)])
+    rays = cast_rays(sample, is_interpolated=False)
+    depths = _solve_label_depths(sample, rays, [sample.normalize(middle) for middle in middles], outside)
+    shown = [int(value) for k, value in enumerate(values) if k != outside]
+    colors = label_colors(len(shown)) if len(shown) > 1 else (STONE,)
+    opacities = [opacity_from_depth(float(depth), sample.diagonal) for depth in np.delete(depths, outside)]
+    one = opacities[0] if len(set(opacities)) == 1 else tuple(zip(shown, opacities, strict=True))
+    labels = LabelsSpec(tuple(zip(shown, colors, strict=True)), one, tuple(shown))
+    shares = _visible_shares(rays, [sample.normalize(middle) for middle in middles], depths)
+    voxels = count_labels(volume)
+    visible = tuple(
+        ShownLayer("", ((value, value),), voxels[value] / volume.values.size, float(shares[k]), 1 / len(shown))
+        for k, value in enumerate(map(int, values)) if k != outside
+    )  # fmt: skip
+    kind = "mask" if len(values) == 2 else "labels"
+    transfer = TransferSpec(labels, opacity_unit_length(sample.diagonal))
+    return Suggestion(kind, reason, transfer, (), SHADING, visible=visible)
 
 
-def _solve_label_depths(sample: VoxelSample, ranges: Sequence[tuple[float, float]], outside: int) -> list[float]:
-    """Return the optical depth of each label, as `solve_depths`, from its range of values; 0 for the one outside."""
-    regions = [(sample.normalize(low), sample.normalize(high)) for low, high in ranges]
+def with_table(suggestion: Suggestion, table: Sequence[Label], *, has_colors: bool) -> Suggestion:
+    """Return a suggestion for labels with the names in a table, and its colours unless it `has_colors` of its own."""
+    labels, known = suggestion.transfer.labels, {label.value: label for label in table}
+    assert labels is not None and isinstance(labels.colors, tuple)
+    of_table = {value: label.color for value, label in known.items() if label.color is not None and not has_colors}
+    names = {value: known[value].name for value in labels.values if value in known and known[value].name}
+    colors = tuple((key, of_table.get(key, color) if isinstance(key, int) else color) for key, color in labels.colors)
+    labels = replace(labels, colors=colors, names=tuple(names.items()) or None)
+    visible = tuple(replace(each, name=names.get(int(each.ranges[0][0]), "")) for each in suggestion.visible)
+    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=labels), visible=visible)
+
+
+def number_sample(sample: VoxelSample, labels: LabelsSpec) -> VoxelSample:
+    """Return a sample with the numbers of labels that are shown in place of their values; 0 for all others."""
+    at = np.array([sample.normalize(value) for value in labels.values])
+    number = np.minimum(np.searchsorted(at, sample.normalized - _SAME), len(at) - 1)
+    numbers = np.where(np.abs(at[number] - sample.normalized) <= _SAME, number + 1, 0)
+    return replace(sample, normalized=numbers / len(at), minimum=0.0, maximum=float(len(at)))
+
+
+def _solve_label_depths(sample: VoxelSample, rays: TurntableRays, middles: Sequence[float], outside: int) -> Float64:
+    """Return the optical depth of each label, as `solve_depths`; 0 for the one outside.
+
+    middles: between the labels, normalised.
+    """
     # The outermost labels have no end on one side.
-    regions[0], regions[-1] = (regions[0][0] - 1, regions[0][1]), (regions[-1][0], regions[-1][1] + 1)
-    if len(regions) <= len(_PALETTE) + 1:
+    regions = list(pairwise([-1.0, *middles, 2.0]))
+    if len(regions) <= _MAX_SOLVED + 1:
         layers = _layers(sample, [region for k, region in enumerate(regions) if k != outside])
     else:
         knots = tuple((at, float(k != outside)) for k, region in enumerate(regions) for at in region)
         layers = [Layer("", knots, min_depth=CRISP_SURFACE_DEPTH)]
-    depths = solve_depths(cast_rays(sample, is_interpolated=False), layers, OPAQUE_COVERAGE)
-    return [*map(float, np.insert(np.resize(depths, len(regions) - 1), outside, 0.0))]
+    depths = solve_depths(rays, layers, OPAQUE_COVERAGE)
+    return np.insert(np.resize(depths, len(regions) - 1), outside, 0.0)
+
+
+def _visible_shares(rays: TurntableRays, middles: Sequence[float], depths: Float64) -> Float64:
+    """Return the part of what is seen that each label has; parameters as above."""
+    number = np.searchsorted(middles, rays.values)
+    taken = np.where(np.isnan(rays.values), 0.0, 100 * rays.step * depths[np.minimum(number, len(depths) - 1)])
+    visible = np.exp(taken - np.cumsum(taken, axis=1)) * -np.expm1(-taken)
+    shares = np.bincount(number.ravel(), visible.ravel(), len(depths))[: len(depths)]
+    return np.asarray(shares / max(float(shares.sum()), 1e-12))
 
 
 def _layers(sample: VoxelSample, regions: Sequence[tuple[float, float]]) -> list[Layer]:

@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.scene import Color, ColormapSpec, VolumeSpec
+from renderer.scene import Color, VolumeSpec
 from renderer.suggest.features import VoxelSample, sample_volume
-from renderer.suggest.labels import border_mode
+from renderer.suggest.labels import number_sample
 from renderer.suggest.opacity_calibration import Layer, TurntableRays, balance, cast_through, step_weights
 from renderer.suggest.palette import to_lab
-from renderer.suggest.presets import SHADING
 from renderer.suggest.separation import Plane, are_beyond
 from renderer.suggest.suggestion import Suggestion, with_8_bit_colors, with_colormap
 from renderer.suggest.volume_suggestion import (
@@ -47,7 +46,7 @@ def suggest_over(
     (upper, above), (lower, below) = _suggest(volume, read, wish), _suggest(under, read, NO_WISH)
     if wish == NO_WISH and not upper.volume.has_colors and _has_grey(upper.suggestion):
         upper = replace(upper, suggestion=_tinted(upper.suggestion, _WARM))
-    if not (lower.suggestion.is_categorical or lower.volume.has_colors):
+    if not (lower.suggestion.transfer.labels or lower.volume.has_colors):
         lower = replace(lower, suggestion=_tinted(lower.suggestion, _GREY))
     ends = _shell_ends(lower, below)
     factors = replace(below, normalized=np.interp(_gradients(below), ends, (0.0, 1.0)))
@@ -78,10 +77,9 @@ def _suggest(
     if statistics.minimum == statistics.maximum:  # a sample needs a range
         statistics = replace(statistics, minimum=statistics.minimum - max(1, abs(statistics.minimum)))
     sample, suggestion = sample_volume(volume, statistics), found.suggestion
+    if (labels := suggestion.transfer.labels) is not None:
+        sample = number_sample(sample, labels)
     planes = tuple(each for each in suggestion.clip if each.plane is not None)
-    if suggestion.is_categorical and spec.nodata == "auto":  # nothing is interpolated between labels and background
-        found = replace(found, volume=replace(spec, nodata=(round(sample.denormalize(border_mode(sample))),)))
-        suggestion = replace(suggestion, shading=SHADING, splat=None)
     notes = () if suggestion.visible else suggestion.notes
     found = replace(found, suggestion=replace(suggestion, clip=planes, notes=notes, visible=()))
     at = [(np.array(each.plane.point) - sample.centre, np.array(each.plane.normal)) for each in planes if each.plane]
@@ -92,7 +90,7 @@ def _weights(found: VolumeSuggestion, sample: VoxelSample, rays: TurntableRays, 
     """Return the optical depths of the steps of rays. unit: the length that theirs are given in."""
     transfer = make_transfer_function(found.suggestion.transfer, min(sample.spacing))
     at, depths = map(sample.normalize, transfer.values.tolist()), (transfer.extinctions * unit / 100).tolist()
-    rays = rays._replace(is_interpolated=not found.suggestion.is_categorical)
+    rays = rays._replace(is_interpolated=found.suggestion.transfer.labels is None)
     return np.asarray(step_weights(rays, [Layer("", tuple(zip(at, depths, strict=True)))])[0])
 
 
@@ -111,26 +109,26 @@ def _shell_ends(found: VolumeSuggestion, sample: VoxelSample) -> tuple[float, fl
     transfer = make_transfer_function(suggestion.transfer, min(sample.spacing))
     values = sample.minimum + (sample.maximum - sample.minimum) * sample.normalized
     gradients = _gradients(sample)[sample.is_valid & (transfer.classify(values)[1] > 0)]
-    if suggestion.is_categorical or suggestion.shading is None or not gradients.size:
+    if suggestion.transfer.labels or suggestion.shading is None or not gradients.size:
         return _EVERY_GRADIENT
     low, high = (float(f"{each:.3g}") for each in np.percentile(gradients, _SHELL_PERCENTILES))
     return (low, high) if low < high else _EVERY_GRADIENT
 
 
 def _has_grey(suggestion: Suggestion) -> bool:
-    mapping = suggestion.transfer.mapping
-    if isinstance(mapping, ColormapSpec) or suggestion.is_categorical:
+    points = suggestion.transfer.points
+    if not points:
         return False
-    chroma = np.hypot(*to_lab(np.array([point.color for point in mapping])).T[1:])
+    chroma = np.hypot(*to_lab(np.array([point.color for point in points])).T[1:])
     return bool(chroma.min() <= _MAX_GREY_CHROMA)
 
 
 def _tinted(suggestion: Suggestion, tint: Color) -> Suggestion:
     """Return the suggestion with colours of one hue that are as bright as its own; colormaps become grey."""
-    mapping = suggestion.transfer.mapping
-    if isinstance(mapping, ColormapSpec):
+    given = suggestion.transfer.points
+    if not given:
         return with_colormap(suggestion, "gray")
-    bright = [min(1.0, float(np.dot(point.color, _LUMINANCE))) for point in mapping]
+    bright = [min(1.0, float(np.dot(point.color, _LUMINANCE))) for point in given]
     colors = [(tint[0] * part, tint[1] * part, tint[2] * part) for part in bright]
-    points = tuple(replace(point, color=color) for point, color in zip(mapping, colors, strict=True))
+    points = tuple(replace(point, color=color) for point, color in zip(given, colors, strict=True))
     return with_8_bit_colors(replace(suggestion, transfer=replace(suggestion.transfer, mapping=points)))

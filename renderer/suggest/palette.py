@@ -37,6 +37,12 @@ def distinct_colors(first: Sequence[Color], count: int) -> list[Color]:
     return chosen
 
 
+def in_8_bits(color: Sequence[float]) -> Color:
+    """Return the nearest colour that `#rrggbb` can say."""
+    red, green, blue = (round(255 * part) / 255 for part in color)
+    return red, green, blue
+
+
 def to_lab(colors: Float64) -> Float64:
     """Return the lightness, a and b of sRGB colours, float64 [n, 3] in [0, 1]."""
     return np.array([lab_from_rgb((red, green, blue)) for red, green, blue in colors.tolist()])

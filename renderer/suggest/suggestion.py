@@ -9,12 +9,12 @@ from operator import attrgetter
 
 import numpy as np
 
-from renderer.scene import ClipSpec, ColormapSpec, ControlPoint, ShadingSpec, SplatSpec, TransferSpec
+from renderer.scene import ClipSpec, ColormapSpec, ControlPoint, LabelsSpec, ShadingSpec, TransferSpec, colormap_points
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.isolated import OutlierValue
 from renderer.suggest.opacity import format_number
-from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST
+from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST, in_8_bits
 
 # Values further from the range of the others than this part of the range are transparent; half-way to outliers that are
 # nearer.
@@ -43,8 +43,6 @@ class Suggestion:
     kind: the kind of data. reason: the signs by which it was recognised, a clause without a full stop.
     transfer: the transfer function, with its unit. notes: a comment for each of its points, mostly empty.
     shading: None where the data have no surfaces.
-    is_categorical: the values are labels, and no value between two labels means anything. splat: how to draw; None
-        for the default.
     outlier_notes: a clause for each outlier or nodata value that is not shown.
     clip: planes that clip away what is not the object, and a box to look into it.
     visible: what the picture shows, over a turntable.
@@ -55,8 +53,6 @@ class Suggestion:
     transfer: TransferSpec
     notes: tuple[str, ...]
     shading: ShadingSpec | None
-    is_categorical: bool = False
-    splat: SplatSpec | None = None
     outlier_notes: tuple[str, ...] = ()
     clip: tuple[ClipSpec, ...] = ()
     visible: tuple[ShownLayer, ...] = ()
@@ -64,18 +60,24 @@ class Suggestion:
 
 def with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:
     """Return the suggestion with its points, or its colormap, replaced by a colormap with the same opacities."""
-    mapping = suggestion.transfer.mapping
+    mapping, points = suggestion.transfer.mapping, suggestion.transfer.points
     if colormap is None:
         return suggestion
+    if isinstance(mapping, LabelsSpec):
+        table = colormap_points(colormap, max(2, len(mapping.values)))
+        return _with_mapping(suggestion, replace(mapping, colors=tuple(zip(mapping.values, table, strict=False))))
     if not isinstance(mapping, ColormapSpec):
-        low, high = mapping[0].value, mapping[-1].value
+        low, high = points[0].value, points[-1].value
         span = (low, high) if low < high else (low - max(1.0, abs(low)), low + max(1.0, abs(low)))
         # Points between others of the same opacity tell nothing.
-        runs = [list(run) for _, run in groupby(mapping, attrgetter("opacity"))]
+        runs = [list(run) for _, run in groupby(points, attrgetter("opacity"))]
         ends = [end for run in runs for end in ((run[0], run[-1]) if len(run) > 1 else run)]
         mapping = ColormapSpec(colormap, span, tuple((point.value, point.opacity) for point in ends))
-    transfer = replace(suggestion.transfer, mapping=replace(mapping, name=colormap))
-    return replace(suggestion, transfer=transfer, notes=())
+    return replace(_with_mapping(suggestion, replace(mapping, name=colormap)), notes=())
+
+
+def _with_mapping(suggestion: Suggestion, mapping: tuple[ControlPoint, ...] | ColormapSpec | LabelsSpec) -> Suggestion:
+    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=mapping))
 
 
 def with_logarithmic_scale(suggestion: Suggestion, colormap: str | None) -> Suggestion:
@@ -99,19 +101,18 @@ def with_logarithmic_scale(suggestion: Suggestion, colormap: str | None) -> Sugg
         replace(layer, ranges=tuple((value(low), value(high)) for low, high in layer.ranges))
         for layer in suggestion.visible
     )
-    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=mapping), notes=(), visible=visible)
+    return replace(_with_mapping(suggestion, mapping), notes=(), visible=visible)
 
 
 def with_8_bit_colors(suggestion: Suggestion) -> Suggestion:
     """Round the colours to `#rrggbb`, as a scene file has them, so that both draw the same."""
-    mapping = suggestion.transfer.mapping
-    if isinstance(mapping, ColormapSpec):
+    points, labels = suggestion.transfer.points, suggestion.transfer.labels
+    if labels is not None and isinstance(labels.colors, tuple):
+        colors = tuple((label, in_8_bits(color)) for label, color in labels.colors)
+        return _with_mapping(suggestion, replace(labels, colors=colors))
+    if not points:
         return suggestion
-    points = []
-    for point in mapping:
-        red, green, blue = (round(255 * part) / 255 for part in point.color)
-        points.append(replace(point, color=(red, green, blue)))
-    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=tuple(points)))
+    return _with_mapping(suggestion, tuple(replace(point, color=in_8_bits(point.color)) for point in points))
 
 
 def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelSample) -> Suggestion:
@@ -131,6 +132,8 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
         for outlier in statistics.outliers
     )
     mapping, notes = suggestion.transfer.mapping, suggestion.notes
+    if isinstance(mapping, LabelsSpec):  # which leave out what they do not name
+        return replace(suggestion, outlier_notes=(*outlier_notes, *suggestion.outlier_notes))
     points: Sequence[ControlPoint]
     if isinstance(mapping, ColormapSpec):
         points = [ControlPoint(at, (0.0, 0.0, 0.0), opacity) for at, opacity in mapping.opacity]

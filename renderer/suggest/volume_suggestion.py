@@ -20,7 +20,6 @@ from renderer.looks import linear_in_extinction
 from renderer.readers import are_colors
 from renderer.scene import (
     OF_CHANNELS,
-    ColormapSpec,
     ControlPoint,
     LayerSpec,
     Scene,
@@ -36,7 +35,8 @@ from renderer.suggest.absent import suggest_fill
 from renderer.suggest.channels import channel_layers
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics, compute_statistics
-from renderer.suggest.labels import distinct_values, label_suggestion, label_values
+from renderer.suggest.label_choice import table_of
+from renderer.suggest.labels import distinct_values, label_suggestion, label_values, with_table
 from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
 from renderer.suggest.opacity_calibration import cast_rays, measure_visibility, solve_depths
 from renderer.suggest.presets import Choice, Preset
@@ -78,15 +78,14 @@ class VolumeSuggestion:
     weight: float = 1.0
 
     def applied_to(self, scene: Scene) -> Scene:
-        """Return a scene of the volume with what is suggested; its own planes and footprint stay where it has some."""
+        """Return a scene of the volume with what is suggested; its own planes stay where it has some."""
         found, transfer = self.suggestion, self.suggestion.transfer
         if self.layers:
             volume = self.layers[0].volume
             return replace(scene, volume=volume, transfer_function=transfer, volumes=self.layers, blend="add")
         scene = replace(scene, volume=self.volume)
-        splat = (None if scene.clip else found.splat) or scene.splat  # splats cannot be clipped
         clip = scene.clip or found.clip
-        return replace(scene, transfer_function=transfer, shading=found.shading, splat=splat, clip=clip)
+        return replace(scene, transfer_function=transfer, shading=found.shading, clip=clip)
 
 
 def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH) -> VolumeSuggestion:
@@ -138,6 +137,8 @@ def suggest_read(volume: VolumeSpec, found: Volume, statistics: Statistics, wish
     if volume.component == "color_alpha" and wish == NO_WISH:
         reason = "each voxel is as opaque as its alpha says"
         suggestion = Suggestion(_COLORS, reason, TransferSpec(_ALPHA_POINTS), (), None)
+    if suggestion.transfer.labels is not None:
+        suggestion = with_table(suggestion, table_of(volume, found), has_colors=wish.colormap is not None)
     return VolumeSuggestion(volume, with_8_bit_colors(suggestion), found.num_absent > 0)
 
 
@@ -145,8 +146,8 @@ def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Sug
     """Return a suggestion for colours by their luminance; what the wish colours is multiplied by them."""
     found = suggest(volume, statistics, Wish(wish.colormap, wish.preset or "surface"))
     transfer = found.transfer
-    if wish == NO_WISH and not isinstance(transfer.mapping, ColormapSpec):
-        white = tuple(replace(point, color=(1.0, 1.0, 1.0)) for point in transfer.mapping)
+    if wish == NO_WISH and transfer.points:
+        white = tuple(replace(point, color=(1.0, 1.0, 1.0)) for point in transfer.points)
         transfer = replace(transfer, mapping=white)
     return replace(found, kind=_COLORS, reason="opacities go with their luminance", transfer=transfer)
 

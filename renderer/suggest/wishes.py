@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import Problem, SceneError, closest_match
-from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, ColormapSpec, TransferSpec, colormap_points, schema
+from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, TransferSpec, colormap_points, schema
 from renderer.suggest import features
 from renderer.suggest.classes import foreground_threshold, material_edges, otsu_threshold, top_value
 from renderer.suggest.features import VoxelSample
@@ -145,12 +145,12 @@ def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> S
     if problems:
         raise SceneError([_at_option(problem, wish) for problem in problems])
     imported = found.imported
-    assert imported is not None and not isinstance(found.mapping, ColormapSpec)
+    assert imported is not None
     points = [
-        replace(point, value=float(f"{point.value:.9g}"), opacity=round(point.opacity, 6)) for point in found.mapping
+        replace(point, value=float(f"{point.value:.9g}"), opacity=round(point.opacity, 6)) for point in found.points
     ]
     notes = [f"not imported: {clause}" for clause in imported.left_out]
-    if not is_share and zero is None and not found.names_labels:
+    if not is_share and zero is None:
         notes += _misfits([(point.value, point.opacity) for point in points], imported.name, span)
     return Suggestion(
         f"shown as --preset {wish}",
