@@ -1,11 +1,16 @@
 from .color_spaces import lab_from_rgb as lab_from_rgb
 from .curves import linear_in_extinction as linear_in_extinction
-from .label_tables import find_label_table as find_label_table, read_label_table as read_label_table
+from .label_tables import (
+    find_label_table as find_label_table,
+    make_labels as make_labels,
+    read_extension as read_extension,
+    read_label_table as read_label_table,
+)
 from .look import (
     MAX_LOOK_POINTS as MAX_LOOK_POINTS,
     Look as Look,
     LookPoint as LookPoint,
     place_look as place_look,
 )
-from .look_file import MAX_LOOK_BYTES as MAX_LOOK_BYTES
+from .look_file import MAX_LOOK_BYTES as MAX_LOOK_BYTES, LookFile as LookFile
 from .read import LookNameError as LookNameError, read_look as read_look, read_preset as read_preset

@@ -1,62 +1,237 @@
-"""Tables of labels, each with a colour: of FreeSurfer, 3D Slicer, ITK-SNAP and FSLeyes.
+"""Tables of labels: of FreeSurfer, 3D Slicer, ITK-SNAP, FSLeyes, MRIcron and BIDS, and those in headers of images: in
+XML, as in GIFTI and CIFTI, of AFNI, and in text. Each format has one parser.
 
-A label is opaque unless its alpha says something else, and label 0 is transparent, as the background.
+A row is a place for messages, a value, a name, and no colour, or red, green and blue, perhaps with an opacity. As a
+look, a label is opaque unless its opacity says something else, and label 0 is transparent, as the background.
 """
 
 from __future__ import annotations
 
+import html
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-from renderer.looks.look import Look
-from renderer.looks.look_file import LookFile
-from renderer.looks.tables import labels_look
+from renderer.errors import InputError
+from renderer.looks.look_file import MAX_LOOK_BYTES, LookFile
 from renderer.volume import Label
 
-_NUMBER = r"[-+.\deE]+"
-_ITK_SNAP = re.compile(rf'(\d+)\s+({_NUMBER})\s+({_NUMBER})\s+({_NUMBER})\s+({_NUMBER})\s+([01])\s+[01]\s+".*"')
-_FREESURFER = re.compile(r"(\d+)\s+\S+\s+(\d+)\s+(\d+)\s+(\d+)\s+(\d+)(?:\s.*)?")
-_FSLEYES = re.compile(rf"(\d+)\s+({_NUMBER})\s+({_NUMBER})\s+({_NUMBER})(?:\s.*)?")
+_MAX_LABELS, _MAX_NAME_LENGTH, _MAX_VALUE = 2**16, 200, 2.0**53
+
+# Rows, by what their groups are.
+_RGB = r"(?P<r>\d+)\s+(?P<g>\d+)\s+(?P<b>\d+)"
+_SHARES = _RGB.replace(r"\d+", r"[-+.\deE]+")
+_FREESURFER = re.compile(rf'(?P<label>\d+)\s+(?P<name>"[^"]*"|\S+)\s+{_RGB}\s+(?P<alpha>\d+)(?:\s.*)?')
+_FSLEYES = re.compile(rf"(?P<label>\d+)\s+{_SHARES}(?:\s+(?P<name>.*))?")
+# A label that is not shown has no opacity.
+_ITK_SNAP = re.compile(
+    rf'(?P<label>\d+)\s+{_SHARES}\s+(?:(?P<alpha>[-+.\deE]+)\s+1|[-+.\deE]+\s+0)\s+[01]\s+(?P<name>".*")'
+)
+# A name has a letter. MRIcron's rows may end with a number of another table, of four digits or more.
+_NAMED = re.compile(r"(?P<label>\d+)[\s,]+(?=[^\s,])(?P<name>.*[^\W\d_].*?)(?:\s+\d{4,})?")
+_HEX_COLOR = re.compile(r"#[\da-fA-F]{6}")
+
+_FSLEYES_ROW = rb"(?m)^[ \t]*\d+([ \t]+[.\d]+){3}[ \t]+\S"
+_ITK_SNAP_ROW = rb'(?m)^[ \t]*\d+[ \t]+[-+.\d][^"\n]*"'
+_NAMED_ROW = rb"\A(?:\xef\xbb\xbf)?(?:[ \t]*(?:#.*)?\r?\n)*[ \t]*\d+[ \t,]+(?![ \t,])(?!\S+([ \t]+\d+){4})"
+_768_BYTES = rb"(?s)\A.{768}\Z"
+
+# Where AFNI has a table, and its rows.
+_AFNI_MARK = 'atr_name="VALUE_LABEL_DTABLE"'
+_AFNI_ROW = re.compile(r'(?m)^[ \t]*"?(-?\d+)"?[ \t]+"?([^"\n]+)')
+
+# What tables beside a volume are called: its name without suffixes, and one of these.
+_ENDS = (".ctbl", ".txt", ".lut", ".label", ".tsv", ".csv", "_LUT.txt", "-label.txt", "-labels.txt", "_labels.txt",
+         "_ColorTable.ctbl", "_ColorTable.csv")  # fmt: skip
+_VOLUME_SUFFIXES = re.compile(r"(\.seg)?\.[^.]+(\.gz)?\Z", re.IGNORECASE)
+# A table of a whole data set of BIDS is beside its subjects, whose volumes are at most this many folders below it.
+_MAX_FOLDERS_UP = 3
+
+Row = Sequence[Any]
+LabelReader = Callable[[LookFile], tuple[Label, ...]]
 
 
-def read_freesurfer(file: LookFile) -> Look:
-    """Return the table with rows of label, name, red, green, blue and transparency, from 0 to 255."""
-    rows = ((line, *row, 255 - file.number(clear, line, 0, 255)) for line, *row, clear in _rows(file, _FREESURFER))
-    return labels_look(file, rows, 255.0)
+def make_labels(file: LookFile, rows: Iterable[Row], white: float) -> tuple[Label, ...]:
+    """Return the labels of some rows, by value. white: the largest part of a colour, and the largest opacity.
 
-
-def read_slicer(file: LookFile) -> Look:
-    """Return the table with rows of label, name, red, green, blue and alpha, from 0 to 255."""
-    return labels_look(file, _rows(file, _FREESURFER), 255.0)
-
-
-def read_itk_snap(file: LookFile) -> Look:
-    """Return the table with rows of label, red, green, blue from 0 to 255, alpha from 0 to 1, two flags and a name."""
-    rows = ((line, *row, 255 * (shown == "1") * file.number(alpha, line, 0, 1))
-            for line, *row, alpha, shown in _rows(file, _ITK_SNAP))  # fmt: skip
-    return labels_look(file, rows, 255.0)
-
-
-def read_fsleyes(file: LookFile) -> Look:
-    """Return the table with rows of label, red, green and blue from 0 to 1, and name."""
-    return labels_look(file, ((*row, 1) for row in _rows(file, _FSLEYES)), 1.0)
+    Raises InputError for values that are no whole numbers, labels that come twice, none, and too many.
+    """
+    labels, places = list[Label](), dict[int, object]()
+    for at, value, name, *parts in rows:
+        number = file.number(value, at, -_MAX_VALUE, _MAX_VALUE)
+        if not number.is_integer():
+            raise file.error("not a label", at, got=value, expected="a whole number")
+        label = int(number)
+        if label in places:
+            first = f"line {places[label]}" if isinstance(places[label], int) else places[label]
+            raise file.error("a label twice", at, got=label, expected=f"each label once; it is in {first}, too")
+        if len(labels) == _MAX_LABELS:
+            raise file.error("too many labels", at, expected=f"at most {_MAX_LABELS}")
+        r, g, b, opacity = [*(file.number(part, at, 0.0, white) / white for part in parts), *[None] * 4][:4]
+        color = None if r is None or g is None or b is None else (r, g, b)
+        words = " ".join(str(name)[: 2 * _MAX_NAME_LENGTH].split()).encode("utf-8", "replace").decode("utf-8")
+        labels.append(Label(label, words[:_MAX_NAME_LENGTH], color, opacity))
+        places[label] = at
+    if not labels:
+        raise file.error("no labels")
+    return tuple(sorted(labels, key=lambda label: label.value))
 
 
 def read_label_table(path: Path) -> tuple[Label, ...]:
-    """Return the labels of a table, by value; raises InputError for a file that is none."""
-    raise NotImplementedError(path)
+    """Return the labels of a table, by value. Raises InputError with the place in the file."""
+    if not path.is_file():  # opening a pipe would block
+        raise InputError("not a file", where=str(path), expected="a table of labels")
+    try:
+        with path.open("rb") as opened:
+            content = opened.read(MAX_LOOK_BYTES + 1)
+    except OSError as error:
+        raise InputError("cannot be read", where=str(path), got=error.strerror) from error
+    if len(content) > MAX_LOOK_BYTES:
+        raise InputError("too large for a table of labels", where=str(path), expected=f"at most {MAX_LOOK_BYTES} bytes")
+    return parse_label_table(path, path.suffix, content)
+
+
+def parse_label_table(path: Path, suffix: str, content: bytes) -> tuple[Label, ...]:
+    """Return the labels of a table with this content, in the format that a suffix and the content tell."""
+    for end, sign, kind, read in (*LABEL_FORMATS, (".lut", _768_BYTES, "colours of labels: 768 bytes", _read_bytes)):
+        if suffix.lower() == end and re.search(sign, content):
+            return read(LookFile(path, content, kind))
+    suffixes = ", ".join(dict.fromkeys(end for end, *_ in LABEL_FORMATS))
+    raise InputError("not a kind of table of labels that is known", where=str(path), expected=f"a file {suffixes}")
 
 
 def find_label_table(volume_file: Path) -> Path | None:
-    """Return the first file beside a volume that is named like a table of its labels and is one."""
-    raise NotImplementedError(volume_file)
+    """Return the first file beside a volume that is named like a table of its labels and is one.
+
+    Of a volume `..._dseg` it may have fewer of the parts of the name, and be in a folder above, as in BIDS.
+    """
+    stem, folder = _VOLUME_SUFFIXES.sub("", volume_file.name), volume_file.parent
+    stems = dict.fromkeys((stem, re.sub(r"\.gz\Z", "", volume_file.name, flags=re.IGNORECASE)))
+    found = [folder / (each + end) for each in stems for end in _ENDS]
+    parts = stem.split("_")
+    if parts[-1] == "dseg":
+        for above in volume_file.absolute().parents[: _MAX_FOLDERS_UP + 1]:
+            fits = [path for path in above.glob("*dseg.tsv") if {*path.stem.split("_")} <= {*parts}]
+            found += sorted(fits, key=lambda path: (-len(path.stem), path.stem))
+    for path in found:
+        with suppress(InputError, OSError):
+            read_label_table(path)
+            return path
+    return None
 
 
-def _rows(file: LookFile, pattern: re.Pattern[str]) -> Iterator[tuple[object, ...]]:
-    """Yield the number of each line and what a pattern finds in it."""
+def read_extension(path: Path, content: bytes, image: int, *, are_labels: bool) -> tuple[Label, ...]:
+    """Return the labels in an extension of the header of a file; none if it has no table of them.
+
+    image: the number of the image that is read, where there is a table for each. are_labels: whether the header says
+    that its voxels are labels: then text is a table if it can be read as one. Raises InputError for a wrong table.
+    """
+    content = content.rstrip(b"\0 ")
+    if b"<LabelTable" in content:
+        return _read_xml(LookFile(path, content, "a table of labels in XML"), image)
+    if _AFNI_MARK.encode() in content:
+        return _read_afni(LookFile(path, content, "a table of labels of AFNI"))
+    try:
+        return parse_label_table(path, ".txt", content) if are_labels else ()
+    except InputError:
+        return ()
+
+
+def _rows(file: LookFile, pattern: re.Pattern[str]) -> Iterator[Row]:
+    """Yield the row in each line, with as much of a colour as the pattern has."""
+    parts = [part for part in ("r", "g", "b", "alpha") if part in pattern.groupindex]
     for line, text in file.lines():
         found = pattern.fullmatch(text)
         if found is None:
             raise file.error("not a row of a table of labels", line, got=text, expected="a label and its colour")
-        yield line, *found.groups()
+        yield line, found["label"], (found["name"] or "").strip('"'), *(found[part] for part in parts)
+
+
+def _read_rows(pattern: re.Pattern[str], white: float, file: LookFile) -> tuple[Label, ...]:
+    return make_labels(file, _rows(file, pattern), white)
+
+
+def _read_freesurfer(file: LookFile) -> tuple[Label, ...]:
+    """Return the table whose rows have a transparency in place of an opacity."""
+    rows = ((*row, 255 - file.number(clear, row[0], 0, 255)) for *row, clear in _rows(file, _FREESURFER))
+    return make_labels(file, rows, 255.0)
+
+
+def _read_itk_snap(file: LookFile) -> tuple[Label, ...]:
+    """Return the table whose colours are from 0 to 255, and whose opacities are from 0 to 1."""
+    rows = ((*row, 255 * file.number(alpha or 0, row[0], 0, 1)) for *row, alpha in _rows(file, _ITK_SNAP))
+    return make_labels(file, rows, 255.0)
+
+
+def _read_columns(file: LookFile) -> tuple[Label, ...]:
+    """Return the table with a heading, of BIDS, or of 3D Slicer with red, green, blue and alpha in four columns."""
+    mark = "\t" if file.path.suffix.lower() == ".tsv" else ","
+    cell = re.compile(rf'(?:^|{mark}) *("[^"]*"|[^{mark}]*)')
+    (first, heading), *lines = [*file.lines()] or [(1, "")]
+    keys, rows = [key.strip(' "').lower() for key in cell.findall(heading)], list[Row]()
+    if not {"index", "labelvalue"} & {*keys}:
+        raise file.error("no column `index`", first, got=heading, expected="a heading, such as index, name, color")
+    for line, text in lines:
+        row = dict(zip(keys, (part.strip(' "') for part in cell.findall(text)), strict=False))
+        label, name = row.get("index", row.get("labelvalue")), row.get("name", row.get("label", ""))
+        rows.append((line, label, name, *_color(file, line, row)))
+    return make_labels(file, rows, 255.0)
+
+
+def _color(file: LookFile, line: int, row: Mapping[str, str]) -> list[Any]:
+    """Return the red, green, blue and alpha, from 0 to 255, of a row of cells, or none."""
+    color = row.get("color", "n/a") or "n/a"
+    if _HEX_COLOR.fullmatch(color):
+        return [*bytes.fromhex(color[1:])]
+    if color.lower() != "n/a":
+        raise file.error("not a colour", line, got=color, expected="#rrggbb or n/a")
+    return [row[key] for key in ("color_r", "color_g", "color_b", "color_a") if row.get(key)]
+
+
+def _read_bytes(file: LookFile) -> tuple[Label, ...]:
+    """Return the colours of labels 0 to 255 as bytes, all red first."""
+    return make_labels(file, ((f"colour {k}", k, "", *file.content[k::256]) for k in range(256)), 255.0)
+
+
+def _read_xml(file: LookFile, image: int) -> tuple[Label, ...]:
+    """Return the labels of elements `<Label Key="1" Red="0.2" Green="1" Blue="0" Alpha="1">name</Label>`."""
+    tables = list(file.xml().iter("LabelTable"))
+    table = tables[image if image < len(tables) else 0]
+    rows = ((f"<Label> {k}", label.get("Key"), label.text or "",
+             *(label.get(part, "1") for part in ("Red", "Green", "Blue", "Alpha") if "Red" in label.attrib))
+            for k, label in enumerate(table.iter("Label"), start=1))  # fmt: skip
+    return make_labels(file, rows, 1.0)
+
+
+def _read_afni(file: LookFile) -> tuple[Label, ...]:
+    """Return the labels of an attribute that holds, in quotes and escaped, an element with rows `"1" "name"`."""
+    text = file.text().partition(_AFNI_MARK)[2].partition(">")[2].partition("<")[0]
+    table = html.unescape("".join(text.split('"')[1::2]))
+    rows = ((f"row {k}", value, html.unescape(name)) for k, (value, name) in enumerate(_AFNI_ROW.findall(table), 1))
+    return make_labels(file, rows, 1.0)
+
+
+_SLICER_LABELS = "labels of 3D Slicer: rows of label, name, red, green, blue and alpha"
+_ITK_LABELS = "labels of ITK-SNAP: rows of label, red, green, blue, alpha, two flags and a name in quotes"
+_NAMES, _COLUMNS = "names of labels: rows of label and name", "labels in columns: index, name and color as #rrggbb"
+
+# The suffix of a file's name, a pattern that its content has, what such a file is, for its errors, and its parser. The
+# first that fits reads the file.
+LABEL_FORMATS: tuple[tuple[str, bytes, str, LabelReader], ...] = (
+    (
+        ".lut",
+        _FSLEYES_ROW,
+        "labels of FSLeyes: rows of label, red, green, blue and name",
+        partial(_read_rows, _FSLEYES, 1.0),
+    ),
+    (".ctbl", b"", _SLICER_LABELS, partial(_read_rows, _FREESURFER, 255.0)),
+    (".txt", rb"\A# Color table file", _SLICER_LABELS, partial(_read_rows, _FREESURFER, 255.0)),
+    (".txt", _ITK_SNAP_ROW, _ITK_LABELS, _read_itk_snap),
+    (".label", b"", _ITK_LABELS, _read_itk_snap),
+    *((suffix, _NAMED_ROW, _NAMES, partial(_read_rows, _NAMED, 1.0)) for suffix in (".txt", ".tsv", ".csv")),
+    (".txt", b"", "labels of FreeSurfer: rows of label, name, red, green, blue and transparency", _read_freesurfer),
+    *((suffix, b"", _COLUMNS, _read_columns) for suffix in (".tsv", ".csv")),
+)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from renderer.looks.label_tables import make_labels
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 from renderer.looks.tables import labels_look, table_look
@@ -27,5 +28,5 @@ def read(file: LookFile) -> Look:
         raise file.error("not lists of one length", "R, G, B, A, I", expected="as many numbers in each")
     rows = [(f"colour {k}", *row) for k, row in enumerate(zip(*columns, strict=True))]
     if has_labels:
-        return labels_look(file, rows, 255.0)
+        return labels_look(make_labels(file, ((at, step, "", *rgba) for at, step, *rgba in rows), 255.0))
     return table_look(file, rows, tree.get("min", 0), tree.get("max", 0))

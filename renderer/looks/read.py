@@ -9,15 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import InputError, closest_match
-from renderer.looks import fsleyes, imagej, inviwo, label_tables, mricrogl, niivue, paraview, slicer, voreen
+from renderer.looks import fsleyes, imagej, inviwo, mricrogl, niivue, paraview, slicer, voreen
+from renderer.looks.label_tables import LABEL_FORMATS, LabelReader
 from renderer.looks.look import MAX_LOOK_POINTS, Look, Looks
 from renderer.looks.look_file import LookFile
+from renderer.looks.tables import labels_look
 
 Importer = Callable[[LookFile], Look | Looks]
 
-_FSLEYES_LABEL = rb"(?m)^[ \t]*\d+([ \t]+[.\d]+){3}[ \t]+\S"
-_SLICER_LABELS = "labels of 3D Slicer: rows of label, name, red, green, blue and alpha"
-_ITK_LABELS = "labels of ITK-SNAP: rows of label, red, green, blue, alpha, two flags and a name in quotes"
+
+def _labels_look(read: LabelReader, file: LookFile) -> Look:
+    return labels_look(read(file))
+
 
 # The end of a file's name, a pattern that its content has, what such a file is, for its errors, and its importer. The
 # first that fits reads the file.
@@ -31,18 +34,8 @@ _IMPORTERS: tuple[tuple[str, bytes, str, Importer], ...] = (
     (".itf", b"", "a transfer function of Inviwo: Points with pos and rgba", inviwo.read),
     (".clut", b"", "a colour table of MRIcroGL: numnodes, min, max, nodes", mricrogl.read),
     (".cmap", b"", "a colormap of FSLeyes: rows of red, green and blue", fsleyes.read),
-    (".lut", _FSLEYES_LABEL, "labels of FSLeyes: rows of label, red, green, blue and name", label_tables.read_fsleyes),
+    *((suffix, sign, kind, partial(_labels_look, labels)) for suffix, sign, kind, labels in LABEL_FORMATS),
     (".lut", b"", "a look-up table of ImageJ: 768 bytes, or rows of red, green and blue", imagej.read),
-    (".ctbl", b"", _SLICER_LABELS, label_tables.read_slicer),
-    (".txt", rb"\A# Color table file", _SLICER_LABELS, label_tables.read_slicer),
-    (".txt", rb'(?m)^[ \t]*\d+[ \t][^"\n]*"', _ITK_LABELS, label_tables.read_itk_snap),
-    (".label", b"", _ITK_LABELS, label_tables.read_itk_snap),
-    (
-        ".txt",
-        b"",
-        "labels of FreeSurfer: rows of label, name, red, green, blue and transparency",
-        label_tables.read_freesurfer,
-    ),
 )
 _MAX_LISTED = 12
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from renderer.looks.curves import CurvePoint
+from renderer.looks.curves import CurvePoint, Numbers
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
+from renderer.volume import Label
 
 _CLEAR = (0.0, 0.0, 0.0, 0.0)
 
@@ -33,17 +34,20 @@ def table_look(file: LookFile, rows: Iterable[Sequence[Any]], lowest: object, hi
     return Look(file.curve(placed, 4, 255.0), is_share=is_share, span=(low, high))
 
 
-def labels_look(file: LookFile, rows: Iterable[Sequence[Any]], white: float) -> Look:
-    """Return the look of rows of a place, a label, red, green, blue and alpha, from 0 to `white`.
+def labels_look(labels: Iterable[Label]) -> Look:
+    """Return the look of the labels that have a colour.
 
     Each label has its colour half-way to the next ones. Label 0 and those that the table lacks are transparent.
     """
-    labels = {**dict(file.curve(rows, 4, white)), 0.0: _CLEAR}
-    curve, end = list[CurvePoint](), min(labels) - 0.5
-    for label in sorted(labels):
+    colors: dict[float, Numbers] = {
+        each.value: (*each.color, 1.0 if each.opacity is None else each.opacity) for each in labels if each.color
+    }
+    colors[0] = _CLEAR
+    curve, end = list[CurvePoint](), min(colors) - 0.5
+    for label in sorted(colors):
         low, high = label - 0.5, label + 0.5
         if end < low:
             curve += [(end, _CLEAR), (low, _CLEAR)]
-        curve += [(max(low, end), labels[label]), (high, labels[label])]
+        curve += [(max(low, end), colors[label]), (high, colors[label])]
         end = high
-    return Look([*curve, (end, _CLEAR)], span=(min(labels), max(labels)))
+    return Look([*curve, (end, _CLEAR)], span=(min(colors), max(colors)))

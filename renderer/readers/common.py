@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -344,6 +344,14 @@ def require_exists(path: Path) -> Path:
             raise InputError("an empty file", where=str(path))
         return path
     raise missing_file_error(path, "no such file or folder")
+
+
+def labels_or_note(read: Callable[[], tuple[Label, ...]]) -> tuple[tuple[Label, ...], str | None]:
+    """Return the labels that a file describes, and a note in place of those that are wrong: voxels do not need them."""
+    try:
+        return read(), None
+    except InputError as error:
+        return (), f"what the file says of its labels is left out: {error.what} ({error.where})"
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """Read NIfTI-1 and NIfTI-2, single files (.nii, .nii.gz) and pairs (.hdr with .img), and pairs of Analyze 7.5.
 
-nibabel interprets the header, of which it is given no more than the fixed length: extensions are never read.
-`stored.py` reads the voxels.
+nibabel interprets the header, of which it is given no more than the fixed length. Of extensions, only tables of labels
+are read, of Caret, TotalSegmentator, AFNI and MRIcron. `stored.py` reads the voxels.
 
 The affine is the sform if it is set and invertible, else the qform, else the voxel sizes alone, with the first voxel at
 the origin. RAS becomes LPS by negating x and y. Axes after z are time (the fourth) and component (the fifth), as in the
@@ -10,16 +10,20 @@ standard. A pair without NIfTI's mark is Analyze 7.5, with the scale and the ori
 
 from __future__ import annotations
 
+import gzip
 import logging
 import math
 import re
 import struct
+import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from renderer.errors import InputError
+from renderer.looks import MAX_LOOK_BYTES, read_extension
 from renderer.readers.common import (
     Image,
     check_dtype,
@@ -28,6 +32,7 @@ from renderer.readers.common import (
     errors_about,
     has_volume,
     in_lps,
+    labels_or_note,
     plain_channels,
     require_exists,
     select_index,
@@ -35,7 +40,7 @@ from renderer.readers.common import (
 )
 from renderer.readers.sniff import read_start
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
-from renderer.volume import Array, Float64
+from renderer.volume import Array, Float64, Label
 
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
 _NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540
@@ -66,7 +71,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     for truncated and foreign files, and if `time` or `component` do not fit.
     """
     header_file, data_file = find_pair(path)
-    start, is_compressed = read_start(header_file, _NIFTI_2_BYTES)
+    start, is_compressed = read_start(header_file, _NIFTI_2_BYTES + 4)
     with errors_about(header_file):
         header, notes = _header(start, header_file, is_single=data_file is None)
     if data_file is not None:
@@ -102,7 +107,29 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     notes += [_ANALYZE] * _is_analyze(header) + [left_over]
     notes += choice_notes("ct", counts, time, component, names)
     channels = plain_channels("ct", counts, names)
-    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), tuple(notes), channels=channels)
+    has_extensions = data_file is None and start[len(header.binaryblock) :][:1] not in (b"", b"\0")
+    labels, wrong = labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
+    world_from_index = in_lps(ras_from_index, (-1.0, -1.0, 1.0))
+    return Image(values, world_from_index, (*notes, wrong), channels=channels, labels=labels)
+
+
+def _labels(header: _Header, voxels: StoredVoxels, time: int) -> tuple[Label, ...]:
+    """Return the labels that an extension between the header and the voxels describes.
+
+    Extensions are told by what they hold, for their codes vary; the bytes there may only look like one.
+    """
+    begin, content = len(header.binaryblock) + 4, b""
+    read = gzip.open if voxels.encoding == "deflate" else open
+    with suppress(EOFError, OSError, zlib.error), read(voxels.file, "rb") as opened:  # voxels tell what is damaged
+        opened.seek(begin)
+        content = opened.read(min(voxels.num_skipped - begin, MAX_LOOK_BYTES))
+    are_labels, labels, at = bool(header["intent_code"] == _LABEL), tuple[Label, ...](), 0
+    while not labels and at + 8 <= len(content):  # the length of an extension, its code, and what it holds
+        end = at + struct.unpack_from(header.endianness + "i", content, at)[0]
+        if not at + 8 < end <= len(content):
+            break
+        labels, at = read_extension(voxels.file, content[at + 8 : end], time, are_labels=are_labels), end
+    return labels
 
 
 def find_pair(path: Path) -> tuple[Path, Path | None]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
+from renderer.looks import LookFile, make_labels
 from renderer.readers.common import (
     NO_SPACING,
     Image,
@@ -23,13 +24,14 @@ from renderer.readers.common import (
     describe_count,
     describe_shape,
     in_lps,
+    labels_or_note,
     plain_channels,
 )
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
 from renderer.scene import did_you_mean, format_value
-from renderer.volume import Float64
+from renderer.volume import Float64, Label
 
 _MAX_AXES = 16  # of the format
 _MAX_LISTED = 10
@@ -68,6 +70,8 @@ _SPACES = {
 _SPACES |= {"".join(word[0] for word in name.split("-")): factors for name, factors in _SPACES.items()}
 _SPACES |= dict.fromkeys(("scanner-xyz", "3d-right-handed", "3d-left-handed"), (1.0, 1.0, 1.0))
 _SPACES |= {name + ("-time" if "-" in name else "t"): factors for name, factors in _SPACES.items()}
+# What 3D Slicer writes of each segment, as keys of its own.
+_SEGMENT = re.compile(r"(Segment\d{1,9}_(?:Name|LabelValue|Color|Layer)):=(.*)")
 _CENTERS = ("cell", "node", *_UNKNOWN_KINDS)
 _VECTOR = re.compile(r"\(([^()]*)\)|none", re.IGNORECASE)
 
@@ -94,9 +98,10 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     values, left_over = read_stored(layout, axes[::-1], time, component, None if has_skip else skip)
     colours = "".join(re.findall(r"([a-z]+)-color", " ".join(kinds))).upper()  # RGB of rgb-color
     chosen = choice_notes(axes[::-1], layout.shape, time, component, colours)
-    notes = (None if has_spacing else NO_SPACING, left_over, *chosen)
     channels = plain_channels(axes[::-1], layout.shape, colours)
-    return Image(values, world_from_index, notes, channels=channels)
+    labels, wrong = labels_or_note(lambda: _segments(path, fields, len(channels), component or 0))
+    notes = (None if has_spacing else NO_SPACING, left_over, *chosen, wrong)
+    return Image(values, world_from_index, notes, channels=channels, labels=labels)
 
 
 def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
@@ -128,6 +133,18 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     return fields, Layout(dtype, shape, parts, num_split)
 
 
+def _segments(path: Path, fields: dict[str, Field], num_layers: int, layer: int) -> tuple[Label, ...]:
+    """Return the segments in one layer; the k-th is 1 in layer k if the file says neither, as older ones do."""
+    file = LookFile(path, b"", "segments of 3D Slicer")
+    texts = {name: field.text.strip() for name, field in fields.items() if name.startswith("Segment")}
+    names = sorted({name.partition("_")[0] for name in texts}, key=lambda name: int(name[7:]))
+    rows = [(each, texts.get(f"{each}_LabelValue", "1"), texts.get(f"{each}_Name", ""),
+             *texts.get(f"{each}_Color", "").split())
+            for each in names
+            if file.number(texts.get(f"{each}_Layer", each[7:] if num_layers else 0), each) == layer]  # fmt: skip
+    return make_labels(file, rows, 1.0) if rows else ()
+
+
 def _part(fields: dict[str, Field], file: Path, offset: int, encoding: Encoding, num_bytes: int) -> StoredVoxels:
     """Return where `num_bytes` of voxels are in a file: from `offset` on, behind the lines and bytes to skip."""
     num_lines = fields["lineskip"].whole(0) if "lineskip" in fields else 0
@@ -153,6 +170,8 @@ def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
             listed += [text] * bool(text)
         elif not text:
             return fields, [], end
+        elif segment := _SEGMENT.fullmatch(text):
+            fields[segment[1]] = Field(segment[1], segment[2], where)
         elif not text.startswith("#") and ":=" not in text:
             name, mark, value = text.partition(":")
             key = name.lower().replace(" ", "").replace("centerings", "centers")

@@ -56,10 +56,6 @@ ITF = (
 CLUT = "[FLT]\nmin=10\nmax=61\n[INT]\nnumnodes=2\n[BYT]\nnodeintensity0=0\nnodeintensity1=255\n[RGBA255]\n"
 CLUT += "nodergba0=0|0|0|0\nnodergba1=255|51|0|102\n"
 NIIVUE = json.dumps({"min": 10, "max": 61, "R": [0, 255], "G": [0, 51], "B": [0, 0], "A": [0, 102], "I": [0, 255]})
-ITK_SNAP = (
-    '# ITK-SnAP Label Description File\n0 0 0 0 0 0 0 "Clear Label"\n2 255 0 0 0.5 1 1 "a"\n4 0 255 0 1 0 1 "b"\n'
-)
-FREESURFER = "#No. Label Name: R G B A\n0 Unknown 0 0 0 0\n2 Left-Cortex 255 0 0 0\n4 Right-Cortex 0 255 0 255\n"
 PARAVIEW = """[{"ColorSpace": "RGB", "Name": "A", "RGBPoints": [-1, 0, 0, 0, 1, 1, 1, 1],
   "Points": [-1, 0, 0.5, 0, 1, 0.4, 0.5, 0],},
  {"Name": "rainbow", "Annotations": ["1", "R"], "RGBPoints": [5, 0, 0, 1, 9, 1, 0, 0]},]"""
@@ -108,15 +104,6 @@ VP = "1\n1\n0.42\n0.44\n0.46\n38.5\n4 0 0 9 1\n4 0 1 9 1\n8 0 0 0 0 9 1 1 1\n"
 VP_LIGHT = LIGHT | {"ambient": 0.44, "diffuse": 0.42, "specular": 0.46, "shininess": 154.0}
 
 
-def labels(*opacities: float) -> list[tuple[float, ...]]:
-    """Return the curve of labels 0, 2 and 4, of which the last two are red and green."""
-    points = [(-0.5, *CLEAR), (0.5, *CLEAR)]
-    for value, color, opacity in zip((2, 4), (RED, GREEN), opacities, strict=True):
-        points += [(value - 0.5 - 1, *CLEAR), (value - 0.5, *CLEAR)]
-        points += [(value - 0.5, *color, opacity), (value + 0.5, *color, opacity)]
-    return [*points, (4.5, *CLEAR)]
-
-
 # File, content, curve, and attributes of the look; the name in the file is A where it has several.
 FORMATS: dict[str, tuple[str, str | bytes, list[tuple[float, ...]], dict[str, Any]]] = {
     "Slicer": ("a.xml", SLICER, RISE, {"unit": 1.0, "left_out": (), "shading": LIGHT}),
@@ -136,8 +123,6 @@ FORMATS: dict[str, tuple[str, str | bytes, list[tuple[float, ...]], dict[str, An
     "MRIcroGL, shares": ("a.clut", CLUT.replace("=10", "=0").replace("=61", "=0"), SHARES, {"is_share": True}),
     "niivue": ("a.json", NIIVUE, TABLE, {"is_share": False}),
     "niivue without alpha": ("a.json", '{"R": [0, 255], "G": [0, 0], "B": [0, 0]}', FAINT, {"is_share": True}),
-    "niivue, labels": ("a.json", '{"R": [0, 255, 0], "G": [0, 0, 255], "B": [0, 0, 0], "I": [0, 2, 4], "labels": []}',
-                       labels(1, 1), {"span": (0, 4)}),
     "ImageJ": ("a.lut", bytes(512) + RAMP, BLUES, {"is_share": True, "has_opacities": False}),
     "ImageJ, a header": ("a.lut", b"ICOL\0\0\1\0" + bytes(24 + 512) + RAMP, BLUES, {"is_share": True}),
     "ImageJ, four colours": ("a.lut", b"ICOL\0\0\0\4" + bytes(24 + 8) + b"\0\0\0\xff",
@@ -145,11 +130,6 @@ FORMATS: dict[str, tuple[str, str | bytes, list[tuple[float, ...]], dict[str, An
     "ImageJ, text": ("a.lut", "Index Red Green Blue\n0 0 0 255\n1 255 0 0\n", BLUE_RED, {}),
     "ImageJ, commas": ("a.lut", "0,0,255\n255,0,0\n", BLUE_RED, {}),
     "FSLeyes": ("a.cmap", "0 0 1\n1 0 0\n", BLUE_RED, {"is_share": True}),
-    "FSLeyes, labels": ("a.lut", "# a comment\n2 1.0 0. 0. a\n 4 0 1 0 b\n", labels(1, 1), {}),
-    "ITK-SNAP": ("a.txt", ITK_SNAP, labels(0.5, 0), {"span": (0, 4)}),
-    "FreeSurfer, transparency": ("a.txt", FREESURFER, labels(1, 0), {}),
-    "Slicer, labels": ("a.ctbl", FREESURFER, labels(0, 1), {}),
-    "Slicer, labels as text": ("a.txt", "# Color table file a.txt\n" + FREESURFER, labels(0, 1), {}),
     "ParaView": ("a.json", PARAVIEW, [(0, *CLEAR), (1, *WHITE, 0.4)], {"is_share": True, "left_out": ()}),
     "ParaView, a range": ("a.json", '{"RGBPoints": [5, 0, 0, 1, 9, 1, 0, 0]}', [(5, *BLUE), (9, *RED)],
                           {"span": (5, 9), "is_share": False, "has_opacities": False}),
@@ -311,10 +291,8 @@ HOSTILE = {
     "a colour of three": ("a.clut", CLUT.replace("|102", ""), "node 1: not a colour"),
     "bytes of another size": ("a.lut", bytes(767), "a.lut:1: not a colour or opacity"),
     "rows of four": ("a.cmap", "0 0 0\n0 0 0 1\n", "a.cmap:2: not a colour"),
-    "a label without colour": ("a.txt", FREESURFER + "9 name\n", "a.txt:5: not a row of a table of labels"),
     "many rows": ("a.cmap", "0 0 0\n" * 70_000, "too many points"),
     "a table that is cut off": ("a.lut", b"ICOL\0\0\0\4" + bytes(24) + bytes(9), "the bytes: not a colour"),
-    "a long transparency": ("a.txt", "1 a 255 0 0 99999\n", "a.txt:1: not such a number\n  got: '99999'"),
     "lists in lists": ("a.json", NIIVUE.replace("102", "[" * 900 + "]" * 900), "got: [[[[[[[...]]]]]]]"),
     "a list for light": ("a.vp.json", VP_JSON.replace('"lighting": {', '"lighting": [], "x": {'), "no lighting"),
     "more points than are allowed": ("a.json", json.dumps({"ColorSpace": "Lab", "RGBPoints": [
