@@ -40,7 +40,7 @@ from renderer.transfer import (
     make_piecewise_transfer,
     make_transfer_table,
 )
-from renderer.volume import Bools, Float32, Float64, Volume
+from renderer.volume import Bools, Float32, Float64, MaskGrid, Volume, may_be_shown
 
 # A ray meets the cells of this many bricks. Their errors are random, so that their sum is one error times the root of
 # their number. If one brick is assumed instead of four, pictures of 42 and 45 dB take 1.2 times as long (mean of 10
@@ -138,6 +138,8 @@ def make_bricks(
     for number in range(STREAMED_LEVELS + 1, num_levels + 1):
         statistics.append(_gather_stored_level(pyramid, number, num_threads))
     bounds, (variation, steps, differences) = _measure_voxels(pyramid, transfer, volume_range, num_threads)
+    if volume.mask_grid is not None:
+        _clear_masked(bounds, volume.mask_grid)
     unit = _cell_error_scale(pyramid, 1)
     step_errors = np.maximum(np.hypot(statistics[0].step_errors_below(), unit * steps), unit * differences)
     levels = [BrickLevel(bounds, np.zeros_like(step_errors), step_errors)]
@@ -150,6 +152,12 @@ def make_bricks(
     scalar_range = _scalar_range(transfer, *volume_range)
     pieces = make_piecewise_transfer(transfer.curve(volume.finest_spacing), *scalar_range)
     return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces, light_grid)
+
+
+def _clear_masked(bounds: Float32, mask: MaskGrid) -> None:
+    """Clear the visible bounds of bricks of level 0 that no part of a mask meets."""
+    lows = BRICK_SIZE * grid_cells(bounds.shape[:3]).astype(np.float64) - 0.5
+    bounds.reshape(-1, 2, 3)[~may_be_shown(mask, lows, lows + BRICK_SIZE)] = 0.0
 
 
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:

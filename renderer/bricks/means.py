@@ -94,7 +94,11 @@ def color_texels(pyramid: Pyramid, cells: Int32) -> Float32:
     texels = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
     volume.require_unchanged()
     kernels().average_cells(
-        raw=raw_voxels(volume), classifier=pyramid.classifier, level=0, corners=corners, means=texels
+        raw=raw_voxels(volume),
+        classifier=pyramid.classifier._replace(shown=None),
+        level=0,
+        corners=corners,
+        means=texels,
     )
     volume.require_unchanged()
     places = np.arange(PADDED_BRICK_SIZE)

@@ -47,6 +47,7 @@ class Classifier(NamedTuple):
     lighting: None without shading.
     breakpoints: visibility breakpoints (`renderer.transfer.transfer_function`).
     colors: of the voxels, by which those of the transfer function are multiplied; None for white.
+    shown: 0 for voxels that a mask hides; None for none.
     """
 
     table: Float32 | None
@@ -56,6 +57,7 @@ class Classifier(NamedTuple):
     lighting: VoxelLighting | None
     breakpoints: Float64
     colors: UInt8 | None = None
+    shown: UInt8 | None = None
 
 
 def raw_voxels(volume: Volume) -> RawVoxels:
@@ -80,7 +82,8 @@ def make_classifier(
         to_world = np.ascontiguousarray(np.linalg.inv(volume.world_from_index[:3, :3]).T)
         lighting = VoxelLighting((x, y, z, float(shading.ambient), float(shading.diffuse)), to_world, grid)
     if dtype.itemsize > 2:
-        return Classifier(None, None, transfer.curve(finest_spacing), opacity, lighting, breakpoints, volume.colors)
+        curve = transfer.curve(finest_spacing)
+        return Classifier(None, None, curve, opacity, lighting, breakpoints, volume.colors, volume.are_shown)
     patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}").view(dtype)
     scalars = patterns.astype(np.float64)
     scalars[~np.isfinite(scalars)] = np.nan
@@ -89,7 +92,7 @@ def make_classifier(
     weights = -np.expm1(-depths) if opacity else depths
     weights[weights < VISIBILITY_THRESHOLD] = 0.0
     table = np.column_stack([colors * weights[:, None], weights]).astype(np.float32)
-    return Classifier(table, scalars, None, opacity, lighting, breakpoints, volume.colors)
+    return Classifier(table, scalars, None, opacity, lighting, breakpoints, volume.colors, volume.are_shown)
 
 
 def toward_light(shading: ShadingSpec) -> Float64:

@@ -5,6 +5,7 @@ In: voxels [z, y, x] and an affine. Out: `Volume`, read-only. Voxels of large fi
 
 - `volume.py`: the voxels and their affine; spacing, centre and corners in the world.
 - `channel.py`: what a file tells of one of its components; `label.py`: of the voxels with one value.
+- `mask.py`: where another volume shows one.
 - `mapped_file.py`: voxels that stay in their file; `truncation_guard.py`: files that become shorter meanwhile.
 - `arrays.py`: names for types of arrays, for all rooms.
 """

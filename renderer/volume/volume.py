@@ -13,6 +13,7 @@ from renderer.volume.arrays import Array, Bools, Float64, UInt8
 from renderer.volume.channel import Channel
 from renderer.volume.label import Label
 from renderer.volume.mapped_file import MappedFile, iter_slabs
+from renderer.volume.mask import MaskGrid, make_mask_grid, shown_voxels
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,19 @@ class Volume:
     def are_absent(self) -> Bools:
         """Return which voxels have no data, bool [z, y, x]."""
         return np.isnan(self.values)
+
+    @cached_property
+    def mask_grid(self) -> MaskGrid | None:
+        """Return the mask as kernels take it, from this index space; None without one."""
+        if self.mask is None:
+            return None
+        mask_from_world = np.asarray(np.linalg.inv(self.mask.world_from_index), np.float64)
+        return make_mask_grid(self.mask.values, mask_from_world, self.world_from_index)
+
+    @cached_property
+    def are_shown(self) -> UInt8 | None:
+        """Return which voxels have their centres in the mask, uint8 [z, y, x]; None without one."""
+        return None if self.mask_grid is None else shown_voxels(self.mask_grid, self.values.shape)
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:

@@ -8,7 +8,7 @@ from renderer.bricks import BrickLayer
 from renderer.draw.cpu.light import make_light
 from renderer.scene import ShadingSpec
 from renderer.transfer import toward_light
-from renderer.volume import Float32, Int64
+from renderer.volume import Float32, Int64, MaskGrid, Volume
 
 
 def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64) -> dict[str, Any]:
@@ -35,4 +35,14 @@ def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64
         "is_lit": layer.shading is not None and layer.shading.is_plain,
         "lambert": (*toward_light(shading).tolist(), shading.ambient, shading.diffuse),
         "light": make_light(layer),
+        "mask": _mask_from_centre(layer.bricks.volume),
     }
+
+
+def _mask_from_centre(volume: Volume) -> MaskGrid | None:
+    """Return the mask of a volume for places that are relative to its centre."""
+    if (grid := volume.mask_grid) is None:
+        return None
+    moved = grid.from_index.copy()
+    moved[:, 3] += moved[:, :3] @ volume.centre_index
+    return grid._replace(from_index=moved)

@@ -66,10 +66,10 @@ INLINE void look_up_box(const AnyArray<3>& raw, const Array<const float, 2>& tab
     });
 }
 
-// As classify_box, without the voxels' own colours.
+// As classify_box, without the voxels' own colours and without a mask.
 template <int SIDE, class Take>
 INLINE void classify_scalars(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Take take) {
-    const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints, colors] = classifier;
+    const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints, colors, shown] = classifier;
     if (table.exists && !lighting.exists) {
         if (raw.dtype == 0) look_up_box<uint8_t, SIDE>(raw, table.value, box, take);
         else look_up_box<uint16_t, SIDE>(raw, table.value, box, take);
@@ -103,11 +103,17 @@ INLINE void classify_scalars(const AnyArray<3>& raw, const Classifier& classifie
 // Call `take(x, y, z, channels)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.
 template <int SIDE, class Take>
 INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Take take) {
-    if (!classifier.colors.exists) return classify_scalars<SIDE>(raw, classifier, box, take);
-    const auto& colors = classifier.colors.value;
+    const auto& colors = classifier.colors;
+    const auto& shown = classifier.shown;
+    if (!colors.exists && !shown.exists) return classify_scalars<SIDE>(raw, classifier, box, take);
     classify_scalars<SIDE>(raw, classifier, box, [&](int64_t x, int64_t y, int64_t z, FourChannels channels) {
-        const uint8_t* color = &colors(box.first[2] + z, box.first[1] + y, box.first[0] + x, 0);
-        take(x, y, z, channels * (FourChannels{(float)color[0], (float)color[1], (float)color[2], 255.0f} / 255.0f));
+        int64_t voxel[3] = {box.first[2] + z, box.first[1] + y, box.first[0] + x};
+        if (colors.exists) {
+            const uint8_t* color = &colors.value(voxel[0], voxel[1], voxel[2], 0);
+            channels *= FourChannels{(float)color[0], (float)color[1], (float)color[2], 255.0f} / 255.0f;
+        }
+        if (shown.exists && !shown.value(voxel[0], voxel[1], voxel[2])) channels = {};
+        take(x, y, z, channels);
     });
 }
 

@@ -1,7 +1,7 @@
 // Sample the fields of layers in a brick, and classify and light the samples: in each lane a sample of its own.
 #pragma once
-#include "labels.h"
 #include "light.h"
+#include "mask.h"
 
 // Floats behind the last texel that loads of whole rows touch.
 constexpr int READ_BEHIND = 2;
@@ -41,12 +41,17 @@ struct Classified {
 // texels: of the brick, and what follows.
 template <Kind KIND>
 INLINE Classified sample_field(const Field& field, const LaneTable& table, const Texels& texels, const Places& places,
-                               const Lighting& lighting) {
+                               const Lighting& lighting, const Box& box) {
     const auto& [at, shares, number, begin, step, width, active] = places;
     Classified found = {{}, in_all<Floats>(1.0f), active};
+    auto texel = [&] { return Three{fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)}; };
+    // Larger cells than voxels have means of what is in the mask.
+    bool is_masked = field.mask.exists && box.scale == 1.0;
     if constexpr (KIND == MEANS) {
         found.sample = sample_rgba(texels, at, shares);
         found.visible = active & mask_of(found.sample.tau > 0.0f);
+        if (is_masked && any_of(found.visible))
+            found.visible = are_in_mask(field.mask.value, box, texel(), found.visible);
         return found;
     }
     Corners corners = load_corners(texels, at);
@@ -60,12 +65,12 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
         found.sample.tau *= share_of_data(texels, are_divided, places.number, begin, step, width);
         found.visible &= mask_of(found.sample.tau > 0.0f);
     }
+    if (is_masked && any_of(found.visible)) found.visible = are_in_mask(field.mask.value, box, texel(), found.visible);
     if (!any_of(found.visible)) return found;
     if constexpr (KIND == LAMBERT) found.light = light_factor(sample_gradient(texels, at, shares), field.lambert);
     if constexpr (KIND == LIT) {
         const Light& light = field.light.value;
-        Three texel = {fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
-        Arriving arriving = arriving_shares(light, texel, lighting.origin);
+        Arriving arriving = arriving_shares(light, texel(), lighting.origin);
         found.sample = illuminate(found.sample, sample_gradient(texels, at, shares), lighting.ways, arriving, light);
     }
     return found;
@@ -160,14 +165,14 @@ INLINE void add_sample(Sample& sum, const Classified& found, float scale, bool i
 // NUM: of layers, all of them plain; 0 for any. With their number known, tables stay in registers: two layers take 1.4
 // of the time of one, and else 2.2.
 template <int NUM>
-INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, [[maybe_unused]] const Box& box,
+INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& box,
                             const Places& places, [[maybe_unused]] const Three& direction) {
     Floats zero = in_all<Floats>(0.0f);
     Sample sum = {zero, zero, zero, zero};
     if constexpr (NUM > 0) {
 #pragma clang loop unroll(full)
         for (int k = 0; k < NUM; k++)
-            add_sample(sum, sample_field<UNLIT>(*shown.fields[k], *shown.of_fields[k], shown.texels(k, brick), places, {}),
+            add_sample(sum, sample_field<UNLIT>(*shown.fields[k], *shown.of_fields[k], shown.texels(k, brick), places, {}, box),
                        shown.scale(k), false);
         return sum;
     }
@@ -176,11 +181,11 @@ INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, [[maybe_unu
         const LaneTable& table = *shown.of_fields[k];
         Texels texels = shown.texels(k, brick);
         Kind kind = shown.kind(k);
-        Classified found = kind == MEANS ? sample_field<MEANS>(field, table, texels, places, {})
-            : kind == UNLIT              ? sample_field<UNLIT>(field, table, texels, places, {})
-            : kind == LAMBERT            ? sample_field<LAMBERT>(field, table, texels, places, {})
+        Classified found = kind == MEANS ? sample_field<MEANS>(field, table, texels, places, {}, box)
+            : kind == UNLIT              ? sample_field<UNLIT>(field, table, texels, places, {}, box)
+            : kind == LAMBERT            ? sample_field<LAMBERT>(field, table, texels, places, {}, box)
                                          : sample_field<LIT>(field, table, texels, places,
-                                                             lighting_of(field.light.value, box, direction));
+                                                             lighting_of(field.light.value, box, direction), box);
         if (any_of(found.visible)) add_sample(sum, found, shown.scale(k), kind == MEANS);
     }
     return sum;
@@ -202,6 +207,7 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
     if (rows(num - 1, 0) < INFINITE) return false;
     for (int64_t bucket = 0; bucket < GUIDE_SIZE; bucket++)
         if (guide[bucket] < 0 || guide[bucket] >= num) return false;
+    if (field.mask.exists && !fits(field.mask.value)) return false;
     if (!field.light.exists) return true;
     const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = field.light.value.grid;
     int64_t num_corners = 2;  // of the cells, each of which has two for a grid, and behind the last one

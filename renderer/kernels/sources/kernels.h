@@ -31,6 +31,20 @@ struct GuardRegions {
 };
 KERNEL(guard_regions, GuardRegions)
 
+// ---- volume
+
+// As in renderer/volume/mask.py. from_index: rows of a matrix of 3 x 4.
+struct MaskGrid {
+    Array<const uint8_t, 3> voxels, cells;
+    double from_index[12];
+};
+
+struct MarkVoxels {
+    MaskGrid mask;
+    Array<uint8_t, 3> out;
+};
+KERNEL(mark_voxels, MarkVoxels)
+
 // ---- transfer
 
 // As in renderer/transfer/piecewise.py.
@@ -63,6 +77,7 @@ struct Classifier {
     Maybe<VoxelLighting> lighting;
     Array<const double, 1> breakpoints;
     Maybe<Sized<const uint8_t, 4, 3>> colors;
+    Maybe<Array<const uint8_t, 3>> shown;
 };
 
 // As in renderer/transfer/piecewise.py.
@@ -399,6 +414,7 @@ struct Field {
     bool has_absent, is_labels, has_colors, is_lit;
     float lambert[5];
     Maybe<Light> light;
+    Maybe<MaskGrid> mask;
 };
 
 // The bricks of layers on one grid of voxels. is_mean: whether the texels of a brick are means: those of all layers are

@@ -118,7 +118,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
                 sample = sum_of_layers<NUM>(shown, brick, box, places, direction);
                 visible = mask_of(sample.tau > 0.0f), depth = sample.tau * length;
             } else {
-                auto [found, factor, shown] = sample_field<KIND>(field, table, texels, places, lighting);
+                auto [found, factor, shown] = sample_field<KIND>(field, table, texels, places, lighting, box);
                 sample = found, light = factor, visible = shown;
                 depth = where(visible, sample.tau, zero) * scale * length;
             }

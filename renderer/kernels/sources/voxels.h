@@ -39,9 +39,10 @@ inline bool fits(const Maybe<Array<const double, 1>>& by_pattern, const AnyArray
 
 // Whether a classifier is one of these voxels.
 inline bool fits(const Classifier& classifier, const AnyArray<3>& raw) {
-    const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints, colors] = classifier;
+    const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints, colors, shown] = classifier;
     if (!fits(by_pattern, raw) || table.exists != by_pattern.exists || curve.exists == table.exists) return false;
     if (colors.exists && !has_shape(colors.value, raw.shape[0], raw.shape[1], raw.shape[2], 3)) return false;
+    if (shown.exists && !has_shape(shown.value, raw.shape[0], raw.shape[1], raw.shape[2])) return false;
     if (curve.exists) return fits(curve.value);
     return table.value.shape[0] == by_pattern.value.shape[0] && table.value.shape[1] == 4;
 }
