@@ -19,7 +19,10 @@ Importer = Callable[[LookFile], Look | Looks]
 
 
 def _labels_look(read: LabelReader, file: LookFile) -> Look:
-    return labels_look(read(file))
+    labels = read(file)
+    if not any(label.color for label in labels):
+        raise file.error("no colours", expected="a colour for each label")
+    return labels_look(labels)
 
 
 # The end of a file's name, a pattern that its content has, what such a file is, for its errors, and its importer. The

@@ -16,9 +16,7 @@ from tests.support.volume_files import NIBABEL, read, written
 
 RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 CLEAR = (0.0, 0.0, 0.0, 0.0)
-ITK_SNAP = (
-    '# ITK-SnAP Label Description File\n0 0 0 0 0 0 0 "Clear Label"\n2 255 0 0 0.5 1 1 "a"\n4 0 255 0 1 0 1 "b"\n'
-)
+ITK_SNAP = '# ITK-SnAP Label\n0 0 0 0 0 0 0 "Clear Label"\n2 255 0 0 0.5 1 1 "a"\n4 0 255 0 1 0 1 "b"\n'
 FREESURFER = "#No. Label Name: R G B A\n\n0   Unknown  0 0 0 0\n2   a  255 0 0 0 # left\n4 b 0 255 0 255 7\n"
 SLICER = FREESURFER.replace("  a  ", ' "a" ')
 FSLEYES = "# a comment\n2 1.0 0. 0. a\n 4 0 1 0 b\n"
@@ -40,8 +38,7 @@ COLORED: dict[str, tuple[str, str, tuple[float | None, float | None]]] = {
 }
 # File, content, and all names by label; no colours.
 NAMED: dict[str, tuple[str, str, dict[int, str]]] = {
-    "names": ("a.txt", "# c\n1 Left  cortex\n20\tÄpfel 3\n3 7Networks_1\n",
-              {1: "Left cortex", 3: "7Networks_1", 20: "Äpfel 3"}),
+    "names": ("a.txt", "# c\n1 Left  cortex\n20\tÄpfel 3\n3 7N_1\n", {1: "Left cortex", 3: "7N_1", 20: "Äpfel 3"}),
     "MRIcron": ("a.txt", "2\tFrontal_L\t2002\r\n1\tPrecentral_L\t2001\r\n", {1: "Precentral_L", 2: "Frontal_L"}),
     "quotes": ("a.csv", '\ufeff1,"Cortex, left"\n2,b\n', {1: "Cortex, left", 2: "b"}),
     "columns": ("a.csv", "Name,index,color\n\"a, b\",1,n/a\n,2\n", {1: "a, b", 2: ""}),
@@ -75,28 +72,20 @@ def test_a_table_has_names_and_colours_and_makes_a_look(case: str) -> None:
 def test_a_table_may_have_names_alone(case: str) -> None:
     name, content, expected = NAMED[case]
     assert table(name, content) == tuple(Label(value, expected[value]) for value in sorted(expected))
-
-
-def test_a_table_may_have_colours_alone() -> None:
-    labels = table("a.lut", bytes(range(256)) + bytes(512))
-    assert len(labels) == 256 and labels[51] == Label(51, "", (0.2, 0.0, 0.0))
+    assert table("a.lut", bytes(range(256)) + bytes(512))[51] == Label(51, "", (0.2, 0.0, 0.0))  # colours alone
 
 
 WRONG: dict[str, tuple[str, str | bytes, str]] = {
     "twice": ("a.txt", FREESURFER + "2 c 0 0 0 0\n",
               "a.txt:6: a label twice\n  got: 2\n  expected: each label once; it is in line 4"),
-    "no colour": ("a.txt", FREESURFER + "9 name\n", "a.txt:6: not a row of a table of labels"),
     "a colour in words": ("a.tsv", TSV.replace("#00FF00", "green"), "a.tsv:3: not a colour\n  got: 'green'"),
     "not whole": ("a.csv", "index,name\n1.5,a\n", "a.csv:2: not a label\n  got: '1.5'"),
-    "no label": ("a.csv", "index,name\n,a\n", "a.csv:2: not such a number"),
     "no columns": ("a.csv", "x,y\n1,2\n", "a.csv:1: no column `index`"),
-    "empty": ("a.csv", "", "a.csv:1: no column `index`"),
     "no rows": ("a.ctbl", "# nothing\n", "a.ctbl: no labels"),
     "numbers alone": ("a.txt", "0 0 0 0\n1 1 1 1\n", "a.txt:1: not a row"),
     "too many": ("a.txt", "".join(f"{k} a\n" for k in range(65537)), "a.txt:65537: too many labels"),
     "too large": ("a.txt", bytes(2**22 + 1), "too large for a table of labels"),
     "hostile blanks": ("a.txt", "1" + " " * 10**6 + "2" * 10**6, "a.txt:1: not a row"),
-    "bytes": ("a.txt", b"\x89PNG\xff", "a.txt:1: not a text file in UTF-8"),
     "an unknown suffix": ("a.png", "1 a\n", "not a kind of table of labels"),
 }  # fmt: skip
 
@@ -109,21 +98,14 @@ def test_a_wrong_table_is_refused_with_its_place(case: str) -> None:
     assert expected in str(error.value) and str(error.value).startswith(name)
 
 
-def test_no_file_is_no_table() -> None:
-    with pytest.raises(InputError, match="not a file"):
-        read_label_table(Path("a.txt"))
-
-
 @pytest.mark.parametrize(
     ("volume", "others", "expected"),
     [
-        ("scan.nii.gz", ["scan.txt"], "scan.txt"),
         ("scan.nii.gz", ["scan.nii.txt", "scan_LUT.txt"], "scan_LUT.txt"),
         ("v1.2.seg.nrrd", ["v1.txt", "v1.2_ColorTable.ctbl"], "v1.2_ColorTable.ctbl"),
         ("sub-1_desc-a_dseg.nii.gz", ["desc-b_dseg.tsv", "../../desc-a_dseg.tsv"], "../../desc-a_dseg.tsv"),
         ("sub-1_desc-a_dseg.nii.gz", ["dseg.tsv", "sub-1_dseg.tsv"], "sub-1_dseg.tsv"),
         ("x" * 250 + ".nii", [], None),
-        ("scan.mha", ["other.txt"], None),
     ],
 )
 def test_a_table_beside_a_volume_is_found(volume: str, others: list[str], expected: str | None) -> None:
@@ -133,6 +115,8 @@ def test_a_table_beside_a_volume_is_found(volume: str, others: list[str], expect
     for name in others:
         (folder / name).write_text("index\tname\n1\ta\n" if name.endswith(".tsv") else "1 a 0 0 0 0\n")
     found = find_label_table(folder / volume)
+    with pytest.raises(InputError, match="not a file"):
+        read_label_table(folder)
     assert (found and found.resolve()) == (expected and (folder / expected).resolve())
 
 
@@ -189,7 +173,6 @@ EXTENSIONS: list[tuple[str | bytes, dict[str, Any], list[Label] | str]] = [
     ("1 a\n2 b\n", {"intent": 1002}, [Label(1, "a"), Label(2, "b")]),
     ("2" + ITK_SNAP.partition("\n2")[2], {"intent": 1002}, [Label(2, "a", RED, 0.5), Label(4, "b", GREEN, 0.0)]),
     ("a comment", {"intent": 1002}, []),
-    (b"\xff\xfe", {"intent": 1002}, []),
     (caret(ONE)[:-30], {}, "not valid XML"),
     (caret(ONE + ONE), {}, "a label twice (a.nii: <Label> 2)"),
     (caret(ONE).replace('"0.0"', '"9"'), {}, "not such a number (a.nii: <Label> 1)"),

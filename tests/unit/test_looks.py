@@ -291,8 +291,11 @@ HOSTILE = {
     "a colour of three": ("a.clut", CLUT.replace("|102", ""), "node 1: not a colour"),
     "bytes of another size": ("a.lut", bytes(767), "a.lut:1: not a colour or opacity"),
     "rows of four": ("a.cmap", "0 0 0\n0 0 0 1\n", "a.cmap:2: not a colour"),
+    "a label without colour": ("a.txt", "1 a 0 0 0 0\n9 name\n", "a.txt:2: not a row of a table of labels"),
+    "names without colours": ("a.txt", "1 a\n", "no colours"),
     "many rows": ("a.cmap", "0 0 0\n" * 70_000, "too many points"),
     "a table that is cut off": ("a.lut", b"ICOL\0\0\0\4" + bytes(24) + bytes(9), "the bytes: not a colour"),
+    "a long transparency": ("a.txt", "1 a 255 0 0 99999\n", "a.txt:1: not such a number\n  got: '99999'"),
     "lists in lists": ("a.json", NIIVUE.replace("102", "[" * 900 + "]" * 900), "got: [[[[[[[...]]]]]]]"),
     "a list for light": ("a.vp.json", VP_JSON.replace('"lighting": {', '"lighting": [], "x": {'), "no lighting"),
     "more points than are allowed": ("a.json", json.dumps({"ColorSpace": "Lab", "RGBPoints": [
