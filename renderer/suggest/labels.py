@@ -13,11 +13,15 @@ from renderer.suggest.features import VoxelSample, faces
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.label_choice import count_labels, label_colors
 from renderer.suggest.opacity import format_number, opacity_from_depth, opacity_unit_length
-from renderer.suggest.opacity_calibration import CRISP_SURFACE_DEPTH, Layer, TurntableRays, cast_rays, solve_depths
+from renderer.suggest.opacity_calibration import Layer, TurntableRays, cast_rays, solve_depths
 from renderer.suggest.presets import OPAQUE_COVERAGE, SHADING, STONE
 from renderer.suggest.suggestion import ShownLayer, Suggestion
 from renderer.volume import Bools, Float64, Label, Volume, iter_slabs
 
+# Occlusion, which is found for voxels, would show the stairs of a label.
+_SHADING = replace(SHADING, ambient=0.45, diffuse=0.6, occlusion=0.0)
+# The optical depth of 1 % of the diagonal of a label that is not around others: its surface looks solid.
+_SOLID_DEPTH = 6.0
 # Each of up to this many labels has a density of its own.
 _MAX_SOLVED = 10
 # Up to this many values are always labels. More are, if at least this part of the neighbours of voxels outside the
@@ -142,7 +146,7 @@ def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float
     )  # fmt: skip
     kind = "mask" if len(values) == 2 else "labels"
     transfer = TransferSpec(labels, opacity_unit_length(sample.diagonal))
-    return Suggestion(kind, reason, transfer, (), SHADING, visible=visible)
+    return Suggestion(kind, reason, transfer, (), _SHADING, visible=visible)
 
 
 def with_table(suggestion: Suggestion, table: Sequence[Label], *, has_colors: bool) -> Suggestion:
@@ -176,7 +180,7 @@ def _solve_label_depths(sample: VoxelSample, rays: TurntableRays, middles: Seque
         layers = _layers(sample, [region for k, region in enumerate(regions) if k != outside])
     else:
         knots = tuple((at, float(k != outside)) for k, region in enumerate(regions) for at in region)
-        layers = [Layer("", knots, min_depth=CRISP_SURFACE_DEPTH)]
+        layers = [Layer("", knots, min_depth=_SOLID_DEPTH)]
     depths = solve_depths(rays, layers, OPAQUE_COVERAGE)
     return np.insert(np.resize(depths, len(regions) - 1), outside, 0.0)
 
@@ -199,7 +203,7 @@ def _layers(sample: VoxelSample, regions: Sequence[tuple[float, float]]) -> list
     for (low, high), own, area in zip(regions, shadows, areas, strict=True):
         smaller = [other for other, other_area in zip(shadows, areas, strict=True) if 0 < other_area < area]
         is_around = bool(smaller) and all(_covers(own[axis], [other[axis] for other in smaller]) for axis in range(3))
-        share, min_depth = (_ENCLOSING_SHARE, 0.0) if is_around else (1.0, CRISP_SURFACE_DEPTH)
+        share, min_depth = (_ENCLOSING_SHARE, 0.0) if is_around else (1.0, _SOLID_DEPTH)
         layers.append(Layer("", ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0)), share, min_depth))
     return layers
 
