@@ -53,4 +53,4 @@ from .truths import (
     sample_truths as sample_truths,
     spread_evenly as spread_evenly,
 )
-from .visibility import scalar_ranges as scalar_ranges
+from .visibility import ScalarRange as ScalarRange, scalar_ranges as scalar_ranges

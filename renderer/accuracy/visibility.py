@@ -12,11 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.frame import Stage
+from renderer.scene import LabelStyle
 from renderer.transfer import TransferFunction
 from renderer.volume import Float64
 
 # Colormaps have 256 control points.
 _MOST_RANGES = 12
+# Of so many labels each has a range of its own.
+_MOST_LABELS = 48
 # A millionth of a picture is less than a pixel of most, and keeps records short.
 _DIGITS = 6
 
@@ -24,13 +27,15 @@ _DIGITS = 6
 class ScalarRange(NamedTuple):
     """A range of scalars, low <= scalar < high, which may be infinite.
 
-    opacity: the largest one, per unit of the transfer function. first: its first interval.
+    opacity: the largest one, per unit of the transfer function. first: its first interval. name: of labels, whose
+    values are those from `low` to `high`.
     """
 
     low: float
     high: float
     opacity: float
     first: int
+    name: str | None = None
 
 
 def scalar_ranges(stage: Stage) -> list[ScalarRange]:
@@ -38,13 +43,27 @@ def scalar_ranges(stage: Stage) -> list[ScalarRange]:
     if stage.scene.mode.is_projection or len(stage.layers) > 1:
         return []
     (layer,) = stage.layers
-    return visible_ranges(layer.transfer, *layer.volume.value_range())
+    labels = layer.spec.transfer_function.labels
+    if labels is None:
+        return visible_ranges(layer.transfer, *layer.volume.value_range())
+    found = visible_ranges(layer.transfer, 0, len(labels.values), most=_MOST_LABELS)
+    return [_of_labels(each, labels.styles) for each in found]
 
 
-def visible_ranges(transfer: TransferFunction, lowest: float, highest: float) -> list[ScalarRange]:
+def _of_labels(numbers: ScalarRange, styles: Sequence[LabelStyle]) -> ScalarRange:
+    """Return a range of labels from that of their numbers, from 1 on."""
+    first, last = styles[max(1, round(numbers.low + 0.5)) - 1], styles[min(len(styles), round(numbers.high - 0.5)) - 1]
+    names = [f"label {each.value}" + f" ({each.name})" * bool(each.name) for each in (first, last)]
+    name = " to ".join(dict.fromkeys(names))
+    return numbers._replace(low=first.value - 0.5, high=last.value + 0.5, name=name)
+
+
+def visible_ranges(
+    transfer: TransferFunction, lowest: float, highest: float, *, most: int = _MOST_RANGES
+) -> list[ScalarRange]:
     """Return the ranges between control points in which scalars of a volume may be visible, ascending.
 
-    Where there are many, those are joined whose middles lie in the same of equal parts of the visible values.
+    Where there are more than `most`, those whose middles lie in the same of equal parts of the visible values are joined.
     lowest, highest: of the volume.
     """
     ends = np.concatenate([[-np.inf], transfer.values, [np.inf]])
@@ -53,12 +72,12 @@ def visible_ranges(transfer: TransferFunction, lowest: float, highest: float) ->
     is_met = (ends[:-1] <= highest) & (lowest < ends[1:]) & (ends[:-1] < ends[1:])
     visible = np.flatnonzero(is_opaque & is_met)
     parts = np.arange(visible.size)
-    if visible.size > _MOST_RANGES:
+    if visible.size > most:
         finite = np.clip(np.clip(ends, lowest, highest), transfer.values[0], transfer.values[-1])
         finite /= 4  # sums and differences do not overflow
         low, high = finite[visible[0]], finite[visible[-1] + 1]
         middles = (finite[visible] + finite[visible + 1]) / 2
-        parts = np.minimum((middles - low) / (high - low) * _MOST_RANGES, _MOST_RANGES - 1).astype(np.int64)
+        parts = np.minimum((middles - low) / (high - low) * most, most - 1).astype(np.int64)
     # What lies beyond the first or last control point belongs to the range beside it: often there are no such values.
     is_inner = (visible[:-1] > 0) & (visible[1:] < transfer.values.size)
     is_new = (np.diff(parts) > 0) & (is_inner | (np.diff(visible) > 1))

@@ -9,18 +9,22 @@ from math import isfinite
 
 import numpy as np
 
+from renderer.accuracy import ScalarRange
 from renderer.job.record import FilmVisibility, FrameRecord, VisibleRange
+from renderer.system import printable
 
 _DIGITS = 6
 # A range is hidden if it has a smaller share, though its opacity is at least this part of the largest one: the foot of
 # a ramp is meant to be faint.
 _HIDDEN_SHARE, _LEAST_OPACITY = 0.01, 0.25
+# Labels are many and small: one is hidden if it has less than this part of the mean share.
+_HIDDEN_PART = 0.1
 
 
-def range_record(low: float, high: float, opacity: float) -> VisibleRange:
+def range_record(found: ScalarRange) -> VisibleRange:
     """Return the record of a range of scalars whose share is not known yet; its ends may be infinite."""
-    ends = (end if isfinite(end) else None for end in (low, high))
-    return VisibleRange(0.0, round(opacity, _DIGITS), *ends)
+    low, high = (end if isfinite(end) else None for end in (found.low, found.high))
+    return VisibleRange(0.0, round(found.opacity, _DIGITS), low, high, found.name)
 
 
 def film_visibility(frames: Sequence[FrameRecord], ranges: Sequence[VisibleRange]) -> FilmVisibility | None:
@@ -42,12 +46,14 @@ def visibility_text(visibility: FilmVisibility) -> str:
     Neighbours are one range.
     """
     largest = max(each.opacity for each in visibility.ranges)
+    is_of_labels = visibility.ranges[0].name is not None
+    least = _HIDDEN_PART / len(visibility.ranges) if is_of_labels else _HIDDEN_SHARE
 
     def is_hidden(each: VisibleRange) -> bool:
-        return each.share < _HIDDEN_SHARE and each.opacity >= _LEAST_OPACITY * largest
+        return each.share < least and each.opacity >= _LEAST_OPACITY * largest
 
     groups = [list(group) for hidden, group in groupby(visibility.ranges, is_hidden) if hidden]
-    parts = [f"{_ends_text(group[0].low, group[-1].high)}, {_percent(group)}" for group in groups]
+    parts = [f"{_ends_text(group[0], group[-1])}, {_percent(group)}" for group in groups]
     return f"hardly seen: {'; '.join(parts)} of what is visible" if parts else ""
 
 
@@ -55,6 +61,8 @@ def _percent(ranges: Sequence[VisibleRange]) -> str:
     return f"{100 * sum(each.share for each in ranges):.2g} %"
 
 
-def _ends_text(low: float | None, high: float | None) -> str:
-    ends = [f"{word} {end:g}" for word, end in (("from", low), ("to", high)) if end is not None]
+def _ends_text(first: VisibleRange, last: VisibleRange) -> str:
+    if first.name is not None and first.low is not None and last.high is not None:
+        return printable(first.name) if first is last else f"labels {first.low + 0.5:g} to {last.high - 0.5:g}"
+    ends = [f"{word} {end:g}" for word, end in (("from", first.low), ("to", last.high)) if end is not None]
     return " ".join(["values", *ends])

@@ -82,7 +82,7 @@ def film_record(
         ),
         seconds={},
         accuracy=film_accuracy(frames),
-        visibility=film_visibility(frames, [range_record(*each[:3]) for each in scalar_ranges(stage)]),
+        visibility=film_visibility(frames, [range_record(each) for each in scalar_ranges(stage)]),
         frames=tuple(frames),
     )
 

@@ -263,6 +263,7 @@ class VisibleRange:
     opacity: Annotated[float, _AMOUNT, "Its largest opacity, per unit of the transfer function."]
     low: Annotated[float | None, _COORDINATE, "Its smallest scalar; left out where there is none."] = None
     high: Annotated[float | None, _COORDINATE, "The scalar at which it ends; left out where there is none."] = None
+    name: Annotated[str | None, "Of labels: which they are; their values lie between the two."] = None
 
 
 @dataclass(frozen=True)
@@ -270,7 +271,10 @@ class FilmVisibility:
     """A record of which scalars the pictures of a film show: its visibility histogram, by the rays of its accuracy."""
 
     coverage: Annotated[float, _AMOUNT, "The mean opacity of the pictures."]
-    ranges: Annotated[tuple[VisibleRange, ...], "Between control points of the transfer function, at most 12."]
+    ranges: Annotated[
+        tuple[VisibleRange, ...],
+        "Between control points of the transfer function, at most 12; at most 48 of labels.",
+    ]
 
 
 @dataclass(frozen=True)
