@@ -63,7 +63,7 @@ def visible_ranges(
 ) -> list[ScalarRange]:
     """Return the ranges between control points in which scalars of a volume may be visible, ascending.
 
-    Where there are more than `most`, those whose middles lie in the same of equal parts of the visible values are joined.
+    Where there are more than `most`, those are joined whose middles lie in the same of equal parts of what is visible.
     lowest, highest: of the volume.
     """
     ends = np.concatenate([[-np.inf], transfer.values, [np.inf]])
