@@ -1,8 +1,8 @@
 """Compute the ground truth: the emission-absorption integral of the continuous field, in float64 on the CPU.
 
 The scalar is interpolated trilinearly between voxel centres, then classified. The outer half voxel has the nearest
-value, and outside [-1/2, n - 1/2] is nothing. One ray passes through each pixel's centre (N. Max, "Optical
-Models for Direct Volume Rendering", IEEE TVCG 1995):
+value, and outside [-1/2, n - 1/2] is nothing. Of labels, each point has one of those around it. One ray passes through
+each pixel's centre (N. Max, "Optical Models for Direct Volume Rendering", IEEE TVCG 1995):
 
     C = int c(s) tau(s) exp(-int_0^s tau) ds,    alpha = 1 - exp(-int tau)
 
