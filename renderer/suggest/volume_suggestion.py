@@ -136,7 +136,7 @@ def suggest_read(volume: VolumeSpec, found: Volume, statistics: Statistics, wish
     """Suggest how to show a volume that is in memory. Raises as `suggest`."""
     suggestion = (_color_suggestion if volume.has_colors else suggest)(found, statistics, wish)
     if volume.component == "color_alpha" and wish == NO_WISH:
-        reason = "each voxel is as opaque as its alpha says"
+        reason = "of the 4 components the last is alpha, which says how opaque each voxel is"
         suggestion = Suggestion(_COLORS, reason, TransferSpec(_ALPHA_POINTS), (), None)
     return VolumeSuggestion(volume, with_8_bit_colors(suggestion), found.num_absent > 0)
 
@@ -148,7 +148,12 @@ def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Sug
     if wish == NO_WISH and not isinstance(transfer.mapping, ColormapSpec):
         white = tuple(replace(point, color=(1.0, 1.0, 1.0)) for point in transfer.mapping)
         transfer = replace(transfer, mapping=white)
-    return replace(found, kind=_COLORS, reason="opacities go with their luminance", transfer=transfer)
+    return replace(
+        found,
+        kind=_COLORS,
+        reason=f"{len(volume.channels)} components, and opacities go with luminance",
+        transfer=transfer,
+    )
 
 
 def _channels_suggestion(volume: VolumeSpec, first: Volume, read: Callable[[VolumeSpec], Volume]) -> VolumeSuggestion:
