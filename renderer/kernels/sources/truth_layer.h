@@ -184,7 +184,7 @@ struct LayerRay : LayerOptics {
         num_taken = 0, taken = 0.0, length_voxels = __builtin_sqrt(dot(extent, extent));
         if (colors.exists) {
             load_channels(corners);
-            num_splits = 0;
+            num_splits = absent = 0;  // a voxel without data has no extinction, but no edge
             return true;
         }
         num_splits = add_crossings(cubic, intervals.knots, splits, 0);
