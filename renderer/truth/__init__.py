@@ -9,8 +9,8 @@ changes; verified by its order of convergence (Etiene et al. 2014).
   transfer functions and their light, as kernels take them; `clipping.py`: the parts of rays that clipping leaves.
 - In the kernels: `truth_integral.cpp`, one ray through all layers; `truth_layer.h`, its pieces in one layer;
   `truth_extremum.cpp`, its largest scalar; `truth_cells.h`, the cells along a ray; `truth_cells.cpp`, the voxels at
-  their corners; `truth_cubic.h`, the field along a ray through a cell is a cubic polynomial; `truth_light.h`, the light
-  on a point of a ray.
+  their corners; `truth_cubic.h`, the field along a ray through a cell is a cubic polynomial; `truth_labels.h`, the
+  label at a point; `truth_light.h`, the light on a point of a ray.
 """
 
 import lazy_loader

@@ -27,6 +27,8 @@ class TrueLayer(NamedTuple):
         differences at voxel centres, one-sided at the border, interpolated trilinearly), and times ambient where the
         gradient is zero; and what else `ShadingSpec` says.
     weight: a factor on extinction. clip: of this layer alone, besides those of the view.
+    is_labels: whether values are numbers of labels. Nothing is interpolated then: at each point, one of the labels
+        around it wins, and the gradient is that of the smoothed opacities of voxels, which are 0 around the volume.
     """
 
     volume: Volume
@@ -35,6 +37,7 @@ class TrueLayer(NamedTuple):
     light_grid: LightGrid = NO_LIGHT_GRID
     weight: float = 1.0
     clip: tuple[ClipSpec, ...] = ()
+    is_labels: bool = False
 
 
 class Intervals(NamedTuple):
@@ -81,14 +84,23 @@ def optics_of(layer: TrueLayer) -> dict[str, Any]:
     """Return a layer as the kernel takes it."""
     values = readable_values(layer.volume)
     scale = largest_magnitude_scale(layer.volume, layer.transfer)
+    intervals = intervals_of(layer.transfer, scale)
     return {
         "values": values,
         "macrocells": for_macrocells(values.shape, np.uint8(0)),
-        "intervals": intervals_of(layer.transfer, scale),
+        "intervals": intervals,
         "shading": layer.shading and shading_of(layer.shading, layer.light_grid, layer.volume, scale),
         "weight": layer.weight,
         "colors": layer.volume.colors,
+        "label_opacities": _label_opacities(intervals, layer.volume.finest_spacing) if layer.is_labels else None,
     }
+
+
+def _label_opacities(intervals: Intervals, finest_spacing: float) -> Float64:
+    """Return the opacity of a voxel of each number up to the first one above all control points."""
+    numbers = np.arange(math.floor(intervals.knots[-1] / intervals.scale) + 2) * intervals.scale
+    rows = intervals.rows[np.searchsorted(intervals.knots, numbers, side="right")]
+    return np.asarray(-np.expm1(-(rows[:, 3] + rows[:, 7] * (numbers - rows[:, 8])) * finest_spacing))
 
 
 def for_macrocells(shape: tuple[int, ...], unknown: Any) -> npt.NDArray[Any]:

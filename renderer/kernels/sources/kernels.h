@@ -476,7 +476,8 @@ struct IndexRays {
     Array<const double, 3> parts;
 };
 
-// As `optics_of` there. macrocells: what is known of each; zeros at first, and updated.
+// As `optics_of` there. macrocells: what is known of each; zeros at first, and updated. label_opacities: of labels
+// alone, that of a voxel, by number; numbers above have the last one.
 struct LayerOptics {
     AnyArray<3> values;
     Array<uint8_t, 3> macrocells;
@@ -484,6 +485,7 @@ struct LayerOptics {
     Maybe<RayShading> shading;
     double weight;
     Maybe<Sized<const uint8_t, 4, 3>> colors;
+    Maybe<Array<const double, 1>> label_opacities;
 };
 
 // rays: of each layer. adds: whether what is behind is seen as if nothing were before it.

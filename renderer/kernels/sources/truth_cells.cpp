@@ -6,21 +6,6 @@ namespace {
 
 // In place of an axis: the voxel itself, and not a difference.
 constexpr int VALUE = -1;
-constexpr int64_t LARGEST_CUBE = MACROCELL_SIZE + 3;
-
-// Write the values of side^3 voxels from `first` on, x fastest; beyond the border the nearest voxel is repeated.
-void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out) {
-    int64_t places[3][LARGEST_CUBE];
-    for (int axis = 0; axis < 3; axis++)
-        for (int64_t k = 0; k < side; k++)
-            places[axis][k] = least(most<int64_t>(first[axis] + k, 0), values.shape[2 - axis] - 1);
-    with_array(values, [&](const auto& voxels) {
-        for (int64_t z = 0; z < side; z++)
-            for (int64_t y = 0; y < side; y++)
-                for (int64_t x = 0; x < side; x++) *out++ = (double)voxels(places[2][z], places[1][y], places[0][x]);
-        return DONE;
-    });
-}
 
 // The voxels at the corners of a cell, and those around them up to a margin.
 struct Surroundings {
@@ -74,6 +59,19 @@ struct Surroundings {
 };
 
 }  // namespace
+
+void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out) {
+    int64_t places[3][LARGEST_CUBE];
+    for (int axis = 0; axis < 3; axis++)
+        for (int64_t k = 0; k < side; k++)
+            places[axis][k] = least(most<int64_t>(first[axis] + k, 0), values.shape[2 - axis] - 1);
+    with_array(values, [&](const auto& voxels) {
+        for (int64_t z = 0; z < side; z++)
+            for (int64_t y = 0; y < side; y++)
+                for (int64_t x = 0; x < side; x++) *out++ = (double)voxels(places[2][z], places[1][y], places[0][x]);
+        return DONE;
+    });
+}
 
 int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners) {
     auto [x, y, z] = cell;

@@ -13,6 +13,7 @@ namespace truth {
 // Cells along each axis of a macrocell, as in renderer/truth/optics.py. Of the cells that rays met in visible
 // macrocells of two CT scans, 0.70 and 0.75 were visible; in macrocells of 8^3, 0.51 and 0.60.
 constexpr int64_t MACROCELL_SIZE = 4;
+constexpr int64_t LARGEST_CUBE = 8;
 // All corners of a cell, a bit each, x fastest.
 constexpr int ALL_ABSENT = 255;
 
@@ -26,6 +27,11 @@ struct Range {
 INLINE Cell size_of(const AnyArray<3>& values) {
     return {values.shape[2], values.shape[1], values.shape[0]};
 }
+
+// Write the values of side^3 voxels from `first` on, x fastest; beyond the border the nearest voxel is repeated.
+//
+// side: at most LARGEST_CUBE.
+void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out);
 
 // Write the scaled values at the corners of a cell, clamped to the volume, or those nearest to voxels without data, and
 // return which have no data: the bit x + 2 y + 4 z of each is set. If all, what is written has no meaning.

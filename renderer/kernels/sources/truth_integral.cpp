@@ -171,10 +171,15 @@ struct Integrator {
     }
 };
 
+bool fits(const Array<const uint8_t, 4>& colors, const AnyArray<3>& values) {
+    return has_shape(colors, values.shape[0], values.shape[1], values.shape[2], 3);
+}
+
 bool is_right(const LayerOptics& layer, const IndexRays& rays, int64_t num_rays) {
     return rays.parts.shape[0] == num_rays && fit(rays) && fits_macrocells(layer.macrocells, layer.values) &&
         has_shape(layer.intervals.rows, layer.intervals.knots.shape[0] + 1, 10) &&
-        (!layer.colors.exists || has_shape(layer.colors.value, layer.values.shape[0], layer.values.shape[1], layer.values.shape[2], 3)) &&
+        (!layer.colors.exists || fits(layer.colors.value, layer.values)) &&
+        (!layer.label_opacities.exists || layer.label_opacities.value.shape[0] > 0) &&
         (!layer.shading.exists || layer.shading.value.factors.shape[1] == 3);
 }
 
@@ -200,8 +205,9 @@ Status integrate_rays(const IntegrateRays* arguments) {
     if (num_steps == 0 || radiance.shape[1] != num_steps || num_channels <= DEPTH || num_channels > num_gathered)
         return OUT_OF_BOUNDS;
     // A cubic passes a knot at most three times, and so does the cosine of the light. Another voxel becomes the nearest
-    // at most three times.
-    Buffer<double> splits(3 * (num_gathered + num_layers)), gathered(num_steps * num_gathered);
+    // at most three times. Labels have no knots to pass, but changes.
+    auto first_split = [](int64_t first, int64_t k) { return 3 * (first + k) + k * MAX_LABEL_CHANGES; };
+    Buffer<double> splits(first_split(num_gathered, num_layers)), gathered(num_steps * num_gathered);
     Buffer<char> memory((num_layers + 1) * (int64_t)sizeof(LayerRay));
     if (!splits || !gathered || !memory) return NO_MEMORY;
     // Vectors need a larger alignment than that of the buffer.
@@ -212,7 +218,7 @@ Status integrate_rays(const IntegrateRays* arguments) {
     for (int64_t k = 0, first = FIRST_INTERVAL; k < num_layers; first += layers[k++].intervals.rows.shape[0]) {
         LayerRay& layer = integrator.layers[k];
         (LayerOptics&)layer = layers[k];
-        layer.rays = &rays[k], layer.splits = rest_of(splits, 3 * (first + k)), layer.first_interval = first;
+        layer.rays = &rays[k], layer.splits = rest_of(splits, first_split(first, k)), layer.first_interval = first;
     }
     for (int64_t i = 0; i < num; i++) {
         integrator.integrate_ray(i);

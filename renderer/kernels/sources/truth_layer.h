@@ -2,12 +2,13 @@
 //
 // Along a ray inside one cell, the trilinear field is a cubic polynomial in the fraction t in [0, 1] of the segment.
 // The cubic is split where it crosses a control value of the transfer function (and where the light grazes the
-// surface). No thin shell can be missed, because crossings are computed and not sampled. Of voxels that are colours,
-// extinction and its products with colour are such cubics themselves, between lit voxels.
+// surface). No thin shell can be missed, because crossings are computed and not sampled. The number of labels is
+// constant between the places where another one wins (truth_labels.h). Of voxels that are colours, extinction and its
+// products with colour are such cubics themselves, between lit voxels.
 //
 // Most cells show nothing, which is found out once for each macrocell, when the first ray meets it.
 #pragma once
-#include "truth_cells.h"
+#include "truth_labels.h"
 #include "truth_light.h"
 
 namespace truth {
@@ -90,12 +91,15 @@ struct LayerRay : LayerOptics {
     int64_t num_begun;
     CellWalk walk;
     Light light;
-    // Of a cell. num_taken: of its pieces, which end at the splits and at 1.
+    // Of a cell. is_mixed: whether it has several labels, which are then in `labels`. num_taken: of its pieces, which
+    // end at the splits and at 1.
     Segment segment;
     Cubic cubic;
     Gradient gradient;
     Cubic channels[4];  // (tau c, tau) of voxels that are colours
     int absent;
+    bool is_mixed;
+    LabelCell labels;
     int64_t num_splits, num_taken;
     double taken, length_voxels;
     Piece piece, part;
@@ -128,7 +132,8 @@ struct LayerRay : LayerOptics {
     // The gradient per world unit along the ray inside the cell.
     INLINE Gradient world_gradient() const {
         double corners[3][8];
-        load_differences(values, segment.cell, absent, intervals.scale, corners);
+        if (label_opacities.exists) load_label_differences(values, segment.cell, label_opacities.value, corners);
+        else load_differences(values, segment.cell, absent, intervals.scale, corners);
         auto along = [&](int axis) { return cubic_in_cell(corners[axis], segment.entry, segment.extent); };
         Gradient in_index = {along(0), along(1), along(2)};
         auto row = [&](int number) { return point_of(&shading.value.world_from_gradient[3 * number]); };
@@ -180,14 +185,20 @@ struct LayerRay : LayerOptics {
         double low = corners[0], high = corners[0];
         for (double corner : corners) low = least(low, corner), high = most(high, corner);
         if (!is_visible(low, high)) return false;
-        cubic = cubic_in_cell(corners, entry, extent);
+        is_mixed = label_opacities.exists && low != high;
         num_taken = 0, taken = 0.0, length_voxels = __builtin_sqrt(dot(extent, extent));
-        if (colors.exists) {
-            load_channels(corners);
-            num_splits = absent = 0;  // a voxel without data has no extinction, but no edge
-            return true;
+        if (is_mixed) {
+            labels.load(values, cell);
+            num_splits = labels.add_changes(entry, extent, splits);
+        } else {
+            cubic = cubic_in_cell(corners, entry, extent);
+            if (colors.exists) {
+                load_channels(corners);
+                num_splits = absent = 0;  // a voxel without data has no extinction, but no edge
+                return true;
+            }
+            num_splits = add_crossings(cubic, intervals.knots, splits, 0);
         }
-        num_splits = add_crossings(cubic, intervals.knots, splits, 0);
         if (absent != 0) num_splits = add_middles(entry, extent, splits, num_splits);
         if (shading.exists) {
             light.begin = __builtin_convertvector(cell, Point) + entry, light.extent = extent;
@@ -223,6 +234,10 @@ struct LayerRay : LayerOptics {
     // anything.
     INLINE bool take(double from, double to) {
         const auto& knots = intervals.knots;
+        if (is_mixed) {
+            double number = labels.winner_at(segment.entry, segment.extent, 0.5 * (from + to)).number;
+            cubic = {number * intervals.scale, 0.0, 0.0, 0.0};
+        }
         int64_t k = num_below(knots, value_at(cubic, 0.5 * (from + to)));
         Interval in = interval(k);
         double base = in.base(), slope = in.slope(), scale = (to - from) * (segment.end - segment.start) * weight;

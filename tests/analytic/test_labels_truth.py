@@ -1,0 +1,166 @@
+"""Exact rays through labels and masks: against the rule, written down once more in numpy, and against closed forms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from brickwork import transfer_of
+from ray_integrals import interpolate, look, oblique, ray_spans, shade
+
+from renderer.kernels import kernels
+from renderer.scene import ShadingSpec
+from renderer.transfer import TransferFunction
+from renderer.truth import RayIntegrator, TrueLayer
+from renderer.truth.integrator import IndexRays
+from renderer.truth.optics import optics_of
+from renderer.volume import Array, Float64, Volume, make_volume
+
+LIT = ShadingSpec(0.3, 0.6, (-1.0, 0.5, 2.0))
+GLOSSY = ShadingSpec(0.3, 0.6, "camera", specular=0.4, two_sided=True)
+VIEWER = np.array([0.6, 0.48, 0.64])
+# Of numbers: 0 shows nothing, others have a red of their own.
+EXTINCTIONS = (0.0, 0.5, 0.05, 2.0, 0.0, 0.8, 0.3)
+
+
+def steps(*extinctions: float) -> TransferFunction:
+    colors = [(k / len(extinctions), 1.0 - k / len(extinctions), 0.5) for k in range(len(extinctions))]
+    points = [(k + end, colors[k], tau) for k, tau in enumerate(extinctions) for end in (-0.5, 0.5)]
+    return transfer_of(*points)
+
+
+def labels_of(values: Array, affine: Float64 | None = None) -> Volume:
+    return make_volume(np.ascontiguousarray(values, np.uint8), np.eye(4) if affine is None else affine, "labels")
+
+
+def scattered(*, affine: Float64 | None = None) -> Volume:
+    """5^3 labels at random, some of them in groups."""
+    return labels_of(np.random.default_rng(5).choice(7, (5, 5, 5), p=[0.3, 0.3, 0.1, 0.1, 0.05, 0.1, 0.05]), affine)
+
+
+def seen(layer: TrueLayer, origins: Float64, directions: Float64, end: float) -> Float64:
+    """RGBA [n, 4] of rays in index space, from their origins up to a length."""
+    radiance, parts = np.empty((len(origins), 1, 4)), np.tile([0.0, end], (len(origins), 1, 1))
+    rays = IndexRays(origins, np.ascontiguousarray(np.broadcast_to(directions, origins.shape)), parts)
+    kernels().integrate_rays(
+        layers=[optics_of(layer)], adds=False, rays=[rays], max_steps=np.ones(1), radiance=radiance
+    )
+    return radiance[:, 0]
+
+
+def winners(of: Volume, index: Float64) -> Float64:
+    """The label at [n, 3] points (x, y, z), by its definition; ties apart."""
+    nearest = np.floor(index + 0.5).astype(int)
+    t = index - nearest
+    tents = np.maximum(-t, 0), 1 - abs(t), np.maximum(t, 0)
+    splines = (0.5 - t) ** 2 / 2, 0.75 - t**2, (0.5 + t) ** 2 / 2
+    weights = [0.2 * tent + 0.8 * spline for tent, spline in zip(tents, splines, strict=True)]
+    sums, padded = np.zeros((len(index), 256)), np.pad(of.values, 2, mode="edge")
+    for at in np.ndindex(3, 3, 3):
+        x, y, z = (nearest + at + 1).T
+        sums[np.arange(len(index)), padded[z, y, x]] += np.prod([weights[k][:, i] for i, k in enumerate(at)], axis=0)
+    return sums.argmax(axis=1)
+
+
+def gradients(of: Volume, index: Float64) -> Float64:
+    """The gradients in the world at [n, 3] points of index space, by their definition."""
+    opacities = np.pad(-np.expm1(-np.array(EXTINCTIONS)[of.values] * of.finest_spacing), 3)
+    for axis in range(3):
+        opacities = np.apply_along_axis(np.convolve, axis, opacities, np.array([1, 4, 6, 4, 1]) / 16, "same")
+    inside, found = (slice(3, -3),) * 3, []
+    for axis in (2, 1, 0):
+        found.append(((np.roll(opacities, -1, axis) - np.roll(opacities, 1, axis)) / 2)[inside])
+    clipped = np.clip(index, 0, np.array(of.shape_xyz) - 1)
+    along_index = np.stack([interpolate(each, clipped) for each in found], axis=1)
+    return along_index @ np.linalg.inv(of.world_from_index[:3, :3])
+
+
+LIGHTS = pytest.mark.parametrize("shading", [None, LIT, GLOSSY], ids=["plain", "lit", "glossy"])
+
+
+@LIGHTS
+def test_the_label_at_a_point_has_the_largest_sum_of_weights(shading: ShadingSpec | None) -> None:
+    """And its light is that of the smoothed opacities' gradient."""
+    of, tf = scattered(affine=oblique()), steps(*EXTINCTIONS)
+    points, direction = (
+        np.random.default_rng(6).uniform(-0.5, 4.5, (3000, 3)),
+        np.linalg.solve(oblique()[:3, :3], VIEWER),
+    )
+    short = seen(TrueLayer(of, tf, shading, is_labels=True), points, -direction, 1e-8)
+    colors, extinctions = tf.classify(winners(of, points))
+    if shading is not None:
+        colors = shade(shading, colors, gradients(of, points), VIEWER)
+    np.testing.assert_allclose(short[:, 3], extinctions * 1e-8, rtol=1e-6)
+    np.testing.assert_allclose(short[:, :3], colors * short[:, 3:], rtol=1e-5, atol=0)
+
+
+@LIGHTS
+def test_pictures_are_riemann_sums(shading: ShadingSpec | None) -> None:
+    of, tf, view, num = scattered(affine=oblique()), steps(*EXTINCTIONS), look((5.0, 1.0, 5.0), 14.0, (8, 6)), 4000
+    image = RayIntegrator([TrueLayer(of, tf, shading, is_labels=True)]).integrate(view, np.arange(48), [0.125])[0]
+    span = ray_spans(of, view)
+    for at, along, length, found in zip(span.index_at_start, span.index_per_length, span.length, image, strict=True):
+        if length == 0.0:
+            assert not found.any()
+            continue
+        index = at + ((np.arange(num) + 0.5) / num * length)[:, None] * along
+        color, tau = tf.classify(winners(of, index))
+        depth = tau * length / num
+        if shading is not None:
+            color = shade(shading, color, gradients(of, index), -oblique()[:3, :3] @ along)
+        before = np.cumsum(depth) - depth
+        expected = [*(np.exp(-before) * -np.expm1(-depth)) @ color, -np.expm1(-depth.sum())]
+        np.testing.assert_allclose(found, expected, rtol=0, atol=3e-4)
+    assert np.ptp(image[:, 3]) > 0.5
+
+
+def test_a_voxel_alone_keeps_its_centre() -> None:
+    """Along an axis through it, its weight is 0.64 (0.8 - 0.2 t - 0.8 t^2), and 0.5 at its ends."""
+    values = np.zeros((5, 5, 5))
+    values[2, 2, 2] = 1
+    alpha = seen(
+        TrueLayer(labels_of(values), steps(0, 1), is_labels=True), np.array([[-9.0, 2, 2]]), np.eye(3)[0], 20.0
+    )
+    assert -np.log1p(-alpha[0, 3]) == pytest.approx(2 * (np.sqrt(0.2**2 + 3.2 * 0.01875) - 0.2) / 1.6, abs=1e-11)
+
+
+def test_no_label_is_seen_that_no_voxel_has() -> None:
+    """Between voxels of 1 and 3, which are red and blue, 2 is not seen, which is green."""
+    colors = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    values = np.array([0, 1, 3, 3, 1, 3, 3])[scattered().values]
+    tf = replace(steps(0, 1, 9, 1), colors=np.repeat(colors, 2, axis=0))
+    points, directions = np.random.default_rng(9).uniform(-0.5, 4.5, (2, 500, 3))
+    image = seen(TrueLayer(labels_of(values), tf, is_labels=True), points, directions - 2.0, 20.0)
+    assert (image[:, 1] == 0.0).all()
+    assert (image[:, [0, 2]].max(axis=0) > 0.5).all()
+
+
+def test_a_ball_has_its_radius_and_its_normals() -> None:
+    """Of voxels inside of it; rays meet it at right angles."""
+    inside = np.linalg.norm(np.mgrid[:32, :32, :32] - np.full((3, 1, 1, 1), 15.2), axis=0) <= 9.3
+    directions = np.random.default_rng(7).normal(size=(500, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    origins, light = 15.2 - 20.0 * directions, ShadingSpec(0.0, 1.0, "camera")
+    clear = seen(TrueLayer(labels_of(inside), steps(0, 1), is_labels=True), origins, directions, 20.0)
+    assert_small(-np.log1p(-clear[:, 3]) - 9.3)
+    opaque = seen(TrueLayer(labels_of(inside), steps(0, 40), light, is_labels=True), origins, directions, 20.0)
+    angles = np.degrees(np.arccos(2.0 * opaque[:, 2]))
+    assert angles.max() < 8.0
+    assert angles.mean() < 3.0
+
+
+def assert_small(errors: Float64) -> None:
+    """Assert that places of a surface are as right as those of a field's surface among voxels of two values are."""
+    assert abs(errors).max() < 0.5
+    assert abs(errors).mean() < 0.15  # found: 0.13 and 0.105
+    assert abs(errors.mean()) < 0.1
+
+
+def test_a_slanted_plane_is_where_it_is() -> None:
+    normal = np.array([2.0, 3.0, 6.0]) / 7.0
+    above = normal @ np.mgrid[:32, :32, :32][::-1].reshape(3, -1) > 25.3
+    ends = np.random.default_rng(8).uniform(12.0, 20.0, (500, 3))
+    ends += (30.0 - ends @ normal)[:, None] * normal
+    layer = TrueLayer(labels_of(above.reshape(32, 32, 32)), steps(0, 1), is_labels=True)
+    assert_small(-np.log1p(-seen(layer, ends - 10.0 * normal, normal, 10.0)[:, 3]) - 4.7)
