@@ -148,12 +148,9 @@ def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Sug
     if wish == NO_WISH and not isinstance(transfer.mapping, ColormapSpec):
         white = tuple(replace(point, color=(1.0, 1.0, 1.0)) for point in transfer.mapping)
         transfer = replace(transfer, mapping=white)
-    return replace(
-        found,
-        kind=_COLORS,
-        reason=f"{len(volume.channels)} components, and opacities go with luminance",
-        transfer=transfer,
-    )
+    reason = f"{len(volume.channels)} components, and opacities go with luminance"
+    shading = found.shading and replace(found.shading, specular=0.0)
+    return replace(found, kind=_COLORS, reason=reason, transfer=transfer, shading=shading)
 
 
 def _channels_suggestion(volume: VolumeSpec, first: Volume, read: Callable[[VolumeSpec], Volume]) -> VolumeSuggestion:
