@@ -29,6 +29,7 @@ class TrueLayer(NamedTuple):
     weight: a factor on extinction. clip: of this layer alone, besides those of the view.
     is_labels: whether values are numbers of labels. Nothing is interpolated then: at each point, one of the labels
         around it wins, and the gradient is that of the smoothed opacities of voxels, which are 0 around the volume.
+    mask: labels on a grid of their own, 0 and 1. The layer is shown where 1 wins, and not beyond the mask's border.
     """
 
     volume: Volume
@@ -38,6 +39,7 @@ class TrueLayer(NamedTuple):
     weight: float = 1.0
     clip: tuple[ClipSpec, ...] = ()
     is_labels: bool = False
+    mask: Volume | None = None
 
 
 class Intervals(NamedTuple):

@@ -497,6 +497,14 @@ struct IntegrateRays {
 };
 KERNEL(integrate_rays, IntegrateRays)
 
+struct MaskRays {
+    LayerOptics layer;
+    IndexRays rays;
+    Array<double, 3> parts;
+    Array<int64_t, 1> counts;
+};
+KERNEL(mask_rays, MaskRays)
+
 struct SearchRays {
     AnyArray<3> values;
     Array<double, 3> tops;
