@@ -32,11 +32,13 @@ from renderer.volume import Float32, Float64, Int32, Volume
 # The largest power of two, as its exponent, that small scalars are multiplied by.
 _LARGEST_EXPONENT = 1000
 
+_NO_LIGHT = np.zeros(3)
+
 # How much a mean of tau c may exceed a mean of tau: each is rounded, to 11 bits at least.
 _ROUNDING = 1 + 2.0**-9
 
 
-def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
+def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool, toward_light: Float64 = _NO_LIGHT) -> Float32:
     """Return the scalars of bricks of level 0 at `cells` [n, 3] (x, y, z), normalized to `bricks.scalar_range` and
     clamped to +-MAX_NORMALIZED_SCALAR, float32 [n, 18, 18, 18]. Of a volume with voxels without data, the lowest bit
     is set in theirs.
@@ -45,6 +47,8 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     one-sided at the border and 0 along an axis of one voxel; of labels, those of smoothed
     opacities. It is divided by a number that is the same in the whole volume, such that differences of scalars are at
     most 1, and so is the largest entry of the transform to the world.
+
+    toward_light: float64 [3], a unit vector, to which the normals of labels turn a little; 0 for none.
 
     Raises InputError where the volume's file was changed.
     """
@@ -56,7 +60,7 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool) -> Float32:
     kernels().fill_scalar_texels(
         voxels=voxels_of(volume, bricks.pyramid.classifier), cells=cells, first=first, width=width, factor=factor,
         world_from_gradient=matrix / np.abs(matrix).max(), scale=_unit_scale(*bricks.volume_range),
-        opacities=_opacities(bricks), texels=texels,
+        opacities=_opacities(bricks), toward_light=toward_light, texels=texels,
     )  # fmt: skip
     volume.require_unchanged()
     return texels if lit else texels[..., 0]

@@ -25,6 +25,7 @@ from renderer.bricks import (
     scalar_texels,
 )
 from renderer.kernels import ThreadPool
+from renderer.transfer import toward_light
 from renderer.view import RaySetup, View, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
 
@@ -243,6 +244,8 @@ class BrickCache:
 
     def _scalar_texels(self, layer: BrickLayer, cells: Int32, among: Int64, chosen: Int64) -> Float32:
         make = partial(scalar_texels, layer.bricks, lit=layer.shading is not None)
+        if layer.shading is not None and layer.shading.light != "camera":
+            make = partial(make, toward_light=toward_light(layer.shading))
         if layer.bricks.volume.colors is not None:
             make = partial(color_texels, layer.bricks.pyramid)
         return self._threads.map_concatenated(make, cells[among[chosen]], MIN_BRICKS_PER_THREAD)

@@ -34,6 +34,7 @@ def procedural_values(source: ProceduralSource) -> Array:
         "single_voxel": _single_voxel,
         "marschner_lobb": _marschner_lobb,
         "cell_nuclei": functools.partial(_cells, inner=0.0, outer=0.5),
+        "atlas": _atlas,
         "cell_membranes": functools.partial(_cells, inner=0.86, outer=1.0),
     }
     return makers[source.name](source)
@@ -93,6 +94,33 @@ def _cells(source: ProceduralSource, *, inner: float, outer: float) -> Array:
                 inside += 0.5
                 np.maximum(filled, np.minimum(inside, 1.0), out=filled)
             plane[:] = np.floor(20 + 200 * filled + 0.5)
+    return values
+
+
+_NUM_LABELS = 200
+_BALL, _GAP = 0.95, 0.012  # the radius of the atlas, and half of what lies between two of its labels
+
+
+def _atlas(source: ProceduralSource) -> Array:
+    """Return a ball of the labels 1 to 200 in [-1, 1]^3: the points that are nearest to one of as many places.
+
+    The places depend on the seed. Between labels is a gap, so that each has a surface.
+    """
+    places = _random_bytes(source.seed, 0, 16 * 3 * _NUM_LABELS).astype(np.float64).reshape(-1, 3) / 127.5 - 1
+    places = places[(places**2).sum(axis=1) < (_BALL - 0.05) ** 2][:_NUM_LABELS]
+    x, y, z = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in source.shape)
+    values = np.zeros(source.shape[::-1], np.uint8)
+    for rows in _row_blocks(source):
+        for plane, z_plane in zip(values[:, rows], z, strict=True):
+            across = x**2 + (y[rows, np.newaxis] ** 2 + z_plane**2)
+            nearest, second = np.full(plane.shape, np.inf), np.full(plane.shape, np.inf)
+            for label, (at_x, at_y, at_z) in enumerate(places.tolist(), 1):
+                distance = (x - at_x) ** 2 + ((y[rows, np.newaxis] - at_y) ** 2 + (z_plane - at_z) ** 2)
+                is_nearer = distance < nearest
+                np.minimum(second, np.maximum(distance, nearest), out=second)
+                np.minimum(nearest, distance, out=nearest)
+                plane[is_nearer] = label
+            plane[(across > _BALL**2) | (np.sqrt(second) - np.sqrt(nearest) < 2 * _GAP)] = 0
     return values
 
 

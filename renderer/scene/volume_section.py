@@ -14,7 +14,15 @@ from renderer.scene.message_text import did_you_mean
 from renderer.scene.schema import INVALID, TreeNode
 
 # The volumes of `renderer.readers.procedural`; here, so that names are checked without numpy.
-PROCEDURAL_NAMES = ("engine_block", "constant", "single_voxel", "marschner_lobb", "cell_nuclei", "cell_membranes")
+PROCEDURAL_NAMES = (
+    "engine_block",
+    "constant",
+    "single_voxel",
+    "marschner_lobb",
+    "cell_nuclei",
+    "cell_membranes",
+    "atlas",
+)
 
 ITEM_SIZES = {f"{kind}{8 * size}": size for size in (1, 2, 4, 8) for kind in ("uint", "int")}
 ITEM_SIZES |= {f"float{8 * size}": size for size in (2, 4, 8)}

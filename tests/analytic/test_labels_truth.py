@@ -68,7 +68,7 @@ def winners(of: Volume, index: Float64) -> Float64:
     return sums.argmax(axis=1)
 
 
-def gradients(of: Volume, index: Float64) -> Float64:
+def gradients(of: Volume, index: Float64, shading: ShadingSpec) -> Float64:
     """The gradients in the world at [n, 3] points of index space, by their definition."""
     opacities = np.pad(-np.expm1(-np.array(EXTINCTIONS)[of.values] * of.finest_spacing), 3)
     for axis in range(3):
@@ -76,7 +76,9 @@ def gradients(of: Volume, index: Float64) -> Float64:
     differences = [each[3:-3, 3:-3, 3:-3] for each in np.gradient(opacities)[::-1]]
     clipped = np.clip(index, 0, np.array(of.shape_xyz) - 1)
     along_index = np.stack([interpolate(each, clipped) for each in differences], axis=1)
-    return along_index @ np.linalg.inv(of.world_from_index[:3, :3])
+    index_from_world = np.linalg.inv(of.world_from_index[:3, :3])
+    light = np.zeros(3) if isinstance(shading.light, str) else np.array(shading.light) / np.linalg.norm(shading.light)
+    return along_index @ index_from_world - 0.05 * np.abs(index_from_world).max() * light
 
 
 def points_along(of: Volume, view: View, num: int) -> Iterator[tuple[Float64, Float64, float]]:
@@ -99,7 +101,7 @@ def test_the_label_at_a_point_has_the_largest_sum_of_weights(shading: ShadingSpe
     short = seen(TrueLayer(of, tf, shading), points, direction, 1e-8)
     colors, extinctions = tf.classify(winners(of, points))
     if shading is not None:
-        colors = shade(shading, colors, gradients(of, points), VIEWER)
+        colors = shade(shading, colors, gradients(of, points, shading), VIEWER)
     np.testing.assert_allclose(short[:, 3], extinctions * 1e-8, rtol=1e-6)
     np.testing.assert_allclose(short[:, :3], colors * short[:, 3:], rtol=1e-5, atol=0)
 
@@ -112,7 +114,7 @@ def test_pictures_are_riemann_sums(shading: ShadingSpec | None) -> None:
         color, tau = tf.classify(winners(of, index))
         depth = tau * length / num
         if shading is not None:
-            color = shade(shading, color, gradients(of, index), -oblique()[:3, :3] @ along)
+            color = shade(shading, color, gradients(of, index, shading), -oblique()[:3, :3] @ along)
         before = np.cumsum(depth) - depth
         expected = [*(np.exp(-before) * -np.expm1(-depth)) @ color, -np.expm1(-depth.sum())]
         np.testing.assert_allclose(found, expected, rtol=0, atol=3e-4)

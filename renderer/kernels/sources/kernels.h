@@ -246,6 +246,7 @@ struct FillScalarTexels {
     Array<const int32_t, 2> cells;
     double first, width, factor, world_from_gradient[9], scale;
     Array<const double, 1> opacities;
+    double toward_light[3];
     Array<float, 5> texels;
 };
 KERNEL(fill_scalar_texels, FillScalarTexels)

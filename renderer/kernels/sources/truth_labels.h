@@ -36,6 +36,9 @@ struct LabelSegment {
     void find_changes(Winner low, Winner high);
 };
 
+// How far normals turn to a fixed light, so that the faces of labels that are cut open, far from a surface, are lit.
+constexpr double LABEL_TILT = 0.05;
+
 // Write the differences along x, y, z of the smoothed opacity of voxels, at the corners of a cell.
 void load_label_differences(const AnyArray<3>& values, Cell cell, const Array<const double, 1>& opacities,
                             double (*corners)[8]);

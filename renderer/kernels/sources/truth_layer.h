@@ -157,7 +157,14 @@ struct LayerRay : LayerOptics {
         auto along = [&](int axis) { return cubic_in_cell(corners[axis], segment.entry, segment.extent); };
         Gradient in_index = {along(0), along(1), along(2)};
         auto row = [&](int number) { return point_of(&shading.value.world_from_gradient[3 * number]); };
-        return {combination(row(0), in_index), combination(row(1), in_index), combination(row(2), in_index)};
+        Gradient found = {combination(row(0), in_index), combination(row(1), in_index), combination(row(2), in_index)};
+        if (label_opacities.exists && !shading.value.is_camera) {
+            double largest = 0.0;
+            for (double each : shading.value.world_from_gradient) largest = most(largest, __builtin_fabs(each));
+            Point tilt = LABEL_TILT * largest * light.light;
+            found.x[0] -= tilt.x, found.y[0] -= tilt.y, found.z[0] -= tilt.z;
+        }
+        return found;
     }
 
     // Classify and light the voxels at the corners of the cell, which are colours. scalars: theirs.
