@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,22 @@ def refused(path: Path, match: str = ".", **choice: Any) -> InputError:
     with pytest.raises(InputError, match=match) as error:
         read(path, **choice)
     return error.value
+
+
+def in_memory(write: Callable[..., object], *values: Any, **options: Any) -> bytes:
+    """Return what a function writes into an open file."""
+    out = io.BytesIO()
+    write(out, *values, **options)
+    return out.getvalue()
+
+
+def zipped(names: Iterable[str], data: bytes = b"") -> bytes:
+    """Return an archive with files of the same content, and without times."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name in names:
+            archive.writestr(zipfile.ZipInfo(name), data)
+    return out.getvalue()
 
 
 def written(path: Path, data: bytes) -> Path:
