@@ -30,7 +30,6 @@ from renderer.transfer import TransferFunction
 from renderer.volume import Array, Float64, Volume, make_volume
 
 ERRORS = (ErrorSpec(), ErrorSpec(measure="rms"), ErrorSpec(measure="rms", of="scalar"))
-IDS = ("optical", "rms", "scalar")
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import json
 import statistics
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -17,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measuring import PAGES, ROOT, THREADS, machine_line, parser_of, render_command, section, span, timed
+from measuring import PAGES, ROOT, THREADS, machine_line, parser_of, section, span
 
 from renderer.bricks.brick_cut import brick_cut_sizes
 from renderer.frame import finest_level_at, make_primitive, prepare_stage
@@ -150,7 +152,10 @@ def _render(data: Path, name: str, changes: Sequence[str], *options: str) -> dic
     with tempfile.TemporaryDirectory() as folder:
         film = Path(folder) / "film.mp4"
         scene, volume = ROOT / "configs" / f"{name}.yaml", data / f"{name}.nhdr"
-        timed([*render_command(scene, volume, film, ("output.background=black", *changes)), "--best-effort", *options])
+        command = [sys.executable, "-m", "hsplat_cli", "render", str(scene), "--quiet", "--best-effort", *options]
+        command += ["--volume", str(volume), "--output", str(film)]
+        command += [word for change in ("output.background=black", *changes) for word in ("--set", change)]
+        subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
         record: dict[str, Any] = json.loads((Path(folder) / "film.mp4.json").read_text())
         return record
 

@@ -1,12 +1,10 @@
-"""What the benchmarks share: their folders and command line, scenes, films by whole commands, work in turns, tables."""
+"""What the benchmarks share: their folders and command line, scenes, work in turns, tables."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import statistics
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -52,29 +50,15 @@ def machine_line() -> str:
         )
 
 
-def render_command(scene: Path, volume: Path | None, output: Path, changes: Sequence[str]) -> list[str]:
-    """Return the command for a film of a scene with another volume, if there is one, and with settings changed."""
-    command = [sys.executable, "-m", "hsplat_cli", "render", str(scene), "--quiet", "--force", "--output", str(output)]
-    command += [word for change in changes for word in ("--set", change)]
-    return command + (["--volume", str(volume)] if volume else [])
-
-
-def timed(command: Sequence[str]) -> tuple[float, float]:
-    """Run a command, which has to succeed; return its seconds by the clock, and those of all processors."""
-    before, start = os.times(), time.perf_counter()
-    subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
-    wall, after = time.perf_counter() - start, os.times()
-    return wall, after.children_user + after.children_system - before.children_user - before.children_system
-
-
-def medians_in_turns(works: Sequence[Callable[[], float]], repeats: int) -> list[float]:
-    """Return the median of what each returns, when they take turns; the first turn is not counted."""
-    turns = [[work() for work in works] for _ in range(repeats + 1)]
+def medians_in_turns(
+    works: Sequence[Callable[[], object]], repeats: int, clock: Callable[[], float] = time.process_time
+) -> list[float]:
+    """Return the median of the seconds of each, when they take turns; the first turn is not counted."""
+    turns = [[_taken(work, clock) for work in works] for _ in range(repeats + 1)]
     return [statistics.median(taken) for taken in zip(*turns[1:], strict=True)]
 
 
-def taken(work: Callable[[], object], clock: Callable[[], float] = time.process_time) -> float:
-    """Return the seconds that some work takes."""
+def _taken(work: Callable[[], object], clock: Callable[[], float]) -> float:
     begin = clock()
     work()
     return clock() - begin

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from light_reference import exact_occlusion, exact_shadow, sampled
-from measuring import PAGES, THREADS, machine_line, medians_in_turns, parser_of, taken
+from measuring import PAGES, THREADS, machine_line, medians_in_turns, parser_of
 from scipy import ndimage
 
 import renderer
@@ -72,7 +72,7 @@ def rows(name: str, file: Path) -> Iterator[str]:
             partial(make, replace(shading, occlusion=0.0, shadow=1.0)),
             partial(make, replace(shading, occlusion=1.0, shadow=1.0)),
         ]
-        seconds = medians_in_turns([partial(taken, work) for work in works], REPEATS)
+        seconds = medians_in_turns(works, REPEATS)
         cells = " x ".join(str(num - 2) for num in grid.occlusion.shape[::-1])
         voxels = " x ".join(map(str, volume.shape_xyz))
         figures = [f"{error:.4f}" for error in errors] + [f"{each:.2f}" for each in seconds]

@@ -11,12 +11,11 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from measuring import PAGES, ROOT, THREADS, medians_in_turns, parser_of, taken
+from measuring import PAGES, ROOT, THREADS, medians_in_turns, parser_of
 
 from hsplat_cli.terminal import describe_machine
 from renderer.bricks import PADDED_BRICK_SIZE
@@ -206,7 +205,7 @@ def timed(
     few: Callable[[], object], many: Callable[[], object], clock: Callable[[], float] = time.process_time
 ) -> tuple[float, float]:
     """Return the median milliseconds of both, run in turn, after one run of each that is not counted."""
-    first, second = medians_in_turns([partial(taken, work, clock) for work in (few, many)], REPEATS)
+    first, second = medians_in_turns((few, many), REPEATS, clock)
     return 1e3 * first, 1e3 * second
 
 

@@ -82,7 +82,6 @@ def off_key(num_cases: int) -> float:
 
 
 LOGARITHM = "exp of the shared rise of the logarithm, half of it at a time"
-STRICT = "a node is drawn when its error is below the tolerance, compared in float64"
 
 SECTION = Section(
     "Schedules",

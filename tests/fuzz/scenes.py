@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ import numpy as np
 
 from renderer.scene import MIN_TOLERANCE
 from renderer.volume import Array, Float64, Volume, make_volume
+from tests.support.volume_files import in_memory
 
 Tree = dict[str, Any]
 Random = np.random.Generator
@@ -186,7 +186,7 @@ def _with_source(rng: Random, values: Array, of_spacing: Random) -> tuple[Tree, 
     spacing = [float(length) for length in np.diag(affine)[:3]]
     files: dict[str, bytes] = {}
     if kind == "npy":
-        files["v.npy"] = _saved(np.asfortranarray(values) if rng.random() < 0.3 else values)
+        files["v.npy"] = in_memory(np.save, np.asfortranarray(values) if rng.random() < 0.3 else values)
         tree["volume"] = {"file": "v.npy"}
     elif kind == "raw":
         order = _one_of(rng, ["little", "big"])
@@ -201,7 +201,7 @@ def _with_source(rng: Random, values: Array, of_spacing: Random) -> tuple[Tree, 
             }
         }  # fmt: skip
     else:  # something to find in its place
-        files["v.npy"] = _saved(values[:1, :1, :1])
+        files["v.npy"] = in_memory(np.save, values[:1, :1, :1])
         tree["volume"] = {"file": "v.npy"}
     if kind == "npy" and of_spacing.random() < RESPACED:
         affine = random_affine(of_spacing, values.shape[::-1], is_plain=True)
@@ -214,12 +214,6 @@ def _with_source(rng: Random, values: Array, of_spacing: Random) -> tuple[Tree, 
         first = [pair[0] for pair in crop]
     affine[:3, 3] += affine[:3, :3] @ first
     return tree, files, make_volume(np.array(values, order="C"), affine, "expected"), kind == "memory"
-
-
-def _saved(values: Array) -> bytes:
-    stored = io.BytesIO()
-    np.save(stored, values)
-    return stored.getvalue()
 
 
 def random_affine(rng: Random, shape_xyz: Sequence[int], *, is_plain: bool) -> Float64:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -62,13 +61,6 @@ def written(write: Callable[[Path], None]) -> dict[str, bytes]:
         write(folder)
         files = sorted(path for path in folder.rglob("*") if path.is_file())
         return {str(path.relative_to(folder)): path.read_bytes() for path in files}
-
-
-def in_memory(write: Callable[..., object], *values: Any, **options: Any) -> bytes:
-    """Return what a function writes into an open file."""
-    out = io.BytesIO()
-    write(out, *values, **options)
-    return out.getvalue()
 
 
 def behind(mark: bytes, data: bytes) -> int:

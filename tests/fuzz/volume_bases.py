@@ -21,7 +21,7 @@ import numpy as np
 from pydicom import dcmread
 from pydicom.dataset import Dataset
 from pydicom.uid import DeflatedExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
-from volume_base import Array, Base, Ranges, attached, behind, detached, in_memory, sample_values, written
+from volume_base import Array, Base, Ranges, attached, behind, detached, sample_values, written
 from volume_bases_scientific import hdf5_bases, mrc_bases, other_vtk_bases, picture_bases, written_by_vtk
 from volume_bases_tiff import tiff_bases
 from volume_bombs import deflated, zip_archive
@@ -30,7 +30,7 @@ from vtkmodules.vtkIOLegacy import vtkStructuredPointsWriter
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
 
 from tests.support.dicom_files import dicom_bytes, functional_groups, image_fields, save, transcode, write_slice
-from tests.support.volume_files import write_image
+from tests.support.volume_files import in_memory, write_image
 
 
 @cache

@@ -12,10 +12,12 @@ from typing import Any
 import h5py
 import numpy as np
 from PIL import Image
-from volume_base import Array, Base, behind, in_memory, written
+from volume_base import Array, Base, behind, written
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkRectilinearGrid
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter, vtkXMLRectilinearGridWriter
+
+from tests.support.volume_files import in_memory
 
 
 def mrc_header(sizes: tuple[int, ...], mode: int, *, order: str = "<", group: int = 1, num_extension: int = 0) -> bytes:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import bz2
 import gzip
-import io
 import struct
-import zipfile
 import zlib
 from collections.abc import Callable
 from functools import cache
+
+from tests.support.volume_files import zipped
 
 # The content of files by their names, the first of which is opened, or its folder; with a length, zeros follow.
 Files = dict[str, bytes | tuple[bytes, int]]
@@ -165,11 +165,7 @@ def npz_header_of_gigabytes() -> Files:
 
 
 def npz_many_arrays() -> Files:
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w") as archive:
-        for k in range(3000):
-            archive.writestr(zipfile.ZipInfo(f"an array with a long name of its own, number {k}.npy"), b"")
-    return {"a.npz": out.getvalue()}
+    return {"a.npz": zipped(f"an array with a long name of its own, number {k}.npy" for k in range(3000))}
 
 
 def npz_names_in_bad_utf_8() -> Files:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import struct
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +12,9 @@ from PIL import Image
 from volume_base import written
 from volume_bases_scientific import mrc_header
 from volume_bombs import ZLIB, Files, zeros_by_deflate, zeros_by_gzip
+
+from renderer.film import join_png_chunks
+from tests.support.volume_files import in_memory
 
 
 def _hdf5(write: Callable[[h5py.File], object]) -> Files:
@@ -68,11 +69,7 @@ def hdf5_chunks_that_inflate() -> Files:
 
 def _png(width: int, height: int, *chunks: tuple[bytes, bytes]) -> bytes:
     head = (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
-    parts = [
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in (head, *chunks, (b"IEND", b""))
-    ]
-    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+    return join_png_chunks([head, *chunks, (b"IEND", b"")])
 
 
 def _twice(data: bytes, ending: str = "png") -> Files:
@@ -81,17 +78,15 @@ def _twice(data: bytes, ending: str = "png") -> Files:
 
 def _large(form: str, at: int, size: bytes) -> bytes:
     """Return a picture that says that it is larger. at: where the size is."""
-    out = io.BytesIO()
-    Image.fromarray(np.zeros((16, 16), np.uint8)).save(out, form)
-    data = out.getvalue()
+    data = _black(form)
     return data[:at] + size + data[at + len(size) :]
 
 
-def _jpeg_size_at() -> int:
-    out = io.BytesIO()
-    Image.fromarray(np.zeros((16, 16), np.uint8)).save(out, "jpeg")
-    return out.getvalue().index(b"\xff\xc0") + 5
+def _black(form: str) -> bytes:
+    return in_memory(Image.fromarray(np.zeros((16, 16), np.uint8)).save, form)
 
+
+JPEG_SIZE_AT = _black("jpeg").index(b"\xff\xc0") + 5
 
 SCIENTIFIC: dict[str, dict[str, Callable[[], Files]]] = {
     "mrc": {
@@ -124,6 +119,6 @@ SCIENTIFIC: dict[str, dict[str, Callable[[], Files]]] = {
         "png_chunk_of_gigabytes": lambda: _twice(_png(4, 4)[:33] + struct.pack(">I", 2**31 - 1) + b"IDAT" + bytes(64)),
         "bmp_is_huge": lambda: _twice(_large("bmp", 18, struct.pack("<ii", 2**31 - 1, 2**31 - 1)), "bmp"),
         "bmp_is_negative": lambda: _twice(_large("bmp", 18, struct.pack("<ii", -5, -(2**31))), "bmp"),
-        "jpeg_is_huge": lambda: _twice(_large("jpeg", _jpeg_size_at(), struct.pack(">HH", 65535, 65535)), "jpg"),
+        "jpeg_is_huge": lambda: _twice(_large("jpeg", JPEG_SIZE_AT, struct.pack(">HH", 65535, 65535)), "jpg"),
     },
 }  # fmt: skip

@@ -30,10 +30,6 @@ def test_messages(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
     assert not Path("engine.mp4").exists()
 
 
-def say_nothing(_: socket.socket) -> None:
-    pass
-
-
 def answer_as_a_web_server(server: socket.socket) -> None:
     with server.accept()[0] as guest:
         guest.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
@@ -43,7 +39,7 @@ def answer_as_a_web_server(server: socket.socket) -> None:
 @pytest.mark.parametrize(
     ("answer", "timeout_s", "text"),
     [
-        (say_nothing, 0.5, "nobody answers at this address"),
+        (lambda _: None, 0.5, "nobody answers at this address"),
         (answer_as_a_web_server, 3.0, "the server at this address is not a Dask scheduler"),
     ],
 )

@@ -6,7 +6,6 @@ looks like ours.
 
 from __future__ import annotations
 
-import io
 import json
 import os
 from pathlib import Path
@@ -18,18 +17,12 @@ from hsplat_cli import main
 from renderer.scene import parse_yaml
 from tests.messages.conftest import SCAN_SCENE as SCENE
 from tests.support.dicom_files import dicom_bytes, image_fields
-from tests.support.volume_files import written
+from tests.support.volume_files import in_memory, written
 
 HOSTILE = "a\x1b[2J\x9b\u202e\u2066\u200b\ufe0f\a\rb"
 SHOWN = r"a\x1b[2J\x9b\u202e\u2066\u200b\ufe0f\x07\rb"
 LINES = f"{HOSTILE}\nwritten by us"
 NPY, SCAN, FOOT = f"{LINES}.npy", "scan.npy", f"scans-of-a-foot-{LINES}.npy"
-
-
-def array() -> bytes:
-    out = io.BytesIO()
-    np.save(out, np.arange(8.0).reshape(2, 2, 2))
-    return out.getvalue()
 
 
 def series(name: str, uid: str) -> dict[str, bytes]:
@@ -42,6 +35,7 @@ def series(name: str, uid: str) -> dict[str, bytes]:
     }
 
 
+ARRAY = in_memory(np.save, np.arange(8.0).reshape(2, 2, 2))
 NRRD = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: "
 META = "NDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = "
 FILM = b"\0\0\0\x18ftypisom" + bytes(99)
@@ -49,15 +43,15 @@ FILM = b"\0\0\0\x18ftypisom" + bytes(99)
 SOURCES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "data file of NRRD": ({"scan.nhdr": f"{NRRD}{HOSTILE}.raw\n"}, ["info", "scan.nhdr"]),
     "data file of MetaImage": ({"scan.mhd": f"{META}{HOSTILE}.raw\n"}, ["info", "scan.mhd"]),
-    "volume that is read": ({NPY: array()}, ["info", NPY]),
-    "volume that is suggested": ({NPY: array()}, ["init", NPY, "--output=scene.yaml"]),
+    "volume that is read": ({NPY: ARRAY}, ["info", NPY]),
+    "volume that is suggested": ({NPY: ARRAY}, ["init", NPY, "--output=scene.yaml"]),
     "volume that is missing": ({}, ["info", NPY]),
     "hint at a volume": ({FOOT: b""}, ["info", "scans-of-a-foot-aa written by.npy"]),
     "hint in a scene": (
         {FOOT: b"", "scene.yaml": SCENE.replace(SCAN, "scans-of-a-foot-aa scene.npy")},
         ["check", "scene.yaml"],
     ),
-    "scene that is right": ({SCAN: array(), f"{LINES}.yaml": SCENE}, ["check", f"{LINES}.yaml"]),
+    "scene that is right": ({SCAN: ARRAY, f"{LINES}.yaml": SCENE}, ["check", f"{LINES}.yaml"]),
     "scene that is wrong": ({f"{LINES}.yaml": "camera: [\n"}, ["check", f"{LINES}.yaml"]),
     "key": ({"scene.yaml": f"{json.dumps(LINES)}: 1\n"}, ["check", "scene.yaml"]),
     "value": ({"scene.yaml": f"shading: {json.dumps(LINES)}\n"}, ["check", "scene.yaml"]),
@@ -67,7 +61,7 @@ SOURCES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "option of a wrong type": ({}, ["turntable", "--frames", LINES, SCAN]),
     "no command": ({}, [LINES]),
     "setting": ({"scene.yaml": SCENE}, ["check", "scene.yaml", "--set", f"{LINES}=1"]),
-    "output": ({SCAN: array(), "scene.yaml": SCENE}, ["check", "scene.yaml", "--output", f"{LINES}.mp4"]),
+    "output": ({SCAN: ARRAY, "scene.yaml": SCENE}, ["check", "scene.yaml", "--output", f"{LINES}.mp4"]),
     "description of DICOM": ({**series("scan", "1.2.3"), **series(HOSTILE, "1.2.4")}, ["info", "."]),
     "batch": ({f"a{NPY}": b"", "b.npy": b""}, ["turntable", "--quiet", "--output=films", f"a{NPY}", "b.npy"]),
     "pictures": ({f"golden/{LINES}.png": b"", f"actual/{LINES}.png": b""}, ["compare", "golden", "actual"]),

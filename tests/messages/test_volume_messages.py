@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import gzip
-import io
 import os
-import zipfile
 from pathlib import Path
 
 import nibabel as nib
@@ -17,7 +15,7 @@ from volume_bombs import npy_header
 from tests.messages.conftest import SCAN_SCENE
 from tests.support.tiff_files import COMPRESSION, SHORT, tiff
 from tests.support.transcripts import Case, cases
-from tests.support.volume_files import read, refused, write_image
+from tests.support.volume_files import read, refused, write_image, zipped
 
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 NRRD = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: raw\n"
@@ -48,15 +46,6 @@ CUBE = "a\nb\n{} 0 0 0\n2 1 0 0\n2 0 1 0\n2 0 0 1\n"
 def array(shape: str) -> bytes:
     """Return an array file whose header has this shape."""
     return npy_header(shape) + bytes(1000)
-
-
-def zipped(names: list[str], data: bytes = b"") -> bytes:
-    """Return an archive with files of the same content."""
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w") as archive:
-        for name in names:
-            archive.writestr(zipfile.ZipInfo(name), data)
-    return out.getvalue()
 
 
 def packed(lines: str, *, encoding: str = "gzip", data: bytes = gzip.compress(bytes(8))) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 MARK = "HSPLAT_TEST_MARK"
@@ -20,7 +20,7 @@ def marked(mark: str) -> set[int]:
     """Return the other processes that have this mark, without zombies."""
     wanted = f"{MARK}={mark}".encode()
     found = set()
-    for folder in _folders():
+    for folder in Path("/proc").glob("[0-9]*"):
         try:
             if wanted in (folder / "environ").read_bytes().split(b"\0"):
                 found.add(int(folder.name))
@@ -37,7 +37,3 @@ def wait_until(condition: Callable[[], bool], seconds: float) -> bool:
             return False
         time.sleep(0.01)
     return True
-
-
-def _folders() -> Iterator[Path]:
-    return (folder for folder in Path("/proc").iterdir() if folder.name.isdigit())

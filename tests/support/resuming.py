@@ -107,8 +107,8 @@ def printed_lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return [line for line in capsys.readouterr().err.splitlines() if "frames/s" not in line]
 
 
-def modification_times() -> dict[Path, int]:
-    return {path: path.stat().st_mtime_ns for path in Path("out").rglob("*") if path.is_file()}
+def modification_times(folder: str = "out") -> dict[Path, int]:
+    return {path: path.stat().st_mtime_ns for path in Path(folder).rglob("*") if path.is_file()}
 
 
 def sidecar_of(output: str) -> str:

@@ -1,9 +1,11 @@
-"""Volumes as bytes of the formats that are read, in either byte order, by own code and by libraries of the formats."""
+"""Volumes as bytes of the formats that are read, in either byte order, most by libraries of the formats."""
 
 from __future__ import annotations
 
+import io
+import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,6 @@ from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
 from renderer.volume import Array, Volume
-from tests.support.tiff_files import tiff_bytes
 
 NIBABEL: Any = nibabel
 
@@ -25,7 +26,6 @@ _METAIMAGE_TYPES = {
     "int8": "CHAR", "uint8": "UCHAR", "int16": "SHORT", "uint16": "USHORT", "int32": "INT", "uint32": "UINT",
     "int64": "LONG_LONG", "uint64": "ULONG_LONG", "float32": "FLOAT", "float64": "DOUBLE",
 }  # fmt: skip
-_NRRD_FLOATS = {"float32": "float", "float64": "double"}
 
 
 def ramp(dtype: str, shape: tuple[int, ...] = (3, 4, 5)) -> Array:
@@ -48,6 +48,22 @@ def refused(path: Path, match: str = ".", **choice: Any) -> InputError:
     return error.value
 
 
+def in_memory(write: Callable[..., object], *values: Any, **options: Any) -> bytes:
+    """Return what a function writes into an open file."""
+    out = io.BytesIO()
+    write(out, *values, **options)
+    return out.getvalue()
+
+
+def zipped(names: Iterable[str], data: bytes = b"") -> bytes:
+    """Return an archive with files of the same content, and without times."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name in names:
+            archive.writestr(zipfile.ZipInfo(name), data)
+    return out.getvalue()
+
+
 def written(path: Path, data: bytes) -> Path:
     """Write a file, and return its path."""
     path.write_bytes(data)
@@ -56,44 +72,11 @@ def written(path: Path, data: bytes) -> Path:
 
 def write_volume(path: Path, values: Array, order: str) -> None:
     """Write values [z, y, x] to a .npy, .nrrd, .mha, .nii or .tif file; `order` is `<` or `>`."""
-    stored = values.astype(values.dtype.newbyteorder(order))  # type: ignore[arg-type]
-    write = {".npy": np.save, ".nrrd": _nrrd, ".mha": _metaimage, ".nii": _nifti, ".tif": _tiff}[path.suffix]
-    write(path, stored)
+    write_image(path, values.astype(values.dtype.newbyteorder(order)))  # type: ignore[arg-type]
 
 
-def _is_big(stored: Array) -> bool:
-    return stored.dtype.str[0] == ">"
-
-
-def _sizes(stored: Array) -> str:
-    return " ".join(map(str, stored.shape[::-1]))
-
-
-def _nrrd(path: Path, stored: Array) -> None:
-    kind = _NRRD_FLOATS.get(stored.dtype.name, stored.dtype.name)
-    lines = ["NRRD0004", f"type: {kind}", "dimension: 3", f"sizes: {_sizes(stored)}", "encoding: raw"]
-    lines += [f"endian: {'big' if _is_big(stored) else 'little'}", "", ""]
-    path.write_bytes("\n".join(lines).encode() + stored.tobytes())
-
-
-def _metaimage(path: Path, stored: Array) -> None:
-    lines = ["ObjectType = Image", "NDims = 3", "BinaryData = True", f"BinaryDataByteOrderMSB = {_is_big(stored)}"]
-    lines += [f"DimSize = {_sizes(stored)}", f"ElementType = MET_{_METAIMAGE_TYPES[stored.dtype.name]}"]
-    path.write_bytes("\n".join([*lines, "ElementDataFile = LOCAL", ""]).encode() + stored.tobytes())
-
-
-def _nifti(path: Path, stored: Array) -> None:
-    header = NIBABEL.Nifti1Header(endianness=">" if _is_big(stored) else "<")
-    header.set_data_dtype(stored.dtype)
-    header.set_data_shape(stored.shape[::-1])
-    header.set_sform(np.eye(4), code=1)
-    header["vox_offset"] = 352
-    header["magic"] = b"n+1"
-    path.write_bytes(header.binaryblock + bytes(4) + stored.tobytes())
-
-
-def _tiff(path: Path, stored: Array) -> None:
-    path.write_bytes(tiff_bytes(stored, ">" if _is_big(stored) else "<"))
+def _is_big(values: Array) -> bool:
+    return values.dtype.str[0] == ">"
 
 
 def write_image(
@@ -119,13 +102,15 @@ def write_image(
     elif path.suffix == ".nii":
         affine = np.eye(4)
         affine[:3, :3], affine[:3, 3] = axes, origin
-        NIBABEL.Nifti1Image(values.T, np.diag([-1.0, -1.0, 1.0, 1.0]) @ affine).to_filename(path)
+        header = NIBABEL.Nifti1Header(endianness=">" if _is_big(values) else "<")
+        affine = np.diag([-1.0, -1.0, 1.0, 1.0]) @ affine
+        NIBABEL.Nifti1Image(values.T, affine, header, dtype=values.dtype).to_filename(path)
     elif path.suffix == ".npy":
         np.save(path, values)
     else:
         kind = "rgb" if has_components else "minisblack"
-        compression = "zlib" if compressed else None
-        tifffile.imwrite(path, values, photometric=kind, metadata=None, compression=compression)
+        options = {"byteorder": ">" if _is_big(values) else "<", "compression": "zlib" if compressed else None}
+        tifffile.imwrite(path, values, photometric=kind, metadata=None, **options)
 
 
 def _write_nrrd(
@@ -159,7 +144,7 @@ def _write_metaimage(
         "ObjectType": "Image",
         "NDims": n,
         "BinaryData": True,
-        "BinaryDataByteOrderMSB": False,
+        "BinaryDataByteOrderMSB": _is_big(values),
         "CompressedData": compressed,
         **({"CompressedDataSize": len(data)} if compressed else {}),
         "TransformMatrix": " ".join(map(repr, matrix.ravel().tolist())),

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from resuming import modification_times
 from small_scene import edit_sidecar, sidecar, small_scene
 
 from hsplat_cli import main
@@ -120,17 +121,13 @@ def test_the_command_for_what_is_missing_draws_it(capsys: pytest.CaptureFixture[
     assert Path("made.mp4").read_bytes() == Path("whole.mp4").read_bytes()
 
 
-def touched(folder: Path) -> dict[Path, int]:
-    return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
-
-
 @pytest.mark.parametrize(("output", "schedule"), [("film.mp4", "{psnr: 20}"), ("{frame}.png", "{seconds: 1}")])
-def test_what_was_put_together_is_up_to_date(output: str, schedule: str, folder, capsys) -> None:
+def test_what_was_put_together_is_up_to_date(output: str, schedule: str, capsys) -> None:
     """This holds for `assemble`, the scene and the sidecar, also where the parts are gone."""
     draw_parts("--set", f"error={schedule}")
     run("assemble", "parts", "--output", f"made/{output}")
     Path("parts").rename("before")
-    before = touched(folder)
+    before = modification_times(".")
     capsys.readouterr()
     name = "frames.json" if "png" in output else f"{output}.json"
     shutil.copytree("before", "parts", ignore=shutil.ignore_patterns("*.png"))
@@ -140,7 +137,7 @@ def test_what_was_put_together_is_up_to_date(output: str, schedule: str, folder,
     for scene in (["scene.yaml", "--set", f"error={schedule}", "--output", f"made/{output}"], [f"made/{name}"]):
         assert main.run(["render", *scene]) == 0
         assert capsys.readouterr().err == f"made/{output} is up to date; --force draws it again\n"
-    assert touched(folder) == before
+    assert modification_times(".") == before
 
 
 def says_up_to_date(capsys: pytest.CaptureFixture[str], *arguments: str) -> bool:

@@ -64,11 +64,6 @@ def first_goldens() -> None:
         FIRST.update((name, content) for name, (content, _) in files().items())
 
 
-def answer(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
-    """Let the user answer the question."""
-    monkeypatch.setattr(command, "_confirm_overwrite", lambda _: {"y": True, "n": False}[text])
-
-
 def test_the_first_goldens_are_the_frames_of_render(capsys: pytest.CaptureFixture[str]) -> None:
     assert golden("--date", "2026-11-21") == 0
     captured = capsys.readouterr()
@@ -99,7 +94,7 @@ def test_without_update_or_with_a_declined_one_nothing_is_written(capsys, monkey
     first_goldens()
     before = files()
     assert golden(*OTHER) == 2
-    answer(monkeypatch, "n")
+    monkeypatch.setattr(command, "_confirm_overwrite", lambda _: False)
     assert golden("--update", *OTHER) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "nothing was written"
     assert golden("--update", "--date", "another") == 0

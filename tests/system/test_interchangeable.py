@@ -87,11 +87,6 @@ def without_seconds(data: Any) -> Any:
     return [without_seconds(item) for item in data] if isinstance(data, list) else data
 
 
-def files_and_record(output: str) -> tuple[dict[str, bytes], Any]:
-    """Return the output's files, and its sidecar without times."""
-    return output_files(), without_seconds(sidecar(sidecar_of(output)))
-
-
 @pytest.mark.parametrize(("footprint", "error"), SCENES)
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_files_and_sidecars_are_the_same(output: str, footprint: str | None, error: str | None) -> None:
@@ -100,7 +95,7 @@ def test_files_and_sidecars_are_the_same(output: str, footprint: str | None, err
     found = []
     for number, maker in enumerate((Command(), Api())):
         maker.make(output)
-        found.append(files_and_record(output))
+        found.append((output_files(), without_seconds(sidecar(sidecar_of(output)))))
         Path("out").rename(f"out{number}")
     assert found[0] == found[1]
 

@@ -100,17 +100,13 @@ def started(output: str, *options: str) -> subprocess.Popen[str]:
     return subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def wait_for(pattern: str) -> None:
-    while not any(Path().glob(pattern)):
-        time.sleep(0.005)
-
-
 def test_a_second_job_on_the_same_output(capsys: pytest.CaptureFixture[str]) -> None:
     """It is refused, and the first one is unharmed, stopped or not."""
     output = "film.mp4"
     many = ("--set", "camera.path.frames=100")
     with started(output, *many, "--quiet") as first:
-        wait_for("out/*.unfinished/000001.json")
+        while not any(Path().glob("out/*.unfinished/000001.json")):
+            time.sleep(0.005)
         first.send_signal(signal.SIGSTOP)
         for options in (("--force",), ("--progressive",), ("--frames", "0:5")):
             assert main.run(arguments(f"out/{output}", *many, *options)) == 2

@@ -7,12 +7,12 @@ import signal
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
 import pytest
-from commands import HSPLAT, environment
+from commands import HSPLAT, environment, files
 from processes import MARK, marked, new_mark, wait_until
 from small_scene import small_scene
 
@@ -24,7 +24,8 @@ from renderer.system import ChildProcesses
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
-SCENE = small_scene(shape="32, 32, 16", frames=150, error="splats: {0: 50, 4: 500}")
+NUM_FRAMES = 150
+SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, error="splats: {0: 50, 4: 500}")
 # The longest time until the last process has ended.
 SOON_S = 10.0
 
@@ -39,12 +40,12 @@ def film_of_one_process(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 @contextmanager
-def rendering(mark: str) -> Iterator[subprocess.Popen[str]]:
-    """Start a job of two processes, in a process group, and wait until it has drawn a frame."""
+def rendering(mark: str, num_frames: int = 1) -> Iterator[subprocess.Popen[str]]:
+    """Start a job of two processes, in a process group, and wait until it has drawn so many frames, or the film."""
     command = [*HSPLAT, "render", "scene.yaml", "--workers", "2", "--quiet"]
     variables = environment(**{MARK: mark})
     with subprocess.Popen(command, env=variables, stderr=subprocess.PIPE, text=True, process_group=0) as job:
-        while not list(Path("film.mp4.unfinished").glob("*.json")):
+        while len(list(Path("film.mp4.unfinished").glob("[0-9]*.json"))) < num_frames and not Path("film.mp4").exists():
             assert job.poll() is None
             time.sleep(0.02)
         yield job
@@ -60,6 +61,29 @@ def test_frames_of_a_killed_process_are_drawn_again(film_of_one_process: bytes) 
     assert (job.returncode, "Traceback" in said) == (0, False), said
     assert Path("film.mp4").read_bytes() == film_of_one_process
     assert wait_until(lambda: not marked(mark), SOON_S)
+
+
+@pytest.mark.parametrize("num_frames", [1, NUM_FRAMES], ids=["drawing", "encoding"])
+@pytest.mark.parametrize("kill", [os.kill, os.killpg], ids=["the parent alone", "the group"])
+def test_a_killed_job_leaves_nothing_and_resumes(kill, num_frames: int, film_of_one_process: bytes) -> None:
+    mark, shared = new_mark(), set(os.listdir("/dev/shm"))
+    with rendering(mark, num_frames) as job:
+        kill(job.pid, signal.SIGKILL)
+    assert wait_until(lambda: not marked(mark), SOON_S)
+    assert unmapped(set(os.listdir("/dev/shm")) - shared) == set()
+    assert not Path("film.mp4").exists() or Path("film.mp4").read_bytes() == film_of_one_process
+    assert main.run(["render", "scene.yaml", "--workers", "2", "--quiet"]) == 0
+    assert Path("film.mp4").read_bytes() == film_of_one_process
+    assert files(".") == ["film.mp4", "film.mp4.json", "scene.yaml"]
+
+
+def unmapped(names: set[str]) -> set[str]:
+    """Return the blocks of shared memory that no process has mapped; those of other programs are."""
+    maps = ""
+    for file in Path("/proc").glob("[0-9]*/maps"):
+        with suppress(OSError):  # gone meanwhile, or not ours
+            maps += file.read_text(errors="replace")
+    return {name for name in names if f"/dev/shm/{name}\n" not in maps and Path("/dev/shm", name).exists()}
 
 
 def test_a_killed_process_is_replaced() -> None:

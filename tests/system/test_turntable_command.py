@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import time
-import uuid
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +15,8 @@ import numpy as np
 import pytest
 import yaml
 from commands import HSPLAT, environment, files, other_process
-from kills import GRACE_S, MARK, marked, seconds_until_gone
 from kinds_of_data import KINDS
+from processes import MARK, marked, new_mark, wait_until
 
 from hsplat_cli import main
 from hsplat_cli.turntable import batch, one_film
@@ -183,7 +182,7 @@ def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
 
 def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
     """The process of the film, its workers and its encoder end."""
-    mark = uuid.uuid4().hex
+    mark = new_mark()
     arguments = ["turntable", "in/labels.npy", "in/signed.npy", "-o", "out", "--frames", "400", "--size", "64"]
     process = subprocess.Popen(
         [*HSPLAT, *arguments, "--workers", "2", "--quiet"], env=environment(**{MARK: mark}), start_new_session=True
@@ -194,6 +193,6 @@ def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
     assert len(marked(mark)) >= 3  # the batch, the film and its encoder
     process.kill()
     process.wait()
-    assert seconds_until_gone(mark) < GRACE_S
+    assert wait_until(lambda: not marked(mark), 5.0)
     assert not Path("out/labels.mp4").exists()
     assert [record["status"] for record in report()] == ["begun"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
@@ -35,10 +34,8 @@ def ome_file(path: Path, first: str, second: str) -> Path:
 
 
 def imagej_file(path: Path, **fields: object) -> Path:
-    out = io.BytesIO()
     metadata = {"axes": "ZCYX", "mode": "composite", **fields}
-    tifffile.imwrite(out, PLANES.reshape(2, 3, 8, 8).swapaxes(0, 1), imagej=True, metadata=metadata)
-    path.write_bytes(out.getvalue())
+    tifffile.imwrite(path, PLANES.reshape(2, 3, 8, 8).swapaxes(0, 1), imagej=True, metadata=metadata)
     return path
 
 

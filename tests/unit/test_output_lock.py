@@ -123,13 +123,9 @@ def test_the_first_to_come_may_be_the_first_to_go(folder: Path) -> None:
         with held(folder, 0):
             second.enter_context(lock_slots(folder, [1], OUTPUT))
         assert (folder / "lock").is_file()
-        take_in_another(folder, 0)
+        with held(folder, 0):
+            pass
     assert not folder.exists()
-
-
-def take_in_another(folder: Path, *places: int) -> None:
-    with held(folder, *places):
-        pass
 
 
 @pytest.mark.parametrize(

@@ -7,21 +7,17 @@ import zlib
 
 import imageio.v3 as iio
 import numpy as np
-import numpy.typing as npt
 import pytest
+from png_files import noise
 
 from renderer.film import Picture, encode_png, join_png_chunks
 from renderer.film.png import decode_png
 
 
-def noise(*shape: int) -> npt.NDArray[np.uint8]:
-    return np.random.default_rng(1).integers(0, 256, shape, dtype=np.uint8)
-
-
 @pytest.mark.parametrize("channels", [3, 4])
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (300, 256)])
 def test_encoded_pixels_are_decoded_here_and_elsewhere(size: tuple[int, int], channels: int) -> None:
-    image = noise(*size, channels)
+    image = noise(1, *size, channels)
     content = encode_png(image)
     np.testing.assert_array_equal(decode_png(content), image)
     np.testing.assert_array_equal(iio.imread(content, extension=".png"), image)
@@ -30,7 +26,7 @@ def test_encoded_pixels_are_decoded_here_and_elsewhere(size: tuple[int, int], ch
 def test_pictures_may_be_larger_than_other_decoders_allow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Even pictures compress best, and a limit of the expansion does not refuse them."""
     monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 16)
-    for image in (noise(7, 9, 3), np.full((1000, 1000, 4), 255, np.uint8)):
+    for image in (noise(1, 7, 9), np.full((1000, 1000, 4), 255, np.uint8)):
         np.testing.assert_array_equal(Picture(png=encode_png(image)).pixels, image)
 
 

@@ -6,7 +6,6 @@ import gzip
 import io
 import pickle
 import tarfile
-import zipfile
 
 import numpy as np
 import pytest
@@ -14,27 +13,13 @@ from PIL import Image
 from scipy.io import savemat
 
 from renderer.readers import UnknownFormatError
-from tests.support.volume_files import ramp, read, refused, written
+from tests.support.volume_files import in_memory, ramp, read, refused, written, zipped
 
 VALUES = ramp("int16")
 
 
-def of(write, *arguments, **options):
-    """Return what a function writes into an open file."""
-    out = io.BytesIO()
-    write(out, *arguments, **options)
-    return out.getvalue()
-
-
-def zip_of(name):
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w") as archive:
-        archive.writestr(zipfile.ZipInfo(name), b"a")  # without the time, which would be in the names of tests
-    return out.getvalue()
-
-
 def _packed(data: bytes) -> bytes:
-    return gzip.compress(data, mtime=0)  # as above
+    return gzip.compress(data, mtime=0)  # without the time, which would be in the names of tests
 
 
 def tar_of(name):
@@ -47,15 +32,15 @@ def tar_of(name):
 PICTURE = Image.fromarray(VALUES[0].astype(np.uint8))
 FOREIGN = [
     ("a.vdb", b" BDV" + bytes(60), "an OpenVDB grid", "numpy.save"),
-    ("a.mat", of(savemat, {"v": VALUES}), "a MATLAB file of version 5", "-v7.3"),
+    ("a.mat", in_memory(savemat, {"v": VALUES}), "a MATLAB file of version 5", "-v7.3"),
     ("a.nc", b"CDF\x01" + bytes(60), "netCDF of the classic kind", "nccopy -k netCDF-4 a.nc"),
     ("a.mnc", b"CDF\x01" + bytes(60), "a MINC image", "mnc2nii a.mnc"),
     ("a.czi", b"ZISRAWFILE" + bytes(60), "a Zeiss CZI image", "bfconvert a.czi"),
     ("a.nd2", b"\xda\xce\xbe\x0a" + bytes(60), "a Nikon ND2 image", "bfconvert"),
     ("a.lif", b"p\0\0\0" + bytes(60), "an image of a microscope", "bfconvert"),
     ("a.oib", b"\xd0\xcf\x11\xe0" + bytes(60), "an image of a microscope", "bfconvert"),
-    ("a.zip", zip_of("a.dcm"), "a zip archive", "unpack it"),
-    ("a.xlsx", zip_of("[Content_Types].xml"), "a document of an office program", "no voxels"),
+    ("a.zip", zipped(["a.dcm"]), "a zip archive", "unpack it"),
+    ("a.xlsx", zipped(["[Content_Types].xml"]), "a document of an office program", "no voxels"),
     ("a.7z", b"7z\xbc\xaf\x27\x1c" + bytes(60), "a 7z archive", "unpack it"),
     ("a.rar", b"Rar!\x1a\x07\x01\0", "a rar archive", "unpack it"),
     ("a.tar", tar_of("a.dcm"), "a tar archive", "unpack it"),
@@ -67,10 +52,10 @@ FOREIGN = [
     ("a.am", b"# AmiraMesh BINARY-LITTLE-ENDIAN 2.1\n", "an Amira or Avizo file", "save it as NRRD"),
     ("a.pdf", b"%PDF-1.7\n", "a PDF document", "no voxels"),
     ("a.mp4", b"\0\0\0\x18ftypmp42", "a film", "no voxels"),
-    ("a.gif", of(PICTURE.save, "gif"), "a GIF", "no voxels"),
-    ("a.png", of(PICTURE.save, "png"), "a picture", "a folder of such slices is a volume"),
-    ("a.jpg", of(PICTURE.save, "jpeg"), "a picture", "a folder of such slices is a volume"),
-    ("a.bmp", of(PICTURE.save, "bmp"), "a picture", "a folder of such slices is a volume"),
+    ("a.gif", in_memory(PICTURE.save, "gif"), "a GIF", "no voxels"),
+    ("a.png", in_memory(PICTURE.save, "png"), "a picture", "a folder of such slices is a volume"),
+    ("a.jpg", in_memory(PICTURE.save, "jpeg"), "a picture", "a folder of such slices is a volume"),
+    ("a.bmp", in_memory(PICTURE.save, "bmp"), "a picture", "a folder of such slices is a volume"),
     ("a.pkl", pickle.dumps([1, 2]), "a pickle of Python", "never loaded"),
     ("a.pkl", pickle.dumps(VALUES), "a pickle of Python", "never loaded"),
     ("a.fits", b"SIMPLE  =                    T", "FITS", "astropy.io.fits"),
