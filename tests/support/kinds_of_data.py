@@ -33,7 +33,8 @@ def suggested(values: Array, spacing: float = 1.0, colormap: str | None = None) 
 def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> list[float]:
     """Return the extinction of each value, or label."""
     if transfer.labels is not None:
-        values = tuple(1 + transfer.labels.values.index(each) if each in transfer.labels.values else 0 for each in values)
+        shown = transfer.labels.values
+        values = tuple(shown.index(each) + 1 if each in shown else 0 for each in values)
     return list(make_transfer_function(transfer, spacing).classify(np.array(values))[1])
 
 
