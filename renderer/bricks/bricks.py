@@ -40,7 +40,7 @@ from renderer.transfer import (
     make_piecewise_transfer,
     make_transfer_table,
 )
-from renderer.volume import Bools, Float32, Float64, MaskGrid, Volume, may_be_shown
+from renderer.volume import Bools, Float32, Float64, Volume, meet_mask
 
 # A ray meets the cells of this many bricks. Their errors are random, so that their sum is one error times the root of
 # their number. If one brick is assumed instead of four, pictures of 42 and 45 dB take 1.2 times as long (mean of 10
@@ -94,6 +94,7 @@ class Bricks:
         changes, or all of it where it does not.
     volume_range: the volume's smallest and largest scalar.
     pieces: the transfer function by normalized scalars. light_grid: how much of the light reaches each place.
+    are_cut: bool [z, y, x], of level 0, whether some of a brick may be outside of the mask; None without one.
     """
 
     levels: tuple[BrickLevel, ...]
@@ -103,6 +104,7 @@ class Bricks:
     volume_range: tuple[float, float]
     pieces: PiecewiseTransfer
     light_grid: LightGrid = NO_LIGHT_GRID
+    are_cut: Bools | None = None
 
     @property
     def volume(self) -> Volume:
@@ -138,8 +140,7 @@ def make_bricks(
     for number in range(STREAMED_LEVELS + 1, num_levels + 1):
         statistics.append(_gather_stored_level(pyramid, number, num_threads))
     bounds, (variation, steps, differences) = _measure_voxels(pyramid, transfer, volume_range, num_threads)
-    if volume.mask_grid is not None:
-        _clear_masked(bounds, volume.mask_grid)
+    are_cut = _clear_masked(bounds, volume) if volume.mask is not None else None
     unit = _cell_error_scale(pyramid, 1)
     step_errors = np.maximum(np.hypot(statistics[0].step_errors_below(), unit * steps), unit * differences)
     levels = [BrickLevel(bounds, np.zeros_like(step_errors), step_errors)]
@@ -151,13 +152,16 @@ def make_bricks(
         levels.append(BrickLevel(of_nodes.visible_bounds(), errors, step_errors))
     scalar_range = _scalar_range(transfer, *volume_range)
     pieces = make_piecewise_transfer(transfer.curve(volume.finest_spacing), *scalar_range)
-    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces, light_grid)
+    return Bricks(tuple(levels), pyramid, transfer, scalar_range, volume_range, pieces, light_grid, are_cut)
 
 
-def _clear_masked(bounds: Float32, mask: MaskGrid) -> None:
-    """Clear the visible bounds of bricks of level 0 that no part of a mask meets."""
+def _clear_masked(bounds: Float32, volume: Volume) -> Bools:
+    """Clear the visible bounds of bricks of level 0 that do not meet the volume's mask; return Bricks.are_cut."""
+    assert volume.mask is not None and volume.mask_grid is not None
     lows = BRICK_SIZE * grid_cells(bounds.shape[:3]).astype(np.float64) - 0.5
-    bounds.reshape(-1, 2, 3)[~may_be_shown(mask, lows, lows + BRICK_SIZE)] = 0.0
+    are_met, are_inside = meet_mask(volume.mask.values, volume.mask_grid.from_index, lows, lows + BRICK_SIZE)
+    bounds.reshape(-1, 2, 3)[~are_met] = 0.0
+    return ~are_inside.reshape(bounds.shape[:3])
 
 
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:
@@ -236,6 +240,7 @@ def _measure_voxels(
         curve = make_channel_curve(transfer, volume.finest_spacing, pyramid.measure == "rms", brightest, volume_range)
     voxels, breakpoints = voxels_of(volume, pyramid.classifier), pyramid.classifier.breakpoints
     arguments: dict[str, Any] = {"voxels": voxels, "breakpoints": breakpoints, "curve": curve}
+    arguments["shown"] = volume.are_shown
     measure = kernels().measure_voxel_bricks.partial(**arguments, bounds=bounds, measures=measures)
     cells = grid_cells(shape)
 

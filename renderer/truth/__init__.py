@@ -1,8 +1,9 @@
 """The converged ray integral that pictures are measured against.
 
 In: layers, each a `Volume` and its transfer function, and a `View`. Out: float64 images of the continuous fields:
-trilinear interpolation, then classification (Max 1995). `RayIntegrator.converge` halves the steps until nothing
-changes; verified by its order of convergence (Etiene et al. 2014).
+trilinear interpolation, then classification (Max 1995). Labels are not interpolated, but divide space into regions; a
+mask leaves some regions of a layer. `RayIntegrator.converge` halves the steps until nothing changes; verified by its
+order of convergence (Etiene et al. 2014).
 
 - `scene_rays.py`: the rays of a scene, in the colours of its mode, and the search for the largest scalar of a ray.
 - `integrator.py`: pixels to rays in each layer's grid, and steps halved until they converge; `optics.py`: layers, their
@@ -10,7 +11,7 @@ changes; verified by its order of convergence (Etiene et al. 2014).
 - In the kernels: `truth_integral.cpp`, one ray through all layers; `truth_layer.h`, its pieces in one layer;
   `truth_extremum.cpp`, its largest scalar; `truth_cells.h`, the cells along a ray; `truth_cells.cpp`, the voxels at
   their corners; `truth_cubic.h`, the field along a ray through a cell is a cubic polynomial; `truth_labels.h`, the
-  label at a point; `truth_light.h`, the light on a point of a ray.
+  label at a point; `truth_mask.cpp`, the parts of rays inside a mask; `truth_light.h`, the light on a point of a ray.
 """
 
 import lazy_loader

@@ -1,8 +1,8 @@
 """Compute the ground truth: the emission-absorption integral of the continuous field, in float64 on the CPU.
 
 The scalar is interpolated trilinearly between voxel centres, then classified. The outer half voxel has the nearest
-value, and outside [-1/2, n - 1/2] is nothing. One ray passes through each pixel's centre (N. Max, "Optical
-Models for Direct Volume Rendering", IEEE TVCG 1995):
+value, and outside [-1/2, n - 1/2] is nothing. Of labels, each point has one of those around it. One ray passes through
+each pixel's centre (N. Max, "Optical Models for Direct Volume Rendering", IEEE TVCG 1995):
 
     C = int c(s) tau(s) exp(-int_0^s tau) ds,    alpha = 1 - exp(-int tau)
 
@@ -39,12 +39,14 @@ Progress = Callable[[float], None]
 _RAYS_PER_TASK = 256
 # Fewer rays are shared out among the threads. A task takes some milliseconds: a single one needs no other thread.
 _TASKS_PER_THREAD, _MIN_RAYS_PER_TASK = 4, 128
+# A transfer function that shows all numbers from 1 on.
+_ONES = TransferFunction(np.full(2, 0.5), np.zeros((2, 3)), np.arange(2.0), 1.0)
 # The first step, in voxels, and how often it is halved.
 _FIRST_STEP, _MAX_HALVINGS = 1.0, 12
 
 
 class IndexRays(NamedTuple):
-    """A set of rays in index space, and their parts that are not clipped away.
+    """A set of rays in index space, and their parts that are neither clipped away nor masked.
 
     origins, directions: float64 [n, 3]; the directions are of unit length in the world. parts: float64 [n, k, 2], world
     lengths from the origin at which parts start and end, one behind the other; some are empty.
@@ -143,7 +145,8 @@ class RayIntegrator:
             layer.volume.require_unchanged()
 
     def _rays(self, layer: TrueLayer, view: View, pixels: Int64) -> IndexRays:
-        return index_rays(layer.volume, replace(view, clip=view.clip + layer.clip), pixels, self._centre)
+        view = replace(view, clip=view.clip + layer.clip)
+        return index_rays(layer.volume, view, pixels, self._centre)
 
     def converge(
         self, view: View, pixels: Int64, tolerance: float, on_progress: Progress = ignore
@@ -212,13 +215,30 @@ def in_parts(work: Callable[[slice], None], num_rays: int, num_threads: int, on_
 
 
 def index_rays(volume: Volume, view: View, pixels: Int64, point_world: Float64 | None = None) -> IndexRays:
-    """Return the rays through the centres of pixels. point_world: as below, the volume's centre if it is None."""
+    """Return the rays through the centres of pixels, and what is shown of them.
+
+    point_world: as of `rays_through_pixels`, the volume's centre if it is None.
+    """
     point = volume.centre if point_world is None else point_world
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     origins, directions, starts = rays_through_pixels(point, view, pixels)
     parts = kept_parts(view, point, origins, directions, starts)
+    if volume.mask is not None:  # lengths along rays are those of the world in all grids
+        parts = _parts_inside(volume.mask, index_rays(volume.mask, view, pixels, point))
     origins = (origins + (point - volume.centre)) @ index_from_world.T + volume.centre_index
     return IndexRays(origins, directions @ index_from_world.T, parts)
+
+
+def _parts_inside(mask: Volume, rays: IndexRays) -> Float64:
+    """Return what is inside of a mask of the parts of rays, which are in its index space."""
+    layer = TrueLayer(mask, _ONES)
+    num_rays, room, needed = len(rays.parts), 0, 4
+    while needed > room:
+        room = needed
+        parts, counts = np.zeros((num_rays, room, 2)), np.empty(num_rays, np.int64)
+        kernels().mask_rays(layer=optics_of(layer), rays=rays, parts=parts, counts=counts)
+        needed = int(counts.max(initial=0))
+    return np.ascontiguousarray(parts[:, :needed])
 
 
 def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:

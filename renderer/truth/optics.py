@@ -28,7 +28,8 @@ class TrueLayer(NamedTuple):
         gradient is zero; and what else `ShadingSpec` says.
     weight: a factor on extinction. clip: of this layer alone, besides those of the view.
     Between labels nothing is interpolated: at each point, one of those around it wins, and the gradient is that of the
-    smoothed opacities of voxels, which are 0 around the volume.
+    smoothed opacities of voxels, which are 0 around the volume. A volume with a mask is shown where 1 wins in that, and
+    not beyond its border.
     """
 
     volume: Volume

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,12 @@ from brickwork import transfer_of
 from ray_integrals import interpolate, look, oblique, ray_spans, shade
 
 from renderer.kernels import kernels
-from renderer.scene import ShadingSpec
+from renderer.scene import ClipSpec, PlaneSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.truth import RayIntegrator, TrueLayer
-from renderer.truth.integrator import IndexRays
+from renderer.truth.integrator import IndexRays, rays_through_pixels
 from renderer.truth.optics import optics_of
+from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume
 
 LIT = ShadingSpec(0.3, 0.6, (-1.0, 0.5, 2.0))
@@ -42,12 +44,14 @@ def scattered(*, affine: Float64 | None = None) -> Volume:
 
 def seen(layer: TrueLayer, origins: Float64, directions: Float64, end: float) -> Float64:
     """RGBA [n, 4] of rays in index space, from their origins up to a length."""
-    radiance, parts = np.empty((len(origins), 1, 4)), np.tile([0.0, end], (len(origins), 1, 1))
+    radiance, parts, one = np.empty((len(origins), 1, 4)), np.tile([0.0, end], (len(origins), 1, 1)), np.ones(1)
     rays = IndexRays(origins, np.ascontiguousarray(np.broadcast_to(directions, origins.shape)), parts)
-    kernels().integrate_rays(
-        layers=[optics_of(layer)], adds=False, rays=[rays], max_steps=np.ones(1), radiance=radiance
-    )
+    kernels().integrate_rays(layers=[optics_of(layer)], adds=False, rays=[rays], max_steps=one, radiance=radiance)
     return radiance[:, 0]
+
+
+def depths_seen(layer: TrueLayer, origins: Float64, directions: Float64) -> Float64:
+    return -np.log1p(-seen(layer, origins, directions, 20.0)[:, 3])
 
 
 def winners(of: Volume, index: Float64) -> Float64:
@@ -69,12 +73,18 @@ def gradients(of: Volume, index: Float64) -> Float64:
     opacities = np.pad(-np.expm1(-np.array(EXTINCTIONS)[of.values] * of.finest_spacing), 3)
     for axis in range(3):
         opacities = np.apply_along_axis(np.convolve, axis, opacities, np.array([1, 4, 6, 4, 1]) / 16, "same")
-    inside, found = (slice(3, -3),) * 3, []
-    for axis in (2, 1, 0):
-        found.append(((np.roll(opacities, -1, axis) - np.roll(opacities, 1, axis)) / 2)[inside])
+    differences = [each[3:-3, 3:-3, 3:-3] for each in np.gradient(opacities)[::-1]]
     clipped = np.clip(index, 0, np.array(of.shape_xyz) - 1)
-    along_index = np.stack([interpolate(each, clipped) for each in found], axis=1)
+    along_index = np.stack([interpolate(each, clipped) for each in differences], axis=1)
     return along_index @ np.linalg.inv(of.world_from_index[:3, :3])
+
+
+def points_along(of: Volume, view: View, num: int) -> Iterator[tuple[Float64, Float64, float]]:
+    """For each ray, points [num, 3] of index space in the middle of steps, its direction and its length inside."""
+    span, last = ray_spans(of, view), np.array(of.shape_xyz) - 0.5 - 1e-9
+    for at, along, length in zip(span.index_at_start, span.index_per_length, span.length, strict=True):
+        # Also inside where a ray misses the volume.
+        yield np.clip(at + ((np.arange(num) + 0.5) / num * length)[:, None] * along, -0.5, last), along, length
 
 
 LIGHTS = pytest.mark.parametrize("shading", [None, LIT, GLOSSY], ids=["plain", "lit", "glossy"])
@@ -84,11 +94,9 @@ LIGHTS = pytest.mark.parametrize("shading", [None, LIT, GLOSSY], ids=["plain", "
 def test_the_label_at_a_point_has_the_largest_sum_of_weights(shading: ShadingSpec | None) -> None:
     """And its light is that of the smoothed opacities' gradient."""
     of, tf = scattered(affine=oblique()), steps(*EXTINCTIONS)
-    points, direction = (
-        np.random.default_rng(6).uniform(-0.5, 4.5, (3000, 3)),
-        np.linalg.solve(oblique()[:3, :3], VIEWER),
-    )
-    short = seen(TrueLayer(of, tf, shading), points, -direction, 1e-8)
+    points = np.random.default_rng(6).uniform(-0.5, 4.5, (3000, 3))
+    direction = np.linalg.solve(oblique()[:3, :3], -VIEWER)
+    short = seen(TrueLayer(of, tf, shading), points, direction, 1e-8)
     colors, extinctions = tf.classify(winners(of, points))
     if shading is not None:
         colors = shade(shading, colors, gradients(of, points), VIEWER)
@@ -100,12 +108,7 @@ def test_the_label_at_a_point_has_the_largest_sum_of_weights(shading: ShadingSpe
 def test_pictures_are_riemann_sums(shading: ShadingSpec | None) -> None:
     of, tf, view, num = scattered(affine=oblique()), steps(*EXTINCTIONS), look((5.0, 1.0, 5.0), 14.0, (8, 6)), 4000
     image = RayIntegrator([TrueLayer(of, tf, shading)]).integrate(view, np.arange(48), [0.125])[0]
-    span = ray_spans(of, view)
-    for at, along, length, found in zip(span.index_at_start, span.index_per_length, span.length, image, strict=True):
-        if length == 0.0:
-            assert not found.any()
-            continue
-        index = at + ((np.arange(num) + 0.5) / num * length)[:, None] * along
+    for (index, along, length), found in zip(points_along(of, view, num), image, strict=True):
         color, tau = tf.classify(winners(of, index))
         depth = tau * length / num
         if shading is not None:
@@ -118,42 +121,44 @@ def test_pictures_are_riemann_sums(shading: ShadingSpec | None) -> None:
 
 def test_a_voxel_alone_keeps_its_centre() -> None:
     """Along an axis through it, its weight is 0.64 (0.8 - 0.2 t - 0.8 t^2), and 0.5 at its ends."""
-    values = np.zeros((5, 5, 5))
-    values[2, 2, 2] = 1
-    alpha = seen(TrueLayer(labels_of(values), steps(0, 1)), np.array([[-9.0, 2, 2]]), np.eye(3)[0], 20.0)
-    assert -np.log1p(-alpha[0, 3]) == pytest.approx(2 * (np.sqrt(0.2**2 + 3.2 * 0.01875) - 0.2) / 1.6, abs=1e-11)
+    origins, layer = np.array([[-9.0, 2.0, 2.0]]), TrueLayer(labels_of(np.pad([[[1]]], 2)), steps(0, 1))
+    half = (np.sqrt(0.2**2 + 3.2 * 0.01875) - 0.2) / 1.6
+    assert depths_seen(layer, origins, np.eye(3)[0])[0] == pytest.approx(2.0 * half, abs=1e-11)
 
 
 def test_no_label_is_seen_that_no_voxel_has() -> None:
     """Between voxels of 1 and 3, which are red and blue, 2 is not seen, which is green."""
-    colors = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     values = np.array([0, 1, 3, 3, 1, 3, 3])[scattered().values]
-    tf = replace(steps(0, 1, 9, 1), colors=np.repeat(colors, 2, axis=0))
+    tf = replace(steps(0, 1, 9, 1), colors=np.repeat(np.eye(4)[:, 1:], 2, axis=0))
     points, directions = np.random.default_rng(9).uniform(-0.5, 4.5, (2, 500, 3))
     image = seen(TrueLayer(labels_of(values), tf), points, directions - 2.0, 20.0)
     assert (image[:, 1] == 0.0).all()
     assert (image[:, [0, 2]].max(axis=0) > 0.5).all()
 
 
-def test_a_ball_has_its_radius_and_its_normals() -> None:
-    """Of voxels inside of it; rays meet it at right angles."""
-    inside = np.linalg.norm(np.mgrid[:32, :32, :32] - np.full((3, 1, 1, 1), 15.2), axis=0) <= 9.3
-    directions = np.random.default_rng(7).normal(size=(500, 3))
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    origins, light = 15.2 - 20.0 * directions, ShadingSpec(0.0, 1.0, "camera")
-    clear = seen(TrueLayer(labels_of(inside), steps(0, 1)), origins, directions, 20.0)
-    assert_small(-np.log1p(-clear[:, 3]) - 9.3)
-    opaque = seen(TrueLayer(labels_of(inside), steps(0, 40), light), origins, directions, 20.0)
-    angles = np.degrees(np.arccos(2.0 * opaque[:, 2]))
-    assert angles.max() < 8.0
-    assert angles.mean() < 3.0
+def ball(centre: float) -> Array:
+    """32^3 voxels: whether they are inside of a ball of radius 9.3."""
+    return np.linalg.norm(np.mgrid[:32, :32, :32] - np.full((3, 1, 1, 1), centre), axis=0) <= 9.3
 
 
 def assert_small(errors: Float64) -> None:
-    """Assert that places of a surface are as right as those of a field's surface among voxels of two values are."""
+    """Assert that errors of a surface's places, in voxels, are those of voxels that are in or out."""
     assert abs(errors).max() < 0.5
-    assert abs(errors).mean() < 0.15  # found: 0.13 and 0.105
+    assert abs(errors).mean() < 0.15  # found: 0.13, 0.105 and 0.11
     assert abs(errors.mean()) < 0.1
+
+
+def test_a_ball_has_its_radius_and_its_normals() -> None:
+    """Rays meet it at right angles."""
+    directions = np.random.default_rng(7).normal(size=(500, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    origins, light = 15.2 - 20.0 * directions, ShadingSpec(0.0, 1.0, "camera")
+    clear = TrueLayer(labels_of(ball(15.2)), steps(0, 1))
+    assert_small(depths_seen(clear, origins, directions) - 9.3)
+    opaque = seen(clear._replace(transfer=steps(0, 40), shading=light), origins, directions, 20.0)
+    angles = np.degrees(np.arccos(2.0 * opaque[:, 2]))
+    assert angles.max() < 8.0
+    assert angles.mean() < 3.0
 
 
 def test_a_slanted_plane_is_where_it_is() -> None:
@@ -162,4 +167,49 @@ def test_a_slanted_plane_is_where_it_is() -> None:
     ends = np.random.default_rng(8).uniform(12.0, 20.0, (500, 3))
     ends += (30.0 - ends @ normal)[:, None] * normal
     layer = TrueLayer(labels_of(above.reshape(32, 32, 32)), steps(0, 1))
-    assert_small(-np.log1p(-seen(layer, ends - 10.0 * normal, normal, 10.0)[:, 3]) - 4.7)
+    assert_small(depths_seen(layer, ends - 20.0 * normal, normal) - 4.7)
+
+
+def lengths_inside(mask: Volume, view: View, *clips: ClipSpec) -> Float64:
+    """World lengths [n] of rays in an even volume, which is larger, and in a mask."""
+    even = labels_of(np.ones((2, 2, 2)), np.diag([50.0, 50.0, 50.0, 1.0]))
+    layer = TrueLayer(replace(even, mask=mask), steps(0, 0.1), clip=clips)
+    image = RayIntegrator([layer]).integrate(view, np.arange(view.size[0] * view.size[1]), [1.0])[0]
+    return -np.log1p(-image[:, 3]) / 0.1
+
+
+def test_a_mask_leaves_what_is_inside_of_it() -> None:
+    """Also with a clip plane; a ray has many parts."""
+    mask = labels_of(np.random.default_rng(3).random((12, 9, 11)) < 0.5, oblique())
+    view, num = look((9.0, 1.0, 14.0), 60.0, (10, 8), field_of_view=10.0), 5000
+    expected = []
+    for index, _, length in points_along(mask, view, num):
+        is_left = index @ mask.world_from_index[0, :3] + mask.world_from_index[0, 3] < 9.0
+        expected.append(length * (winners(mask, index) * is_left).mean())
+    found = lengths_inside(mask, view, ClipSpec(PlaneSpec((9.0, 0.0, 0.0), (1.0, 0.0, 0.0))))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=5e-3)
+    assert (found > 0.0).sum() > 30
+
+
+def test_a_ball_of_a_mask_has_its_chords() -> None:
+    """Its grid is turned and finer than that of the volume; rays meet it at steep angles."""
+    affine, centre = np.eye(4), np.array([1.0, 2.0, 0.5])
+    affine[:3, :3] = 0.7 * np.linalg.qr(oblique()[:3, :3])[0]
+    affine[:3, 3] = centre - affine[:3, :3] @ np.full(3, 15.8)
+    view = look(tuple(centre), 30.0, (30, 30), projection="orthographic", field_of_view=11.0)
+    origins, directions, _ = rays_through_pixels(centre, view, np.arange(900))
+    beside = np.linalg.norm(np.cross(origins, directions), axis=1)
+    errors = lengths_inside(labels_of(ball(15.8), affine), view) - 2.0 * np.sqrt((0.7 * 9.3) ** 2 - beside**2)
+    assert_small(errors / 0.7 / 2.0)  # an error at both ends
+
+
+def test_a_mask_of_ones_masks_nothing_inside() -> None:
+    noise, larger = scattered(affine=oblique()), np.array(oblique())
+    larger[:3, 3] -= larger[:3, :3] @ [2.0, 2.0, 2.0]
+    view = look((5.0, 1.0, 5.0), 14.0, (20, 16))
+    masks = None, labels_of(np.ones((9, 9, 9)), larger), labels_of(np.zeros((9, 9, 9)), larger)
+    layers = [TrueLayer(replace(noise, mask=mask), steps(*EXTINCTIONS), LIT) for mask in masks]
+    images = [RayIntegrator([layer]).integrate(view, np.arange(320), [0.5])[0] for layer in layers]
+    np.testing.assert_allclose(images[1], images[0], rtol=0, atol=1e-12)
+    assert images[0].any()
+    assert not images[2].any()

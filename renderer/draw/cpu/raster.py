@@ -176,7 +176,7 @@ def _layer_bricks(
     """
     layers = brick_view.batch.bricks.layers
     fields = [
-        field_of(layer, atlas.texels, cache.means.texels, of_layer)
+        field_of(layer, atlas.texels, cache.means.texels, of_layer, brick_view)
         for layer, atlas, of_layer in zip(layers, cache.scalars, offsets, strict=True)
     ]
     return {

@@ -41,17 +41,17 @@ struct Classified {
 // texels: of the brick, and what follows.
 template <Kind KIND>
 INLINE Classified sample_field(const Field& field, const LaneTable& table, const Texels& texels, const Places& places,
-                               const Lighting& lighting, const Box& box) {
-    const auto& [at, shares, number, begin, step, width, active] = places;
+                               const Lighting& lighting, const Box& box, bool is_cut) {
+    const auto& [at, shares, number, begin, step, width, are_placed] = places;
+    auto texel = [&] {
+        return Three{fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
+    };
+    Mask active = is_cut ? are_in_mask(field.mask.value.grid, box, texel(), are_placed) : are_placed;
     Classified found = {{}, in_all<Floats>(1.0f), active};
-    auto texel = [&] { return Three{fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)}; };
-    // Larger cells than voxels have means of what is in the mask.
-    bool is_masked = field.mask.exists && box.scale == 1.0;
+    if (is_cut && !any_of(active)) return found;
     if constexpr (KIND == MEANS) {
         found.sample = sample_rgba(texels, at, shares);
         found.visible = active & mask_of(found.sample.tau > 0.0f);
-        if (is_masked && any_of(found.visible))
-            found.visible = are_in_mask(field.mask.value, box, texel(), found.visible);
         return found;
     }
     Corners corners = load_corners(texels, at);
@@ -65,7 +65,6 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
         found.sample.tau *= share_of_data(texels, are_divided, places.number, begin, step, width);
         found.visible &= mask_of(found.sample.tau > 0.0f);
     }
-    if (is_masked && any_of(found.visible)) found.visible = are_in_mask(field.mask.value, box, texel(), found.visible);
     if (!any_of(found.visible)) return found;
     if constexpr (KIND == LAMBERT) found.light = light_factor(sample_gradient(texels, at, shares), field.lambert);
     if constexpr (KIND == LIT) {
@@ -113,6 +112,12 @@ struct ShownLayers {
     INLINE Kind kind(int64_t number) const {
         const Field& field = *fields[number];
         return has_means(number) ? MEANS : field.light.exists ? LIT : field.is_lit ? LAMBERT : UNLIT;
+    }
+
+    // Whether a mask cuts what a layer shows in a brick; means are those of what is in the mask.
+    INLINE bool is_cut(int64_t number, int64_t brick) const {
+        const auto& mask = fields[number]->mask;
+        return mask.exists && mask.value.are_cut[brick];
     }
 
     // Whether all of them are classified, and not lit.
@@ -172,7 +177,7 @@ INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& 
     if constexpr (NUM > 0) {
 #pragma clang loop unroll(full)
         for (int k = 0; k < NUM; k++)
-            add_sample(sum, sample_field<UNLIT>(*shown.fields[k], *shown.of_fields[k], shown.texels(k, brick), places, {}, box),
+            add_sample(sum, sample_field<UNLIT>(*shown.fields[k], *shown.of_fields[k], shown.texels(k, brick), places, {}, box, shown.is_cut(k, brick)),
                        shown.scale(k), false);
         return sum;
     }
@@ -181,11 +186,12 @@ INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& 
         const LaneTable& table = *shown.of_fields[k];
         Texels texels = shown.texels(k, brick);
         Kind kind = shown.kind(k);
-        Classified found = kind == MEANS ? sample_field<MEANS>(field, table, texels, places, {}, box)
-            : kind == UNLIT              ? sample_field<UNLIT>(field, table, texels, places, {}, box)
-            : kind == LAMBERT            ? sample_field<LAMBERT>(field, table, texels, places, {}, box)
+        bool is_cut = shown.is_cut(k, brick);
+        Classified found = kind == MEANS ? sample_field<MEANS>(field, table, texels, places, {}, box, is_cut)
+            : kind == UNLIT              ? sample_field<UNLIT>(field, table, texels, places, {}, box, is_cut)
+            : kind == LAMBERT            ? sample_field<LAMBERT>(field, table, texels, places, {}, box, is_cut)
                                          : sample_field<LIT>(field, table, texels, places,
-                                                             lighting_of(field.light.value, box, direction), box);
+                                                             lighting_of(field.light.value, box, direction), box, is_cut);
         if (any_of(found.visible)) add_sample(sum, found, shown.scale(k), kind == MEANS);
     }
     return sum;
@@ -207,7 +213,8 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
     if (rows(num - 1, 0) < INFINITE) return false;
     for (int64_t bucket = 0; bucket < GUIDE_SIZE; bucket++)
         if (guide[bucket] < 0 || guide[bucket] >= num) return false;
-    if (field.mask.exists && !fits(field.mask.value)) return false;
+    if (field.mask.exists && !(field.mask.value.grid.planes.size() > 0 && match(field.mask.value.are_cut, is_mean)))
+        return false;
     if (!field.light.exists) return true;
     const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = field.light.value.grid;
     int64_t num_corners = 2;  // of the cells, each of which has two for a grid, and behind the last one

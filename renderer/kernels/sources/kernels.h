@@ -35,7 +35,7 @@ KERNEL(guard_regions, GuardRegions)
 
 // As in renderer/volume/mask.py. from_index: rows of a matrix of 3 x 4.
 struct MaskGrid {
-    Array<const uint8_t, 3> voxels, cells;
+    Array<const uint16_t, 3> planes;
     double from_index[12];
 };
 
@@ -209,6 +209,7 @@ struct MeasureVoxelBricks {
     Array<const int32_t, 2> cells;
     Array<const double, 1> breakpoints;
     TransferTable curve;
+    Maybe<Array<const uint8_t, 3>> shown;
     Array<float, 5> bounds;
     Array<double, 4> measures;
 };
@@ -406,6 +407,12 @@ struct Light {
     double first_cell[3];
 };
 
+// are_cut: whether some of a brick is not in the mask.
+struct FieldMask {
+    MaskGrid grid;
+    Array<const bool, 1> are_cut;
+};
+
 struct Field {
     Array<const float, 1> scalars, means;
     Array<const int64_t, 1> texel_offsets;
@@ -414,7 +421,7 @@ struct Field {
     bool has_absent, is_labels, has_colors, is_lit;
     float lambert[5];
     Maybe<Light> light;
-    Maybe<MaskGrid> mask;
+    Maybe<FieldMask> mask;
 };
 
 // The bricks of layers on one grid of voxels. is_mean: whether the texels of a brick are means: those of all layers are
@@ -514,6 +521,14 @@ struct IntegrateRays {
     Array<double, 3> radiance;
 };
 KERNEL(integrate_rays, IntegrateRays)
+
+struct MaskRays {
+    LayerOptics layer;
+    IndexRays rays;
+    Array<double, 3> parts;
+    Array<int64_t, 1> counts;
+};
+KERNEL(mask_rays, MaskRays)
 
 struct SearchRays {
     AnyArray<3> values;

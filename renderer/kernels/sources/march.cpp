@@ -88,6 +88,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
     const LaneTable& table = *shown.of_fields[0];
     Texels texels = shown.texels(0, brick);
     float scale = shown.scale(0);
+    [[maybe_unused]] bool is_cut = shown.is_cut(0, brick);
     for (int64_t first = 0; first < num; first += LANES) {
         Ints order = load<Ints>(tile.order, first);
         auto [x, y, z, step_x] = load_four(tile.spans, order * SPAN_FLOATS);
@@ -118,7 +119,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
                 sample = sum_of_layers<NUM>(shown, brick, box, places, direction);
                 visible = mask_of(sample.tau > 0.0f), depth = sample.tau * length;
             } else {
-                auto [found, factor, shown] = sample_field<KIND>(field, table, texels, places, lighting, box);
+                auto [found, factor, shown] = sample_field<KIND>(field, table, texels, places, lighting, box, is_cut);
                 sample = found, light = factor, visible = shown;
                 depth = where(visible, sample.tau, zero) * scale * length;
             }

@@ -4,7 +4,7 @@
 // Write to `out` [z, y, x] whether the centre of each voxel of a volume is in a mask.
 Status mark_voxels(const MarkVoxels* arguments) {
     const auto& [mask, out] = *arguments;
-    if (!fits(mask)) return OUT_OF_BOUNDS;
+    if (mask.planes.size() == 0) return OUT_OF_BOUNDS;
     const double* m = mask.from_index;
     for (int64_t z = 0; z < out.shape[0]; z++)
         for (int64_t y = 0; y < out.shape[1]; y++)

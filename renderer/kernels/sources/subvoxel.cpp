@@ -247,19 +247,37 @@ Variation variation_of_labels(const Field& around, const DualCells& cells, const
             DIFFERENCE_ERROR_SHARE * step};
 }
 
+// Make NaN of voxels that a mask hides. around: as in `with_edges_of_data`. Return whether there are any.
+bool hide_masked(const Array<const uint8_t, 3>& shown, const Array<const int32_t, 1>& cell, const Field& around) {
+    bool is_any = false;
+    auto nearest = [&](int axis, int64_t at) {
+        int64_t voxel = BRICK_SIZE * cell[axis] - (around.shape[0] - BRICK_SIZE) / 2 + at;
+        return least(most<int64_t>(voxel, 0), shown.shape[2 - axis] - 1);
+    };
+    for (int64_t z = 0; z < around.shape[0]; z++)
+        for (int64_t y = 0; y < around.shape[1]; y++)
+            for (int64_t x = 0; x < around.shape[2]; x++) {
+                if (shown(nearest(2, z), nearest(1, y), nearest(0, x))) continue;
+                around(z, y, x) = __builtin_nan(""), is_any = true;
+            }
+    return is_any;
+}
+
 }  // namespace
 
 // Measure the dual cells in bricks of voxels at cells [n, 3] (x, y, z); all results are 0 before.
 //
 // Write the visible bounds, as in BrickLevel, to `bounds` [z, y, x, 2, 3]; and to `measures` [3, z, y, x] the largest D
 // or J, and the root mean squares over the brick's volume of D / width^2 and of J. A brick has half of the dual cells
-// between it and its neighbours; beyond the border the nearest voxels are repeated. breakpoints: of visibility.
+// between it and its neighbours; beyond the border the nearest voxels are repeated. breakpoints: of visibility. shown:
+// which voxels a mask shows.
 Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
-    const auto [voxels, cells, breakpoints, table, bounds, measures] = *arguments;
+    const auto& [voxels, cells, breakpoints, table, shown, bounds, measures] = *arguments;
     auto num_bricks = [&](int axis) { return (voxels.raw.shape[axis] + BRICK_SIZE - 1) / BRICK_SIZE; };
     int64_t num_z = num_bricks(0), num_y = num_bricks(1), num_x = num_bricks(2);
     if (!fit_together(voxels, cells) || !fits(table) || !has_shape(bounds, num_z, num_y, num_x, 2, 3) ||
-        !has_shape(measures, 3, num_z, num_y, num_x))
+        !has_shape(measures, 3, num_z, num_y, num_x) ||
+        (shown.exists && !has_shape(shown.value, voxels.raw.shape[0], voxels.raw.shape[1], voxels.raw.shape[2])))
         return OUT_OF_BOUNDS;
     Cube low(PADDED_BRICK_SIZE), high(PADDED_BRICK_SIZE), around(PADDED_BRICK_SIZE + 2);
     if (!low || !high || !around) return NO_MEMORY;
@@ -275,11 +293,16 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         int64_t first = curve.num_at_or_below(curve.scale * range.low, 0);
         bool is_varying = !is_whole || curve.num_at_or_below(curve.scale * range.high, first) > first;
         for (int channel = 6; channel < 10; channel++) is_varying |= table.rows(first, channel) != 0;
+        is_varying |= shown.exists;
         bool is_visible = is_range_visible(breakpoints, range.low, range.high);
         if (is_varying || is_visible) to_ranges(of_brick);
         if (is_visible) find_visible_bounds(of_brick, breakpoints, bounds[z][y][x]);
         if (!is_varying) continue;
         Variation found = voxels.is_labels ? variation_of_labels(around.field, of_brick, table) : variation(of_brick, curve);
+        if (shown.exists) {
+            if (!voxels.is_labels && !voxels.has_absent) load_brick(voxels, cells[i], around.field);
+            is_whole &= !hide_masked(shown.value, cells[i], around.field);
+        }
         if (!is_whole) found = with_edges_of_data(found, around.field, of_brick, curve);
         measures(0, z, y, x) = found.largest;
         measures(1, z, y, x) = found.steps;

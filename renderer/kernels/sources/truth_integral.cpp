@@ -171,15 +171,6 @@ struct Integrator {
     }
 };
 
-bool is_right(const LayerOptics& layer, const IndexRays& rays, int64_t num_rays) {
-    return rays.parts.shape[0] == num_rays && fit(rays) && fits_macrocells(layer.macrocells, layer.values) &&
-        has_shape(layer.intervals.rows, layer.intervals.knots.shape[0] + 1, 10) &&
-        (!layer.colors.exists || has_shape(layer.colors.value, layer.values.shape[0], layer.values.shape[1],
-                                           layer.values.shape[2], 3)) &&
-        (!layer.label_opacities.exists || layer.label_opacities.value.shape[0] > 0) &&
-        (!layer.shading.exists || layer.shading.value.factors.shape[1] == 3);
-}
-
 }  // namespace
 }  // namespace truth
 
@@ -193,29 +184,23 @@ Status integrate_rays(const IntegrateRays* arguments) {
     using namespace truth;
     const auto& [layers, rays, adds, max_steps, radiance] = *arguments;
     int64_t num = radiance.shape[0], num_steps = max_steps.shape[0], num_channels = radiance.shape[2];
-    int64_t num_layers = layers.shape[0], num_gathered = FIRST_INTERVAL;
+    int64_t num_layers = layers.shape[0], num_gathered = FIRST_INTERVAL, num_splits = 0;
     if (rays.shape[0] != num_layers) return OUT_OF_BOUNDS;
     for (int64_t k = 0; k < num_layers; k++) {
-        if (!is_right(layers[k], rays[k], num)) return OUT_OF_BOUNDS;
-        num_gathered += layers[k].intervals.rows.shape[0];
+        if (!fit(layers[k], rays[k], num)) return OUT_OF_BOUNDS;
+        num_gathered += layers[k].intervals.rows.shape[0], num_splits += num_splits_of(layers[k]);
     }
     if (num_steps == 0 || radiance.shape[1] != num_steps || num_channels <= DEPTH || num_channels > num_gathered)
         return OUT_OF_BOUNDS;
-    // A cubic passes a knot at most three times, and so does the cosine of the light. Another voxel becomes the nearest
-    // at most three times. Labels have no knots to pass, but changes.
-    auto first_split = [](int64_t first, int64_t k) { return 3 * (first + k) + k * MAX_LABEL_CHANGES; };
-    Buffer<double> splits(first_split(num_gathered, num_layers)), gathered(num_steps * num_gathered);
-    Buffer<char> memory((num_layers + 1) * (int64_t)sizeof(LayerRay));
-    if (!splits || !gathered || !memory) return NO_MEMORY;
-    // Vectors need a larger alignment than that of the buffer.
-    auto* aligned = (LayerRay*)(((uintptr_t)memory.data + alignof(LayerRay)) & -alignof(LayerRay));
+    Buffer<double> splits(num_splits), gathered(num_steps * num_gathered);
+    Buffer<LayerRay> layer_rays(num_layers);
+    if (!splits || !gathered || !layer_rays) return NO_MEMORY;
     const Array<double, 2> sums = {gathered.data, {num_steps, num_gathered}};
     const double max_depth = adds ? INFINITE : MAX_OPTICAL_DEPTH;
-    const Integrator integrator = {adds, max_depth, max_steps, {aligned, {num_layers}}, sums};
-    for (int64_t k = 0, first = FIRST_INTERVAL; k < num_layers; first += layers[k++].intervals.rows.shape[0]) {
-        LayerRay& layer = integrator.layers[k];
-        (LayerOptics&)layer = layers[k];
-        layer.rays = &rays[k], layer.splits = rest_of(splits, first_split(first, k)), layer.first_interval = first;
+    const Integrator integrator = {adds, max_depth, max_steps, layer_rays, sums};
+    for (int64_t k = 0, first = FIRST_INTERVAL, split = 0; k < num_layers; k++) {
+        layer_rays[k].prepare(layers[k], rays[k], rest_of(splits, split), first);
+        first += layers[k].intervals.rows.shape[0], split += num_splits_of(layers[k]);
     }
     for (int64_t i = 0; i < num; i++) {
         integrator.integrate_ray(i);

@@ -4,21 +4,20 @@
 namespace truth {
 namespace {
 
-// How exactly changes are found, as a share of the part of a ray inside a cell; and how short may be what is missed.
+// How exactly changes are found, as a share of a segment; and how short may be what is missed.
 constexpr double TOLERANCE = 1e-12, LEAST_WIDTH = 0x1p-8;
-// The sum of the magnitudes of all weights' slopes, along one axis.
+// The largest sum of the magnitudes of the slopes of weights along an axis. No lead changes faster: between two
+// places with one winner, no other one wins where the leads are not lost on the way.
 constexpr double LARGEST_SLOPE = 2.0;
-// How much a weight has of a tent; the rest is of a quadratic B-spline.
-constexpr double TENT = 0.2, SPLINE = 1.0 - TENT;
 
-// Write the weights of the voxels before, at and after the nearest one, at a distance from it.
+// Write the weights of the voxels before, at and after the nearest one, from which a point is t away.
 INLINE void write_weights(double t, double* weights) {
-    weights[0] = TENT * most(-t, 0.0) + SPLINE * 0.5 * (0.5 - t) * (0.5 - t);
-    weights[1] = TENT * (1.0 - absolute(t)) + SPLINE * (0.75 - t * t);
-    weights[2] = TENT * most(t, 0.0) + SPLINE * 0.5 * (0.5 + t) * (0.5 + t);
+    weights[0] = 0.2 * most(-t, 0.0) + 0.4 * (0.5 - t) * (0.5 - t);
+    weights[1] = 0.2 * (1.0 - absolute(t)) + 0.8 * (0.75 - t * t);
+    weights[2] = 0.2 * most(t, 0.0) + 0.4 * (0.5 + t) * (0.5 + t);
 }
 
-// Smooth lines of 8 by (1, 4, 6, 4, 1) / 16: the 4 in the middle of each remain, the next axis is along the lines.
+// Smooth lines of 8 by (1, 4, 6, 4, 1) / 16. What remains are 4 for each, and the next axis is along the lines.
 void smooth(const double* in, int64_t num_lines, double* out) {
     for (int k = 0; k < 4; k++)
         for (int64_t line = 0; line < num_lines; line++) {
@@ -27,77 +26,58 @@ void smooth(const double* in, int64_t num_lines, double* out) {
         }
 }
 
-// A search for the places where another label wins. max_slope: of a lead.
-struct ChangeSearch {
-    const LabelCell& cell;
-    Point entry, extent;
-    double max_slope;
-    Array<double, 1> splits;
-    int64_t num_splits, num_found = 0;
-
-    LabelPlace at(double t) const { return cell.winner_at(entry, extent, t); }
-
-    void search(LabelPlace low, LabelPlace high) {
-        const double width = high.t - low.t;
-        const bool is_same = low.number == high.number;
-        if (is_same && (low.lead + high.lead > max_slope * width || width < LEAST_WIDTH)) return;
-        if (num_found == MAX_LABEL_CHANGES) return;
-        if (width < TOLERANCE) {
-            num_splits = insert_split(splits, num_splits, high.t), num_found++;
-            return;
-        }
-        const LabelPlace middle = at(0.5 * (low.t + high.t));
-        search(low, middle), search(middle, high);
-    }
-};
+INLINE Cell nearest_inside(Cell voxel, Cell size) {
+    return __builtin_elementwise_min(__builtin_elementwise_max(voxel, Cell{0, 0, 0}), size - 1);
+}
 
 }  // namespace
 
-void LabelCell::load(const AnyArray<3>& values, Cell cell) {
-    load_cube(values, cell - 1, 4, numbers);
-    for (int k = 0; k < 64; k++)
-        for (first[k] = 0; numbers[first[k]] != numbers[k];) first[k]++;
-}
-
-LabelPlace LabelCell::winner_at(Point entry, Point extent, double t) const {
+LabelSegment::Winner LabelSegment::winner_at(double t) const {
     const Point point = entry + t * extent;
-    double weights[3][3], sums[64] = {};
-    int before = 0;
+    double along[3][3], sums[64] = {}, next = 0.0;
+    int before = 0, of[27];
     for (int axis = 0; axis < 3; axis++) {
         int nearest = point[axis] >= 0.5;
-        write_weights(point[axis] - nearest, weights[axis]);
+        write_weights(point[axis] - nearest, along[axis]);
         before += nearest << 2 * axis;
     }
-    auto for_all = [&](auto use) {
-        for (int z = 0; z < 3; z++)
-            for (int y = 0; y < 3; y++)
-                for (int x = 0; x < 3; x++)
-                    use(first[before + 16 * z + 4 * y + x], weights[2][z] * weights[1][y] * weights[0][x]);
-    };
-    for_all([&](int one, double weight) { sums[one] += weight; });
-    int winner = first[before + 16 + 4 + 1];
-    for_all([&](int one, double) {
-        if (sums[one] > sums[winner]) winner = one;
-    });
-    double next = 0.0;
-    for_all([&](int one, double) {
-        if (one != winner) next = most(next, sums[one]);
-    });
+    for (int k = 0; k < 27; k++) {
+        int x = k % 3, y = k / 3 % 3, z = k / 9;
+        of[k] = first[before + x + 4 * y + 16 * z];
+        sums[of[k]] += along[0][x] * along[1][y] * along[2][z];
+    }
+    int winner = of[13];  // in the middle
+    for (int one : of) winner = sums[one] > sums[winner] ? one : winner;
+    for (int one : of) next = one == winner ? next : most(next, sums[one]);
     return {t, numbers[winner], sums[winner] - next};
 }
 
-int64_t LabelCell::add_changes(Point entry, Point extent, const Array<double, 1>& splits) const {
-    int64_t num_middles = add_middles(entry, extent, splits, 0);
+int64_t LabelSegment::load(const AnyArray<3>& values, const Segment& segment, const Array<double, 1>& scratch) {
+    load_cube(values, segment.cell - 1, 4, numbers);
+    for (int k = 0; k < 64; k++)
+        for (first[k] = 0; numbers[first[k]] != numbers[k];) first[k]++;
+    entry = segment.entry, extent = segment.extent, splits = scratch;
+    num_splits = add_middles(entry, extent, splits, 0), num_changes = 0;
     double ends[5] = {0.0, 1.0, 1.0, 1.0, 1.0};
-    for (int64_t k = 0; k < num_middles; k++) ends[k + 1] = splits[k];
-    const double along = absolute(extent.x) + absolute(extent.y) + absolute(extent.z);
-    ChangeSearch found = {*this, entry, extent, LARGEST_SLOPE * along, splits, num_middles};
-    for (int64_t part = 0; part <= num_middles; part++) {
+    for (int64_t k = 0; k < num_splits; k++) ends[k + 1] = splits[k];
+    for (int k = 0; k < 4; k++) {
         // Not at the very ends, where two often have the same sum.
-        double low = ends[part] + TOLERANCE, high = ends[part + 1] - TOLERANCE;
-        if (low < high) found.search(found.at(low), found.at(high));
+        double low = ends[k] + TOLERANCE, high = ends[k + 1] - TOLERANCE;
+        if (low < high) find_changes(winner_at(low), winner_at(high));
     }
-    return found.num_splits;
+    return num_splits;
+}
+
+void LabelSegment::find_changes(Winner low, Winner high) {
+    const double width = high.t - low.t;
+    const double most_lost = LARGEST_SLOPE * width * (absolute(extent.x) + absolute(extent.y) + absolute(extent.z));
+    const bool is_one = low.number == high.number && (low.lead + high.lead > most_lost || width < LEAST_WIDTH);
+    if (is_one || num_changes == MAX_LABEL_CHANGES) return;
+    if (width < TOLERANCE) num_splits = insert_split(splits, num_splits, high.t), num_changes++;
+    else {
+        const Winner middle = winner_at(0.5 * (low.t + high.t));
+        find_changes(low, middle), find_changes(middle, high);
+    }
 }
 
 void load_label_differences(const AnyArray<3>& values, Cell cell, const Array<const double, 1>& opacities,
@@ -106,21 +86,15 @@ void load_label_differences(const AnyArray<3>& values, Cell cell, const Array<co
     load_cube(values, cell - 3, 8, cube);
     const Cell size = size_of(values);
     for (int k = 0; k < 512; k++) {
-        Cell voxel = cell - 3 + Cell{k & 7, k >> 3 & 7, k >> 6};
-        bool is_inside = true;
-        for (int axis = 0; axis < 3; axis++) is_inside &= 0 <= voxel[axis] && voxel[axis] < size[axis];
+        const Cell voxel = cell - 3 + Cell{k & 7, k >> 3 & 7, k >> 6};
+        const bool is_inside = __builtin_reduce_and(voxel == nearest_inside(voxel, size));
         cube[k] = is_inside ? opacities[least((int64_t)cube[k], opacities.shape[0] - 1)] : 0.0;
     }
     smooth(cube, 8 * 8, along_x), smooth(along_x, 4 * 8, along_y), smooth(along_y, 4 * 4, smoothed);
     for (int k = 0; k < 8; k++) {
-        Cell at = {k & 1, k >> 1 & 1, k >> 2};
-        for (int axis = 0; axis < 3; axis++) {
-            // As beyond the border, where the nearest voxel counts; and one, as the first is before the cell.
-            at[axis] = least(most<int64_t>(cell[axis] + at[axis], 0), size[axis] - 1) - cell[axis] + 1;
-        }
-        const double* here = smoothed + 16 * at.z + 4 * at.y + at.x;
-        for (int axis = 0; axis < 3; axis++)
-            corners[axis][k] = (here[1 << 2 * axis] - here[-(1 << 2 * axis)]) / 2.0;
+        auto [x, y, z] = nearest_inside(cell + Cell{k & 1, k >> 1 & 1, k >> 2}, size) - cell + 1;
+        const double* here = smoothed + 16 * z + 4 * y + x;
+        for (int axis = 0; axis < 3; axis++) corners[axis][k] = (here[1 << 2 * axis] - here[-(1 << 2 * axis)]) / 2.0;
     }
 }
 

@@ -8,28 +8,32 @@
 
 namespace truth {
 
-// As many changes are found along a ray inside one cell. There are far fewer, unless rounding makes them.
+// As many changes are found in a segment. There are far fewer, unless rounding makes them.
 constexpr int64_t MAX_LABEL_CHANGES = 64;
 
-// A place along a ray, the number that wins there, and by how much it exceeds the next one.
-struct LabelPlace {
-    double t, number, lead;
-};
-
-// The voxels that have a part in a cell.
+// The labels along a segment. splits: where another one wins, or another voxel becomes the nearest; num_changes: of the
+// former.
 //
 // numbers: of 4^3 voxels from the one before the cell on, x fastest. first: which of them is the first of its number.
-struct LabelCell {
+struct LabelSegment {
     double numbers[64];
     uint8_t first[64];
+    Point entry, extent;
+    Array<double, 1> splits;
+    int64_t num_splits, num_changes;
 
-    void load(const AnyArray<3>& values, Cell cell);
+    // The number that wins at t along the segment, and by how much its sum exceeds the next one.
+    struct Winner {
+        double t, number, lead;
+    };
 
-    // The winner at entry + extent * t, in cell coordinates.
-    LabelPlace winner_at(Point entry, Point extent, double t) const;
+    // Load the labels of a segment, and find all splits; return how many there are.
+    int64_t load(const AnyArray<3>& values, const Segment& segment, const Array<double, 1>& scratch);
 
-    // Write where along entry + extent * t, in (0, 1), the winner or the nearest voxel changes; return how often.
-    int64_t add_changes(Point entry, Point extent, const Array<double, 1>& splits) const;
+    Winner winner_at(double t) const;
+
+    // Add the places between two others where another label wins to the splits.
+    void find_changes(Winner low, Winner high);
 };
 
 // Write the differences along x, y, z of the smoothed opacity of voxels, at the corners of a cell.

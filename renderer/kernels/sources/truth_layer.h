@@ -73,6 +73,21 @@ inline Cubic clamp_cubic(Cubic f, double low, double high) {
     return {least(most(0.5 * (a + three), low), high), 0.0, 0.0, 0.0};
 }
 
+// The most splits of a cell. A cubic passes a knot at most three times, and so does the cosine of the light. Another
+// voxel becomes the nearest at most three times. Labels pass no knots, but change.
+inline int64_t num_splits_of(const LayerOptics& layer) {
+    return 3 * (layer.intervals.rows.shape[0] + 1) + MAX_LABEL_CHANGES;
+}
+
+inline bool fit(const LayerOptics& layer, const IndexRays& rays, int64_t num_rays) {
+    return rays.parts.shape[0] == num_rays && fit(rays) && fits_macrocells(layer.macrocells, layer.values) &&
+        has_shape(layer.intervals.rows, layer.intervals.knots.shape[0] + 1, 10) &&
+        (!layer.colors.exists || has_shape(layer.colors.value, layer.values.shape[0], layer.values.shape[1],
+                                           layer.values.shape[2], 3)) &&
+        (!layer.label_opacities.exists || layer.label_opacities.value.shape[0] > 0) &&
+        (!layer.shading.exists || layer.shading.value.factors.shape[1] == 3);
+}
+
 inline Cubic combination(Point weights, const Gradient& gradient) {
     return weights.x * gradient.x + weights.y * gradient.y + weights.z * gradient.z;
 }
@@ -99,12 +114,17 @@ struct LayerRay : LayerOptics {
     Cubic channels[4];  // (tau c, tau) of voxels that are colours
     int absent;
     bool is_mixed;
-    LabelCell labels;
+    LabelSegment labels;
     int64_t num_splits, num_taken;
     double taken, length_voxels;
     Piece piece, part;
     double begin, end, reached, done, depth;
     LayerRay* next;
+
+    void prepare(const LayerOptics& optics, const IndexRays& of_layer, const Array<double, 1>& scratch, int64_t first) {
+        (LayerOptics&)*this = optics;
+        rays = &of_layer, splits = scratch, first_interval = first;
+    }
 
     // Take the first piece of a ray.
     void start(int64_t ray) {
@@ -187,18 +207,13 @@ struct LayerRay : LayerOptics {
         if (!is_visible(low, high)) return false;
         num_taken = 0, taken = 0.0, length_voxels = __builtin_sqrt(dot(extent, extent));
         is_mixed = label_opacities.exists && low != high;
-        if (is_mixed) {
-            labels.load(values, cell);
-            num_splits = labels.add_changes(entry, extent, splits);
-        } else {
-            cubic = cubic_in_cell(corners, entry, extent);
-            if (colors.exists) {
-                load_channels(corners);
-                absent = 0, num_splits = 0;  // a voxel without data has channels of 0
-                return true;
-            }
-            num_splits = add_crossings(cubic, intervals.knots, splits, 0);
+        cubic = cubic_in_cell(corners, entry, extent);
+        if (colors.exists) {
+            load_channels(corners);
+            absent = 0, num_splits = 0;  // a voxel without data has channels of 0
+            return true;
         }
+        num_splits = is_mixed ? labels.load(values, segment, splits) : add_crossings(cubic, intervals.knots, splits, 0);
         if (absent != 0) num_splits = add_middles(entry, extent, splits, num_splits);
         if (shading.exists) {
             light.begin = __builtin_convertvector(cell, Point) + entry, light.extent = extent;
@@ -234,10 +249,7 @@ struct LayerRay : LayerOptics {
     // anything.
     INLINE bool take(double from, double to) {
         const auto& knots = intervals.knots;
-        if (is_mixed) {
-            double number = labels.winner_at(segment.entry, segment.extent, 0.5 * (from + to)).number;
-            cubic = {number * intervals.scale, 0.0, 0.0, 0.0};
-        }
+        if (is_mixed) cubic = {labels.winner_at(0.5 * (from + to)).number * intervals.scale, 0.0, 0.0, 0.0};
         int64_t k = num_below(knots, value_at(cubic, 0.5 * (from + to)));
         Interval in = interval(k);
         double base = in.base(), slope = in.slope(), scale = (to - from) * (segment.end - segment.start) * weight;
