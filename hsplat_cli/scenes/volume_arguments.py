@@ -78,7 +78,12 @@ def volume_options() -> Callable[[Any], Any]:
     """Declare --time, --component, --dataset, --spacing, --nodata, and the options of a headerless file."""
     return option_group(
         _keyed("--time", _VOLUME["time"], "N", "Which of several time steps, from 0.  [default: the first]"),
-        _keyed("--component", _VOLUME["component"], "N", "Which of several components, from 0.  [default: the first]"),
+        _keyed(
+            "--component",
+            _VOLUME["component"],
+            "N|color",
+            "Which of several components, from 0; or color.  [default: the first, or colours]",
+        ),
         _keyed("--dataset", _VOLUME["dataset"], "NAME", "Which of HDF5 or netCDF-4.  [default: the only volume]"),
         _keyed(
             "--nodata",

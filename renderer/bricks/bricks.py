@@ -250,10 +250,11 @@ def _measure_voxels(
         if volume.colors is not None:
             x, y, z = cells[part].T
             shown = cells[part][bounds[z, y, x, 1, 0] > 0]
-            kernels().measure_differences(
-                texels=color_texels(pyramid, shown), cells=shown, shape=volume.values.shape,
-                is_opacity=pyramid.measure == "rms", measures=measures,
-            )  # fmt: skip
+            texels = color_texels(pyramid, shown)
+            if pyramid.measure == "rms":
+                depths = texels[..., 3:]
+                texels *= np.divide(-np.expm1(-depths), depths, out=np.ones_like(depths), where=depths > 0)
+            kernels().measure_differences(texels=texels, cells=shown, shape=volume.values.shape, measures=measures)
 
     with ThreadPool(num_threads) as pool:
         pool.map(work, _parts(len(cells)))

@@ -101,11 +101,11 @@ def color_texels(pyramid: Pyramid, cells: Int32) -> Float32:
         means=texels,
     )
     volume.require_unchanged()
-    places = np.arange(PADDED_BRICK_SIZE)
-    for corner, brick in zip(corners[:, ::-1].tolist(), texels, strict=True):
-        nearest = [np.clip(places, -at, num - 1 - at) for at, num in zip(corner, volume.values.shape, strict=True)]
-        if any((near != places).any() for near in nearest):
-            brick[...] = brick[np.ix_(*nearest)]
+    are_cut = ((corners < 0) | (corners + PADDED_BRICK_SIZE > volume.shape_xyz)).any(axis=1)
+    for number in np.flatnonzero(are_cut):
+        ends = zip(corners[number, ::-1], volume.values.shape, strict=True)
+        nearest = [np.clip(np.arange(PADDED_BRICK_SIZE), -at, num - 1 - at) for at, num in ends]
+        texels[number] = texels[number][np.ix_(*nearest)]
     return texels
 
 

@@ -128,6 +128,7 @@ def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | Non
             got=describe_shape(shape),
             expected=f"`time: k` with k from 0 to {shape[0] - 1} if the first axis is time, or "
             f"`component: k` with k from 0 to {shape[-1] - 1} if the last axis holds components",
+            hint="`component: color` draws a last axis of colours" if shape[-1] in (3, 4) else None,
         )
     if not 3 <= num_axes <= 5 or (num_axes == 4 and time is not None and component is not None):
         raise InputError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -40,25 +40,19 @@ def join_colors(first: Image, component: str, read: Callable[[int], Image]) -> t
     for file, part in zip(files, parts, strict=False):  # all or none of them are mapped
         guard_mapping(file, part)
     white = _white_of(parts)
-    colors, scalars = (
-        np.empty((*shape, 3), np.uint8),
-        np.empty(shape, np.uint8 if first.values.dtype.kind != "f" else np.float32),
-    )
+    may_be_absent, is_byte = first.values.dtype.kind == "f", first.values.dtype == np.uint8
+    colors, scalars = np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32 if may_be_absent else np.uint8)
     for z, planes in enumerate(zip(*parts, strict=True)):
         in_bytes = [_in_bytes(plane, white) for plane in planes]
         colors[z] = np.stack(in_bytes[:3], axis=-1)
         scalars[z] = in_bytes[3] if component == "color_alpha" else np.rint(colors[z] @ _WEIGHTS)
-        if scalars.dtype.kind == "f":
+        if may_be_absent:
             scalars[z][~np.isfinite(planes).all(axis=0)] = np.nan
     for file in files:
         file.require_unchanged()
     if not np.isnan(scalars).any():
         scalars = scalars.astype(np.uint8, copy=False)
-    note = (
-        f"colours of {first.values.dtype.name} become 8 bits: {white} is 255"
-        if first.values.dtype != np.uint8
-        else None
-    )
+    note = None if is_byte else f"colours of {first.values.dtype.name} become 8 bits: {white} is 255"
     return replace(first, values=scalars, notes=(*first.notes, note), nodata=()), colors
 
 
@@ -66,20 +60,14 @@ def _white_of(parts: list[Array]) -> int:
     """Return the number that stands for white: the least that no component exceeds."""
     if parts[0].dtype == np.uint8:
         return _WHITE[0]
-    ends = [end for plane in _finite_planes(parts) for end in (plane.min().item(), plane.max().item())]
-    low, high = min(ends, default=0), max(ends, default=0)
+    finite = (plane[np.isfinite(plane)] for part in parts for plane in part)
+    ends = [(plane.min().item(), plane.max().item()) for plane in finite if plane.size] or [(0, 0)]
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
     of_type = (1, *_WHITE) if parts[0].dtype.kind == "f" else _WHITE
     if low < 0 or high > of_type[-1]:
         expected = "whole numbers from 0 to 255 or 65535, or floats that may also be from 0 to 1"
         raise InputError("these components are not colours", got=f"values from {low:g} to {high:g}", expected=expected)
     return next(white for white in of_type if high <= white)
-
-
-def _finite_planes(parts: list[Array]) -> Iterator[Array]:
-    for plane in (plane for part in parts for plane in part):
-        finite = plane[np.isfinite(plane)]
-        if finite.size:
-            yield finite
 
 
 def _in_bytes(plane: Array, white: int) -> Any:

@@ -286,7 +286,8 @@ def choice_notes(
     about = {axis: f" (by {short_text(name)})" for axis, name in by_axis.items()}
     if len(names) == lengths.get("c"):
         about["c"] = f" ({join_some(names)})"
-    hints = {"c": "; `component: color` draws the colours" * (lengths.get("c") in (3, 4))}
+    may_be_colors = lengths.get("c") in (3, 4) and "c" not in by_axis and _may_be_colors(names)
+    hints = {"c": "; `component: color` draws the colours" * may_be_colors}
     return tuple(
         f"{lengths[letter]} {key}s{about.get(letter, '')}; the first is drawn; `{key}: k` chooses another"
         f"{hints.get(letter, '')}"
@@ -319,8 +320,13 @@ def are_colors(dtype: npt.DTypeLike, channels: Sequence[Channel]) -> bool:
     names = [each.name for each in channels]
     if len(names) not in (3, 4) or any(each.is_light for each in channels):
         return False
+    return names[:3] == ["R", "G", "B"] or (np.dtype(dtype) == np.uint8 and _may_be_colors(names))
+
+
+def _may_be_colors(names: Sequence[str]) -> bool:
+    """Return whether names are not those of something else: as of another space of colours, or of several arrays."""
     are_numbered = all(not name or name.endswith(f"[{number}]") for number, name in enumerate(names))
-    return names[:3] == ["R", "G", "B"] or (np.dtype(dtype) == np.uint8 and are_numbered)
+    return are_numbered or list(names[:3]) == ["R", "G", "B"]
 
 
 def fitting_shapes(shape_xyz: tuple[int, ...], itemsize: int, num_bytes: int) -> list[tuple[int, ...]]:

@@ -69,9 +69,8 @@ def _suggest(
     spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], wish: Wish
 ) -> tuple[VolumeSuggestion, VoxelSample]:
     """Return what is suggested for a volume and holds beside another one, too; and a sample of what it shows."""
-    is_open = wish == NO_WISH and spec.component is None
-    volume, statistics = read_with_statistics(replace(spec, component="all") if is_open else spec, read)
-    if is_open or spec.has_colors:
+    volume, statistics = read_with_statistics(spec, read)
+    if wish == NO_WISH or spec.has_colors:
         spec, volume, statistics = read_in_colors(spec, volume, read, statistics)
     found = suggest_read(spec, volume, statistics, wish)
     if statistics.minimum == statistics.maximum:  # a sample needs a range

@@ -135,7 +135,7 @@ def suggest_read(volume: VolumeSpec, found: Volume, statistics: Statistics, wish
     """Suggest how to show a volume that is in memory. Raises as `suggest`."""
     suggestion = (_color_suggestion if volume.has_colors else suggest)(found, statistics, wish)
     if volume.component == "color_alpha" and wish == NO_WISH:
-        reason = "each voxel is as opaque as its alpha says"
+        reason = "of the 4 components the last is alpha, which says how opaque each voxel is"
         suggestion = Suggestion(_COLORS, reason, TransferSpec(_ALPHA_POINTS), (), None)
     if suggestion.transfer.labels is not None:
         suggestion = with_table(suggestion, table_of(volume, found), has_colors=wish.colormap is not None)
@@ -149,7 +149,9 @@ def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Sug
     if wish == NO_WISH and transfer.points:
         white = tuple(replace(point, color=(1.0, 1.0, 1.0)) for point in transfer.points)
         transfer = replace(transfer, mapping=white)
-    return replace(found, kind=_COLORS, reason="opacities go with their luminance", transfer=transfer)
+    reason = f"{len(volume.channels)} components, and opacities go with luminance"
+    shading = found.shading and replace(found.shading, specular=0.0)
+    return replace(found, kind=_COLORS, reason=reason, transfer=transfer, shading=shading)
 
 
 def _channels_suggestion(volume: VolumeSpec, first: Volume, read: Callable[[VolumeSpec], Volume]) -> VolumeSuggestion:

@@ -140,7 +140,8 @@ def test_the_first_of_several_components_is_the_default(tmp_path, suffix):
     write_image(tmp_path / f"a{suffix}", values, has_components=True)
     volume = read(tmp_path / f"a{suffix}")
     np.testing.assert_array_equal(volume.values, values[..., 0])
-    assert volume.note == "3 components; the first is drawn; `component: k` chooses another"
+    hint = "; `component: color` draws the colours"
+    assert volume.note == f"3 components; the first is drawn; `component: k` chooses another{hint}"
     for k in range(3):
         volume = read(tmp_path / f"a{suffix}", component=k)
         assert_usable(volume)
@@ -163,7 +164,8 @@ def test_kinds_of_nrrd_name_colours(tmp_path):
         (tmp_path / "a.nrrd").write_bytes(text.encode() + bytes(range(24)))
         volume = read(tmp_path / "a.nrrd")
         np.testing.assert_array_equal(volume.values.ravel(), np.arange(0, 24, 3))
-        assert volume.note == f"3 components{named}; the first is drawn; `component: k` chooses another"
+        hint = "" if named else "; `component: color` draws the colours"
+        assert volume.note == f"3 components{named}; the first is drawn; `component: k` chooses another{hint}"
 
 
 def test_npy_axes(tmp_path):

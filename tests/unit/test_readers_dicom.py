@@ -45,7 +45,8 @@ def test_colours_are_components(tmp_path):
     save(tmp_path / "a.dcm", dataset)
     first = read(tmp_path / "a.dcm")
     np.testing.assert_array_equal(first.values[0], colours[..., 0])
-    assert first.note == "3 components (R, G, B); the first is drawn; `component: k` chooses another"
+    hint = "; `component: color` draws the colours"
+    assert first.note == f"3 components (R, G, B); the first is drawn; `component: k` chooses another{hint}"
     np.testing.assert_array_equal(read(tmp_path / "a.dcm", component=2).values[0], colours[..., 2])
 
 

@@ -120,7 +120,8 @@ def test_colours_are_components(tmp_path):
     assert second.note is None
     first = read(tmp_path / "a.nii")
     assert not first.values.any()
-    assert first.note == "3 components (R, G, B); the first is drawn; `component: k` chooses another"
+    hint = "; `component: color` draws the colours"
+    assert first.note == f"3 components (R, G, B); the first is drawn; `component: k` chooses another{hint}"
     error = refused(tmp_path / "a.nii", component=3, match="there is no such component")
     assert error.expected == "0 to 2"
 

@@ -39,7 +39,8 @@ def test_folder_of_colours(tmp_path):
     assert read(tmp_path, component=1).values[:, 0, 0].tolist() == [10, 11, 12]
     first = read(tmp_path, (1.0, 1.0, 1.0))
     assert not first.values.any()
-    assert first.note == "3 components (R, G, B); the first is drawn; `component: k` chooses another"
+    hint = "; `component: color` draws the colours"
+    assert first.note == f"3 components (R, G, B); the first is drawn; `component: k` chooses another{hint}"
 
 
 def test_resolutions_differ_along_x_and_y(tmp_path):

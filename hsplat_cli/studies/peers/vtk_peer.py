@@ -111,6 +111,8 @@ def _what_vtk_lacks(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "shading", "it has neither this occlusion nor these shadows"
     if scene.volumes:
         yield "volumes", "it would draw the first alone"
+    if scene.volume.has_colors:
+        yield "volume.component", "it would draw luminance or alpha alone"
     if scene.clip:
         yield "clip", "it would draw all of the volume"
     if mode.type not in _BLENDS:

@@ -22,7 +22,7 @@ def field_of(
     They are the members of Field in kernels.h.
     scalars: of each brick [PADDED_BRICK_SIZE^3]; with shading, the gradients [PADDED_BRICK_SIZE^3, 3] follow.
     means: of each brick [PADDED_BRICK_SIZE^3, 4].
-    offsets: int64 [n], where the texels of the bricks of `brick_view` begin in its atlas; -1 where the layer shows none.
+    offsets: int64 [n], where the texels of the bricks of `brick_view` begin in its atlas; -1 where it shows none.
     has_absent: whether any voxel has no data. is_labels: whether scalars are numbers of labels. has_colors: whether
         voxels are colours: in place of scalars are (tau c, tau) of each.
     lambert: unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.

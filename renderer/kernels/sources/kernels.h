@@ -219,7 +219,6 @@ struct MeasureDifferences {
     Array<const float, 5> texels;
     Array<const int32_t, 2> cells;
     int64_t shape[3];
-    bool is_opacity;
     Array<double, 4> measures;
 };
 KERNEL(measure_differences, MeasureDifferences)

@@ -90,10 +90,15 @@ struct DualCells {
     int64_t nums[3];
 
     template <class Function>
-    INLINE void for_each(Function function) const {
+    INLINE void for_places(Function function) const {
         for (int64_t z = 0; z <= nums[0]; z++)
             for (int64_t y = 0; y <= nums[1]; y++)
-                for (int64_t x = 0; x <= nums[2]; x++) function(z, y, x, Range{low(z, y, x), high(z, y, x)});
+                for (int64_t x = 0; x <= nums[2]; x++) function(z, y, x);
+    }
+
+    template <class Function>
+    INLINE void for_each(Function function) const {
+        for_places([&](int64_t z, int64_t y, int64_t x) { function(z, y, x, Range{low(z, y, x), high(z, y, x)}); });
     }
 
     // The share of a dual cell that lies in the brick.
@@ -104,12 +109,6 @@ struct DualCells {
 
     double size() const { return (double)(nums[0] * nums[1] * nums[2]); }
 };
-
-// The dual cells of a brick at `cell` (x, y, z), of voxels shape[2 - axis] along each axis.
-INLINE DualCells dual_cells(const Cube& low, const Cube& high, const int64_t (&shape)[3], const int32_t* cell) {
-    auto num = [&](int axis) { return least(shape[axis] - BRICK_SIZE * cell[2 - axis], BRICK_SIZE); };
-    return {low.field, high.field, {num(0), num(1), num(2)}};
-}
 
 // Turn scalars at voxel centres, in `low`, into the ranges of dual cells. NaN do not count, as in `range_of`.
 void to_ranges(const DualCells& cells) {
@@ -284,7 +283,9 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
     Curve curve = {table.rows, table.scale};
     for (int64_t i = 0; i < cells.shape[0]; i++) {
         int64_t x = cells(i, 0), y = cells(i, 1), z = cells(i, 2);
-        DualCells of_brick = dual_cells(low, high, voxels.raw.shape, &cells(i, 0));
+        DualCells of_brick = {low.field, high.field, {}};
+        for (int axis = 0; axis < 3; axis++)
+            of_brick.nums[axis] = least(voxels.raw.shape[axis] - BRICK_SIZE * cells(i, 2 - axis), BRICK_SIZE);
         load_brick(voxels, cells[i], voxels.has_absent ? around.field : low.field);
         if (voxels.is_labels) load_brick(voxels, cells[i], around.field);
         bool is_whole = !voxels.has_absent || fill_absent(around.field, low.field);
@@ -313,38 +314,31 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
 
 // Measure J in bricks at cells [n, 3] (x, y, z) of voxels that are colours, where w is linear between voxels: D is 0.
 //
-// texels: (tau c, tau) of their voxels [n, 18, 18, 18, 4]. shape: the volume's, along z, y, x. is_opacity: w is (a c, a).
-// measures: as in `measure_voxel_bricks`.
+// texels: w of their voxels [n, 18, 18, 18, 4]. shape: the volume's, along z, y, x. measures: as above.
 Status measure_differences(const MeasureDifferences* arguments) {
-    const auto& [texels, cells, shape, is_opacity, measures] = *arguments;
-    constexpr int64_t size = PADDED_BRICK_SIZE, num_voxels = size * size * size;
+    const auto& [texels, cells, shape, measures] = *arguments;
+    constexpr int64_t size = PADDED_BRICK_SIZE;
     if (cells.shape[1] != 3 || !has_shape(texels, cells.shape[0], size, size, size, 4) || measures.shape[0] != 3)
         return OUT_OF_BOUNDS;
-    Cube low(size), high(size), squares(size);
-    if (!low || !high || !squares) return NO_MEMORY;
     for (int64_t i = 0; i < cells.shape[0]; i++) {
         int64_t x = cells(i, 0), y = cells(i, 1), z = cells(i, 2);
-        for (int axis = 0; axis < 3; axis++)
-            if (cells(i, axis) < 0 || cells(i, axis) >= measures.shape[3 - axis] ||
-                BRICK_SIZE * cells(i, axis) >= shape[2 - axis])
-                return OUT_OF_BOUNDS;
-        const DualCells of_brick = dual_cells(low, high, shape, &cells(i, 0));
-        const float* channels = &texels(i, 0, 0, 0, 0);
-        for (int64_t k = 0; k < num_voxels; k++) squares[k] = 0;
-        for (int channel = 0; channel < 4; channel++) {
-            for (int64_t k = 0; k < num_voxels; k++) {
-                double tau = channels[4 * k + 3], factor = is_opacity && tau > 0 ? -expm1_of(-tau) / tau : 1;
-                low[k] = factor * channels[4 * k + channel];
-            }
-            to_ranges(of_brick);
-            of_brick.for_each([&](int64_t w, int64_t v, int64_t u, Range range) {
-                squares.field(w, v, u) += squared(DIFFERENCE_ERROR_SHARE * (range.high - range.low));
-            });
+        DualCells of_brick = {};
+        for (int axis = 0; axis < 3; axis++) {
+            int64_t at = cells(i, 2 - axis);
+            if (at < 0 || at >= measures.shape[axis + 1] || BRICK_SIZE * at >= shape[axis]) return OUT_OF_BOUNDS;
+            of_brick.nums[axis] = least(shape[axis] - BRICK_SIZE * at, BRICK_SIZE);
         }
         double largest = 0, total = 0;
-        of_brick.for_each([&](int64_t w, int64_t v, int64_t u, Range) {
-            largest = most(largest, squares.field(w, v, u));
-            total += of_brick.share(w, v, u) * squares.field(w, v, u);
+        of_brick.for_places([&](int64_t w, int64_t v, int64_t u) {
+            using Four = Vector<float, 4>;
+            Four low = in_all<Four>((float)INFINITE), high = -low;
+            for (int k = 0; k < 8; k++) {
+                Four corner = load<Four>(&texels(i, w + (k >> 2), v + (k >> 1 & 1), u + (k & 1), 0), 0);
+                low = min_of(low, corner), high = max_of(high, corner);
+            }
+            double square = squared_length(DIFFERENCE_ERROR_SHARE * __builtin_convertvector(high - low, Channels));
+            largest = most(largest, square);
+            total += of_brick.share(w, v, u) * square;
         });
         measures(0, z, y, x) = __builtin_sqrt(largest);
         measures(2, z, y, x) = __builtin_sqrt(total / of_brick.size());

@@ -80,10 +80,10 @@ inline int64_t num_splits_of(const LayerOptics& layer) {
 }
 
 inline bool fit(const LayerOptics& layer, const IndexRays& rays, int64_t num_rays) {
+    const auto& [depth, height, width] = layer.values.shape;
     return rays.parts.shape[0] == num_rays && fit(rays) && fits_macrocells(layer.macrocells, layer.values) &&
         has_shape(layer.intervals.rows, layer.intervals.knots.shape[0] + 1, 10) &&
-        (!layer.colors.exists || has_shape(layer.colors.value, layer.values.shape[0], layer.values.shape[1],
-                                           layer.values.shape[2], 3)) &&
+        (!layer.colors.exists || has_shape(layer.colors.value, depth, height, width, 3)) &&
         (!layer.label_opacities.exists || layer.label_opacities.value.shape[0] > 0) &&
         (!layer.shading.exists || layer.shading.value.factors.shape[1] == 3);
 }
@@ -210,7 +210,7 @@ struct LayerRay : LayerOptics {
         cubic = cubic_in_cell(corners, entry, extent);
         if (colors.exists) {
             load_channels(corners);
-            absent = 0, num_splits = 0;  // a voxel without data has channels of 0
+            num_splits = absent = 0;  // a voxel without data has no extinction, but no edge
             return true;
         }
         num_splits = is_mixed ? labels.load(values, segment, splits) : add_crossings(cubic, intervals.knots, splits, 0);
