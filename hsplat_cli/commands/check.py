@@ -55,8 +55,9 @@ def check(request: SceneRequest, output: str | None) -> None:
     with translate_os_errors(job.scene.output.file):
         require_own_folder(unfinished_folder(job.scene.output))
     for layer in job.scene.layers:
-        if isinstance(layer.volume.source, FileSource):
-            find_volume(layer.volume.source.file)
+        for volume in (layer.volume, layer.mask and layer.mask.volume):
+            if isinstance(volume, VolumeSpec) and isinstance(volume.source, FileSource):
+                find_volume(volume.source.file)
     rows = [f"  {name:<8} {text}" for name, text in _summary(job.scene, len(job.frames))]
     Reporter().result(join_lines([f"{request.path}: ok", *rows]))
 
@@ -84,6 +85,8 @@ def _volumes(scene: Scene) -> Iterator[tuple[str, str]]:
     for layer in scene.layers:
         name = f"{layer.name}: " * bool(layer.name)
         yield "volume", f"{name}{_source(layer.volume)}{f', weight {layer.weight:g}' * bool(scene.volumes)}"
+        if layer.mask is not None and isinstance(layer.mask.volume, VolumeSpec):
+            yield "mask", f"{name}{_source(layer.mask.volume)}"
     if scene.volumes:
         yield "blend", scene.blend
 

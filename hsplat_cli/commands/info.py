@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +18,7 @@ from hsplat_cli.commands.options import FILE
 from hsplat_cli.scenes import expand_volumes, read_with_options, transfer_lines, volume_options, volume_spec
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError
-from renderer.scene import FileSource, VolumeSpec, counted, load_scene, parse_yaml
+from renderer.scene import FileSource, LayerSpec, VolumeSpec, counted, load_scene, parse_yaml
 from renderer.system import join_lines, printable
 
 if TYPE_CHECKING:
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 _COLUMNS, _ROWS = 64, 8
 # What has a smaller part of the picture than of this, though more of the voxels, is hidden.
 _HIDDEN = 0.01
+# The number of labels that are listed, unless as JSON.
+_MAX_LABELS = 40
 _BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
 
 
@@ -48,7 +52,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     named = [(str(each), volume_spec(each, reading)) for each in inside]
     is_scene = volume.suffix.lower() in (".yaml", ".yml")
     if is_scene:
-        named = [(each.name or f"volumes.{k}", each.volume) for k, each in enumerate(load_scene(volume).layers)]
+        named = [each for k, layer in enumerate(load_scene(volume).layers) for each in _volumes_of(layer, k)]
     if is_scene or len(named) > 1:
         rows = [_row(*each) for each in named]
         table = format_table([list(rows[0]), *(list(map(str, row.values())) for row in rows)])
@@ -59,8 +63,16 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     spec, read, statistics = read_in_colors(spec, first, partial(read_with_options, reporter=Reporter(is_quiet=True)))
     suggestion = suggest_read(spec, read, statistics, Wish()).suggestion
     facts = _facts(read, statistics, suggestion)
-    text_lines = [*_fact_lines(facts, _histogram_marks()), *_suggestion_lines(suggestion)]
+    text_lines = [*_fact_lines(facts, _histogram_marks()), *_suggestion_lines(suggestion, facts)]
     reporter.result(join_lines(json.dumps(facts, indent=2).splitlines() if as_json else text_lines))
+
+
+def _volumes_of(layer: LayerSpec, number: int) -> Iterator[tuple[str, VolumeSpec]]:
+    """Yield the volume of a layer of a scene, and that of its mask, with names."""
+    name = layer.name or f"volumes.{number}"
+    yield name, layer.volume
+    if layer.mask is not None and isinstance(layer.mask.volume, VolumeSpec):
+        yield f"{name}.mask", layer.mask.volume
 
 
 def _row(name: str, volume: VolumeSpec) -> dict[str, str]:
@@ -109,11 +121,22 @@ def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> di
             {"value": outlier.value, "last": outlier.last, "voxels": outlier.num}
             for outlier in statistics.outliers[: len(suggestion.outlier_notes)]
         ],
-        "visible": [asdict(shown) for shown in suggestion.visible],
+        "visible": [] if suggestion.transfer.labels else [asdict(shown) for shown in suggestion.visible],
+        "label_table": _label_table(volume, suggestion) if suggestion.transfer.labels else [],
         "kind": suggestion.kind,
         "reason": suggestion.reason,
         **parse_yaml("\n".join(transfer_lines(suggestion.transfer))).data,
     }
+
+
+def _label_table(volume: Volume, suggestion: Suggestion) -> list[dict[str, Any]]:
+    """Return what is told of each label that is shown; the volume is in world units."""
+    rows = []
+    for shown in suggestion.visible:
+        voxels = round(shown.voxels * volume.values.size)
+        row = {"value": shown.ranges[0][0], "name": shown.name, "voxels": voxels}
+        rows.append(row | {"volume": voxels * volume.voxel_volume, "share": shown.share})
+    return rows
 
 
 def describe_direction(axes: Float64) -> str:
@@ -190,19 +213,36 @@ def _channel(number: int, channel: dict[str, Any]) -> str:
     return " ".join(filter(None, (f"{number}:", printable(channel["name"]), color, window)))
 
 
-def _suggestion_lines(suggestion: Suggestion) -> Iterator[str]:
+def _suggestion_lines(suggestion: Suggestion, facts: dict[str, Any]) -> Iterator[str]:
     from renderer.suggest import format_percent
 
     yield ""
     yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
     yield from (f"               {note}" for note in suggestion.outlier_notes)
-    for k, shown in enumerate(suggestion.visible):
+    if facts["label_table"]:
+        yield from ("", "  labels", *_label_lines(facts["label_table"], math.prod(facts["shape"])))
+    for k, shown in enumerate(() if facts["label_table"] else suggestion.visible):
         voxels, share = (f"{format_percent(part)} of the" for part in (shown.voxels, shown.share))
         values = " and ".join(f"{_number(low)} to {_number(high)}" for low, high in shown.ranges)
         hidden = ", hidden" * (shown.share < _HIDDEN < shown.voxels)
         yield f"{'' if k else '  shows':<14} {shown.name}, {values}: {voxels} voxels, {share} picture{hidden}"
     yield ""
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
+
+
+def _label_lines(table: list[dict[str, Any]], num_voxels: int) -> Iterator[str]:
+    """Yield a line for each label; the largest alone if there are very many."""
+    from renderer.suggest import format_percent
+
+    is_long, is_named = len(table) > _MAX_LABELS, any(label["name"] for label in table)
+    rows = [["label", "name", "voxels", "volume", "picture"]]
+    for label in sorted(table, key=itemgetter("voxels"), reverse=True)[:_MAX_LABELS] if is_long else table:
+        hidden = ", hidden" * (label["share"] < _HIDDEN < label["voxels"] / num_voxels)
+        amounts = [str(label["voxels"]), _number(label["volume"]), f"{format_percent(label['share'])}{hidden}"]
+        rows.append([str(label["value"]), label["name"], *amounts])
+    shown = rows if is_named else [[row[0], *row[2:]] for row in rows]
+    yield from (f"    {line}" for line in format_table(shown, {0, 1 + is_named, 2 + is_named}).split("\n"))
+    yield from [f"    and {len(table) - _MAX_LABELS} more"] * is_long
 
 
 def _histogram_marks() -> str:

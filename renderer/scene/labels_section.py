@@ -10,7 +10,14 @@ from typing import Any, Literal, NamedTuple
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.schema import INVALID, Color, TreeNode
-from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, VolumeSpec, build_volume, file_field
+from renderer.scene.volume_section import (
+    TRANSFORM_FIELD,
+    VOLUME_TABLE,
+    WITHOUT_TRANSFER,
+    VolumeSpec,
+    build_volume,
+    file_field,
+)
 
 # A label by its number or by its name.
 LabelKey = int | str
@@ -168,6 +175,8 @@ _MASK_NAME = schema.text_field("the name of a volume in the list", "no name", st
 def _build_mask(node: TreeNode, given: dict[str, Any]) -> MaskSpec:
     labels = build_labels(node, {key: given.pop(key) for key in _CHOICE if key in given})
     transform = given.pop("transform", None)
+    if given.get("component") in WITHOUT_TRANSFER:
+        node.key("component").reject("no component of labels", expected="a whole number")
     if "name" not in given:
         return MaskSpec(build_volume(node, given), labels, transform)
     name = given.pop("name")

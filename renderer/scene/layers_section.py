@@ -186,7 +186,7 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
         check_shading(place.child("shading"), {**given, "shading": shading})
         check_optics(place, given.get("mode", ModeSpec()), transfer, shading)
         if isinstance(transfer, TransferSpec) and transfer.labels is not None:
-            _check_labels(place, given, shading)
+            _check_labels(place, given, volume, shading)
         elif getattr(volume, "has_colors", False):
             own = (place, shading) if shading is not None else (node, given.get("shading"))
             _check_colors(node, given, f"contradicts component: {volume.component}", own)
@@ -195,7 +195,7 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
             check_colors_given(place.child("transfer_function", section))
 
 
-def _check_labels(node: TreeNode, given: Mapping[str, Any], shading: Any) -> None:
+def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, shading: Any) -> None:
     """Check that what is at `node`, which shows labels, needs no scalars between them."""
     mode, splat = given.get("mode", ModeSpec()), given.get("splat")
     if isinstance(mode, ModeSpec) and mode.type is not INVALID and mode.is_projection:
@@ -203,6 +203,9 @@ def _check_labels(node: TreeNode, given: Mapping[str, Any], shading: Any) -> Non
         node.key("labels").reject(f"contradicts mode: {mode.type}", expected="transfer_function", hint=hint)
     if isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
         node.key("labels").reject("needs footprint: integrated", got=f"footprint: {splat.footprint}", expected="")
+    if getattr(volume, "has_colors", False):
+        hint = "labels are whole numbers: leave it out, or name one component by its number"
+        node.key("labels").reject(f"contradicts component: {volume.component}", expected="", hint=hint)
     if isinstance(shading, ShadingSpec) and isinstance(shading.gradient_opacity, tuple):
         node.child("shading").key("gradient_opacity").reject("contradicts labels", hint="labels have no gradients")
 

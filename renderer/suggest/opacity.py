@@ -26,5 +26,5 @@ def format_number(value: float) -> str:
 
 
 def format_percent(part: float) -> str:
-    """Return a part as a percentage with two digits."""
-    return f"{100 * part:.0f} %" if part >= 0.0995 else f"{100 * part:.2g} %"
+    """Return a part as a percentage with two digits; less than a millionth is nothing."""
+    return f"{100 * part:.0f} %" if part >= 0.0995 else f"{100 * round(part, 6):.2g} %"

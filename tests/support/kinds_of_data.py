@@ -31,7 +31,10 @@ def suggested(values: Array, spacing: float = 1.0, colormap: str | None = None) 
 
 
 def extinction(transfer: TransferSpec, *values: float, spacing: float = 1.0) -> list[float]:
-    """Return the extinction of each value."""
+    """Return the extinction of each value, or label."""
+    if transfer.labels is not None:
+        shown = transfer.labels.values
+        values = tuple(shown.index(each) + 1 if each in shown else 0 for each in values)
     return list(make_transfer_function(transfer, spacing).classify(np.array(values))[1])
 
 
@@ -199,7 +202,7 @@ KINDS: dict[str, tuple[Array, str]] = {
     "labels as float64": (labels().astype(np.float64), "labels"),
     "many labels": (many_labels(), "labels"),
     "mask": ((labels() > 1).astype(np.uint8) * 255, "mask"),
-    "inverted mask": (((labels() < 2) * 1.5).astype(np.float32), "mask"),
+    "inverted mask": (((labels() < 2) * 2).astype(np.float32), "mask"),
     "dark object": (dark_object(), "scan without an absolute scale, dark in a bright background"),
     "phases": (phases(), "two phases"),
     "distance": (distance(), "level set"),

@@ -30,7 +30,6 @@ def picture(values: Array, rasterizer_for: Callable[[Scene], Rasterizer], size: 
         camera=CameraSpec(TurntablePath(4, elevation=20), target="visible"),
         output=OutputSpec(Path("still.png"), (size, size)),
         shading=suggestion.shading,
-        splat=suggestion.splat or PLAIN.splat,
     )
     volume = volume_of(values.astype(np.float32))  # one dtype to compile for
     stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volumes=[volume])

@@ -123,10 +123,13 @@ def test_init_takes_pictures_and_vectors_for_no_channels(tmp_path: Path) -> None
     tifffile.imwrite(tmp_path / "rgb.tif", np.arange(768, dtype=np.uint8).reshape(4, 8, 8, 3), photometric="rgb")
     vectors = np.random.default_rng(1).normal(size=(2, 3, 4, 5, 3)).astype(np.float32)
     np.save(tmp_path / "vectors.npy", vectors)
-    for name, options in (("rgb.tif", []), ("vectors.npy", ["--time", "0"])):
+    for name, options, component, told in (
+        ("rgb.tif", [], "color", "voxels that are colours"),
+        ("vectors.npy", ["--time", "0"], None, "3 components"),
+    ):
         result = hsplat("init", str(tmp_path / name), *options)
-        assert "volume" in yaml.safe_load(result.stdout), name
-        assert "3 components" in result.stderr
+        assert yaml.safe_load(result.stdout)["volume"].get("component") == component, name
+        assert told in result.stderr
 
 
 def test_no_layers_for_each_of_very_many_components(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from hsplat_cli.commands.check import check
 from hsplat_cli.commands.info import describe_direction, info
 from renderer.errors import InputError, SceneError
 from renderer.readers import common
@@ -35,6 +36,10 @@ def facts_of(*arguments: str) -> dict:
 
 def suggestion(output: str) -> dict:
     return yaml.safe_load(output[output.index("transfer_function:") :])["transfer_function"]
+
+
+def labels_of(output: str) -> dict:
+    return yaml.safe_load(output[output.index("\nlabels:") :])["labels"]
 
 
 def test_whole_output(tmp_path):
@@ -70,16 +75,51 @@ EXPECTED = """{path}
 
   looks like   labels: there are 3 values, and 0 is the background
 
-transfer_function:
+  labels
+    label  voxels  volume  picture
+      100       4       4  62 %
+      200       2       2  38 %
+
+labels:
   unit: 0.05
-  points:
-    - {{value: 0, color: "#000000", opacity: 0}}  # the background
-    - {{value: 50, color: "#000000", opacity: 0}}
-    - {{value: 50, color: "#e6784a", opacity: 0.439}}  # label 100
-    - {{value: 150, color: "#e6784a", opacity: 0.439}}
-    - {{value: 150, color: "#4a8fd9", opacity: 0.987}}  # label 200
-    - {{value: 200, color: "#4a8fd9", opacity: 0.987}}
+  show: [100, 200]
+  opacity: 0.987
+  colors:
+    100: "#e6784a"
+    200: "#4a8fd9"
 """
+
+
+def test_labels_are_listed_with_their_amounts(tmp_path):
+    """With the names of a table beside the file."""
+    values = np.zeros((40, 40, 40), np.uint8)
+    values[4:36, 4:36, 4:36], values[10:30, 10:30, 10:30] = 9, 2
+    np.save(tmp_path / "a.npy", values)
+    (tmp_path / "a.txt").write_text("2 a heart\n9 b \x1b[31m\n")
+    volume = str(tmp_path / "a.npy")
+    lines = run(volume, "--spacing", "0.5,0.5,1").splitlines()
+    at = lines.index("  labels")
+    assert lines[at + 1].split() == ["label", "name", "voxels", "volume", "picture"]
+    assert lines[at + 2].split()[:5] == ["2", "a", "heart", "8000", "2000"]
+    assert lines[at + 3].startswith(r"        9  b \x1b[31m   24768    6192  ")
+    assert lines[at + 4] == ""
+    facts = facts_of(volume)
+    assert [tuple(label.values())[:4] for label in facts["label_table"]] == [
+        (2, "a heart", 8000, 8000.0), (9, "b \x1b[31m", 24768, 24768.0),
+    ]  # fmt: skip
+    assert sum(label["share"] for label in facts["label_table"]) == pytest.approx(1)
+    assert facts["visible"] == [] and facts["labels"]["show"] == [2, 9]
+
+
+def test_the_largest_of_many_labels_are_listed(tmp_path):
+    z, y, x = np.indices((40, 40, 40))
+    numbers = np.where((z % 16 >= 8) | (z == 4), 1 + x // 8 + y // 8 * 5 + z // 8 * 25, 0)
+    np.save(tmp_path / "a.npy", numbers.astype(np.int16))
+    table = facts_of(str(tmp_path / "a.npy"))["label_table"]
+    output = run(str(tmp_path / "a.npy")).split("  labels\n")[1].split("\n\n")[0].splitlines()
+    assert len(output) == 42 and output[-1] == f"    and {len(table) - 40} more"
+    told = [int(line.split()[1]) for line in output[1:-1]]
+    assert told == sorted((label["voxels"] for label in table), reverse=True)[:40]
 
 
 @pytest.mark.parametrize(
@@ -189,6 +229,25 @@ def test_a_folder_of_volumes_is_listed(tmp_path):
     assert bad["type"] == "-" and bad["shape"].startswith(f"{tmp_path}/a/b/bad.nrrd: ")
     names = [f"{tmp_path}/{name}" for name in ("again.npy", "a/b/bad.nrrd", "a/b/two.nrrd")]
     assert [line.split()[0] for line in run(str(tmp_path)).splitlines()] == ["volume", *names]
+
+
+def test_masks_of_a_scene_are_listed(tmp_path):
+    np.save(tmp_path / "scan.npy", RAMP.astype(np.int16))
+    np.save(tmp_path / "parts.npy", (RAMP > 30).astype(np.uint8))
+    layers = [
+        {"file": "scan.npy", "name": "a", "color": "red", "range": [0, 9], "mask": {"file": "parts.npy"}},
+        {"file": "parts.npy", "labels": {"show": [1]}},
+    ]
+    tree = {"volumes": layers, "camera": {"path": {"type": "turntable", "frames": 2}}, "output": {"file": "a.mp4"}}
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump({"version": 1, **tree}))
+    rows = json.loads(run(str(tmp_path / "scene.yaml"), "--json"))
+    assert [(row["volume"], row["type"]) for row in rows] == [
+        ("a", "int16"), ("a.mask", "uint8"), ("volumes.1", "uint8"),
+    ]  # fmt: skip
+    told = CliRunner().invoke(check, [str(tmp_path / "scene.yaml")]).stdout
+    assert f"  mask     a: {tmp_path}/parts.npy\n  volume   {tmp_path}/parts.npy, weight 1\n" in told
+    (tmp_path / "parts.npy").write_bytes(b"no volume")
+    assert "parts.npy: this is not a volume" in str(CliRunner().invoke(check, [str(tmp_path / "scene.yaml")]).exception)
 
 
 def test_time_component_and_nodata(tmp_path):

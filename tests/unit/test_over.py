@@ -13,7 +13,17 @@ from renderer.accuracy import compute_truth
 from renderer.errors import SceneError
 from renderer.frame import prepare_stage
 from renderer.layers import placement_notes
-from renderer.scene import FileSource, LayerSpec, Scene, ShadingSpec, TransferSpec, VolumeSpec, parse_scene
+from renderer.scene import (
+    ControlPoint,
+    FileSource,
+    LabelsSpec,
+    LayerSpec,
+    Scene,
+    ShadingSpec,
+    TransferSpec,
+    VolumeSpec,
+    parse_scene,
+)
 from renderer.suggest import VolumeSuggestion, Wish, suggest_over
 from renderer.suggest.opacity_calibration import balance
 from renderer.suggest.over import UPPER_SHARE
@@ -38,8 +48,8 @@ def placed(values: Array, spacing: float, centre: tuple[float, float, float], tu
 
 
 def over(upper: Volume, lower: Volume, wish: Wish | None = None) -> tuple[VolumeSuggestion, VolumeSuggestion]:
-    volumes = {UPPER: upper, LOWER: lower}
-    return suggest_over(UPPER, LOWER, volumes.__getitem__, **({} if wish is None else {"wish": wish}))
+    volumes = {UPPER.source: upper, LOWER.source: lower}
+    return suggest_over(UPPER, LOWER, lambda spec: volumes[spec.source], **({} if wish is None else {"wish": wish}))
 
 
 def exact_share(found: tuple[VolumeSuggestion, VolumeSuggestion], volumes: tuple[Volume, Volume]) -> float:
@@ -47,8 +57,11 @@ def exact_share(found: tuple[VolumeSuggestion, VolumeSuggestion], volumes: tuple
     layers = []
     for each, color in zip(found, ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), strict=True):
         transfer, shading = each.suggestion.transfer, each.suggestion.shading
-        assert isinstance(transfer.mapping, tuple) and shading is not None
-        transfer = replace(transfer, mapping=tuple(replace(point, color=color) for point in transfer.mapping))
+        assert shading is not None
+        look: tuple[ControlPoint, ...] | LabelsSpec = tuple(replace(point, color=color) for point in transfer.points)
+        if (labels := transfer.labels) is not None:
+            look = replace(labels, colors=tuple((value, color) for value in labels.values))
+        transfer = replace(transfer, mapping=look)
         even = ShadingSpec(ambient=1.0, diffuse=0.0, gradient_opacity=shading.gradient_opacity)
         layers.append(LayerSpec(each.volume, transfer, even, each.suggestion.clip, weight=each.weight))
     scene = replace(scene_of(), volumes=tuple(layers))
@@ -125,14 +138,18 @@ def test_colors_are_told_apart() -> None:
     assert not isinstance(wished, tuple) and wished.name == "viridis"
 
 
-def test_labels_keep_their_colors_and_nothing_lies_between_them_and_their_background() -> None:
-    labels = np.zeros((40, 40, 40), np.uint8)
-    labels[8:20, 8:30, 8:30], labels[22:34, 8:30, 8:20], labels[22:34, 8:30, 22:30] = 3, 7, 9
-    labels[1:4, 1:4, 1:4] = 5
-    found = over(placed(labels, 1.0, (0, 0, 0)), placed(noisy(ball((0, 0, 0), 0.9)), 2.0, (0, 0, 0)))[0]
-    assert found.suggestion.is_categorical and found.volume.nodata == (0,)
-    mapping = found.suggestion.transfer.mapping
-    assert isinstance(mapping, tuple) and len({point.color for point in mapping if point.opacity}) == 4
+@pytest.mark.parametrize("is_upper", [True, False])
+def test_labels_keep_their_colors_and_exact_rays_show_them_as_solved(*, is_upper: bool) -> None:
+    values = np.zeros((40, 40, 40), np.uint8)
+    values[8:20, 8:30, 8:30], values[22:34, 8:30, 8:20], values[22:34, 8:30, 22:30] = 3, 7, 9
+    values[1:4, 1:4, 1:4] = 5
+    labels, other = placed(values, 1.0, (0, 0, 0)), placed(noisy(ball((0, 0, 0), 0.9)), 0.5 + is_upper, (0, 0, 0))
+    volumes = (labels, other) if is_upper else (other, labels)
+    found = over(*volumes)
+    chosen = found[not is_upper].suggestion.transfer.labels
+    assert chosen is not None and chosen.values == (3, 5, 7, 9)
+    assert len({style.color for style in chosen.styles}) == 4
+    assert exact_share(found, volumes) == pytest.approx(UPPER_SHARE, abs=0.05)
 
 
 def test_volumes_beside_each_other_keep_their_densities() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,10 +13,11 @@ from renderer.scene import (
     ColormapSpec,
     ControlPoint,
     FileSource,
+    LabelKey,
+    LabelsSpec,
     RawSource,
     Scene,
     ShadingSpec,
-    SplatSpec,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
@@ -107,14 +107,27 @@ def test_a_spacing_and_a_choice_of_voxels_read_back(tmp_path: Path) -> None:
     assert "  spacing: [1e-07, 2e-07, 0.003]  # lengths of a voxel, in place of the file's\n" in text
 
 
-@pytest.mark.parametrize("splat", [None, SplatSpec(footprint="gaussian")])
-def test_labels_are_drawn_by_voxel_where_there_is_room(tmp_path: Path, splat: SplatSpec | None) -> None:
-    (tmp_path / "scan.npy").touch()
-    suggestion = replace(SUGGESTION, is_categorical=True, splat=splat)
-    found = VolumeSuggestion(VolumeSpec(FileSource(tmp_path / "scan.npy")), suggestion, has_absent=False)
-    text, scene = read_back(found, tmp_path)
-    assert "skin of a label" in text
-    assert scene.splat == (splat or SplatSpec(footprint="integrated"))
+@pytest.mark.parametrize("opacity", [1e-9, ((-3, 0.25), (2**53, 1.0), *((value, 0.5) for value in range(60)))])
+def test_labels_read_back(tmp_path: Path, opacity: float | tuple[tuple[LabelKey, float], ...]) -> None:
+    """With any names: alone, and over another volume."""
+    values, named = (-3, *range(60), 2**53), [name for name in NAMES if name.isprintable()]
+    colors = tuple((value, (0.2, (value % 6) / 5, 1.0)) for value in values)
+    labels = LabelsSpec(colors, opacity, values, names=tuple(zip(values, named, strict=False)))
+    suggestion = Suggestion("labels", "a reason", TransferSpec(labels, 0.5), (), ShadingSpec())
+    for name in ("parts.npy", "scan.npy"):
+        (tmp_path / name).touch()
+    parts, scan = (VolumeSpec(FileSource(tmp_path / name)) for name in ("parts.npy", "scan.npy"))
+    found = VolumeSuggestion(parts, suggestion, has_absent=False)
+    under = VolumeSuggestion(scan, SUGGESTION, has_absent=False)
+    for below, place in ((None, 0), (under, 1)):
+        text = scene_text(found, DEFAULT, folder=tmp_path, output=Path("film.mp4"), under=below)
+        (tmp_path / "scene.yaml").write_text(text, "utf-8")
+        layers = load_scene(tmp_path / "scene.yaml").layers
+        assert len(layers) == 1 + place and layers[0].volume == parts
+        read = layers[0].transfer_function
+        assert read.unit == 0.5 and read.labels is not None
+        assert (read.labels.styles, read.labels.values) == (labels.styles, labels.values)
+        assert ("# Which labels are shown" in text) == (below is None)
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

@@ -26,7 +26,7 @@ from kinds_of_data import (
 )
 
 from renderer.readers import common, read_volume
-from renderer.scene import ColormapSpec, FileSource, SplatSpec, VolumeSpec
+from renderer.scene import ColormapSpec, FileSource, LabelsSpec, VolumeSpec, colormap_points
 from renderer.suggest import Wish, compute_statistics, suggest
 from renderer.suggest.recognition import hounsfield_zero
 from renderer.transfer import make_transfer_function
@@ -102,6 +102,10 @@ def test_points_ascend_and_the_background_is_clear(name: str, colormap: str | No
     if isinstance(mapping, ColormapSpec):
         at = [value for value, _ in mapping.opacity]
         assert colormap in (None, mapping.name) and mapping.range[0] < mapping.range[1]
+    elif isinstance(mapping, LabelsSpec):
+        at = [*mapping.values]
+        table = colormap_points(colormap, max(2, len(at))) if colormap else [color for _, color in mapping.colors]
+        assert [style.color for style in mapping.styles] == list(table)[: len(at)]
     else:
         at = [point.value for point in mapping]
         assert colormap is None
@@ -141,21 +145,18 @@ def test_signs_are_alike() -> None:
     assert colors[0][2] > colors[0][0] and colors[2][0] > colors[2][2]
 
 
-def test_splats_are_suggested_for_labels_that_fit_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    volume = volume_of(labels())
-    statistics = compute_statistics(volume.values)
-    in_memory = suggest(volume, statistics)
-    assert in_memory.is_categorical and in_memory.splat == SplatSpec(footprint="gaussian")
-    mask = suggested((labels() > 1).astype(np.uint8))
-    assert not mask.is_categorical and mask.splat is None
-    assert suggested(two_materials("uint8")).splat is None
+def test_labels_that_stay_in_their_file_have_the_same_suggestion(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(common, "_MIN_MAPPED_BYTES", 1)
-    np.save(tmp_path / "labels.npy", labels())
-    in_file = read_volume(VolumeSpec(FileSource(tmp_path / "labels.npy")))
-    assert suggest(in_file, statistics).splat == SplatSpec(footprint="gaussian")
-    monkeypatch.setattr("renderer.suggest.labels._MAX_BYTES_FOR_SPLATS", in_file.values.nbytes - 1)
-    too_large = suggest(in_file, statistics)
-    assert too_large.is_categorical and too_large.splat is None
+    for values in (labels(), (labels() > 1).astype(np.uint8)):
+        np.save(tmp_path / "labels.npy", values)
+        in_file = read_volume(VolumeSpec(FileSource(tmp_path / "labels.npy")))
+        found = suggest(in_file, compute_statistics(in_file.values, in_file.source))
+        assert in_file.source is not None and found == suggested(values)
+        assert found.transfer.labels is not None
+        assert found.transfer.labels.values == tuple(np.unique(values).tolist()[1:])
+    assert suggested(two_materials("uint8")).transfer.labels is None
 
 
 def test_labels_inside_of_each_other_are_all_glass_but_the_innermost() -> None:
@@ -208,9 +209,9 @@ def test_layers_side_by_side_are_labels() -> None:
 def test_every_label_has_a_colour_of_its_own() -> None:
     values = np.zeros((40, 24, 24), np.uint8)
     values[4:36, 4:20, 4:20] = np.repeat([1, 2, 3, 4, 5, 6, 7, 8, 9, 10], [4, 4, 3, 3, 3, 3, 3, 3, 3, 3])[:, None, None]
-    mapping = suggested(values).transfer.mapping
-    assert not isinstance(mapping, ColormapSpec)
-    colors = {point.color for point in mapping if point.opacity > 0}
+    mapping = suggested(values).transfer.labels
+    assert mapping is not None and min(style.opacity for style in mapping.styles) > 0
+    colors = {style.color for style in mapping.styles}
     assert len(colors) == 10 and min(map(min, colors)) > 0.2 and max(map(max, colors)) < 0.95
 
 

@@ -63,9 +63,12 @@ def test_a_word_shows_the_same_of_a_dark_object() -> None:
 
 def test_labels_can_be_wished_for() -> None:
     """Of values that would be taken for a scan."""
-    found = wished(two_materials("uint8"), "labels")
-    assert found.is_categorical
+    values = two_materials("uint8")
+    labels = wished(values, "labels").transfer.labels
+    assert labels is not None and len(labels.values) == len(np.unique(values)) - 1
     with pytest.raises(InputError, match="too many values for labels"):
+        wished(np.arange(48**3).reshape(48, 48, 48), "labels")
+    with pytest.raises(InputError, match="no map of labels"):
         wished(KINDS["signed"][0], "labels")
 
 

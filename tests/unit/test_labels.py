@@ -1,0 +1,182 @@
+"""Labels and masks of a scene: which are shown, how they look, and the numbers by which they are drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from renderer.errors import InputError, SceneError
+from renderer.layers.labels import mask_volume, number_labels
+from renderer.readers import read_volume
+from renderer.scene import FileSource, LabelStyle, Scene, VolumeSpec, parse_scene, scene_to_dict
+from renderer.suggest import resolve_scene
+from renderer.suggest.label_choice import label_colors
+from renderer.volume import Array, Volume
+
+RED, GREEN, BLUE, WHITE, BLACK = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+PRESENT = [-3, 0, 1, 2, 5, 300]
+TABLE = "1 liver 255 0 0 51\n2 kidney 0 255 0 255\n5 kidney 0 0 255 255\n9 lung 9 9 9 255\n"
+AUTO = dict(zip([-3, 1, 2, 5, 300], label_colors(5), strict=True))
+LIVER, RIGHT, LEFT = (
+    LabelStyle(1, "liver", RED, 0.2),
+    LabelStyle(2, "kidney", GREEN, 1.0),
+    LabelStyle(5, "kidney", BLUE, 1.0),
+)
+OTHER, LAST = LabelStyle(-3, "", AUTO[-3], 1.0), LabelStyle(300, "", AUTO[300], 1.0)
+SPLATS, SHELLS = {"footprint": "gaussian"}, {"gradient_opacity": [[0, 0], [1, 1]]}
+POINTS = {"points": [{"value": 0, "color": "red", "opacity": 1}]}
+
+
+@pytest.fixture(autouse=True)
+def files(folder: Path) -> None:
+    """Write a volume of labels with a table beside it, and one without."""
+    save("organs.npy", np.repeat(np.array(PRESENT, np.int16), 9))
+    Path("organs.ctbl").write_text(TABLE)
+    save("bare.npy", np.repeat(np.array([0, 4, 6], np.uint8), 9))
+
+
+def save(name: str, values: Array) -> None:
+    np.save(name, values.reshape(-1, 3, 3) if values.size % 9 == 0 else values.reshape(-1, 1, 1))
+
+
+def read(name: str) -> Volume:
+    return read_volume(VolumeSpec(FileSource(Path(name))))
+
+
+def scene(*layers: dict[str, Any], **sections: Any) -> Scene:
+    """Return a scene of volumes in a list, or of one volume by its sections."""
+    camera, output = {"path": {"type": "turntable", "frames": 2}}, {"file": "a.mp4", "size": [16, 16]}
+    many = {"volumes": list(layers)} if layers else {"volume": {"file": "organs.npy"}}
+    return parse_scene({"version": 1, **many, "camera": camera, "output": output, **sections}, base=Path())
+
+
+CHOICES: dict[str, tuple[dict[str, Any], list[LabelStyle]]] = {
+    "all but 0": ({}, [OTHER, LIVER, RIGHT, LEFT, LAST]),
+    "numbers": ({"show": [300, 5, -3]}, [OTHER, LEFT, LAST]),
+    "a number as text": ({"show": ["5"]}, [LEFT]),
+    "a name of several": ({"show": ["kidney", 2]}, [RIGHT, LEFT]),
+    "hidden": ({"hide": ["kidney", -3]}, [LIVER, LAST]),
+    "shown and hidden": ({"show": ["kidney", 300], "hide": [5]}, [RIGHT, LAST]),
+    "0": ({"show": [0]}, [LabelStyle(0, "", WHITE, 1.0)]),
+    "one that the table alone has": ({"show": [1, "lung"]}, [LIVER]),
+    "an opacity": ({"show": [1, 2], "opacity": 0.4}, [LIVER._replace(opacity=0.4), RIGHT._replace(opacity=0.4)]),
+    "opacities": ({"show": ["kidney"], "opacity": {"kidney": 0.4, 5: 0.0}}, [RIGHT._replace(opacity=0.4)]),
+    "opacities, not the table's": ({"show": [1], "opacity": {300: 0.5}}, [LIVER._replace(opacity=1.0)]),
+    "colours": ({"show": ["kidney", 300], "colors": {"kidney": "white", 5: "black"}},
+                [RIGHT._replace(color=WHITE), LEFT._replace(color=BLACK), LAST]),
+    "auto": ({"show": [2], "colors": "auto"}, [RIGHT._replace(color=AUTO[2])]),
+    "table": ({"show": ["kidney"], "colors": "table"}, [RIGHT, LEFT]),
+    "names": ({"show": ["heart"], "names": {300: "heart", 1: "heart"}},
+              [LIVER._replace(name="heart"), LAST._replace(name="heart")]),
+    "names of a file": ({"show": ["x"], "names": "names.txt"}, [LabelStyle(300, "x", AUTO[300], 1.0)]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CHOICES)
+def test_labels_are_chosen_with_their_looks(case: str) -> None:
+    """What is chosen is written as such: it needs no voxels any more, and reads back."""
+    Path("names.txt").write_text("300 x\n")
+    section, expected = CHOICES[case]
+    found = resolve_scene(scene(labels=section), read_volume)
+    labels = found.transfer_function.labels
+    assert labels is not None
+    assert labels.styles == tuple(style._replace(color=pytest.approx(style.color)) for style in expected)
+    again = parse_scene(scene_to_dict(found), base=Path())
+    assert not any(layer.depends_on_voxels for layer in again.layers)
+    assert resolve_scene(again, pytest.fail) == again == found
+
+
+@pytest.mark.parametrize(
+    ("section", "place", "what", "hint"),
+    [
+        ({"show": [2, 7]}, "labels.show.1", "no such label in the volume", "the nearest is 5"),
+        ({"hide": ["livr"]}, "labels.hide.0", "no such label in the volume", "did you mean liver?"),
+        ({"colors": {"nix": "red"}}, "labels.colors.nix", "no such label in the volume", None),
+        ({"opacity": {-4: 1}}, "labels.opacity.-4", "no such label in the volume", "the nearest is -3"),
+        ({"show": ["lung"]}, "labels", "no label is shown", None),
+        ({"opacity": 0}, "labels", "no label is shown", None),
+        ({"colors": "table"}, "labels.colors", "the table has no such label", None),
+    ],
+)
+def test_labels_that_are_not_there_are_told(section: dict[str, Any], place: str, what: str, hint: str | None) -> None:
+    with pytest.raises(SceneError) as caught:
+        resolve_scene(scene(labels=section), read_volume)
+    (problem,) = caught.value.problems
+    assert (problem.path, problem.what, problem.hint) == (place, what, hint)
+    with pytest.raises(SceneError, match="its labels have no names"):
+        resolve_scene(scene({"file": "bare.npy", "labels": {"show": ["x"]}}), read_volume)
+
+
+def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
+    moved = {"transform": [[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
+    one = {"file": "bare.npy", "color": "red", "range": [0, 9], "mask": {"name": "organs", "hide": ["kidney"]}}
+    two = {"file": "organs.npy", "name": "organs", **moved, "labels": {"show": [2]}}
+    found = resolve_scene(scene(one, two, mask={"file": "bare.npy", "show": [6]}), read_volume)
+    named, shared = (layer.mask for layer in found.layers)
+    assert named is not None and shared is not None
+    assert (named.volume, named.transform, named.labels.values) == (
+        found.volumes[1].volume, found.volumes[1].transform, (-3, 1, 300),
+    )  # fmt: skip
+    assert (shared.volume, shared.labels.values) == (VolumeSpec(FileSource(Path("bare.npy"))), (6,))
+    again = parse_scene(scene_to_dict(found), base=Path())
+    assert [layer.mask for layer in again.layers] == [named, shared]
+    for mask, problem in (({"name": "organ"}, "did you mean organs"), ({"name": "organs", "time": 1}, "contradicts")):
+        with pytest.raises(SceneError, match=rf"volumes\.0\.mask[^:]*: (.|\n)*{problem}"):
+            scene({**one, "mask": mask}, two)
+    with pytest.raises(SceneError, match=r"volumes\.0\.mask\.show\.0: no such label"):
+        resolve_scene(scene({**one, "mask": {"name": "organs", "show": ["nix"]}}, two), read_volume)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (np.where(np.arange(27) == 14, 1.5, 1.0), r"no map of labels\n  got: 1.5 in the voxel \[2, 1, 1\]"),
+        (np.arange(65537, dtype=np.int32), "too many labels\n  expected: at most 65536"),
+    ],
+    ids=["measured", "too many"],
+)
+def test_volumes_that_are_no_labels_are_refused(values: Array, message: str) -> None:
+    save("bare.npy", values)
+    with pytest.raises(InputError, match=message):
+        resolve_scene(scene({"file": "bare.npy", "labels": {}}), read_volume)
+
+
+@pytest.mark.parametrize(
+    ("values", "shown", "numbers", "dtype"),
+    [
+        (np.array([0, 3, 7, 255], np.uint8), (3, 255), [0, 1, 0, 2], "uint8"),
+        (np.array([-32768, -1, 0, 5], np.int16), (-32768, 0), [1, 0, 2, 0], "uint8"),
+        (np.array([2**53, 2**53 - 1, -(2**53), 2**62]), (-(2**53), 2**53), [2, 0, 1, 0], "uint8"),
+        (np.array([np.nan, 1.0, -2.0, 3.0], np.float32), (-2, 1), [0, 2, 1, 0], "uint8"),
+        (np.arange(300, dtype=np.uint16)[::-1], tuple(range(1, 300)), [*range(300)][::-1], "uint16"),
+    ],
+)
+def test_shown_labels_are_numbered(values: Array, shown: tuple[int, ...], numbers: list[int], dtype: str) -> None:
+    save("a.npy", values)
+    volume = read("a.npy")
+    found = number_labels(volume, shown)
+    assert found.values.ravel().tolist() == numbers and found.values.dtype == dtype
+    assert found.is_labels and not found.num_absent and found.fingerprint == volume.fingerprint
+    mask = mask_volume(volume, volume, shown).mask
+    assert mask is not None and mask.values.ravel().tolist() == [min(number, 1) for number in numbers]
+    with pytest.raises(InputError, match=r"no such labels in this volume\n  got: \[-7, 70000\]"):
+        number_labels(volume, sorted((-7, *shown, 70000)))
+
+
+@pytest.mark.parametrize(
+    ("sections", "message"),
+    [
+        ({"transfer_function": POINTS}, "labels: contradicts transfer_function"),
+        ({"mode": "maximum"}, "labels: contradicts mode: maximum"),
+        ({"splat": SPLATS}, "labels: needs footprint: integrated"),
+        ({"shading": SHELLS}, "shading.gradient_opacity: contradicts labels"),
+        ({"volume": {"file": "organs.npy", "component": "color"}}, "labels: contradicts component: color"),
+        ({"mask": {"file": "organs.npy", "component": "all"}}, "mask.component: no component of labels"),
+    ],
+)
+def test_labels_contradict_what_needs_scalars(sections: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=rf"^{message}"):
+        scene(labels={}, **sections)
