@@ -48,6 +48,15 @@ def signed_floats(folder: Path) -> Path:
     return path
 
 
+def colored_ball(folder: Path) -> Path:
+    """Write voxels of red, green, blue and alpha: a ball whose colours and alpha are smooth."""
+    z, y, x = np.meshgrid(*3 * [np.linspace(-1, 1, 20)], indexing="ij")
+    alpha = np.clip(1.5 - 1.6 * np.sqrt(x * x + y * y + z * z), 0, 0.5)
+    path = folder / "colors.npy"
+    np.save(path, np.floor(255 * np.stack([x / 2 + 0.5, y / 2 + 0.5, z / 2 + 0.5, alpha], axis=-1)).astype(np.uint8))
+    return path
+
+
 _ALONE = ("volume=null", "transfer_function=null")
 _ENGINE = "procedural: {name: engine_block, shape: [48, 48, 24], seed: 3}"
 _BLOCK = (
@@ -119,6 +128,7 @@ _CLIP = (
     "{box: [[-9, -9, -9], [24, 24, 99]], fixed: object}, "
     "{plane: {point: [0, 0, 20], normal: [0, 0, 1]}, fixed: camera}]"
 )
+_ATLAS = "volume={procedural: {name: atlas, shape: [40, 40, 30], seed: 5}}"
 _HEAT = "transfer_function={colormap: inferno, range: [0, 80]}"
 _FILM = "transfer_function={colormap: gray_r, range: [0.3, 1]}"
 _COARSE = "error.tolerance=0.8"
@@ -205,5 +215,14 @@ CASES = (
     Case("volumes", "two volumes in grids of their own, mixed", (_DEFAULT, *_ALONE, f"volumes=[{_BLOCK}, {_RINGS}]")),
     Case("volumes_added", "light that adds up, on one grid and on another",
         (_DEFAULT, *_ALONE, f"volumes=[{_CHANNELS}, {_RINGS}]", "blend=add")),
+    Case("labels", "labels between voxels, their colours, and cells larger than voxels",
+        (_DEFAULT, _ATLAS, "transfer_function=null", "labels={colors: {7: red, third: '#30c060'}, names: {3: third},"
+        " opacity: {9: 0.2}, hide: [1, 2]}"), "::6"),
+    Case("labels_lit", "normals of labels, and the faces of those that are cut open", (_DEFAULT, _ATLAS,
+        "transfer_function=null", "labels.opacity=0.9", "shading={light: [1, -1, 1]}", _CLIP)),
+    Case("mask", "a part of a volume, by labels on a grid of their own", (_DEFAULT, "shading={}",
+        "mask={procedural: {name: atlas, shape: [13, 17, 9], spacing: [3.5, 2.7, 2.6]}, hide: [4, 9, 30, 31]}")),
+    Case("colors", "voxels that are colours, as opaque as their alpha", (_DEFAULT, "transfer_function=null",
+        "volume.component=color"), volume=colored_ball),
     Case("attenuation", "an X-ray picture", (_DEFAULT, "mode={type: attenuation, scale: 0.0005, zero: 20}", _FILM)),
 )  # fmt: skip
