@@ -19,15 +19,10 @@ from renderer.volume import Array, Volume
 RED, GREEN, BLUE, WHITE, BLACK = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 PRESENT = [-3, 0, 1, 2, 5, 300]
 TABLE = "1 liver 255 0 0 51\n2 kidney 0 255 0 255\n5 kidney 0 0 255 255\n9 lung 9 9 9 255\n"
+KIDNEYS = ((2, "kidney", GREEN), (5, "kidney", BLUE))
 AUTO = dict(zip([-3, 1, 2, 5, 300], label_colors(5), strict=True))
-LIVER, RIGHT, LEFT = (
-    LabelStyle(1, "liver", RED, 0.2),
-    LabelStyle(2, "kidney", GREEN, 1.0),
-    LabelStyle(5, "kidney", BLUE, 1.0),
-)
+LIVER, RIGHT, LEFT = (LabelStyle(1, "liver", RED, 0.2), *(LabelStyle(*each, 1.0) for each in KIDNEYS))
 OTHER, LAST = LabelStyle(-3, "", AUTO[-3], 1.0), LabelStyle(300, "", AUTO[300], 1.0)
-SPLATS, SHELLS = {"footprint": "gaussian"}, {"gradient_opacity": [[0, 0], [1, 1]]}
-POINTS = {"points": [{"value": 0, "color": "red", "opacity": 1}]}
 
 
 @pytest.fixture(autouse=True)
@@ -130,18 +125,13 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
         resolve_scene(scene({**one, "mask": {"name": "organs", "show": ["nix"]}}, two), read_volume)
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        (np.where(np.arange(27) == 14, 1.5, 1.0), r"no map of labels\n  got: 1.5 in the voxel \[2, 1, 1\]"),
-        (np.arange(65537, dtype=np.int32), "too many labels\n  expected: at most 65536"),
-    ],
-    ids=["measured", "too many"],
-)
-def test_volumes_that_are_no_labels_are_refused(values: Array, message: str) -> None:
-    save("bare.npy", values)
-    with pytest.raises(InputError, match=message):
+def test_volumes_that_are_no_labels_are_refused() -> None:
+    save("bare.npy", np.where(np.arange(27) == 14, 1.5, 1.0))
+    save("organs.npy", np.arange(65537, dtype=np.int32))
+    with pytest.raises(InputError, match=r"no map of labels\n  got: 1.5 in the voxel \[2, 1, 1\]"):
         resolve_scene(scene({"file": "bare.npy", "labels": {}}), read_volume)
+    with pytest.raises(InputError, match="too many labels\n  expected: at most 65536"):
+        resolve_scene(scene(labels={}), read_volume)
 
 
 @pytest.mark.parametrize(
@@ -169,10 +159,10 @@ def test_shown_labels_are_numbered(values: Array, shown: tuple[int, ...], number
 @pytest.mark.parametrize(
     ("sections", "message"),
     [
-        ({"transfer_function": POINTS}, "labels: contradicts transfer_function"),
+        ({"transfer_function": {"import": "ct-bone"}}, "labels: contradicts transfer_function"),
         ({"mode": "maximum"}, "labels: contradicts mode: maximum"),
-        ({"splat": SPLATS}, "labels: needs footprint: integrated"),
-        ({"shading": SHELLS}, "shading.gradient_opacity: contradicts labels"),
+        ({"splat": {"footprint": "gaussian"}}, "labels: needs footprint: integrated"),
+        ({"shading": {"gradient_opacity": [[0, 0], [1, 1]]}}, "shading.gradient_opacity: contradicts labels"),
         ({"volume": {"file": "organs.npy", "component": "color"}}, "labels: contradicts component: color"),
         ({"mask": {"file": "organs.npy", "component": "all"}}, "mask.component: no component of labels"),
     ],
