@@ -14,7 +14,7 @@ from renderer.readers import read_volume
 from renderer.scene import FileSource, LabelStyle, Scene, VolumeSpec, parse_scene, scene_to_dict
 from renderer.suggest import resolve_scene
 from renderer.suggest.label_choice import label_colors
-from renderer.volume import Array, Volume
+from renderer.volume import Array
 
 RED, GREEN, BLUE, WHITE, BLACK = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 PRESENT = [-3, 0, 1, 2, 5, 300]
@@ -35,10 +35,6 @@ def files(folder: Path) -> None:
 
 def save(name: str, values: Array) -> None:
     np.save(name, values.reshape(-1, 3, 3) if values.size % 9 == 0 else values.reshape(-1, 1, 1))
-
-
-def read(name: str) -> Volume:
-    return read_volume(VolumeSpec(FileSource(Path(name))))
 
 
 def scene(*layers: dict[str, Any], **sections: Any) -> Scene:
@@ -112,9 +108,8 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
     found = resolve_scene(scene(one, two, mask={"file": "bare.npy", "show": [6]}), read_volume)
     named, shared = (layer.mask for layer in found.layers)
     assert named is not None and shared is not None
-    assert (named.volume, named.transform, named.labels.values) == (
-        found.volumes[1].volume, found.volumes[1].transform, (-3, 1, 300),
-    )  # fmt: skip
+    organs = found.volumes[1]
+    assert (named.volume, named.transform, named.labels.values) == (organs.volume, organs.transform, (-3, 1, 300))
     assert (shared.volume, shared.labels.values) == (VolumeSpec(FileSource(Path("bare.npy"))), (6,))
     again = parse_scene(scene_to_dict(found), base=Path())
     assert [layer.mask for layer in again.layers] == [named, shared]
@@ -146,7 +141,7 @@ def test_volumes_that_are_no_labels_are_refused() -> None:
 )
 def test_shown_labels_are_numbered(values: Array, shown: tuple[int, ...], numbers: list[int], dtype: str) -> None:
     save("a.npy", values)
-    volume = read("a.npy")
+    volume = read_volume(VolumeSpec(FileSource(Path("a.npy"))))
     found = number_labels(volume, shown)
     assert found.values.ravel().tolist() == numbers and found.values.dtype == dtype
     assert found.is_labels and not found.num_absent and found.fingerprint == volume.fingerprint
