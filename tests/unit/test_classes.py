@@ -66,6 +66,7 @@ def test_lab_of_known_colours() -> None:
 
 
 def test_labels_are_seen_on_black() -> None:
-    mapping = suggested(KINDS["many labels"][0]).transfer.mapping
-    colors = np.array([point.color for point in mapping if point.opacity > 0])
+    labels = suggested(KINDS["many labels"][0]).transfer.labels
+    assert labels is not None
+    colors = np.array([style.color for style in labels.styles if style.opacity > 0])
     assert len(np.unique(colors, axis=0)) == 64 and to_lab(colors)[:, 0].min() > 40

@@ -14,20 +14,15 @@ from renderer.readers import read_volume
 from renderer.scene import FileSource, LabelStyle, Scene, VolumeSpec, parse_scene, scene_to_dict
 from renderer.suggest import resolve_scene
 from renderer.suggest.label_choice import label_colors
-from renderer.volume import Array, Volume
+from renderer.volume import Array
 
 RED, GREEN, BLUE, WHITE, BLACK = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 PRESENT = [-3, 0, 1, 2, 5, 300]
 TABLE = "1 liver 255 0 0 51\n2 kidney 0 255 0 255\n5 kidney 0 0 255 255\n9 lung 9 9 9 255\n"
+KIDNEYS = ((2, "kidney", GREEN), (5, "kidney", BLUE))
 AUTO = dict(zip([-3, 1, 2, 5, 300], label_colors(5), strict=True))
-LIVER, RIGHT, LEFT = (
-    LabelStyle(1, "liver", RED, 0.2),
-    LabelStyle(2, "kidney", GREEN, 1.0),
-    LabelStyle(5, "kidney", BLUE, 1.0),
-)
+LIVER, RIGHT, LEFT = (LabelStyle(1, "liver", RED, 0.2), *(LabelStyle(*each, 1.0) for each in KIDNEYS))
 OTHER, LAST = LabelStyle(-3, "", AUTO[-3], 1.0), LabelStyle(300, "", AUTO[300], 1.0)
-SPLATS, SHELLS = {"footprint": "gaussian"}, {"gradient_opacity": [[0, 0], [1, 1]]}
-POINTS = {"points": [{"value": 0, "color": "red", "opacity": 1}]}
 
 
 @pytest.fixture(autouse=True)
@@ -40,10 +35,6 @@ def files(folder: Path) -> None:
 
 def save(name: str, values: Array) -> None:
     np.save(name, values.reshape(-1, 3, 3) if values.size % 9 == 0 else values.reshape(-1, 1, 1))
-
-
-def read(name: str) -> Volume:
-    return read_volume(VolumeSpec(FileSource(Path(name))))
 
 
 def scene(*layers: dict[str, Any], **sections: Any) -> Scene:
@@ -117,9 +108,8 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
     found = resolve_scene(scene(one, two, mask={"file": "bare.npy", "show": [6]}), read_volume)
     named, shared = (layer.mask for layer in found.layers)
     assert named is not None and shared is not None
-    assert (named.volume, named.transform, named.labels.values) == (
-        found.volumes[1].volume, found.volumes[1].transform, (-3, 1, 300),
-    )  # fmt: skip
+    organs = found.volumes[1]
+    assert (named.volume, named.transform, named.labels.values) == (organs.volume, organs.transform, (-3, 1, 300))
     assert (shared.volume, shared.labels.values) == (VolumeSpec(FileSource(Path("bare.npy"))), (6,))
     again = parse_scene(scene_to_dict(found), base=Path())
     assert [layer.mask for layer in again.layers] == [named, shared]
@@ -130,18 +120,13 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
         resolve_scene(scene({**one, "mask": {"name": "organs", "show": ["nix"]}}, two), read_volume)
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        (np.where(np.arange(27) == 14, 1.5, 1.0), r"no map of labels\n  got: 1.5 in the voxel \[2, 1, 1\]"),
-        (np.arange(65537, dtype=np.int32), "too many labels\n  expected: at most 65536"),
-    ],
-    ids=["measured", "too many"],
-)
-def test_volumes_that_are_no_labels_are_refused(values: Array, message: str) -> None:
-    save("bare.npy", values)
-    with pytest.raises(InputError, match=message):
+def test_volumes_that_are_no_labels_are_refused() -> None:
+    save("bare.npy", np.where(np.arange(27) == 14, 1.5, 1.0))
+    save("organs.npy", np.arange(65537, dtype=np.int32))
+    with pytest.raises(InputError, match=r"no map of labels\n  got: 1.5 in the voxel \[2, 1, 1\]"):
         resolve_scene(scene({"file": "bare.npy", "labels": {}}), read_volume)
+    with pytest.raises(InputError, match="too many labels\n  expected: at most 65536"):
+        resolve_scene(scene(labels={}), read_volume)
 
 
 @pytest.mark.parametrize(
@@ -156,7 +141,7 @@ def test_volumes_that_are_no_labels_are_refused(values: Array, message: str) -> 
 )
 def test_shown_labels_are_numbered(values: Array, shown: tuple[int, ...], numbers: list[int], dtype: str) -> None:
     save("a.npy", values)
-    volume = read("a.npy")
+    volume = read_volume(VolumeSpec(FileSource(Path("a.npy"))))
     found = number_labels(volume, shown)
     assert found.values.ravel().tolist() == numbers and found.values.dtype == dtype
     assert found.is_labels and not found.num_absent and found.fingerprint == volume.fingerprint
@@ -169,10 +154,10 @@ def test_shown_labels_are_numbered(values: Array, shown: tuple[int, ...], number
 @pytest.mark.parametrize(
     ("sections", "message"),
     [
-        ({"transfer_function": POINTS}, "labels: contradicts transfer_function"),
+        ({"transfer_function": {"import": "ct-bone"}}, "labels: contradicts transfer_function"),
         ({"mode": "maximum"}, "labels: contradicts mode: maximum"),
-        ({"splat": SPLATS}, "labels: needs footprint: integrated"),
-        ({"shading": SHELLS}, "shading.gradient_opacity: contradicts labels"),
+        ({"splat": {"footprint": "gaussian"}}, "labels: needs footprint: integrated"),
+        ({"shading": {"gradient_opacity": [[0, 0], [1, 1]]}}, "shading.gradient_opacity: contradicts labels"),
         ({"volume": {"file": "organs.npy", "component": "color"}}, "labels: contradicts component: color"),
         ({"mask": {"file": "organs.npy", "component": "all"}}, "mask.component: no component of labels"),
     ],
