@@ -55,7 +55,7 @@ def drawn(
     field = {
         "scalars": np.append(bricks, np.zeros(2, np.float32)), "means": np.empty(0, np.float32),
         "texel_offsets": offsets, "pieces": pieces, "weight": 1.0, "has_absent": False, "is_lit": False,
-        "has_colors": False, "lambert": (0.0,) * 5, "light": light,
+        "has_colors": False, "is_labels": False, "mask": None, "lambert": (0.0,) * 5, "light": light,
     }  # fmt: skip
     of_layer = {
         "rays": _RAYS, "spacings_per_model_unit": scale, "boxes": boxes, "is_mean": np.zeros(num_bricks, np.bool_),
