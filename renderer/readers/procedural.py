@@ -106,22 +106,25 @@ def _atlas(source: ProceduralSource) -> Array:
 
     The places depend on the seed. Between labels is a gap, so that each has a surface.
     """
-    places = _random_bytes(source.seed, 0, 16 * 3 * _NUM_LABELS).astype(np.float64).reshape(-1, 3) / 127.5 - 1
-    places = places[(places**2).sum(axis=1) < (_BALL - 0.05) ** 2][:_NUM_LABELS]
+    places = _places_in_ball(source.seed)
     x, y, z = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in source.shape)
     values = np.zeros(source.shape[::-1], np.uint8)
     for rows in _row_blocks(source):
         for plane, z_plane in zip(values[:, rows], z, strict=True):
-            across = x**2 + (y[rows, np.newaxis] ** 2 + z_plane**2)
             nearest, second = np.full(plane.shape, np.inf), np.full(plane.shape, np.inf)
-            for label, (at_x, at_y, at_z) in enumerate(places.tolist(), 1):
+            for label, (at_x, at_y, at_z) in enumerate(places, 1):
                 distance = (x - at_x) ** 2 + ((y[rows, np.newaxis] - at_y) ** 2 + (z_plane - at_z) ** 2)
-                is_nearer = distance < nearest
+                plane[distance < nearest] = label
                 np.minimum(second, np.maximum(distance, nearest), out=second)
                 np.minimum(nearest, distance, out=nearest)
-                plane[is_nearer] = label
-            plane[(across > _BALL**2) | (np.sqrt(second) - np.sqrt(nearest) < 2 * _GAP)] = 0
+            plane[np.sqrt(second) - np.sqrt(nearest) < 2 * _GAP] = 0
+            plane[x**2 + (y[rows, np.newaxis] ** 2 + z_plane**2) > _BALL**2] = 0
     return values
+
+
+def _places_in_ball(seed: int) -> Array:
+    places = _random_bytes(seed, 0, 4 * 3 * _NUM_LABELS).astype(np.float64).reshape(-1, 3) / 127.5 - 1
+    return np.array(places[(places**2).sum(axis=1) < _BALL**2][:_NUM_LABELS])
 
 
 def _row_blocks(source: ProceduralSource) -> list[slice]:

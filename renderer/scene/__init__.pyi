@@ -43,6 +43,7 @@ from .input_file import (
 )
 from .json_tree import is_shallow as is_shallow, load_json_object as load_json_object
 from .labels_section import (
+    MAX_LABEL as MAX_LABEL,
     MAX_LABELS as MAX_LABELS,
     LabelKey as LabelKey,
     LabelsSpec as LabelsSpec,

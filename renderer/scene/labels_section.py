@@ -23,7 +23,7 @@ from renderer.scene.volume_section import (
 LabelKey = int | str
 MAX_LABELS = 2**16
 # Integers of this size are exact in float64, in which labels are compared.
-_MAX_LABEL = 2**53
+MAX_LABEL = 2**53
 _MAX_NAME_LENGTH = 200
 
 
@@ -90,7 +90,7 @@ def _label_key(value: object) -> LabelKey | None:
         is_number = digits.isdecimal() and digits.isascii() and len(digits) < 20
         return int(value) if is_number else value.strip()[:_MAX_NAME_LENGTH] or None
     number = schema.parse_whole_number(value)
-    return number if number is not None and abs(number) <= _MAX_LABEL else None
+    return number if number is not None and abs(number) <= MAX_LABEL else None
 
 
 def _parse_label(node: TreeNode) -> Any:

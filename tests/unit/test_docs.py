@@ -114,10 +114,9 @@ def test_goldens_were_measured_with_the_limits_of_every_level(level: str) -> Non
 def test_every_key_of_an_example_is_in_the_list_of_keys(config: Path, tmp_path: Path) -> None:
     listed = set(re.findall(r"(\w+):", _scene_in("docs/scene.md")))
     (tmp_path / "volume").mkdir()
-    files = {"volume": tmp_path / "volume"}
-    if config.stem in ("cell", "heads"):
-        files = {"overrides": [f"volumes.{k}.file={tmp_path / 'volume'}" for k in range(2) if config.stem == "heads"]}
-    scene = load_scene(config, **files)
+    text, volume = config.read_text("utf-8"), tmp_path / "volume"
+    overrides = [f"volumes.{k}.file={volume}" for k in range(text.count("\n    file: "))]
+    scene = load_scene(config, overrides=overrides, volume=volume if "\nvolume:\n  file:" in text else None)
 
     def keys(tree: object) -> set[str]:
         if isinstance(tree, dict):

@@ -15,11 +15,13 @@ from renderer.pyramid import build_pyramid
 from renderer.scene import (
     CameraPath,
     CameraSpec,
+    ControlPoint,
     ErrorSpec,
     KeyframePath,
     PyramidSpec,
     RockerPath,
     SplatSpec,
+    TransferSpec,
     TurntablePath,
     Vector,
 )
@@ -172,8 +174,9 @@ def test_footprints_are_framed_alike() -> None:
 @pytest.mark.parametrize("num", [2, 3, 6, 12])
 def test_splats_of_a_small_volume_are_whole_in_the_frame(num: int) -> None:
     labels = np.random.default_rng(0).integers(1, 4, (num, num, num)).astype(np.uint8)
+    points = ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0), ControlPoint(3.0, (1.0, 1.0, 1.0), 0.9)
     scene = renderer.suggest_scene(labels, size=(48, 48))
-    assert scene.splat.footprint == "gaussian"
+    scene = replace(scene, transfer_function=TransferSpec(points), splat=SplatSpec("gaussian"), shading=None)
     alpha = np.asarray(renderer.render_frame(scene, 10))[..., :3].max(axis=2)  # on black
     rim = np.concatenate([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]])
     assert rim.max() == 0 and alpha.max() > 100

@@ -47,12 +47,15 @@ def test_info_of_extreme_values(tmp_path: Path, case: int) -> None:
     scene = {
         "version": 1,
         "volume": {"file": "a.npy"},
-        "transfer_function": facts["transfer_function"],
+        **{key: facts[key] for key in ("transfer_function", "labels") if key in facts},
         "camera": {"path": {"type": "turntable", "frames": 1}},
         "output": {"file": "a.mp4"},
     }
-    by = make_transfer_function(parse_scene(scene, base=tmp_path).transfer_function, 1.0)
-    assert by.classify(values)[1].max() > 0
+    transfer = parse_scene(scene, base=tmp_path).transfer_function
+    if transfer.labels is not None:
+        assert {*transfer.labels.values} <= {*values.ravel().tolist()}
+    else:
+        assert make_transfer_function(transfer, 1.0).classify(values)[1].max() > 0
 
 
 @pytest.mark.parametrize(("low", "high"), [(2**60, 2**60 + 255), (-(2**62), -(2**62) + 1), (2**53, 2**53 + 2**15)])
