@@ -123,7 +123,7 @@ def _atlas(source: ProceduralSource) -> Array:
 
 
 def _places_in_ball(seed: int) -> Array:
-    places = _random_bytes(seed, 0, 4 * 3 * _NUM_LABELS).astype(np.float64).reshape(-1, 3) / 127.5 - 1
+    places = _random_bytes(seed, 0, 3 * 3 * _NUM_LABELS).astype(np.float64).reshape(-1, 3) / 127.5 - 1
     return np.array(places[(places**2).sum(axis=1) < _BALL**2][:_NUM_LABELS])
 
 

@@ -14,7 +14,7 @@ from brickwork import transfer_of
 from ray_integrals import look, volume
 from small_scene import small_tree
 
-from renderer.accuracy import FrameProber
+from renderer.accuracy import FrameProber, ScalarRange
 from renderer.accuracy.visibility import visible_ranges
 from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames, view_of
@@ -156,7 +156,8 @@ def test_projections_have_no_visibility() -> None:
         assert FrameProber(stage, 32).probe(3, np.zeros((30, 40, 3), np.uint8)).visible == ()
 
 
-RANGES = [range_record(-np.inf, 50.0, 0.5), range_record(50.0, 180.0, 0.1), range_record(180.0, np.inf, 0.5)]
+ENDS = ((-np.inf, 50.0, 0.5), (50.0, 180.0, 0.1), (180.0, np.inf, 0.5))
+RANGES = [range_record(ScalarRange(low, high, opacity, 0)) for low, high, opacity in ENDS]
 
 
 def frames_of(*visible: tuple[float, ...]) -> list[FrameRecord]:

@@ -221,7 +221,7 @@ CASES = (
     Case("labels_lit", "normals of labels, and the faces of those that are cut open", (_DEFAULT, _ATLAS,
         "transfer_function=null", "labels.opacity=0.9", "shading={light: [1, -1, 1]}", _CLIP)),
     Case("mask", "a part of a volume, by labels on a grid of their own", (_DEFAULT, "shading={}",
-        "mask={procedural: {name: atlas, shape: [13, 17, 9], spacing: [3.5, 2.7, 2.6]}, hide: [4, 9, 30, 31]}")),
+        "mask={procedural: {name: atlas, shape: [13, 17, 9], spacing: [3.5, 2.7, 2.6]}, hide: [3, 8, 20, 21]}")),
     Case("colors", "voxels that are colours, as opaque as their alpha", (_DEFAULT, "transfer_function=null",
         "volume.component=color"), volume=colored_ball),
     Case("attenuation", "an X-ray picture", (_DEFAULT, "mode={type: attenuation, scale: 0.0005, zero: 20}", _FILM)),
