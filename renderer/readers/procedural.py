@@ -107,24 +107,24 @@ def _atlas(source: ProceduralSource) -> Array:
     The places depend on the seed. Between labels is a gap, so that each has a surface.
     """
     places = _places_in_ball(source.seed)
-    x, y, z = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in source.shape)
+    x, y, z = (np.linspace(-1.0, 1.0, n, dtype=np.float32) if n > 1 else np.zeros(1, np.float32) for n in source.shape)
     values = np.zeros(source.shape[::-1], np.uint8)
     for rows in _row_blocks(source):
         for plane, z_plane in zip(values[:, rows], z, strict=True):
-            nearest, second = np.full(plane.shape, np.inf), np.full(plane.shape, np.inf)
+            nearest = second = np.full(plane.shape, np.float32(np.inf))
             for label, (at_x, at_y, at_z) in enumerate(places, 1):
                 distance = (x - at_x) ** 2 + ((y[rows, np.newaxis] - at_y) ** 2 + (z_plane - at_z) ** 2)
                 plane[distance < nearest] = label
-                np.minimum(second, np.maximum(distance, nearest), out=second)
-                np.minimum(nearest, distance, out=nearest)
-            plane[np.sqrt(second) - np.sqrt(nearest) < 2 * _GAP] = 0
-            plane[x**2 + (y[rows, np.newaxis] ** 2 + z_plane**2) > _BALL**2] = 0
+                second = np.clip(distance, nearest, second)
+                nearest = np.minimum(nearest, distance)
+            is_between = np.sqrt(second) - np.sqrt(nearest) < 2 * _GAP
+            plane[is_between | (x**2 + (y[rows, np.newaxis] ** 2 + z_plane**2) > _BALL**2)] = 0
     return values
 
 
 def _places_in_ball(seed: int) -> Array:
     places = _random_bytes(seed, 0, 3 * 3 * _NUM_LABELS).astype(np.float64).reshape(-1, 3) / 127.5 - 1
-    return np.array(places[(places**2).sum(axis=1) < _BALL**2][:_NUM_LABELS])
+    return np.asarray(places[(places**2).sum(axis=1) < _BALL**2][:_NUM_LABELS], np.float32)
 
 
 def _row_blocks(source: ProceduralSource) -> list[slice]:
