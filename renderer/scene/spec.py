@@ -173,7 +173,11 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     return scene
 
 
-_SECTIONS = schema.field_table(Scene) | {"labels": LABELS_FIELD}
+_TABLE = schema.field_table(Scene)
+_SECTIONS: schema.FieldTable = {
+    **{key: _TABLE[key] for key in ("volume", "transfer_function")},
+    "labels": LABELS_FIELD,
+} | _TABLE
 _OF_ONE_VOLUME = ("volume", "transfer_function")
 
 # Keys that users put at the top level, and where they belong, or what they are called now.
@@ -226,7 +230,7 @@ def spec_to_dict(value: Any) -> dict[str, Any]:
 
 
 def _of_scene(scene: Scene, plain: dict[str, Any]) -> dict[str, Any]:
-    left_out = _OF_ONE_VOLUME if scene.volumes else ("volumes", "blend")
+    left_out = (*_OF_ONE_VOLUME, "labels") if scene.volumes else ("volumes", "blend")
     return {key: item for key, item in _with_look(scene, plain).items() if key not in left_out}
 
 
@@ -238,10 +242,11 @@ def _of_layer(layer: LayerSpec, plain: dict[str, Any]) -> dict[str, Any]:
 
 def _with_look(value: Scene | LayerSpec, plain: dict[str, Any]) -> dict[str, Any]:
     """Return plain data with the key that says how a volume looks."""
-    look = plain.pop("transfer_function", None)
-    if look is None or value.transfer_function == OF_CHANNELS:
-        return plain
-    return {**plain, "transfer_function" if value.transfer_function.labels is None else "labels": look}
+    if value.transfer_function == OF_CHANNELS:
+        return {key: item for key, item in plain.items() if key != "transfer_function"}
+    if value.transfer_function.labels is not None:
+        return {"labels" if key == "transfer_function" else key: item for key, item in plain.items()}
+    return plain
 
 
 def _of_mask(mask: MaskSpec, plain: dict[str, Any]) -> dict[str, Any]:

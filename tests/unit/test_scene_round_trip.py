@@ -143,6 +143,13 @@ SCENES = {
         mask=MaskSpec(VolumeSpec(FileSource(HERE)), transform=LAYERS[0].transform),
         output=OutputSpec(Path("a.mp4")),
     ),
+    "labels in a list": Scene(
+        volume=LAYERS[1].volume,
+        transfer_function=TransferSpec(LabelsSpec("table", 0.5)),
+        camera=CameraSpec(TurntablePath(9)),
+        volumes=(LayerSpec(LAYERS[1].volume, TransferSpec(LabelsSpec("table", 0.5))), LAYERS[0]),
+        output=OutputSpec(Path("a.mp4")),
+    ),
     "time budget": Scene(
         volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
         transfer_function=TransferSpec(POINTS),
