@@ -24,21 +24,52 @@ INLINE Three label_weights(Floats t) {
     };
 }
 
-// The texels around samples, x before y before z, and their weights.
+// Where samples are among texels. nearest: from the lowest of the eight around each. weights: along each axis.
+struct LabelPlace {
+    Ints nearest;
+    Three weights[3];
+    Mask are_behind[3];
+
+    INLINE explicit LabelPlace(const Three& shares) : nearest(in_all<Ints>(0)) {
+        const Floats* share = &shares.x;
+        constexpr int32_t strides[] = {1, ROW_STRIDE, PLANE_STRIDE};
+        for (int axis = 0; axis < 3; axis++) {
+            are_behind[axis] = mask_of(share[axis] >= 0.5f);
+            nearest += where(are_behind[axis], in_all<Ints>(strides[axis]), in_all<Ints>(0));
+            weights[axis] = label_weights(where(are_behind[axis], share[axis] - 1.0f, share[axis]));
+        }
+    }
+
+    // The weight of the lower or the upper of the two texels along an axis.
+    INLINE Floats of_corner(int axis, bool is_upper) const {
+        const auto& [before, here, behind] = weights[axis];
+        return is_upper ? where(are_behind[axis], here, behind) : where(are_behind[axis], before, here);
+    }
+
+    // The label of the nearest of eight texels, and the sum of the weights of those that have it.
+    INLINE Floats nearest_label(const Corners& corners, Floats& sum) const {
+        const auto& [a, b, c, d, e, f, g, h] = corners;
+        auto pick = [&](int axis, Floats low, Floats high) { return where(are_behind[axis], high, low); };
+        Floats label = pick(2, pick(1, pick(0, a, b), pick(0, c, d)), pick(1, pick(0, e, f), pick(0, g, h)));
+        const Floats all[] = {a, b, c, d, e, f, g, h};
+        sum = in_all<Floats>(0.0f);
+        for (int k = 0; k < 8; k++) {
+            Floats weight = of_corner(0, k & 1) * of_corner(1, k >> 1 & 1) * of_corner(2, k >> 2);
+            sum += where(mask_of(all[k] == label), weight, in_all<Floats>(0.0f));
+        }
+        return label;
+    }
+};
+
+// The 27 texels around samples, x before y before z, and their weights.
 struct Neighbours {
     Floats labels[27], weights[27];
 
-    INLINE Neighbours(const Texels& texels, Ints at, const Three& shares) {
-        auto weights_along = [&](Floats share, int32_t stride) {
-            Mask is_behind = mask_of(share >= 0.5f);
-            at += where(is_behind, in_all<Ints>(stride), in_all<Ints>(0));
-            return label_weights(where(is_behind, share - 1.0f, share));
-        };
-        Three x = weights_along(shares.x, 1), y = weights_along(shares.y, ROW_STRIDE);
-        Three z = weights_along(shares.z, PLANE_STRIDE);
+    INLINE Neighbours(const Texels& texels, Ints at, const LabelPlace& place) {
         // Rounding may move samples a little beyond the brick, and lanes without a ray are anywhere.
         Ints last = in_all<Ints>(TEXELS_PER_BRICK - 1 - TO_MIDDLE);
-        at = min_of(max_of(at, in_all<Ints>(TO_MIDDLE)), last) - TO_MIDDLE;
+        at = min_of(max_of(at + place.nearest, in_all<Ints>(TO_MIDDLE)), last) - TO_MIDDLE;
+        const auto& [x, y, z] = place.weights;
         const Floats ys[3] = {y.x, y.y, y.z}, zs[3] = {z.x, z.y, z.z};
         for (int row = 0; row < 9; row++) {
             Floats weight = zs[row / 3] * ys[row % 3];
@@ -75,15 +106,21 @@ INLINE Mask are_equal(const Corners& corners) {
 
 // The labels at active samples. corners: the texels around them.
 INLINE Floats labels_at(const Texels& texels, Ints at, const Three& shares, const Corners& corners, Mask active) {
-    Mask are_divided = active & ~are_equal(corners);
-    if (!any_of(are_divided)) return corners.a;
-    const Neighbours around(texels, at, shares);
+    Mask are_mixed = active & ~are_equal(corners);
+    if (!any_of(are_mixed)) return corners.a;
+    const LabelPlace place(shares);
+    Floats best, winner = place.nearest_label(corners, best);
+    // Most are decided by the eight nearest texels.
+    Mask are_divided = are_mixed & ~mask_of(best > 0.5f);
+    if (!any_of(are_divided)) return winner;
+    const Neighbours around(texels, at, place);
     Ints counted = in_all<Ints>(0);
-    Floats winner = around.labels[13], best = around.sum_of(winner, counted), rest = 1.0f - best;
+    best = around.sum_of(winner, counted);
+    Floats rest = 1.0f - best;
     while (any_of(are_divided & mask_of(rest > best))) {
         Floats next = around.next_label(counted), sum = around.sum_of(next, counted);
-        winner = where(mask_of(sum > best), next, winner);
+        winner = where(are_divided & mask_of(sum > best), next, winner);
         best = max_of(best, sum), rest -= sum;
     }
-    return where(are_divided, winner, corners.a);
+    return winner;
 }
