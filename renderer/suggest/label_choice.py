@@ -18,13 +18,11 @@ from renderer.scene import (
     FileSource,
     LabelKey,
     LabelsSpec,
+    LayerSpec,
     MaskSpec,
-    Scene,
-    TransferSpec,
     VolumeSpec,
     colormap_points,
     format_value,
-    raise_problems,
 )
 from renderer.suggest.palette import distinct_colors, in_8_bits
 from renderer.volume import Label, Volume, iter_slabs
@@ -43,6 +41,8 @@ _PALETTE: tuple[Color, ...] = (
 )
 # Up to this many labels have colours that are as different as possible; more take those of a colormap in turn.
 _MAX_DISTINCT_COLORS, _MANY_LABELS_COLORMAP = 255, "glasbey"
+
+Problems = list[Problem]
 
 
 @dataclass(frozen=True)
@@ -74,37 +74,28 @@ class KnownLabels:
         return f"the nearest is {min(self.num_voxels, key=lambda value: abs(value - key))}"
 
 
-def with_labels(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
-    """Return a scene in which all labels that are shown have their number, colour and name.
+def with_labels(layer: LayerSpec, place: str, read: Callable[[VolumeSpec], Volume], problems: Problems) -> LayerSpec:
+    """Return a layer in which all labels that are shown have their number, colour and name.
 
-    read: reads the voxels of volumes whose labels are not known yet. Raises SceneError for labels that are not there,
-    and InputError for volumes that are no labels and tables that cannot be read.
+    place: of the layer in the scene. read: reads the voxels of volumes whose labels are not known yet. problems: to
+    which labels that are not there are added. Raises InputError for volumes that are no labels, and tables that cannot
+    be read.
     """
-    problems: list[Problem] = []
+    look, labels = layer.transfer_function, layer.transfer_function.labels
+    if labels is not None and not labels.has_colors:
+        known = known_labels(layer.volume, read(layer.volume), labels)
+        look = replace(look, mapping=choose_labels(labels, known, f"{place}labels", problems))
+    return replace(layer, transfer_function=look, mask=with_numbers(layer.mask, f"{place}mask", read, problems))
 
-    def transfer(spec: TransferSpec, volume: VolumeSpec, place: str) -> TransferSpec:
-        labels = spec.labels
-        if labels is None or labels.has_colors:
-            return spec
-        known = known_labels(volume, read(volume), labels)
-        return replace(spec, mapping=choose_labels(labels, known, f"{place}labels", problems))
 
-    def mask(spec: MaskSpec | None, place: str) -> MaskSpec | None:
-        if spec is None or spec.labels.has_numbers or not isinstance(spec.volume, VolumeSpec):
-            return spec
-        known = known_labels(spec.volume, read(spec.volume), spec.labels)
-        chosen = choose_labels(spec.labels, known, f"{place}mask", problems)
-        return replace(spec, labels=LabelsSpec(show=chosen.show))
-
-    volumes = []
-    for number, layer in enumerate(scene.volumes):
-        place = f"volumes.{number}."
-        look = transfer(layer.transfer_function, layer.volume, place)
-        volumes.append(replace(layer, transfer_function=look, mask=mask(layer.mask, place)))
-    first = volumes[0].transfer_function if volumes else transfer(scene.transfer_function, scene.volume, "")
-    found = replace(scene, transfer_function=first, volumes=tuple(volumes), mask=mask(scene.mask, ""))
-    raise_problems(problems)
-    return found
+def with_numbers(
+    mask: MaskSpec | None, place: str, read: Callable[[VolumeSpec], Volume], problems: Problems
+) -> MaskSpec | None:
+    """Return a mask in which all labels that are shown have their number; as `with_labels`."""
+    if mask is None or mask.labels.has_numbers or not isinstance(mask.volume, VolumeSpec):
+        return mask
+    known = known_labels(mask.volume, read(mask.volume), mask.labels)
+    return replace(mask, labels=LabelsSpec(show=choose_labels(mask.labels, known, place, problems).show))
 
 
 def known_labels(spec: VolumeSpec, volume: Volume, labels: LabelsSpec) -> KnownLabels:
@@ -153,7 +144,7 @@ def count_labels(volume: Volume) -> dict[int, int]:
     return dict(sorted(found.items()))
 
 
-def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: list[Problem]) -> LabelsSpec:
+def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: Problems) -> LabelsSpec:
     """Return the labels that are shown with their numbers, colours, opacities and names.
 
     place: of the labels in the scene. problems: to which those of labels that are not there are added.
