@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -49,13 +49,13 @@ Problems = list[Problem]
 class KnownLabels:
     """What is known of the labels of a volume.
 
-    num_voxels: of each label that it has, by value. table: what its file, or a table, says of labels, by value.
+    present: the values of those that it has, ascending. table: what its file, or a table, says of labels, by value.
     """
 
-    num_voxels: dict[int, int]
+    present: Collection[int]
     table: dict[int, Label]
 
-    @property
+    @cached_property
     def names(self) -> dict[int, str]:
         """Return the names of labels that have one."""
         return {value: label.name for value, label in self.table.items() if label.name}
@@ -63,7 +63,7 @@ class KnownLabels:
     def find(self, key: LabelKey) -> list[int]:
         """Return the values of a label that is in the volume or in the table; of a name several may be."""
         if isinstance(key, int):
-            return [key] * (key in self.num_voxels or key in self.table)
+            return [key] * (key in self.present or key in self.table)
         return [value for value, name in self.names.items() if name == key]
 
     def hint(self, key: LabelKey) -> str | None:
@@ -71,7 +71,7 @@ class KnownLabels:
         if isinstance(key, str):
             close = closest_match(key, self.names.values())
             return f"did you mean {close}?" if close else None if self.names else "its labels have no names"
-        return f"the nearest is {min(self.num_voxels, key=lambda value: abs(value - key))}"
+        return f"the nearest is {min(self.present, key=lambda value: abs(value - key))}"
 
 
 def with_labels(layer: LayerSpec, place: str, read: Callable[[VolumeSpec], Volume], problems: Problems) -> LayerSpec:
@@ -107,7 +107,7 @@ def known_labels(spec: VolumeSpec, volume: Volume, labels: LabelsSpec) -> KnownL
     table = {label.value: label for label in found}
     if isinstance(labels.names, tuple):
         table |= {value: replace(table.get(value, Label(value)), name=name) for value, name in labels.names}
-    return KnownLabels(count_labels(volume), table)
+    return KnownLabels(count_labels(volume).keys(), table)
 
 
 def table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:
@@ -164,17 +164,21 @@ def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: Pr
     def in_list(keys: Sequence[LabelKey], path: str) -> list[int]:
         return [value for number, key in enumerate(keys) for value in values_of(key, f"{path}.{number}")]
 
-    present, hidden = [*known.num_voxels], in_list(spec.hide, "hide")
-    asked = [value for value in present if value] if spec.show is None else in_list(spec.show, "show")
-    colors, opacities = _colors_of(spec, known, present), by_value(spec.opacity, "opacity")
+    rest = [value for value in known.present if value]
+    hidden = {*in_list(spec.hide, "hide")}
+    asked = {*(rest if spec.show is None else in_list(spec.show, "show"))} - hidden
+    opacities = by_value(spec.opacity, "opacity")
+    colors: dict[int, Color] = dict(zip(rest, label_colors(len(rest)), strict=True)) | {0: (1.0, 1.0, 1.0)}
+    if spec.colors != "auto":
+        colors |= {value: label.color for value, label in known.table.items() if label.color is not None}
     if isinstance(spec.opacity, float):
-        opacities = dict.fromkeys(present, spec.opacity)
+        opacities = dict.fromkeys(known.present, spec.opacity)
     elif spec.opacity is None:
         opacities = {value: label.opacity for value, label in known.table.items() if label.opacity is not None}
     colors |= by_value(spec.colors, "colors")
-    shown = [value for value in present if value in asked and value not in hidden and opacities.get(value, 1.0) > 0]
+    shown = [value for value in known.present if value in asked and opacities.get(value, 1.0) > 0]
     if not shown and not problems:
-        problems.append(Problem(place, "no label is shown", expected=f"some of {format_value(present)}"))
+        problems.append(Problem(place, "no label is shown", expected=f"some of {format_value([*known.present])}"))
     if spec.colors == "table" and (missing := [value for value in shown if value not in known.table]):
         what, expected = "the table has no such label", "a table with all labels that are shown"
         problems.append(Problem(f"{place}.colors", what, format_value(missing), expected))
@@ -186,15 +190,6 @@ def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: Pr
         show=tuple(shown),
         names=names or None,
     )
-
-
-def _colors_of(spec: LabelsSpec, known: KnownLabels, present: Sequence[int]) -> dict[int, Color]:
-    """Return the colours of labels for which the scene itself has none."""
-    rest = [value for value in present if value]
-    colors = dict(zip(rest, label_colors(len(rest)), strict=True)) | {0: (1.0, 1.0, 1.0)}
-    if spec.colors != "auto":
-        colors |= {value: label.color for value, label in known.table.items() if label.color is not None}
-    return colors
 
 
 @cache

@@ -10,7 +10,7 @@ import numpy as np
 from renderer.scene import MAX_LABEL, MAX_LABELS, LabelsSpec, TransferSpec
 from renderer.suggest.features import VoxelSample, faces
 from renderer.suggest.histogram import Statistics
-from renderer.suggest.label_choice import count_labels, label_colors
+from renderer.suggest.label_choice import KnownLabels, choose_labels, count_labels, label_colors
 from renderer.suggest.opacity import format_number, opacity_from_depth, opacity_unit_length
 from renderer.suggest.opacity_calibration import Layer, TurntableRays, cast_rays, solve_depths
 from renderer.suggest.presets import OPAQUE_COVERAGE, SHADING, STONE
@@ -149,13 +149,13 @@ def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float
 
 def with_table(suggestion: Suggestion, table: Sequence[Label], *, has_colors: bool) -> Suggestion:
     """Return a suggestion for labels with the names in a table, and its colours unless it `has_colors` of its own."""
-    labels, known = suggestion.transfer.labels, {label.value: label for label in table}
+    labels = suggestion.transfer.labels
     assert labels is not None and isinstance(labels.colors, tuple)
-    of_table = {value: label.color for value, label in known.items() if label.color is not None and not has_colors}
-    names = {value: known[value].name for value in labels.values if value in known and known[value].name}
-    colors = tuple((key, of_table.get(key, color) if isinstance(key, int) else color) for key, color in labels.colors)
-    labels = replace(labels, colors=colors, names=tuple(names.items()) or None)
-    visible = tuple(replace(each, name=names.get(int(each.ranges[0][0]), "")) for each in suggestion.visible)
+    known = KnownLabels(dict.fromkeys(labels.values), {each.value: each for each in table})
+    of_table = {value for value, label in known.table.items() if label.color is not None and not has_colors}
+    colors = tuple(pair for pair in labels.colors if pair[0] not in of_table)
+    labels = choose_labels(replace(labels, colors=colors), known, "", [])
+    visible = tuple(replace(each, name=known.names.get(int(each.ranges[0][0]), "")) for each in suggestion.visible)
     return replace(suggestion, transfer=replace(suggestion.transfer, mapping=labels), visible=visible)
 
 
