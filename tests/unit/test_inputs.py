@@ -118,4 +118,4 @@ def test_a_transfer_function_that_is_imported_is_an_input() -> None:
     Path("mask.npy").touch()
     Path("names.ctbl").touch()
     masked = parse_scene(tree | {"mask": {"file": "mask.npy", "names": "names.ctbl"}}, base=Path())
-    assert [*scene_files(masked)] == [Path("mask.npy"), Path("mask.npy"), Path("names.ctbl")]
+    assert {*scene_files(masked)} == {Path("look.cmap"), Path("mask.npy"), Path("names.ctbl")}
