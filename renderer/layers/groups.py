@@ -32,7 +32,8 @@ class LayerGroup:
     @property
     def draws_voxels_only(self) -> bool:
         """Return whether voxels are drawn at every tolerance: the shading is not in the means of larger cells."""
-        return any(layer.spec.shading is not None and layer.spec.shading.is_pointwise for layer in self.layers)
+        lit = [(layer.spec.shading, layer.volume.is_labels) for layer in self.layers if layer.spec.shading is not None]
+        return any(shading.is_pointwise or is_labels for shading, is_labels in lit)
 
 
 def group_layers(layers: Sequence[Layer], scene: Scene) -> tuple[LayerGroup, ...]:

@@ -14,7 +14,7 @@ from renderer.scene.labels_section import MASK_SECTION, MaskSpec
 from renderer.scene.message_text import did_you_mean
 from renderer.scene.mode_section import ModeSpec, check_mode, check_optics
 from renderer.scene.schema import INVALID, Color, TreeNode
-from renderer.scene.shading_section import ShadingSpec, check_shading, pointwise_keys
+from renderer.scene.shading_section import ShadingSpec, check_shading, pointwise_keys, refuse_larger_cells
 from renderer.scene.splat_section import SplatSpec
 from renderer.scene.transfer_section import (
     LABELS_FIELD,
@@ -182,37 +182,48 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
         key = "volumes" if "volumes" in given else "volume"
         node.key(key).reject("splats show one volume", got=got, expected=expected)
     check_mode(node, given)
-    for place, volume, transfer, shading in _layers_of(node, given):
-        check_shading(place.child("shading"), {**given, "shading": shading})
-        check_optics(place, given.get("mode", ModeSpec()), transfer, shading)
+    for place, layer in _layers_of(node, given):
+        check_shading(place.child("shading"), {**given, "shading": layer.shading})
+        check_optics(place, given.get("mode", ModeSpec()), layer.transfer_function, layer.shading)
+        lit = (place, layer.shading) if layer.shading is not None else (node, given.get("shading"))
+        transfer = layer.transfer_function
+        if layer.mask is not None:
+            _refuse_splats_and_projections(place.key("mask"), given, hint="a mask cuts bricks alone, along each ray")
         if isinstance(transfer, TransferSpec) and transfer.labels is not None:
-            _check_labels(place, given, volume, shading)
-        elif getattr(volume, "has_colors", False):
-            own = (place, shading) if shading is not None else (node, given.get("shading"))
-            _check_colors(node, given, f"contradicts component: {volume.component}", own)
+            _check_labels(place, given, layer.volume, lit)
+        elif getattr(layer.volume, "has_colors", False):
+            _check_colors(node, given, f"contradicts component: {layer.volume.component}", lit)
         else:
             section = place.value.get("transfer_function") if isinstance(place.value, Mapping) else None
             check_colors_given(place.child("transfer_function", section))
 
 
-def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, shading: Any) -> None:
-    """Check that what is at `node`, which shows labels, needs no scalars between them."""
+def _refuse_splats_and_projections(key: TreeNode, given: Mapping[str, Any], *, hint: str) -> None:
     mode, splat = given.get("mode", ModeSpec()), given.get("splat")
     if isinstance(mode, ModeSpec) and mode.type is not INVALID and mode.is_projection:
-        hint = "labels are names, of which none is larger than another"
-        node.key("labels").reject(f"contradicts mode: {mode.type}", expected="transfer_function", hint=hint)
+        key.reject(f"contradicts mode: {mode.type}", expected="mode: emission_absorption", hint=hint)
     if isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
-        node.key("labels").reject("needs footprint: integrated", got=f"footprint: {splat.footprint}", expected="")
+        key.reject("needs footprint: integrated", got=f"footprint: {splat.footprint}", expected="")
+
+
+def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tuple[TreeNode, Any]) -> None:
+    """Check that what is at `node`, which shows labels, needs no scalars between them. lit: as of `_check_colors`."""
+    key, (place, shading) = node.key("labels"), lit
+    hint = "labels are names, of which none is larger than another; a transfer_function shows their numbers"
+    _refuse_splats_and_projections(key, given, hint=hint)
     if getattr(volume, "has_colors", False):
         hint = "labels are whole numbers: leave it out, or name one component by its number"
-        node.key("labels").reject(f"contradicts component: {volume.component}", expected="", hint=hint)
-    if isinstance(shading, ShadingSpec) and isinstance(shading.gradient_opacity, tuple):
-        node.child("shading").key("gradient_opacity").reject("contradicts labels", hint="labels have no gradients")
+        key.reject(f"contradicts component: {volume.component}", expected="", hint=hint)
+    if isinstance(shading, ShadingSpec):
+        if isinstance(shading.gradient_opacity, tuple):
+            gradients = place.child("shading").key("gradient_opacity")
+            gradients.reject("contradicts labels", hint="labels have no gradients")
+        refuse_larger_cells(place.key("shading"), given.get("error"), "lit labels are drawn as voxels")
 
 
-def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, shaded: tuple[TreeNode, Any]) -> None:
-    """Refuse what cannot be drawn of voxels that are colours. shaded: the node with their shading, and this."""
-    place, shading = shaded
+def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, lit: tuple[TreeNode, Any]) -> None:
+    """Refuse what cannot be drawn of voxels that are colours. lit: the node with their shading, and this."""
+    place, shading = lit
     for key in pointwise_keys(shading) if isinstance(shading, ShadingSpec) else ():
         hint = "colours are lit before they are interpolated: ambient, diffuse, occlusion and shadow remain"
         place.child("shading").key(key).reject(contradicts, expected="", hint=hint)
@@ -222,13 +233,13 @@ def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, sh
         node.child("error").key("of").reject(contradicts, expected="classified")
 
 
-def _layers_of(node: TreeNode, given: Mapping[str, Any]) -> Iterator[tuple[TreeNode, Any, Any, Any]]:
-    """Yield the node of each layer, which is the scene's own for a single volume, that, its transfer function and its
-    shading."""
+def _layers_of(node: TreeNode, given: Mapping[str, Any]) -> Iterator[tuple[TreeNode, LayerSpec]]:
+    """Yield the node of each layer, which is the scene's own for a single volume, and the layer, of which some may be
+    invalid."""
     if "volumes" not in given:
-        yield node, given.get("volume"), given.get("transfer_function"), given.get("shading")
+        volume, transfer = given.get("volume", INVALID), given.get("transfer_function", INVALID)
+        yield node, LayerSpec(volume, transfer, given.get("shading"), mask=given.get("mask"))
     layers = given.get("volumes")
     for number, layer in enumerate(layers if isinstance(layers, tuple) else ()):
         if isinstance(layer, LayerSpec) and isinstance(node.value, Mapping):
-            place = node.child("volumes").child(number, node.value["volumes"][number])
-            yield place, layer.volume, layer.transfer_function, layer.shading
+            yield node.child("volumes").child(number, node.value["volumes"][number]), layer

@@ -114,10 +114,14 @@ def check_shading(node: TreeNode, given: dict[str, Any]) -> None:
         hint = "splats have one colour for all views: write splat: {footprint: integrated}, or leave splat out"
         node.key(key).reject("needs footprint: integrated", got=f"footprint: {footprint}", expected="", hint=hint)
     for key in pointwise_keys(shading):
-        if not isinstance(error, ErrorSpec):
-            break
-        place, hint = node.key(key), f"all visible voxels are drawn with {node.path}.{key}"
-        if isinstance(error.finest_level, int) and error.finest_level > 0:
-            place.reject("contradicts error.finest_level", expected="", hint=hint)
-        if isinstance(error.goal, SplatBudget):
-            place.reject("contradicts error.splats", expected="", hint=f"{hint}; give tolerance, psnr or seconds")
+        refuse_larger_cells(node.key(key), error, f"all visible voxels are drawn with {node.path}.{key}")
+
+
+def refuse_larger_cells(key: TreeNode, error: Any, hint: str) -> None:
+    """Refuse a key with which only voxels are drawn where a scene's `error` asks for larger cells."""
+    if not isinstance(error, ErrorSpec):
+        return
+    if isinstance(error.finest_level, int) and error.finest_level > 0:
+        key.reject("contradicts error.finest_level", expected="", hint=hint)
+    if isinstance(error.goal, SplatBudget):
+        key.reject("contradicts error.splats", expected="", hint=f"{hint}; give tolerance, psnr or seconds")

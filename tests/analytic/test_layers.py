@@ -12,7 +12,9 @@ import pytest
 from renderer.accuracy import FrameProber
 from renderer.draw import BrickRasterizer, brick_cache
 from renderer.frame import prepare_stage, render_frames, view_of
+from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene
+from renderer.suggest import resolve_scene
 from renderer.truth import SceneRays
 from renderer.volume import Float32, Float64
 
@@ -42,7 +44,7 @@ def scene_of(volumes: list[dict[str, Any]], tolerance: float = 0.02, **changes: 
         "output": {"file": "film-{frame}.png", "size": [72, 64]},
         "error": {"tolerance": tolerance},
     }
-    return parse_scene(tree | changes, base=Path())
+    return resolve_scene(parse_scene(tree | changes, base=Path()), read_volume)
 
 
 def draw(scene: Scene, *, num_threads: int = 2) -> Float32:
@@ -69,6 +71,11 @@ def psnr(one: Any, other: Any) -> float:
 
 
 COLORED = {key: RINGS[key] for key in ("procedural", "transform")} | {"color": "red", "range": [90, 200]}
+ATLAS: dict[str, Any] = {
+    "procedural": {"name": "atlas", "shape": [40, 40, 24], "seed": 3},
+    "labels": {"opacity": 0.4},
+}
+MASK = {"procedural": {"name": "atlas", "shape": [40, 40, 24]}, "transform": TURNED}
 PATH = {"type": "turntable", "frames": 12}
 OTHER = ENGINE | {"transfer_function": {"points": BLUE}}
 SCENES: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
@@ -92,6 +99,15 @@ SCENES: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
     "without some data": ([ENGINE | {"nodata": [12, 13, 14, 96, 97, 98]}, RINGS], {}),
     "one grid without some data": ([ENGINE | {"nodata": [96, 97, 98]}, OTHER], {}),
     "color and range": ([ENGINE, COLORED], {}),
+    "labels": ([ATLAS], {}),
+    "lit labels": ([ATLAS | {"shading": {}}], {}),
+    "labels that are cut open": ([ATLAS | {"shading": {"light": "camera", "specular": 0.3}}], {"clip": [PLANE]}),
+    "labels on the grid of a scan": ([ENGINE, ATLAS | {"weight": 0.4}], {}),
+    "lit labels on another grid": ([ENGINE, ATLAS | {"transform": TURNED, "shading": {}}], {}),
+    "a mask": ([ENGINE | {"mask": MASK}], {}),
+    "a mask on a grid of two": ([ENGINE | {"mask": MASK}, OTHER], {}),
+    "a lit mask beside another grid": ([ENGINE | {"mask": MASK, "shading": {}}, RINGS], {}),
+    "labels in a mask": ([ATLAS | {"mask": MASK}], {}),
 }  # fmt: skip
 
 
@@ -101,8 +117,9 @@ def test_pictures_are_those_of_exact_rays(name: str) -> None:
     image, exact = draw_both(scene_of(volumes, **changes))
     assert exact[..., :3].max() > 0.2
     is_lit = "shading" in changes or any("shading" in volume for volume in volumes)
-    assert psnr(image[..., :3], exact[..., :3]) > (45 if is_lit else 55)
-    assert psnr(image[..., 3], exact[..., 3]) > 50
+    has_steps = "label" in name or "mask" in name  # a step at every second voxel
+    assert psnr(image[..., :3], exact[..., :3]) > (45 if is_lit or has_steps else 55)
+    assert psnr(image[..., 3], exact[..., 3]) > (45 if has_steps else 50)
 
 
 @pytest.mark.parametrize("blend", ["mix", "add"])

@@ -115,3 +115,7 @@ def test_a_transfer_function_that_is_imported_is_an_input() -> None:
         FilmJob(scene, [0, 1], accuracy_of(scene.error)).require_no_input()
     preset = parse_scene(tree | {"transfer_function": {"import": "ct-bone"}}, base=Path())
     assert [*scene_files(preset)] == []
+    Path("mask.npy").touch()
+    Path("names.ctbl").touch()
+    masked = parse_scene(tree | {"mask": {"file": "mask.npy", "names": "names.ctbl"}}, base=Path())
+    assert {*scene_files(masked)} == {Path("look.cmap"), Path("mask.npy"), Path("names.ctbl")}

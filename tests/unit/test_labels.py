@@ -160,8 +160,17 @@ def test_shown_labels_are_numbered(values: Array, shown: tuple[int, ...], number
         ({"shading": {"gradient_opacity": [[0, 0], [1, 1]]}}, "shading.gradient_opacity: contradicts labels"),
         ({"volume": {"file": "organs.npy", "component": "color"}}, "labels: contradicts component: color"),
         ({"mask": {"file": "organs.npy", "component": "all"}}, "mask.component: no component of labels"),
+        ({"shading": {}, "error": {"finest_level": 1}}, "shading: contradicts error.finest_level"),
+        ({"shading": {}, "error": {"splats": 9}}, "shading: contradicts error.splats"),
     ],
 )
 def test_labels_contradict_what_needs_scalars(sections: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=rf"^{message}"):
         scene(labels={}, **sections)
+
+
+@pytest.mark.parametrize("sections", [{"mode": "mean"}, {"splat": {"footprint": "gouraud"}}])
+def test_a_mask_contradicts_projections_and_splats(sections: dict[str, Any]) -> None:
+    points = [{"value": 0, "color": "white", "opacity": 0.5}, {"value": 9, "color": "red", "opacity": 0.6}]
+    with pytest.raises(SceneError, match=r"^mask: (contradicts mode: mean|needs footprint: integrated)"):
+        scene(mask={"file": "organs.npy"}, transfer_function={"points": points}, **sections)
