@@ -57,7 +57,8 @@ class LabelsSpec:
     @property
     def has_numbers(self) -> bool:
         """Return whether it is known by their numbers which labels are shown."""
-        return self.show is not None and not self.hide and all(isinstance(label, int) for label in self.show)
+        is_listed = self.show is not None and not self.hide and not isinstance(self.names, Path)
+        return is_listed and all(isinstance(label, int) for label in self.show or ())
 
     @property
     def has_colors(self) -> bool:
