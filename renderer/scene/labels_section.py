@@ -62,9 +62,10 @@ class LabelsSpec:
 
     @property
     def has_colors(self) -> bool:
-        """Return whether the numbers and colours of the labels that are shown are known."""
+        """Return whether the numbers, colours and opacities of the labels that are shown are known."""
         colors = dict(self.colors) if isinstance(self.colors, tuple) else {}
-        return self.has_numbers and all(label in colors for label in self.show or ())
+        is_complete = self.has_numbers and self.opacity is not None
+        return is_complete and all(label in colors for label in self.show or ())
 
     @property
     def values(self) -> tuple[int, ...]:

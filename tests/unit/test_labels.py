@@ -55,6 +55,7 @@ CHOICES: dict[str, tuple[dict[str, Any], list[LabelStyle]]] = {
     "one that the table alone has": ({"show": [1, "lung"]}, [LIVER]),
     "an opacity": ({"show": [1, 2], "opacity": 0.4}, [LIVER._replace(opacity=0.4), RIGHT._replace(opacity=0.4)]),
     "opacities": ({"show": ["kidney"], "opacity": {"kidney": 0.4, 5: 0.0}}, [RIGHT._replace(opacity=0.4)]),
+    "the table's opacity, with all numbers and colours": ({"show": [1], "colors": {1: "red"}}, [LIVER]),
     "opacities, not the table's": ({"show": [1], "opacity": {300: 0.5}}, [LIVER._replace(opacity=1.0)]),
     "colours": ({"show": ["kidney", 300], "colors": {"kidney": "white", 5: "black"}},
                 [RIGHT._replace(color=WHITE), LEFT._replace(color=BLACK), LAST]),
