@@ -173,8 +173,8 @@ def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: li
     def in_list(keys: Sequence[LabelKey], path: str) -> list[int]:
         return [value for number, key in enumerate(keys) for value in values_of(key, f"{path}.{number}")]
 
-    present, hidden = [*known.num_voxels], in_list(spec.hide, "hide")
-    asked = [value for value in present if value] if spec.show is None else in_list(spec.show, "show")
+    present, hidden = [*known.num_voxels], {*in_list(spec.hide, "hide")}
+    asked = {value for value in present if value} if spec.show is None else {*in_list(spec.show, "show")}
     colors, opacities = _colors_of(spec, known, present), by_value(spec.opacity, "opacity")
     if isinstance(spec.opacity, float):
         opacities = dict.fromkeys(present, spec.opacity)
