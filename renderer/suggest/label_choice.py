@@ -183,7 +183,10 @@ def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: li
     colors |= by_value(spec.colors, "colors")
     shown = [value for value in present if value in asked and value not in hidden and opacities.get(value, 1.0) > 0]
     if not shown and not problems:
-        problems.append(Problem(place, "no label is shown", expected=f"some of {format_value(present)}"))
+        others = [value for value in present if value]
+        what = "no label is shown" if others else "no voxel has a label: all are 0"
+        expected = f"some of {format_value(others)}, with opacities above 0" if others else "labels other than 0"
+        problems.append(Problem(place, what, expected=expected))
     if spec.colors == "table" and (missing := [value for value in shown if value not in known.table]):
         what, expected = "the table has no such label", "a table with all labels that are shown"
         problems.append(Problem(f"{place}.colors", what, format_value(missing), expected))

@@ -100,6 +100,9 @@ def test_labels_that_are_not_there_are_told(section: dict[str, Any], place: str,
     assert (problem.path, problem.what, problem.hint) == (place, what, hint)
     with pytest.raises(SceneError, match="its labels have no names"):
         resolve_scene(scene({"file": "bare.npy", "labels": {"show": ["x"]}}), read_volume)
+    save("bare.npy", np.zeros(27, np.uint8))
+    with pytest.raises(SceneError, match="all are 0\n  expected: labels other than 0"):
+        resolve_scene(scene({"file": "bare.npy", "labels": {}}), read_volume)
 
 
 def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
