@@ -46,8 +46,9 @@ def scalar_ranges(stage: Stage) -> list[ScalarRange]:
     labels = layer.spec.transfer_function.labels
     if labels is None:
         return visible_ranges(layer.transfer, *layer.volume.value_range())
-    found = visible_ranges(layer.transfer, 0, len(labels.values), most=_MOST_LABELS)
-    return [_of_labels(each, labels.styles) for each in found]
+    styles = labels.styles
+    found = visible_ranges(layer.transfer, 0, len(styles), most=_MOST_LABELS)
+    return [_of_labels(each, styles) for each in found]
 
 
 def _of_labels(numbers: ScalarRange, styles: Sequence[LabelStyle]) -> ScalarRange:
