@@ -34,8 +34,8 @@ def without_paths(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return the record of a film or a study, as plain data, with names in place of the paths of its files.
 
     Its scene has `output.record_paths: false`, so that films that are made from it have no paths either. The files of
-    volumes, masks, the film and the sidecars of its parts stand in the record, and are shortened in its notes, too. What
-    frames depend on has no paths, and stays as its digest needs it.
+    volumes, masks, the film and the sidecars of its parts stand in the record, and are shortened in its notes, too.
+    What frames depend on has no paths, and stays as its digest needs it.
     """
     scene = {**record["scene"], "output": {**record["scene"]["output"], "record_paths": False}}
     volumes = [*scene.get("volumes", [scene.get("volume", {})])]
