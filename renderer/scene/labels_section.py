@@ -22,8 +22,8 @@ from renderer.scene.volume_section import (
 # A label by its number or by its name.
 LabelKey = int | str
 MAX_LABELS = 2**16
-# Integers of this size are exact in float64, in which labels are compared.
-MAX_LABEL = 2**53
+# Those of connectomes have 60 bits.
+MAX_LABEL = 2**63 - 1
 _MAX_NAME_LENGTH = 200
 
 

@@ -124,8 +124,18 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
         resolve_scene(scene({**one, "mask": {"name": "organs", "show": ["nix"]}}, two), read_volume)
 
 
+def test_labels_of_60_bits_can_be_read_again() -> None:
+    save("a.npy", np.repeat(np.array([0, 2**60, 2**60 + 1], np.uint64), 9))
+    found = scene_to_dict(resolve_scene(scene({"file": "a.npy", "labels": {}}), read_volume))
+    labels = parse_scene(found, base=Path()).transfer_function.labels
+    assert labels is not None and labels.values == (2**60, 2**60 + 1)
+
+
 def test_volumes_that_are_no_labels_are_refused() -> None:
     save("bare.npy", np.where(np.arange(27) == 14, 1.5, 1.0))
+    save("a.npy", np.full(27, 1e19, np.float32))
+    with pytest.raises(InputError, match=r"a label is too large\n  got: 1e\+19"):
+        resolve_scene(scene({"file": "a.npy", "labels": {}}), read_volume)
     save("organs.npy", np.arange(65537, dtype=np.int32))
     with pytest.raises(InputError, match=r"no map of labels\n  got: 1.5 in the voxel \[2, 1, 1\]"):
         resolve_scene(scene({"file": "bare.npy", "labels": {}}), read_volume)
@@ -139,6 +149,7 @@ def test_volumes_that_are_no_labels_are_refused() -> None:
         (np.array([0, 3, 7, 255], np.uint8), (3, 255), [0, 1, 0, 2], "uint8"),
         (np.array([-32768, -1, 0, 5], np.int16), (-32768, 0), [1, 0, 2, 0], "uint8"),
         (np.array([2**53, 2**53 - 1, -(2**53), 2**62]), (-(2**53), 2**53), [2, 0, 1, 0], "uint8"),
+        (np.array([2**60, 2**60 + 1, 5], np.uint64), (2**60, 2**60 + 1), [1, 2, 0], "uint8"),
         (np.array([np.nan, 1.0, -2.0, 3.0], np.float32), (-2, 1), [0, 2, 1, 0], "uint8"),
         (np.arange(300, dtype=np.uint16)[::-1], tuple(range(1, 300)), [*range(300)][::-1], "uint16"),
     ],
