@@ -153,8 +153,11 @@ def _named_mask(node: TreeNode, mask: Any, layers: Mapping[str, LayerSpec]) -> A
     if mask.volume not in layers:
         expected, hint = "that of a volume in the list", did_you_mean(mask.volume, layers)
         return node.child("name", mask.volume).reject("no volume of this name", expected=expected, hint=hint)
-    named = layers[mask.volume]
-    return replace(mask, volume=named.volume, transform=named.transform)
+    named, labels = layers[mask.volume], mask.labels
+    look = named.transfer_function
+    if labels.names is None and not labels.has_numbers and isinstance(look, TransferSpec) and look.labels is not None:
+        labels = replace(labels, names=look.labels.names)
+    return replace(mask, volume=named.volume, transform=named.transform, labels=labels)
 
 
 VOLUMES_SECTION = schema.sequence_field(
