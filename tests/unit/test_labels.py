@@ -11,7 +11,7 @@ import pytest
 from renderer.errors import InputError, SceneError
 from renderer.layers.labels import mask_volume, number_labels
 from renderer.readers import read_volume
-from renderer.scene import FileSource, LabelStyle, Scene, VolumeSpec, parse_scene, scene_to_dict
+from renderer.scene import FileSource, LabelsSpec, LabelStyle, MaskSpec, Scene, VolumeSpec, parse_scene, scene_to_dict
 from renderer.suggest import resolve_scene
 from renderer.suggest.label_choice import label_colors
 from renderer.volume import Array
@@ -120,9 +120,9 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
     for mask, problem in (({"name": "organ"}, "did you mean organs"), ({"name": "organs", "time": 1}, "contradicts")):
         with pytest.raises(SceneError, match=rf"volumes\.0\.mask[^:]*: (.|\n)*{problem}"):
             scene({**one, "mask": mask}, two)
-    named_five, heart = {**two, "labels": {"names": {5: "heart"}}}, {**one, "mask": {"name": "organs", "show": ["heart"]}}
-    mask = resolve_scene(scene(heart, named_five), read_volume).layers[0].mask
-    assert mask is not None and mask.labels.values == (5,)
+    heart = {**one, "mask": {"name": "organs", "show": ["heart"]}}
+    found = resolve_scene(scene(heart, {**two, "labels": {"names": {5: "heart"}}}), read_volume)
+    assert found.layers[0].mask == MaskSpec(organs.volume, LabelsSpec(show=(5,)), organs.transform)
     with pytest.raises(SceneError, match=r"volumes\.0\.mask\.show\.0: no such label"):
         resolve_scene(scene({**one, "mask": {"name": "organs", "show": ["nix"]}}, two), read_volume)
 
