@@ -147,6 +147,14 @@ def _check_names(node: TreeNode, layers: tuple[LayerSpec, ...]) -> Any:
     )
 
 
+def name_mask(node: TreeNode, given: dict[str, Any]) -> None:
+    """Put a volume of the list in the place of its name in the mask of the whole scene."""
+    layers = given.get("volumes")
+    named = {each.name: each for each in layers if isinstance(each, LayerSpec)} if isinstance(layers, tuple) else {}
+    if "mask" in given:
+        given["mask"] = _named_mask(node.child("mask"), given["mask"], named)
+
+
 def _named_mask(node: TreeNode, mask: Any, layers: Mapping[str, LayerSpec]) -> Any:
     if not isinstance(mask, MaskSpec) or not isinstance(mask.volume, str):
         return mask

@@ -123,6 +123,10 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
     heart = {**one, "mask": {"name": "organs", "show": ["heart"]}}
     found = resolve_scene(scene(heart, {**two, "labels": {"names": {5: "heart"}}}), read_volume)
     assert found.layers[0].mask == MaskSpec(organs.volume, LabelsSpec(show=(5,)), organs.transform)
+    of_all = scene(one, two, mask={"name": "organs", "show": [1]})
+    assert of_all.mask == of_all.layers[1].mask == MaskSpec(organs.volume, LabelsSpec(show=(1,)), organs.transform)
+    with pytest.raises(SceneError, match=r"mask\.name: no volume of this name"):
+        scene(labels={}, mask={"name": "organs"})
     with pytest.raises(SceneError, match=r"volumes\.0\.mask\.show\.0: no such label"):
         resolve_scene(scene({**one, "mask": {"name": "organs", "show": ["nix"]}}, two), read_volume)
 
