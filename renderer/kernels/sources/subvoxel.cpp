@@ -247,6 +247,18 @@ Variation differences(const DualCells& cells, const Differs& differs, const Corn
     return {__builtin_sqrt(largest), 0, __builtin_sqrt(total / cells.size())};
 }
 
+// Make 0, no label, of what is beyond the volume's border: labels that are lit end there, as the light on them does.
+void clear_beyond_border(const Voxels& voxels, const Array<const int32_t, 1>& cell, const Field& field) {
+    auto is_beyond = [&](int axis, int64_t at) {
+        int64_t voxel = BRICK_SIZE * cell[axis] - (field.shape[0] - BRICK_SIZE) / 2 + at;
+        return voxel < 0 || voxel >= voxels.raw.shape[2 - axis];
+    };
+    for (int64_t z = 0; z < field.shape[0]; z++)
+        for (int64_t y = 0; y < field.shape[1]; y++)
+            for (int64_t x = 0; x < field.shape[2]; x++)
+                if (is_beyond(2, z) || is_beyond(1, y) || is_beyond(0, x)) field(z, y, x) = 0;
+}
+
 }  // namespace
 
 // Measure the dual cells in bricks of voxels at cells [n, 3] (x, y, z); all results are 0 before.
@@ -254,9 +266,9 @@ Variation differences(const DualCells& cells, const Differs& differs, const Corn
 // Write the visible bounds, as in BrickLevel, to `bounds` [z, y, x, 2, 3]; and to `measures` [3, z, y, x] the largest D
 // or J, and the root mean squares over the brick's volume of D / width^2 and of J. A brick has half of the dual cells
 // between it and its neighbours; beyond the border the nearest voxels are repeated. breakpoints: of visibility. shown:
-// which voxels a mask shows.
+// which voxels a mask shows. are_lit: labels, by light that changes where they end.
 Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
-    const auto& [voxels, cells, breakpoints, table, shown, bounds, measures] = *arguments;
+    const auto& [voxels, cells, breakpoints, table, shown, are_lit, bounds, measures] = *arguments;
     auto num_bricks = [&](int axis) { return (voxels.raw.shape[axis] + BRICK_SIZE - 1) / BRICK_SIZE; };
     int64_t num_z = num_bricks(0), num_y = num_bricks(1), num_x = num_bricks(2);
     if (!fit_together(voxels, cells) || !fits(table) || !has_shape(bounds, num_z, num_y, num_x, 2, 3) ||
@@ -273,6 +285,10 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
             of_brick.nums[axis] = least(voxels.raw.shape[axis] - BRICK_SIZE * cells(i, 2 - axis), BRICK_SIZE);
         load_brick(voxels, cells[i], voxels.has_absent ? around.field : low.field);
         if (voxels.is_labels) load_brick(voxels, cells[i], around.field);
+        if (voxels.is_labels && are_lit) {
+            clear_beyond_border(voxels, cells[i], low.field);
+            clear_beyond_border(voxels, cells[i], around.field);
+        }
         bool is_whole = !voxels.has_absent || fill_absent(around.field, low.field);
         Range range = range_of(low.field);
         if (!(range.low <= range.high)) continue;
