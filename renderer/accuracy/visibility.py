@@ -47,7 +47,8 @@ def scalar_ranges(stage: Stage) -> list[ScalarRange]:
     if labels is None:
         return visible_ranges(layer.transfer, *layer.volume.value_range())
     styles = labels.styles
-    return [_of_labels(each, styles) for each in visible_ranges(layer.transfer, 0, len(styles), most=_MOST_LABELS)]
+    found = visible_ranges(layer.transfer, 0, len(styles), most=_MOST_LABELS)
+    return [_of_labels(each, styles) for each in found]
 
 
 def _of_labels(numbers: ScalarRange, styles: Sequence[LabelStyle]) -> ScalarRange:

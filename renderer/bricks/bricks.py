@@ -18,7 +18,7 @@ import numpy as np
 
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells, voxels_of
 from renderer.bricks.means import color_texels
-from renderer.bricks.node_statistics import NodeStatistics
+from renderer.bricks.node_statistics import NodeStatistics, or_of_neighbours
 from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve
 from renderer.kernels import ThreadPool, kernels
 from renderer.pyramid import (
@@ -117,12 +117,14 @@ def make_bricks(
     transfer: TransferFunction,
     *,
     light_grid: LightGrid = NO_LIGHT_GRID,
+    has_lit_labels: bool = False,
     num_threads: int = 2,
     **options: Any,
 ) -> Bricks:
     """Build the bricks of all levels, and their pyramid; the result does not depend on `num_threads`.
 
-    light_grid, and options: spec, error and shading, as in `build_pyramid`.
+    light_grid, and options: spec, error and shading, as in `build_pyramid`. has_lit_labels: whether samples of labels
+    are lit.
     The pyramid has no nodes of the levels up to STREAMED_LEVELS: their statistics are gathered as they are built, and
     their means are recomputed from voxels for drawing.
 
@@ -139,8 +141,12 @@ def make_bricks(
     num_levels = max(1, pyramid.num_levels - BRICK_LEVELS + 1)
     for number in range(STREAMED_LEVELS + 1, num_levels + 1):
         statistics.append(_gather_stored_level(pyramid, number, num_threads))
-    bounds, (variation, steps, differences) = _measure_voxels(pyramid, transfer, volume_range, num_threads)
+    bounds, (variation, steps, differences) = _measure_voxels(
+        pyramid, transfer, volume_range, has_lit_labels=has_lit_labels, num_threads=num_threads
+    )
     are_cut = _clear_masked(bounds, volume) if volume.mask is not None else None
+    if has_lit_labels:  # their light changes up to three voxels away from where they end
+        steps = or_of_neighbours(steps)
     unit = _cell_error_scale(pyramid, 1)
     step_errors = np.maximum(np.hypot(statistics[0].step_errors_below(), unit * steps), unit * differences)
     levels = [BrickLevel(bounds, np.zeros_like(step_errors), step_errors)]
@@ -217,7 +223,12 @@ def _root_mean_square_of_children(of_brick: Float64) -> Float64:
 
 
 def _measure_voxels(
-    pyramid: Pyramid, transfer: TransferFunction, volume_range: tuple[float, float], num_threads: int
+    pyramid: Pyramid,
+    transfer: TransferFunction,
+    volume_range: tuple[float, float],
+    *,
+    has_lit_labels: bool,
+    num_threads: int,
 ) -> tuple[Float32, Float64]:
     """Return what the kernel `measure_voxel_bricks` finds in the bricks of level 0: their visible bounds, float32
     [z, y, x, 2, 3], and float64 [3, z, y, x]."""
@@ -233,8 +244,9 @@ def _measure_voxels(
         curve = make_channel_curve(transfer, volume.finest_spacing, pyramid.measure == "rms", brightest, volume_range)
     voxels, breakpoints = voxels_of(volume, pyramid.classifier), pyramid.classifier.breakpoints
     measure = kernels().measure_voxel_bricks.partial(
-        voxels=voxels, breakpoints=breakpoints, curve=curve, shown=volume.are_shown, bounds=bounds, measures=measures
-    )
+        voxels=voxels, breakpoints=breakpoints, curve=curve, shown=volume.are_shown, are_lit=has_lit_labels,
+        bounds=bounds, measures=measures,
+    )  # fmt: skip
     cells = grid_cells(shape)
 
     def work(part: slice) -> None:

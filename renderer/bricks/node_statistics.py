@@ -79,11 +79,15 @@ class NodeStatistics:
         """Return BrickLevel.step_errors of the level below, from nodes alone, float64 [z, y, x]."""
         shape = self.max_error_below.shape
         sizes = cell_voxel_counts(grid_cells(shape), self.level - 1 + BRICK_LEVELS, self.volume).reshape(shape)
-        step_errors = self.max_error_below * np.sqrt(self.squared_errors_below / sizes)
-        of_neighbours = np.zeros(shape)
-        for _, neighbours in _neighbours(step_errors):
-            np.maximum(of_neighbours, neighbours, out=of_neighbours)
-        return np.asarray(np.where(step_errors > 0, step_errors, of_neighbours))
+        return or_of_neighbours(self.max_error_below * np.sqrt(self.squared_errors_below / sizes))
+
+
+def or_of_neighbours(errors: Float64) -> Float64:
+    """Return errors of bricks, float64 [z, y, x], with the largest of its neighbours' in the place of each 0."""
+    of_neighbours = np.zeros(errors.shape)
+    for _, neighbours in _neighbours(errors):
+        np.maximum(of_neighbours, neighbours, out=of_neighbours)
+    return np.asarray(np.where(errors > 0, errors, of_neighbours))
 
 
 def _neighbours(of_brick: Array) -> Iterator[tuple[tuple[int, ...], Array]]:

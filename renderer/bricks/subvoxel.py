@@ -15,6 +15,8 @@ from renderer.volume import Float64, Int64
 # Colormaps have hundreds of control values, nearly on a line. Those within this share of the largest channel of it are
 # left out. D changes by four times as much at most, twice in each of four channels.
 SIMPLIFICATION_TOLERANCE = 2.0**-12
+# Of more, which only labels have, none is left out: steps are not on a line, and finding that out takes a minute.
+_MAX_SIMPLIFIED = 2**13
 
 
 def make_channel_curve(
@@ -37,7 +39,9 @@ def make_channel_curve(
     is_hidden = np.zeros(len(points), np.bool_)  # between two others at one value
     is_hidden[1:-1] = transfer.values[2:] == transfer.values[:-2]
     values, points = transfer.values[~is_hidden], points[~is_hidden]
-    chosen = _simplify(values * scale, points, SIMPLIFICATION_TOLERANCE * float(points.max()))
+    chosen = np.arange(len(values))
+    if len(values) <= _MAX_SIMPLIFIED:
+        chosen = _simplify(values * scale, points, SIMPLIFICATION_TOLERANCE * float(points.max()))
     return make_transfer_table(values[chosen], points[chosen], scale)
 
 

@@ -34,11 +34,12 @@ def without_paths(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return the record of a film or a study, as plain data, with names in place of the paths of its files.
 
     Its scene has `output.record_paths: false`, so that films that are made from it have no paths either. The files of
-    the volume, the film and the sidecars of its parts stand in the record, and are shortened in its notes, too. What
-    frames depend on has no paths, and stays as its digest needs it.
+    volumes, masks, the film and the sidecars of its parts stand in the record, and are shortened in its notes, too.
+    What frames depend on has no paths, and stays as its digest needs it.
     """
     scene = {**record["scene"], "output": {**record["scene"]["output"], "record_paths": False}}
-    volumes = scene.get("volumes", [scene.get("volume", {})])
+    volumes = [*scene.get("volumes", [scene.get("volume", {})])]
+    volumes += [entry["mask"] for entry in (scene, *volumes) if "mask" in entry]
     sections = [*volumes, *(volume["raw"] for volume in volumes if "raw" in volume), scene["output"]]
     paths = [section.get("file") for section in sections] + [part["sidecar"] for part in record.get("parts", ())]
     found = [path for path in paths if path]

@@ -90,7 +90,8 @@ def make_layer(
     if scene.needs_opengl:
         pyramid = build_pyramid(volume, optics, **options)
     else:
-        bricks = make_bricks(volume, optics, **options)
+        has_lit_labels = volume.is_labels and spec.shading is not None
+        bricks = make_bricks(volume, optics, has_lit_labels=has_lit_labels, **options)
         pyramid = bricks.pyramid
         if scene.mode.is_extremum:
             alone = BrickLayers((BrickLayer(bricks),), spec.clip)

@@ -22,8 +22,8 @@ from renderer.scene.volume_section import (
 # A label by its number or by its name.
 LabelKey = int | str
 MAX_LABELS = 2**16
-# Integers of this size are exact in float64, in which labels are compared.
-MAX_LABEL = 2**53
+# Those of connectomes have 60 bits.
+MAX_LABEL = 2**63 - 1
 _MAX_NAME_LENGTH = 200
 
 
@@ -57,13 +57,15 @@ class LabelsSpec:
     @property
     def has_numbers(self) -> bool:
         """Return whether it is known by their numbers which labels are shown."""
-        return self.show is not None and not self.hide and all(isinstance(label, int) for label in self.show)
+        is_listed = self.show is not None and not self.hide and not isinstance(self.names, Path)
+        return is_listed and all(isinstance(label, int) for label in self.show or ())
 
     @property
     def has_colors(self) -> bool:
-        """Return whether the numbers and colours of the labels that are shown are known."""
+        """Return whether the numbers, colours and opacities of the labels that are shown are known."""
         colors = dict(self.colors) if isinstance(self.colors, tuple) else {}
-        return self.has_numbers and all(label in colors for label in self.show or ())
+        is_complete = self.has_numbers and self.opacity is not None
+        return is_complete and all(label in colors for label in self.show or ())
 
     @property
     def values(self) -> tuple[int, ...]:

@@ -147,14 +147,25 @@ def _check_names(node: TreeNode, layers: tuple[LayerSpec, ...]) -> Any:
     )
 
 
+def name_mask(node: TreeNode, given: dict[str, Any]) -> None:
+    """Put a volume of the list in the place of its name in the mask of the whole scene."""
+    layers = given.get("volumes")
+    named = {each.name: each for each in layers if isinstance(each, LayerSpec)} if isinstance(layers, tuple) else {}
+    if "mask" in given:
+        given["mask"] = _named_mask(node.child("mask"), given["mask"], named)
+
+
 def _named_mask(node: TreeNode, mask: Any, layers: Mapping[str, LayerSpec]) -> Any:
     if not isinstance(mask, MaskSpec) or not isinstance(mask.volume, str):
         return mask
     if mask.volume not in layers:
         expected, hint = "that of a volume in the list", did_you_mean(mask.volume, layers)
         return node.child("name", mask.volume).reject("no volume of this name", expected=expected, hint=hint)
-    named = layers[mask.volume]
-    return replace(mask, volume=named.volume, transform=named.transform)
+    named, labels = layers[mask.volume], mask.labels
+    look = named.transfer_function
+    if labels.names is None and not labels.has_numbers and isinstance(look, TransferSpec) and look.labels is not None:
+        labels = replace(labels, names=look.labels.names)
+    return replace(mask, volume=named.volume, transform=named.transform, labels=labels)
 
 
 VOLUMES_SECTION = schema.sequence_field(

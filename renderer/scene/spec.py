@@ -28,7 +28,7 @@ from renderer.scene.error_section import (
     schedule_to_dict,
 )
 from renderer.scene.labels_section import MASK_SECTION, LabelsSpec, MaskSpec
-from renderer.scene.layers_section import OF_CHANNELS, VOLUMES_SECTION, LayerSpec, check_layers, take_labels
+from renderer.scene.layers_section import OF_CHANNELS, VOLUMES_SECTION, LayerSpec, check_layers, name_mask, take_labels
 from renderer.scene.limits import proportion_problems, raise_problems
 from renderer.scene.message_text import format_value
 from renderer.scene.mode_section import MODE_SECTION, ModeSpec
@@ -157,6 +157,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     if of_channels:
         given.setdefault("transfer_function", OF_CHANNELS)
     check_layers(node, given)
+    name_mask(node, given)
     check_scheduled_frames(node.child("error"), given)
     check_exact_picture(node.child("error"), given)
     check_what_is_clipped(node, given)

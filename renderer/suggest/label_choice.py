@@ -13,6 +13,7 @@ import numpy as np
 from renderer.errors import InputError, Problem, closest_match
 from renderer.looks import find_label_table, read_label_table
 from renderer.scene import (
+    MAX_LABEL,
     MAX_LABELS,
     Color,
     FileSource,
@@ -121,7 +122,7 @@ def table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:
 def count_labels(volume: Volume) -> dict[int, int]:
     """Return the number of voxels of each label, ascending by value.
 
-    Raises InputError for values that are no whole numbers, and for more than MAX_LABELS.
+    Raises InputError for values that are no whole numbers, larger ones than MAX_LABEL, and more than MAX_LABELS.
     """
     found: dict[int, int] = {}
     start = 0
@@ -136,6 +137,9 @@ def count_labels(volume: Volume) -> dict[int, int]:
                 got=f"{float(value):.6g} in the voxel {[x, y, z + start]}", expected="whole numbers",
                 hint="a transfer_function shows values that are measured",
             )  # fmt: skip
+        if (large := max(values.tolist(), key=abs, default=0)) and abs(large) > MAX_LABEL:
+            expected = "whole numbers from -2^63 + 1 to 2^63 - 1"
+            raise InputError("a label is too large", where=volume.name, got=f"{large:.6g}", expected=expected)
         for label, count in zip(values.tolist(), counts.tolist(), strict=True):
             found[int(label)] = found.get(int(label), 0) + count
         if len(found) > MAX_LABELS:
@@ -178,7 +182,9 @@ def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: Pr
     colors |= by_value(spec.colors, "colors")
     shown = [value for value in known.present if value in asked and opacities.get(value, 1.0) > 0]
     if not shown and not problems:
-        problems.append(Problem(place, "no label is shown", expected=f"some of {format_value([*known.present])}"))
+        what = "no label is shown" if rest else "no voxel has a label: all are 0"
+        expected = f"some of {format_value(rest)}, with opacities above 0" if rest else "labels other than 0"
+        problems.append(Problem(place, what, expected=expected))
     if spec.colors == "table" and (missing := [value for value in shown if value not in known.table]):
         what, expected = "the table has no such label", "a table with all labels that are shown"
         problems.append(Problem(f"{place}.colors", what, format_value(missing), expected))

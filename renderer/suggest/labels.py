@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.scene import MAX_LABEL, MAX_LABELS, LabelsSpec, TransferSpec
+from renderer.scene import MAX_LABELS, LabelsSpec, TransferSpec
 from renderer.suggest.features import VoxelSample, faces
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.label_choice import KnownLabels, choose_labels, count_labels, label_colors
@@ -41,6 +41,9 @@ _ENCLOSING_COVERAGE = 0.85
 # Its part of the picture, compared with that of another label.
 _ENCLOSING_SHARE = 0.4
 
+# Larger integers are rounded in float64, as which values are found here.
+_MAX_EXACT = 2**53
+
 
 def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) -> list[float] | None:
     """Return the values of a volume of labels, ascending; None for other volumes."""
@@ -48,7 +51,7 @@ def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) ->
     if len(np.unique(sample.normalized)) > _MAX_CERTAIN_LABELS and not is_piecewise:
         return None
     found = distinct_values(volume, statistics)
-    if found is None or not all(value == int(value) and abs(value) <= MAX_LABEL for value in found):
+    if found is None or not all(value == int(value) and abs(value) <= _MAX_EXACT for value in found):
         return None
     if len(found) > _MAX_CERTAIN_LABELS:
         if not is_piecewise or _transition_value_fraction(sample) > _MAX_TRANSITION_FRACTION:

@@ -31,6 +31,8 @@ _MIN_TAIL, _MIN_MIDDLE_RATIO, _MIN_RATIO = 0.01, 3.0, 1000.0
 _TWO_PHASE_SEPARATION = 0.85
 # A sign whose values are smaller than this part of the other sign's is noise.
 _MIN_SECOND_SIGN = 0.2
+# The values of such a field begin before this part of the way to the farthest one.
+_MOST_AWAY = 0.75
 # A filled volume shows values above this percentile.
 _FILLED_PERCENTILE = 60.0
 
@@ -102,7 +104,8 @@ def _filled_volume_preset(sample: VoxelSample) -> Choice:
         weaker, stronger = sorted((zero, 1 - zero))
         if features.is_about_zero(sample) and weaker > _MIN_SECOND_SIGN * stronger:
             reason = "values lie on both sides of 0 and fill the volume to its border"
-            preset = presets.diverging_preset(sample, zero, 1.2 * float(np.std(shares)))
+            away = min(1.2 * float(np.std(shares)), _MOST_AWAY * stronger)
+            preset = presets.diverging_preset(sample, zero, away)
             return Choice("field with two signs", reason, preset)
         if is_level_set_interior(sample.with_inverted_range(), 1 - zero):
             preset = presets.opaque_preset("inside", 1 - zero, min(1.02 - zero, 1.0)).with_inverted_range()

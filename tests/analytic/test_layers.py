@@ -75,8 +75,11 @@ ATLAS: dict[str, Any] = {
     "procedural": {"name": "atlas", "shape": [40, 40, 24], "seed": 3},
     "labels": {"opacity": 0.4},
 }
+ONE_LABEL: dict[str, Any] = {"procedural": {"name": "constant", "shape": [10, 10, 10]}, "labels": {}, "shading": {}}
 MASK = {"procedural": {"name": "atlas", "shape": [40, 40, 24]}, "transform": TURNED}
 PATH = {"type": "turntable", "frames": 12}
+LARGER = {"name": "constant", "shape": [33, 33, 33]}
+NEAR_END = {"plane": {"point": [29.8, 0, 0], "normal": [1, 0, 0]}}
 OTHER = ENGINE | {"transfer_function": {"points": BLUE}}
 SCENES: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
     "two grids": ([ENGINE, RINGS], {}),
@@ -108,6 +111,8 @@ SCENES: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
     "a mask on a grid of two": ([ENGINE | {"mask": MASK}, OTHER], {}),
     "a lit mask beside another grid": ([ENGINE | {"mask": MASK, "shading": {}}, RINGS], {}),
     "labels in a mask": ([ATLAS | {"mask": MASK}], {}),
+    "a lit label up to the border": ([ONE_LABEL], {}),
+    "a lit label that is cut near the border": ([ONE_LABEL | {"procedural": LARGER}], {"clip": [NEAR_END]}),
 }  # fmt: skip
 
 

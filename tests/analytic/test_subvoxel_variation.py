@@ -33,6 +33,13 @@ def test_smooth_colormaps_are_simplified() -> None:
         assert np.abs(thinned - exact).max() <= 1.001 * SIMPLIFICATION_TOLERANCE * points.max()
 
 
+def test_what_only_many_labels_have_is_not_simplified() -> None:
+    """It would take a minute for 65,535 steps, of which none could be left out."""
+    num = 2**13 + 1
+    transfer = TransferFunction(np.arange(num) / 1.0, np.full((num, 3), 0.5), np.full(num, 2.0), 1.0)
+    assert len(make_channel_curve(transfer, 1.0, False, 1.0, (0.0, 1.0)).values) == num
+
+
 def ball(inside: float, outside: float, radius: float = 15.0, rise: float = math.inf) -> Volume:
     """Return a ball whose surface is as steep as it can be, or rises by `rise` from voxel to voxel."""
     z, y, x = np.ogrid[:40, :50, :45]

@@ -69,6 +69,17 @@ def test_a_film_without_paths(how: list[str]) -> None:
     assert data["scene"]["output"]["file"] == "film.mp4"
 
 
+def test_masks_have_no_paths() -> None:
+    """Nor do tables of the names of their labels, even where only numbers are shown."""
+    np.save(Path(SECRET, "mask.npy"), np.ones((12, 12, 12), np.uint8))
+    Path(SECRET, "names.ctbl").write_text("1 a 9 9 9 255\n")
+    mask = f'{{file: "{SECRET}/mask.npy", names: "{SECRET}/names.ctbl", show: [1]}}'
+    Path("scene.yaml").write_text(f"{SCENE}\nmask: {mask}\n", encoding="utf-8")
+    run("render", "scene.yaml", "--no-paths")
+    assert_no_secret("film.mp4.json")
+    assert sidecar()["scene"]["mask"] == {"file": "mask.npy", "nodata": "auto", "show": [1]}
+
+
 def test_a_film_that_is_up_to_date_loses_its_paths_and_is_not_drawn_again(capsys) -> None:
     run("render", "scene.yaml")
     before, drawn = sidecar(), Path("film.mp4").stat().st_mtime_ns

@@ -11,7 +11,7 @@ import pytest
 from renderer.errors import InputError, SceneError
 from renderer.layers.labels import mask_volume, number_labels
 from renderer.readers import read_volume
-from renderer.scene import FileSource, LabelStyle, Scene, VolumeSpec, parse_scene, scene_to_dict
+from renderer.scene import FileSource, LabelsSpec, LabelStyle, MaskSpec, Scene, VolumeSpec, parse_scene, scene_to_dict
 from renderer.suggest import resolve_scene
 from renderer.suggest.label_choice import label_colors
 from renderer.volume import Array
@@ -55,6 +55,7 @@ CHOICES: dict[str, tuple[dict[str, Any], list[LabelStyle]]] = {
     "one that the table alone has": ({"show": [1, "lung"]}, [LIVER]),
     "an opacity": ({"show": [1, 2], "opacity": 0.4}, [LIVER._replace(opacity=0.4), RIGHT._replace(opacity=0.4)]),
     "opacities": ({"show": ["kidney"], "opacity": {"kidney": 0.4, 5: 0.0}}, [RIGHT._replace(opacity=0.4)]),
+    "the table's opacity, with all numbers and colours": ({"show": [1], "colors": {1: "red"}}, [LIVER]),
     "opacities, not the table's": ({"show": [1], "opacity": {300: 0.5}}, [LIVER._replace(opacity=1.0)]),
     "colours": ({"show": ["kidney", 300], "colors": {"kidney": "white", 5: "black"}},
                 [RIGHT._replace(color=WHITE), LEFT._replace(color=BLACK), LAST]),
@@ -99,6 +100,9 @@ def test_labels_that_are_not_there_are_told(section: dict[str, Any], place: str,
     assert (problem.path, problem.what, problem.hint) == (place, what, hint)
     with pytest.raises(SceneError, match="its labels have no names"):
         resolve_scene(scene({"file": "bare.npy", "labels": {"show": ["x"]}}), read_volume)
+    save("bare.npy", np.zeros(27, np.uint8))
+    with pytest.raises(SceneError, match="all are 0\n  expected: labels other than 0"):
+        resolve_scene(scene({"file": "bare.npy", "labels": {}}), read_volume)
 
 
 def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
@@ -116,12 +120,29 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
     for mask, problem in (({"name": "organ"}, "did you mean organs"), ({"name": "organs", "time": 1}, "contradicts")):
         with pytest.raises(SceneError, match=rf"volumes\.0\.mask[^:]*: (.|\n)*{problem}"):
             scene({**one, "mask": mask}, two)
+    heart = {**one, "mask": {"name": "organs", "show": ["heart"]}}
+    found = resolve_scene(scene(heart, {**two, "labels": {"names": {5: "heart"}}}), read_volume)
+    assert found.layers[0].mask == MaskSpec(organs.volume, LabelsSpec(show=(5,)), organs.transform)
+    of_all = scene(one, two, mask={"name": "organs", "show": [1]})
+    assert of_all.mask == of_all.layers[1].mask == MaskSpec(organs.volume, LabelsSpec(show=(1,)), organs.transform)
+    with pytest.raises(SceneError, match=r"mask\.name: no volume of this name"):
+        scene(labels={}, mask={"name": "organs"})
     with pytest.raises(SceneError, match=r"volumes\.0\.mask\.show\.0: no such label"):
         resolve_scene(scene({**one, "mask": {"name": "organs", "show": ["nix"]}}, two), read_volume)
 
 
+def test_labels_of_60_bits_can_be_read_again() -> None:
+    save("a.npy", np.repeat(np.array([0, 2**60, 2**60 + 1], np.uint64), 9))
+    found = scene_to_dict(resolve_scene(scene({"file": "a.npy", "labels": {}}), read_volume))
+    labels = parse_scene(found, base=Path()).transfer_function.labels
+    assert labels is not None and labels.values == (2**60, 2**60 + 1)
+
+
 def test_volumes_that_are_no_labels_are_refused() -> None:
     save("bare.npy", np.where(np.arange(27) == 14, 1.5, 1.0))
+    save("a.npy", np.full(27, 1e19, np.float32))
+    with pytest.raises(InputError, match=r"a label is too large\n  got: 1e\+19"):
+        resolve_scene(scene({"file": "a.npy", "labels": {}}), read_volume)
     save("organs.npy", np.arange(65537, dtype=np.int32))
     with pytest.raises(InputError, match=r"no map of labels\n  got: 1.5 in the voxel \[2, 1, 1\]"):
         resolve_scene(scene({"file": "bare.npy", "labels": {}}), read_volume)
@@ -135,6 +156,7 @@ def test_volumes_that_are_no_labels_are_refused() -> None:
         (np.array([0, 3, 7, 255], np.uint8), (3, 255), [0, 1, 0, 2], "uint8"),
         (np.array([-32768, -1, 0, 5], np.int16), (-32768, 0), [1, 0, 2, 0], "uint8"),
         (np.array([2**53, 2**53 - 1, -(2**53), 2**62]), (-(2**53), 2**53), [2, 0, 1, 0], "uint8"),
+        (np.array([2**60, 2**60 + 1, 5], np.uint64), (2**60, 2**60 + 1), [1, 2, 0], "uint8"),
         (np.array([np.nan, 1.0, -2.0, 3.0], np.float32), (-2, 1), [0, 2, 1, 0], "uint8"),
         (np.arange(300, dtype=np.uint16)[::-1], tuple(range(1, 300)), [*range(300)][::-1], "uint16"),
     ],

@@ -83,19 +83,9 @@ constexpr double TILT = 0.05;
 void fill_label_gradients(const Voxels& voxels, const Array<const int32_t, 1>& cell, const double (&m)[9],
                           const Array<const double, 1>& opacities, const double (&toward_light)[3], const Field& field,
                           const Array<double, 4>& gradients) {
-    constexpr int64_t margin = HALO + 3;
     load_brick(voxels, cell, field);
-    auto is_inside = [&](int axis, int64_t at) {
-        int64_t voxel = BRICK_SIZE * cell[axis] - margin + at;
-        return voxel >= 0 && voxel < voxels.raw.shape[2 - axis];
-    };
-    int64_t side = field.shape[0];
-    for (int64_t z = 0; z < side; z++)
-        for (int64_t y = 0; y < side; y++)
-            for (int64_t x = 0; x < side; x++) {
-                double& at = field(z, y, x);
-                at = is_inside(0, x) && is_inside(1, y) && is_inside(2, z) ? opacities[(int64_t)at] : 0;
-            }
+    clear_beyond_border(voxels, cell, field);
+    for (int64_t k = 0; k < field.size(); k++) field.data[k] = opacities[(int64_t)field.data[k]];
     smooth(field);
     fill_gradients<false>(field, voxels.raw.shape, cell, m, 1.0, gradients, 0.5);
     int64_t num = gradients.size() / 3;

@@ -32,6 +32,19 @@ inline void load_brick(const Voxels& voxels, const Array<const int32_t, 1>& cell
     load_scalars(voxels.raw, voxels.scalars, box_of(voxels.raw), first, side, out.data);
 }
 
+// Make 0, no label, of what is beyond the volume's border in a field from `load_brick`: lit labels end there, as the light
+// on them does.
+inline void clear_beyond_border(const Voxels& voxels, const Array<const int32_t, 1>& cell, const Field& field) {
+    auto is_beyond = [&](int axis, int64_t at) {
+        int64_t voxel = BRICK_SIZE * cell[axis] - (field.shape[0] - BRICK_SIZE) / 2 + at;
+        return voxel < 0 || voxel >= voxels.raw.shape[2 - axis];
+    };
+    for (int64_t z = 0; z < field.shape[0]; z++)
+        for (int64_t y = 0; y < field.shape[1]; y++)
+            for (int64_t x = 0; x < field.shape[2]; x++)
+                if (is_beyond(2, z) || is_beyond(1, y) || is_beyond(0, x)) field(z, y, x) = 0;
+}
+
 struct Range {
     double low, high;
 };

@@ -210,6 +210,7 @@ struct MeasureVoxelBricks {
     Array<const double, 1> breakpoints;
     TransferTable curve;
     Maybe<Array<const uint8_t, 3>> shown;
+    bool are_lit;
     Maybe<Array<const float, 5>> texels;
     Array<float, 5> bounds;
     Array<double, 4> measures;

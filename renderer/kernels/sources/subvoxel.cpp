@@ -254,10 +254,10 @@ Variation differences(const DualCells& cells, const Differs& differs, const Corn
 // Write the visible bounds, as in BrickLevel, to `bounds` [z, y, x, 2, 3]; and to `measures` [3, z, y, x] the largest D
 // or J, and the root mean squares over the brick's volume of D / width^2 and of J. A brick has half of the dual cells
 // between it and its neighbours; beyond the border the nearest voxels are repeated. breakpoints: of visibility. shown:
-// which voxels a mask shows. texels: w of voxels that are colours [n, 18, 18, 18, 4], which is linear between them, so that
-// there is J alone, and no more is measured.
+// which voxels a mask shows. are_lit: labels, by light that changes where they end. texels: w of voxels that are colours
+// [n, 18, 18, 18, 4], which is linear between them, so that there is J alone, and no more is measured.
 Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
-    const auto& [voxels, cells, breakpoints, table, shown, texels, bounds, measures] = *arguments;
+    const auto& [voxels, cells, breakpoints, table, shown, are_lit, texels, bounds, measures] = *arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE;
     auto num_bricks = [&](int axis) { return (voxels.raw.shape[axis] + BRICK_SIZE - 1) / BRICK_SIZE; };
     int64_t num_z = num_bricks(0), num_y = num_bricks(1), num_x = num_bricks(2);
@@ -284,6 +284,10 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         }
         load_brick(voxels, cells[i], voxels.has_absent ? around.field : low.field);
         if (voxels.is_labels) load_brick(voxels, cells[i], around.field);
+        if (voxels.is_labels && are_lit) {
+            clear_beyond_border(voxels, cells[i], low.field);
+            clear_beyond_border(voxels, cells[i], around.field);
+        }
         bool is_whole = !voxels.has_absent || fill_absent(around.field, low.field);
         Range range = range_of(low.field);
         if (!(range.low <= range.high)) continue;
