@@ -239,13 +239,13 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
 
 def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterator[str]:
     """Yield the section `transfer_function`, one line for each point, with a note behind it, or `labels`."""
-    if transfer.labels is not None:
-        yield from _label_lines(transfer.labels, transfer.unit)
-        return
-    yield "transfer_function:"
+    mapping = transfer.mapping
+    yield "labels:" if isinstance(mapping, LabelsSpec) else "transfer_function:"
     if transfer.unit is not None:
         yield f"  unit: {format_value(transfer.unit)}"
-    mapping = transfer.mapping
+    if isinstance(mapping, LabelsSpec):
+        yield from _label_lines(mapping)
+        return
     if isinstance(mapping, ColormapSpec):
         yield f"  colormap: {yaml_string(mapping.name)}"
         yield f"  range: {_list(mapping.range)}"
@@ -255,17 +255,15 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
         yield from (f"    - {_list(pair)}" for pair in mapping.opacity)
         return
     yield "  points:"
-    for k, point in enumerate(transfer.points):
+    for k, point in enumerate(mapping):
         value, color, opacity = format_value(point.value), _hex_color(point.color), format_value(point.opacity)
         note = f"  # {notes[k]}" if k < len(notes) and notes[k] else ""
         yield f'    - {{value: {value}, color: "{color}", opacity: {opacity}}}{note}'
 
 
-def _label_lines(labels: LabelsSpec, unit: float | None) -> Iterator[str]:
-    """Yield the section `labels` of labels with colours, one line for each."""
+def _label_lines(labels: LabelsSpec) -> Iterator[str]:
+    """Yield the rest of the section `labels` of labels with colours, one line for each."""
     styles = labels.styles
-    yield "labels:"
-    yield from [] if unit is None else [f"  unit: {format_value(unit)}"]
     flow = ", ".join(str(style.value) for style in styles)
     yield from wrap(f"[{flow}]", 100, initial_indent="  show: ", subsequent_indent="         ")
     if len({style.opacity for style in styles}) == 1:

@@ -243,14 +243,15 @@ def _measure_voxels(
         brightest = lighting.light[3] + lighting.light[4] if lighting else 1.0
         curve = make_channel_curve(transfer, volume.finest_spacing, pyramid.measure == "rms", brightest, volume_range)
     voxels, breakpoints = voxels_of(volume, pyramid.classifier), pyramid.classifier.breakpoints
-    arguments: dict[str, Any] = {"voxels": voxels, "breakpoints": breakpoints, "curve": curve}
-    arguments |= {"shown": volume.are_shown, "are_lit": has_lit_labels}
-    measure = kernels().measure_voxel_bricks.partial(**arguments, bounds=bounds, measures=measures)
+    measure = kernels().measure_voxel_bricks.partial(
+        voxels=voxels, breakpoints=breakpoints, curve=curve, shown=volume.are_shown, are_lit=has_lit_labels,
+        bounds=bounds, measures=measures,
+    )  # fmt: skip
     cells = grid_cells(shape)
 
     def work(part: slice) -> None:
         volume.require_unchanged()
-        measure(cells=cells[part])
+        measure(cells=cells[part], texels=None)
         if volume.colors is not None:
             x, y, z = cells[part].T
             shown = cells[part][bounds[z, y, x, 1, 0] > 0]
@@ -258,7 +259,7 @@ def _measure_voxels(
             if pyramid.measure == "rms":
                 depths = texels[..., 3:]
                 texels *= np.divide(-np.expm1(-depths), depths, out=np.ones_like(depths), where=depths > 0)
-            kernels().measure_differences(texels=texels, cells=shown, shape=volume.values.shape, measures=measures)
+            measure(cells=shown, texels=texels)
 
     with ThreadPool(num_threads) as pool:
         pool.map(work, _parts(len(cells)))

@@ -24,13 +24,7 @@ from renderer.scene.transfer_section import (
     TransferSpec,
     check_colors_given,
 )
-from renderer.scene.volume_section import (
-    TRANSFORM_FIELD,
-    VOLUME_TABLE,
-    WITHOUT_TRANSFER,
-    VolumeSpec,
-    build_volume,
-)
+from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT_TRANSFER, VolumeSpec, build_volume
 
 MAX_WEIGHT = 1e6
 # By the volume's longest side: how thick the brightest of a ramp must be for an optical depth of 1.

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -115,10 +117,13 @@ class VoxelSample:
             return border, self.normalized.ravel()
         return border[are_valid], self.normalized[self.is_valid]
 
+    def mapped(self, function: Callable[[Float64], Float64], **changes: Any) -> VoxelSample:
+        """Return the sample with a function of its normalised values, and other changes."""
+        return replace(self, normalized=function(self.normalized), neighbours=function(self.neighbours), **changes)
+
     def with_inverted_range(self) -> VoxelSample:
         """Return the sample with the range inverted."""
-        normalized, neighbours = 1 - self.normalized, 1 - self.neighbours
-        return replace(self, normalized=normalized, neighbours=neighbours, minimum=self.maximum, maximum=self.minimum)
+        return self.mapped(lambda values: 1 - values, minimum=self.maximum, maximum=self.minimum)
 
     def with_logarithms(self, smallest: float) -> VoxelSample:
         """Return the sample with logarithms to base 10 in place of its values, none of which is negative.
@@ -126,11 +131,11 @@ class VoxelSample:
         smallest: the share of the maximum that stands for all that is less.
         """
         first, high = math.log10(smallest), math.log10(self.maximum)
-        normalized, neighbours = (
-            1 - np.log10(np.maximum(self.shares(values), smallest)) / first
-            for values in (self.normalized, self.neighbours)
-        )
-        return replace(self, normalized=normalized, neighbours=neighbours, minimum=high + first, maximum=high)
+
+        def logarithms(values: Float64) -> Float64:
+            return 1 - np.log10(np.maximum(self.shares(values), smallest)) / first
+
+        return self.mapped(logarithms, minimum=high + first, maximum=high)
 
     def shares(self, normalized: Float64) -> Float64:
         """Return normalised values as shares of the maximum, where no value is negative."""
@@ -254,10 +259,7 @@ def without(sample: VoxelSample, are_away: Bools) -> VoxelSample:
     """Return a sample with background, noise included, in place of some of its voxels, bool [z, y, x]."""
     background, (border, _) = find_background(sample), sample.valid_values()
     noise = border[(border >= background.low) & (border <= background.high)]
-    normalized, neighbours = (
-        np.where(are_away, np.resize(noise, values.shape), values) for values in (sample.normalized, sample.neighbours)
-    )
-    return replace(sample, normalized=normalized, neighbours=neighbours)
+    return sample.mapped(lambda values: np.where(are_away, np.resize(noise, values.shape), values))
 
 
 def shortest_interval(ascending: Float64, part: float) -> tuple[float, float]:

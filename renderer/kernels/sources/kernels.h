@@ -211,18 +211,11 @@ struct MeasureVoxelBricks {
     TransferTable curve;
     Maybe<Array<const uint8_t, 3>> shown;
     bool are_lit;
+    Maybe<Array<const float, 5>> texels;
     Array<float, 5> bounds;
     Array<double, 4> measures;
 };
 KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
-
-struct MeasureDifferences {
-    Array<const float, 5> texels;
-    Array<const int32_t, 2> cells;
-    int64_t shape[3];
-    Array<double, 4> measures;
-};
-KERNEL(measure_differences, MeasureDifferences)
 
 struct MeasureRanges {
     Voxels voxels;

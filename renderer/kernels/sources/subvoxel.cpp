@@ -266,16 +266,19 @@ void clear_beyond_border(const Voxels& voxels, const Array<const int32_t, 1>& ce
 // Write the visible bounds, as in BrickLevel, to `bounds` [z, y, x, 2, 3]; and to `measures` [3, z, y, x] the largest D
 // or J, and the root mean squares over the brick's volume of D / width^2 and of J. A brick has half of the dual cells
 // between it and its neighbours; beyond the border the nearest voxels are repeated. breakpoints: of visibility. shown:
-// which voxels a mask shows. are_lit: labels, by light that changes where they end.
+// which voxels a mask shows. are_lit: labels, by light that changes where they end. texels: w of voxels that are colours
+// [n, 18, 18, 18, 4], which is linear between them, so that there is J alone, and no more is measured.
 Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
-    const auto& [voxels, cells, breakpoints, table, shown, are_lit, bounds, measures] = *arguments;
+    const auto& [voxels, cells, breakpoints, table, shown, are_lit, texels, bounds, measures] = *arguments;
+    constexpr int64_t size = PADDED_BRICK_SIZE;
     auto num_bricks = [&](int axis) { return (voxels.raw.shape[axis] + BRICK_SIZE - 1) / BRICK_SIZE; };
     int64_t num_z = num_bricks(0), num_y = num_bricks(1), num_x = num_bricks(2);
     if (!fit_together(voxels, cells) || !fits(table) || !has_shape(bounds, num_z, num_y, num_x, 2, 3) ||
         !has_shape(measures, 3, num_z, num_y, num_x) ||
+        (texels.exists && !has_shape(texels.value, cells.shape[0], size, size, size, 4)) ||
         (shown.exists && !has_shape(shown.value, voxels.raw.shape[0], voxels.raw.shape[1], voxels.raw.shape[2])))
         return OUT_OF_BOUNDS;
-    Cube low(PADDED_BRICK_SIZE), high(PADDED_BRICK_SIZE), around(PADDED_BRICK_SIZE + 2);
+    Cube low(size), high(size), around(size + 2);
     if (!low || !high || !around) return NO_MEMORY;
     Curve curve = {table.rows, table.scale};
     for (int64_t i = 0; i < cells.shape[0]; i++) {
@@ -283,6 +286,14 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         DualCells of_brick = {low.field, high.field, {}};
         for (int axis = 0; axis < 3; axis++)
             of_brick.nums[axis] = least(voxels.raw.shape[axis] - BRICK_SIZE * cells(i, 2 - axis), BRICK_SIZE);
+        if (texels.exists) {
+            auto w_at = [&](int64_t w, int64_t v, int64_t u) {
+                return load<Vector<float, 4>>(&texels.value(i, w, v, u, 0), 0);
+            };
+            Variation found = differences(of_brick, [](auto...) { return true; }, w_at);
+            measures(0, z, y, x) = found.largest, measures(2, z, y, x) = found.differences;
+            continue;
+        }
         load_brick(voxels, cells[i], voxels.has_absent ? around.field : low.field);
         if (voxels.is_labels) load_brick(voxels, cells[i], around.field);
         if (voxels.is_labels && are_lit) {
@@ -317,30 +328,6 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         if (!is_whole || shown.exists) found = with_edges(found, of_brick, curve, is_shown);
         measures(0, z, y, x) = found.largest;
         measures(1, z, y, x) = found.steps;
-        measures(2, z, y, x) = found.differences;
-    }
-    return DONE;
-}
-
-// Measure J in bricks at cells [n, 3] (x, y, z) of voxels that are colours, where w is linear between voxels: D is 0.
-//
-// texels: w of their voxels [n, 18, 18, 18, 4]. shape: the volume's, along z, y, x. measures: as above.
-Status measure_differences(const MeasureDifferences* arguments) {
-    const auto& [texels, cells, shape, measures] = *arguments;
-    constexpr int64_t size = PADDED_BRICK_SIZE;
-    if (cells.shape[1] != 3 || !has_shape(texels, cells.shape[0], size, size, size, 4) || measures.shape[0] != 3)
-        return OUT_OF_BOUNDS;
-    for (int64_t i = 0; i < cells.shape[0]; i++) {
-        int64_t x = cells(i, 0), y = cells(i, 1), z = cells(i, 2);
-        DualCells of_brick = {};
-        for (int axis = 0; axis < 3; axis++) {
-            int64_t at = cells(i, 2 - axis);
-            if (at < 0 || at >= measures.shape[axis + 1] || BRICK_SIZE * at >= shape[axis]) return OUT_OF_BOUNDS;
-            of_brick.nums[axis] = least(shape[axis] - BRICK_SIZE * at, BRICK_SIZE);
-        }
-        auto w_at = [&](int64_t w, int64_t v, int64_t u) { return load<Vector<float, 4>>(&texels(i, w, v, u, 0), 0); };
-        Variation found = differences(of_brick, [](auto...) { return true; }, w_at);
-        measures(0, z, y, x) = found.largest;
         measures(2, z, y, x) = found.differences;
     }
     return DONE;
