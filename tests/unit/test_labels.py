@@ -188,6 +188,10 @@ def test_shown_labels_are_numbered(values: Array, shown: tuple[int, ...], number
     [
         ({"transfer_function": {"import": "ct-bone"}}, "labels: contradicts transfer_function"),
         ({"mode": "maximum"}, "labels: contradicts mode: maximum"),
+        (
+            {"volumes": [{"file": "organs.npy", "labels": {}, "range": [0, 1]}]},
+            r"volumes\.0\.range: contradicts volumes\.0\.labels",
+        ),
         ({"splat": {"footprint": "gaussian"}}, "labels: needs footprint: integrated"),
         ({"shading": {"gradient_opacity": [[0, 0], [1, 1]]}}, "shading.gradient_opacity: contradicts labels"),
         ({"volume": {"file": "organs.npy", "component": "color"}}, "labels: contradicts component: color"),
