@@ -55,8 +55,8 @@ def check(request: SceneRequest, output: str | None) -> None:
     with translate_os_errors(job.scene.output.file):
         require_own_folder(unfinished_folder(job.scene.output))
     for layer in job.scene.layers:
-        for volume in (layer.volume, layer.mask and layer.mask.volume):
-            if isinstance(volume, VolumeSpec) and isinstance(volume.source, FileSource):
+        for volume in layer.volumes.values():
+            if isinstance(volume.source, FileSource):
                 find_volume(volume.source.file)
     rows = [f"  {name:<8} {text}" for name, text in _summary(job.scene, len(job.frames))]
     Reporter().result(join_lines([f"{request.path}: ok", *rows]))
@@ -84,9 +84,9 @@ def _volumes(scene: Scene) -> Iterator[tuple[str, str]]:
     """Yield a row for each volume; where they are listed, with name and weight, and how they are blended."""
     for layer in scene.layers:
         name = f"{layer.name}: " * bool(layer.name)
-        yield "volume", f"{name}{_source(layer.volume)}{f', weight {layer.weight:g}' * bool(scene.volumes)}"
-        if layer.mask is not None and isinstance(layer.mask.volume, VolumeSpec):
-            yield "mask", f"{name}{_source(layer.mask.volume)}"
+        for key, volume in layer.volumes.items():
+            has_weight = key == "volume" and bool(scene.volumes)
+            yield key, f"{name}{_source(volume)}{f', weight {layer.weight:g}' * has_weight}"
     if scene.volumes:
         yield "blend", scene.blend
 

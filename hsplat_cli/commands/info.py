@@ -18,7 +18,7 @@ from hsplat_cli.commands.options import FILE
 from hsplat_cli.scenes import expand_volumes, read_with_options, transfer_lines, volume_options, volume_spec
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError
-from renderer.scene import FileSource, LayerSpec, VolumeSpec, counted, load_scene, parse_yaml
+from renderer.scene import FileSource, VolumeSpec, counted, load_scene, parse_yaml
 from renderer.system import join_lines, printable
 
 if TYPE_CHECKING:
@@ -52,7 +52,8 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     named = [(str(each), volume_spec(each, reading)) for each in inside]
     is_scene = volume.suffix.lower() in (".yaml", ".yml")
     if is_scene:
-        named = [each for k, layer in enumerate(load_scene(volume).layers) for each in _volumes_of(layer, k)]
+        layers = [(each.name or f"volumes.{k}", each.volumes) for k, each in enumerate(load_scene(volume).layers)]
+        named = [(name + ".mask" * (key == "mask"), each) for name, of in layers for key, each in of.items()]
     if is_scene or len(named) > 1:
         rows = [_row(*each) for each in named]
         table = format_table([list(rows[0]), *(list(map(str, row.values())) for row in rows)])
@@ -65,14 +66,6 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     facts = _facts(read, statistics, suggestion)
     text_lines = [*_fact_lines(facts, _histogram_marks()), *_suggestion_lines(suggestion, facts)]
     reporter.result(join_lines(json.dumps(facts, indent=2).splitlines() if as_json else text_lines))
-
-
-def _volumes_of(layer: LayerSpec, number: int) -> Iterator[tuple[str, VolumeSpec]]:
-    """Yield the volume of a layer of a scene, and that of its mask, with names."""
-    name = layer.name or f"volumes.{number}"
-    yield name, layer.volume
-    if layer.mask is not None and isinstance(layer.mask.volume, VolumeSpec):
-        yield f"{name}.mask", layer.mask.volume
 
 
 def _row(name: str, volume: VolumeSpec) -> dict[str, str]:

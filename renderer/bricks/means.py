@@ -22,8 +22,8 @@ from renderer.pyramid import (
     store_scaled,
     visible_children,
 )
-from renderer.transfer import raw_voxels
-from renderer.volume import Array, Float32, Int32
+from renderer.transfer import Classifier, raw_voxels
+from renderer.volume import Array, Float32, Int32, Int64, Volume
 
 # Most memory of cached bricks.
 MAX_CACHE_BYTES = 256 << 20
@@ -91,16 +91,7 @@ def color_texels(pyramid: Pyramid, cells: Int32) -> Float32:
     Raises InputError where the volume's file was changed.
     """
     volume, corners = pyramid.volume, BRICK_SIZE * cells.astype(np.int64) - HALO
-    texels = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
-    volume.require_unchanged()
-    kernels().average_cells(
-        raw=raw_voxels(volume),
-        classifier=pyramid.classifier._replace(shown=None),
-        level=0,
-        corners=corners,
-        means=texels,
-    )
-    volume.require_unchanged()
+    texels = _average_cells(volume, pyramid.classifier._replace(shown=None), 0, corners)
     are_cut = ((corners < 0) | (corners + PADDED_BRICK_SIZE > volume.shape_xyz)).any(axis=1)
     for number in np.flatnonzero(are_cut):
         ends = zip(corners[number, ::-1], volume.values.shape, strict=True)
@@ -115,12 +106,8 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
 
     Raises InputError where the volume's file was changed.
     """
-    means = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
     corners = BRICK_SIZE * cells.astype(np.int64) - HALO
-    volume, raw = pyramid.volume, raw_voxels(pyramid.volume)
-    volume.require_unchanged()
-    kernels().average_cells(raw=raw, classifier=pyramid.mean_classifier, level=level, corners=corners, means=means)
-    volume.require_unchanged()
+    means = _average_cells(pyramid.volume, pyramid.mean_classifier, level, corners)
     if pyramid.max_depth is not None:
         visible = means[..., 3] > 0
         depths = means[visible]
@@ -129,3 +116,13 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     stored: Array = np.empty(means.shape, pyramid.levels[0].means.dtype)
     store_scaled(means, 1 / pyramid.mean_unit, stored)
     return stored
+
+
+def _average_cells(volume: Volume, classifier: Classifier, level: int, corners: Int64) -> Float32:
+    """Return the means of cells of level 1 or 2, or the voxels of level 0, from each of `corners` [n, 3] on; 0 beyond
+    the border."""
+    means = np.zeros((len(corners), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
+    volume.require_unchanged()
+    kernels().average_cells(raw=raw_voxels(volume), classifier=classifier, level=level, corners=corners, means=means)
+    volume.require_unchanged()
+    return means

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.film import picture_files, unfinished_folder
-from renderer.scene import ArraySource, FileSource, MaskSpec, OutputSpec, ProceduralSource, Scene, VolumeSpec
+from renderer.scene import ArraySource, FileSource, OutputSpec, ProceduralSource, Scene, VolumeSpec
 
 
 def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
@@ -52,11 +52,9 @@ def scene_files(scene: Scene) -> Iterator[Path]:
         imported = layer.transfer_function.imported
         if imported is not None and imported.file is not None:
             yield imported.file
-        yield from volume_files(layer.volume)
-        mask = layer.mask or MaskSpec("")
-        if isinstance(mask.volume, VolumeSpec):
-            yield from volume_files(mask.volume)
-        for labels in (layer.transfer_function.labels, mask.labels):
+        for volume in layer.volumes.values():
+            yield from volume_files(volume)
+        for labels in (layer.transfer_function.labels, layer.mask.labels if layer.mask else None):
             if labels is not None and isinstance(labels.names, Path):
                 yield labels.names
 

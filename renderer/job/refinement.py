@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.accuracy import spread_evenly
 from renderer.film import picture_shape
 from renderer.frame import (
     BudgetController,
@@ -227,8 +228,8 @@ class Refiner:
 
     def _work(self, plan: FilmPlan) -> list[_Work]:
         """Return the work of some frames of the last pass."""
-        goal, num = self._error.goal, min(_NUM_SAMPLED_FRAMES, len(self._frames))
-        sampled_frames = [self._frames[i * len(self._frames) // num] for i in range(num)]
+        goal = self._error.goal
+        sampled_frames = spread_evenly(self._frames, _NUM_SAMPLED_FRAMES, is_loop=True)
         if isinstance(goal, TimeBudget):
             frame_by_budget = {scheduled_value(goal.by_frame, frame): frame for frame in sampled_frames}
             draw_lists = (
@@ -298,8 +299,8 @@ class ComparedFrames(FrameStore):
 
     def __init__(self, output: OutputSpec, frames: Sequence[int]) -> None:
         super().__init__(output, {}, lambda _: output.file)
-        num = min(len(frames), max(1, _MAX_COMPARED_BYTES // math.prod(picture_shape(output))))
-        self._compared_frames = {frames[i * len(frames) // num] for i in range(num)}
+        most = max(1, _MAX_COMPARED_BYTES // math.prod(picture_shape(output)))
+        self._compared_frames = {*spread_evenly(frames, most, is_loop=True)}
         self._before: dict[int, npt.NDArray[np.uint8]] = {}
         self._squares: list[float] = []
 

@@ -11,7 +11,7 @@ import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, squared_error
+from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, spread_evenly, squared_error
 from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path, has_frame_files
 from renderer.frame import Stage
@@ -61,8 +61,7 @@ def measure_film(
     stage: Stage, output: OutputSpec, frames: Sequence[FrameRecord], options: RayOptions, events: JobEvents
 ) -> MeasuredFilm:
     """Measure these frames, which have pictures; of a long film some that are evenly spread."""
-    rays, num = _Rays(stage, output, frames, events), min(len(frames), _MOST_FRAMES)
-    chosen = [frames[k * len(frames) // num] for k in range(num)]
+    rays, chosen = _Rays(stage, output, frames, events), spread_evenly(frames, _MOST_FRAMES, is_loop=True)
     num_rays, width = _FEWEST_RAYS, math.inf
     while True:
         measured = rays.measure(chosen, num_rays, options.seed)
@@ -81,7 +80,7 @@ def measure_film(
     for each in rays.measure([each for each in chosen if each.frame in suspects], MOST_RAYS, options.seed + 1):
         what = "is not the picture that was recorded" if is_recorded else "is far less exact than others"
         problems += _problems(f"frame {each.frame} {what}", each.accuracy, suspects[each.frame], output, each.frame)
-    return MeasuredFilm(replace(accuracy, seed=options.seed), num, is_precise, problems)
+    return MeasuredFilm(replace(accuracy, seed=options.seed), len(chosen), is_precise, problems)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
@@ -40,7 +40,11 @@ class ThreadPool:
 
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """Return `work(item)` for all items, in their order."""
-        return list(map(work, items) if self._pool is None else self._pool.map(work, items))
+        return list(self.each(work, items))
+
+    def each(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Generator[Result, None, None]:
+        """Yield `work(item)` for all items, in their order; when closed, drop what no thread has started."""
+        yield from map(work, items) if self._pool is None else self._pool.map(work, items)
 
     def for_rows(self, work: Callable[[int, int], object], pixels: Array) -> None:
         """Call `work(first, end)` for parts of the rows of pixels [h, w, ...], at most one a thread."""

@@ -20,7 +20,7 @@ import numpy as np
 from renderer.kernels import ThreadPool, kernels
 from renderer.scene import ShadingSpec, Vector
 from renderer.transfer import LightGrid, TransferFunction, make_classifier, make_light_grid, raw_voxels
-from renderer.volume import Bools, Float32, Float64, UInt8, Volume
+from renderer.volume import Bools, Float32, Float64, Volume
 
 # Along the longest axis, at most.
 MAX_CELLS = 128
@@ -77,24 +77,17 @@ def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads
     """Return the mean optical depths of a finest spacing, of cells of 2^level voxels, as `transmit` takes them."""
     classifier, raw = make_classifier(volume, transfer, None, opacity=False), raw_voxels(volume)
     by_pattern = None if classifier.table is None else np.ascontiguousarray(classifier.table[:, 3])
-    out = np.empty([-(-num >> level) for num in raw.shape], np.float32)
+    out, shares = np.empty((2, *(-(-num >> level) for num in raw.shape)), np.float32)
     average = kernels().average_voxels.partial(raw=raw, by_pattern=by_pattern, curve=classifier.curve, level=level)
     volume.require_unchanged()
     threads.map(lambda z: average(slab=z, out=out[z]), range(len(out)))
     volume.require_unchanged()
     if volume.are_shown is not None:
-        out *= _cell_means(volume.are_shown, level)
+        themselves = np.arange(256, dtype=np.float32)
+        share = kernels().average_voxels.partial(raw=volume.are_shown, by_pattern=themselves, curve=None, level=level)
+        threads.map(lambda z: share(slab=z, out=shares[z]), range(len(out)))
+        out *= shares
     return np.pad(out, 1, mode="edge")
-
-
-def _cell_means(shown: UInt8, level: int) -> Float32:
-    """Return the share of the voxels of each cell that a mask shows."""
-    means: Float32 = shown.astype(np.float32)
-    for axis, num in enumerate(shown.shape):
-        starts = np.arange(0, num, 1 << level)
-        counts = np.diff(np.append(starts, num)).reshape([-1 if k == axis else 1 for k in range(3)])
-        means = (np.add.reduceat(means, starts, axis) / counts).astype(np.float32)
-    return means
 
 
 def _remove(depths: Float32, volume: Volume, level: int, are_removed: Callable[[Float64], Bools]) -> None:

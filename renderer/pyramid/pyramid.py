@@ -344,26 +344,20 @@ class _Tier(NamedTuple):
     variances: Float64
 
 
-class _Scratch(NamedTuple):
-    """A task's memory for its nodes, which the next one uses again, and the kernel that fills it.
+# A task's memory for its nodes, which the next one uses again, and the kernel that fills it: fresh pages cost more than
+# the arithmetic done in them.
+_Scratch = tuple[VisibleNodes, Callable[..., None]]
 
-    Fresh pages cost more than the arithmetic done in them.
-    """
 
-    nodes: VisibleNodes
-    build: Callable[..., None]
-
-    @classmethod
-    def empty(cls, plan: _Plan, num_blocks: int) -> _Scratch:
-        """Return scratch for this number of blocks."""
-        nodes = VisibleNodes.empty(num_blocks, plan.num_error_channels, listed=plan.on_nodes is not None)
-        build = kernels().build_blocks.partial(
-            raw=raw_voxels(plan.pyramid.volume), classifier=plan.pyramid.mean_classifier,
-            error_classifier=plan.error_classifier, normalization=plan.normalization,
-            leaf_variance_limits=plan.leaf_variance_limits, occupied=plan.pyramid.occupied,
-            occupied_level=plan.pyramid.occupied_level, nodes=nodes,
-        )  # fmt: skip
-        return cls(nodes, build)
+def _make_scratch(plan: _Plan, num_blocks: int) -> _Scratch:
+    nodes = VisibleNodes.empty(num_blocks, plan.num_error_channels, listed=plan.on_nodes is not None)
+    build = kernels().build_blocks.partial(
+        raw=raw_voxels(plan.pyramid.volume), classifier=plan.pyramid.mean_classifier,
+        error_classifier=plan.error_classifier, normalization=plan.normalization,
+        leaf_variance_limits=plan.leaf_variance_limits, occupied=plan.pyramid.occupied,
+        occupied_level=plan.pyramid.occupied_level, nodes=nodes,
+    )  # fmt: skip
+    return nodes, build
 
 
 def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]]:
@@ -379,7 +373,7 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
         for k, num in enumerate(NODES_OF_GROUP)
     ]
     most = int(np.diff(first_blocks).max())
-    scratches = [_Scratch.empty(plan, most) for _ in range(num_threads)]
+    scratches = [_make_scratch(plan, most) for _ in range(num_threads)]
 
     def work(task: int) -> tuple[list[Level], _Tier, list[Level]]:
         volume.require_unchanged()

@@ -85,30 +85,28 @@ class LabelsSpec:
         )
 
 
-def _label_key(value: object) -> LabelKey | None:
-    """Return the number or the name that a value stands for; JSON has numbers of labels as text."""
-    if isinstance(value, str):
-        digits = value.strip().removeprefix("-")
-        is_number = digits.isdecimal() and digits.isascii() and len(digits) < 20
-        return int(value) if is_number else value.strip()[:_MAX_NAME_LENGTH] or None
-    number = schema.parse_whole_number(value)
-    return number if number is not None and abs(number) <= MAX_LABEL else None
-
-
 def _parse_label(node: TreeNode) -> Any:
-    found = _label_key(node.value)
-    return node.reject("not a label") if found is None else found
+    """Return the number or the name that a value stands for; JSON has numbers of labels as text."""
+    if isinstance(node.value, str):
+        digits = node.value.strip().removeprefix("-")
+        is_number = digits.isdecimal() and digits.isascii() and len(digits) < 20
+        found = int(node.value) if is_number else node.value.strip()[:_MAX_NAME_LENGTH]
+        return node.reject("not a label") if found == "" else found
+    number = schema.parse_whole_number(node.value)
+    return number if number is not None and abs(number) <= MAX_LABEL else node.reject("not a label")
 
 
 _LABEL = schema.FieldType("the number or the name of a label", _parse_label)
 
 
-def _by_label(item: schema.FieldType[Any], expected: str) -> schema.FieldType[Any]:
-    """Return the type of a mapping from labels to items, as pairs."""
+def _by_label(
+    item: schema.FieldType[Any], expected: str, other: schema.FieldType[Any] | None = None
+) -> schema.FieldType[Any]:
+    """Return the type of a mapping from labels to items, as pairs, or of another type."""
 
     def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, Mapping):
-            return node.reject("not a mapping")
+            return node.reject("not a mapping") if other is None else other.parser(node)
         if not 0 < len(node.value) <= MAX_LABELS:
             return node.reject("wrong number of labels", got=str(len(node.value)), expected=f"1 to {MAX_LABELS}")
         pairs: dict[Any, Any] = {}
@@ -122,29 +120,18 @@ def _by_label(item: schema.FieldType[Any], expected: str) -> schema.FieldType[An
     return schema.FieldType(expected, parse)
 
 
-def _mapping_or(other: schema.FieldType[Any], by_label: schema.FieldType[Any]) -> schema.FieldType[Any]:
-    def parse(node: TreeNode) -> Any:
-        return (by_label if isinstance(node.value, Mapping) else other).parser(node)
-
-    return schema.FieldType(by_label.expected, parse)
-
-
 _PART = schema.number_field(minimum=0, maximum=1)
 _COLORS = _by_label(COLOR_FIELD, "auto, table, or a mapping from labels to colors")
-_OPACITIES = _by_label(_PART, "a number from 0 to 1, or a mapping from labels to such numbers")
-_NAMES = _by_label(
-    schema.text_field("a name", "no name", str.strip),
-    "the file of a table of labels, or a mapping from numbers to names",
-)
+_NAMES = "the file of a table of labels, or a mapping from numbers to names"
 _LABELS = schema.sequence_field(_LABEL, "a list of labels, by number or by name")
 _CHOICE: schema.FieldTable = {
     "show": _LABELS,
     "hide": _LABELS,
-    "names": _mapping_or(file_field(_NAMES.expected, folder=False), _NAMES),
+    "names": _by_label(schema.text_field("a name", "no name", str.strip), _NAMES, file_field(_NAMES, folder=False)),
 }
 LABELS_TABLE: schema.FieldTable = {
     "colors": schema.word_or({"auto": "auto", "table": "table"}, _COLORS, _COLORS.expected),
-    "opacity": _mapping_or(_PART, _OPACITIES),
+    "opacity": _by_label(_PART, "a number from 0 to 1, or a mapping from labels to such numbers", _PART),
     **_CHOICE,
 }
 

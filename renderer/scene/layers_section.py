@@ -70,6 +70,12 @@ class LayerSpec:
     mask: MaskSpec | None = None
 
     @property
+    def volumes(self) -> dict[str, VolumeSpec]:
+        """Return its volume, and that of its mask if it has one, by their keys."""
+        mask = self.mask and self.mask.volume
+        return {"volume": self.volume} | ({"mask": mask} if isinstance(mask, VolumeSpec) else {})
+
+    @property
     def depends_on_voxels(self) -> bool:
         """Return whether the voxels must be read to say how they are shown."""
         labels, mask = self.transfer_function.labels, self.mask

@@ -162,24 +162,20 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     if not any(key in given for key in _COLORMAP_FIELDS):
         node.reject("no colors and opacities", got="", expected="points, colormap with range and opacity, or import")
     elif _has_opacities_alone(given):
-        pairs = list(given["opacity"]) if isinstance(given["opacity"], tuple) else [INVALID]
-        _check_points(node.child("opacity"), [(INVALID, INVALID) if pair is INVALID else pair for pair in pairs], 0)
-        return TransferSpec(
-            tuple(pair if pair is INVALID else ControlPoint(pair[0], _WHITE, pair[1]) for pair in pairs), unit
-        )
+        pairs = _check_opacity(node.child("opacity"), given["opacity"])
+        return TransferSpec(tuple(ControlPoint(value, _WHITE, opacity) for value, opacity in pairs), unit)
     else:
         _require_colormap(node, given)
     name, low_high, opacity = (given.get(key, INVALID) for key in _COLORMAP_FIELDS)
     if "opacity" not in given and isinstance(low_high, tuple) and INVALID not in low_high:
         opacity = ((low_high[0], 1.0),)
-    pairs = list(opacity) if isinstance(opacity, tuple) else []
-    _check_points(node.child("opacity"), [(INVALID, INVALID) if pair is INVALID else pair for pair in pairs], 0)
+    pairs = _check_opacity(node.child("opacity"), opacity)
     scale = given.get("scale")
     if scale == "log":
         low = low_high[0] if isinstance(low_high, tuple) else INVALID
         _check_positive(node.child("range"), low)
-        for index, pair in enumerate(pairs):
-            _check_positive(node.child("opacity").child(index), INVALID if pair is INVALID else pair[0])
+        for index, (value, _) in enumerate(pairs):
+            _check_positive(node.child("opacity").child(index), value)
     return TransferSpec(ColormapSpec(name, low_high, opacity, scale), unit)
 
 
@@ -275,6 +271,13 @@ def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: obje
             place.reject("a third point at the same value", hint="two points make a step")
     if points and all(opacity == 0 for _, opacity in points):
         node.reject("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
+
+
+def _check_opacity(node: TreeNode, opacity: Any) -> list[tuple[Any, Any]]:
+    """Return the values and opacities of a list of pairs, and check them."""
+    pairs = [(INVALID, INVALID) if pair is INVALID else pair for pair in opacity] if isinstance(opacity, tuple) else []
+    _check_points(node, pairs, 0)
+    return pairs
 
 
 def check_opacities(node: TreeNode, transfer: object) -> None:

@@ -11,6 +11,7 @@ from renderer.errors import InputError
 from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, VolumeSpec, ramp
 from renderer.suggest import features
 from renderer.suggest.histogram import compute_statistics
+from renderer.suggest.palette import in_8_bits
 from renderer.volume import Channel, Volume
 
 # In turn, for channels without one; the first two are told apart by those who see no difference of red and green.
@@ -44,8 +45,7 @@ def channel_layers(layer: LayerSpec, first: Volume, read: Callable[[VolumeSpec],
         if layer.transfer_function == OF_CHANNELS:
             volume = read(spec) if number else first
             window = channel.window or suggest_window(volume)
-            red, green, blue = (round(255 * part) / 255 for part in channel.color or _COLORS[number % len(_COLORS)])
-            color = red, green, blue
+            color = in_8_bits(channel.color or _COLORS[number % len(_COLORS)])
             own = replace(own, transfer_function=ramp(color, window), color=color, range=window)
             if layer.weight == 1.0:
                 own = replace(own, weight=suggest_weight(volume, window))

@@ -58,6 +58,7 @@ class VoxelSample:
     diagonal: of the whole volume, world units.
     directions: float64 [3, 3], whose columns are the directions of the axes x, y, z in the world.
     centre: of the volume, in the world.
+    is_interpolated: whether values lie between those of two samples; not of labels, between which they mean nothing.
     """
 
     normalized: Float64
@@ -70,6 +71,7 @@ class VoxelSample:
     diagonal: float
     directions: Float64
     centre: Float64
+    is_interpolated: bool = True
 
     def denormalize(self, share: float) -> float:
         """Return the data value of a normalised value, which may be below 0 or above 1."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,11 @@ from renderer.scene import (
     FileSource,
     LabelKey,
     LabelsSpec,
+    LayerSpec,
     MaskSpec,
-    Scene,
-    TransferSpec,
     VolumeSpec,
     colormap_points,
     format_value,
-    raise_problems,
 )
 from renderer.suggest.palette import distinct_colors, in_8_bits
 from renderer.volume import Label, Volume, iter_slabs
@@ -45,18 +43,20 @@ _PALETTE: tuple[Color, ...] = (
 # Up to this many labels have colours that are as different as possible; more take those of a colormap in turn.
 _MAX_DISTINCT_COLORS, _MANY_LABELS_COLORMAP = 255, "glasbey"
 
+Problems = list[Problem]
+
 
 @dataclass(frozen=True)
 class KnownLabels:
     """What is known of the labels of a volume.
 
-    num_voxels: of each label that it has, by value. table: what its file, or a table, says of labels, by value.
+    present: the values of those that it has, ascending. table: what its file, or a table, says of labels, by value.
     """
 
-    num_voxels: dict[int, int]
+    present: Collection[int]
     table: dict[int, Label]
 
-    @property
+    @cached_property
     def names(self) -> dict[int, str]:
         """Return the names of labels that have one."""
         return {value: label.name for value, label in self.table.items() if label.name}
@@ -64,7 +64,7 @@ class KnownLabels:
     def find(self, key: LabelKey) -> list[int]:
         """Return the values of a label that is in the volume or in the table; of a name several may be."""
         if isinstance(key, int):
-            return [key] * (key in self.num_voxels or key in self.table)
+            return [key] * (key in self.present or key in self.table)
         return [value for value, name in self.names.items() if name == key]
 
     def hint(self, key: LabelKey) -> str | None:
@@ -72,40 +72,31 @@ class KnownLabels:
         if isinstance(key, str):
             close = closest_match(key, self.names.values())
             return f"did you mean {close}?" if close else None if self.names else "its labels have no names"
-        return f"the nearest is {min(self.num_voxels, key=lambda value: abs(value - key))}"
+        return f"the nearest is {min(self.present, key=lambda value: abs(value - key))}"
 
 
-def with_labels(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
-    """Return a scene in which all labels that are shown have their number, colour and name.
+def with_labels(layer: LayerSpec, place: str, read: Callable[[VolumeSpec], Volume], problems: Problems) -> LayerSpec:
+    """Return a layer in which all labels that are shown have their number, colour and name.
 
-    read: reads the voxels of volumes whose labels are not known yet. Raises SceneError for labels that are not there,
-    and InputError for volumes that are no labels and tables that cannot be read.
+    place: of the layer in the scene. read: reads the voxels of volumes whose labels are not known yet. problems: to
+    which labels that are not there are added. Raises InputError for volumes that are no labels, and tables that cannot
+    be read.
     """
-    problems: list[Problem] = []
+    look, labels = layer.transfer_function, layer.transfer_function.labels
+    if labels is not None and not labels.has_colors:
+        known = known_labels(layer.volume, read(layer.volume), labels)
+        look = replace(look, mapping=choose_labels(labels, known, f"{place}labels", problems))
+    return replace(layer, transfer_function=look, mask=with_numbers(layer.mask, f"{place}mask", read, problems))
 
-    def transfer(spec: TransferSpec, volume: VolumeSpec, place: str) -> TransferSpec:
-        labels = spec.labels
-        if labels is None or labels.has_colors:
-            return spec
-        known = known_labels(volume, read(volume), labels)
-        return replace(spec, mapping=choose_labels(labels, known, f"{place}labels", problems))
 
-    def mask(spec: MaskSpec | None, place: str) -> MaskSpec | None:
-        if spec is None or spec.labels.has_numbers or not isinstance(spec.volume, VolumeSpec):
-            return spec
-        known = known_labels(spec.volume, read(spec.volume), spec.labels)
-        chosen = choose_labels(spec.labels, known, f"{place}mask", problems)
-        return replace(spec, labels=LabelsSpec(show=chosen.show))
-
-    volumes = []
-    for number, layer in enumerate(scene.volumes):
-        place = f"volumes.{number}."
-        look = transfer(layer.transfer_function, layer.volume, place)
-        volumes.append(replace(layer, transfer_function=look, mask=mask(layer.mask, place)))
-    first = volumes[0].transfer_function if volumes else transfer(scene.transfer_function, scene.volume, "")
-    found = replace(scene, transfer_function=first, volumes=tuple(volumes), mask=mask(scene.mask, ""))
-    raise_problems(problems)
-    return found
+def with_numbers(
+    mask: MaskSpec | None, place: str, read: Callable[[VolumeSpec], Volume], problems: Problems
+) -> MaskSpec | None:
+    """Return a mask in which all labels that are shown have their number; as `with_labels`."""
+    if mask is None or mask.labels.has_numbers or not isinstance(mask.volume, VolumeSpec):
+        return mask
+    known = known_labels(mask.volume, read(mask.volume), mask.labels)
+    return replace(mask, labels=LabelsSpec(show=choose_labels(mask.labels, known, place, problems).show))
 
 
 def known_labels(spec: VolumeSpec, volume: Volume, labels: LabelsSpec) -> KnownLabels:
@@ -117,7 +108,7 @@ def known_labels(spec: VolumeSpec, volume: Volume, labels: LabelsSpec) -> KnownL
     table = {label.value: label for label in found}
     if isinstance(labels.names, tuple):
         table |= {value: replace(table.get(value, Label(value)), name=name) for value, name in labels.names}
-    return KnownLabels(count_labels(volume), table)
+    return KnownLabels(count_labels(volume).keys(), table)
 
 
 def table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:
@@ -157,7 +148,7 @@ def count_labels(volume: Volume) -> dict[int, int]:
     return dict(sorted(found.items()))
 
 
-def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: list[Problem]) -> LabelsSpec:
+def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: Problems) -> LabelsSpec:
     """Return the labels that are shown with their numbers, colours, opacities and names.
 
     place: of the labels in the scene. problems: to which those of labels that are not there are added.
@@ -177,19 +168,22 @@ def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: li
     def in_list(keys: Sequence[LabelKey], path: str) -> list[int]:
         return [value for number, key in enumerate(keys) for value in values_of(key, f"{path}.{number}")]
 
-    present, hidden = [*known.num_voxels], {*in_list(spec.hide, "hide")}
-    asked = {value for value in present if value} if spec.show is None else {*in_list(spec.show, "show")}
-    colors, opacities = _colors_of(spec, known, present), by_value(spec.opacity, "opacity")
+    rest = [value for value in known.present if value]
+    hidden = {*in_list(spec.hide, "hide")}
+    asked = {*(rest if spec.show is None else in_list(spec.show, "show"))} - hidden
+    opacities = by_value(spec.opacity, "opacity")
+    colors: dict[int, Color] = dict(zip(rest, label_colors(len(rest)), strict=True)) | {0: (1.0, 1.0, 1.0)}
+    if spec.colors != "auto":
+        colors |= {value: label.color for value, label in known.table.items() if label.color is not None}
     if isinstance(spec.opacity, float):
-        opacities = dict.fromkeys(present, spec.opacity)
+        opacities = dict.fromkeys(known.present, spec.opacity)
     elif spec.opacity is None:
         opacities = {value: label.opacity for value, label in known.table.items() if label.opacity is not None}
     colors |= by_value(spec.colors, "colors")
-    shown = [value for value in present if value in asked and value not in hidden and opacities.get(value, 1.0) > 0]
+    shown = [value for value in known.present if value in asked and opacities.get(value, 1.0) > 0]
     if not shown and not problems:
-        others = [value for value in present if value]
-        what = "no label is shown" if others else "no voxel has a label: all are 0"
-        expected = f"some of {format_value(others)}, with opacities above 0" if others else "labels other than 0"
+        what = "no label is shown" if rest else "no voxel has a label: all are 0"
+        expected = f"some of {format_value(rest)}, with opacities above 0" if rest else "labels other than 0"
         problems.append(Problem(place, what, expected=expected))
     if spec.colors == "table" and (missing := [value for value in shown if value not in known.table]):
         what, expected = "the table has no such label", "a table with all labels that are shown"
@@ -202,15 +196,6 @@ def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: li
         show=tuple(shown),
         names=names or None,
     )
-
-
-def _colors_of(spec: LabelsSpec, known: KnownLabels, present: Sequence[int]) -> dict[int, Color]:
-    """Return the colours of labels for which the scene itself has none."""
-    rest = [value for value in present if value]
-    colors = dict(zip(rest, label_colors(len(rest)), strict=True)) | {0: (1.0, 1.0, 1.0)}
-    if spec.colors != "auto":
-        colors |= {value: label.color for value, label in known.table.items() if label.color is not None}
-    return colors
 
 
 @cache

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
 from renderer.scene import MAX_LABELS, LabelsSpec, TransferSpec
 from renderer.suggest.features import VoxelSample, faces
 from renderer.suggest.histogram import Statistics
-from renderer.suggest.label_choice import count_labels, label_colors
+from renderer.suggest.label_choice import KnownLabels, choose_labels, count_labels, label_colors
 from renderer.suggest.opacity import format_number, opacity_from_depth, opacity_unit_length
 from renderer.suggest.opacity_calibration import Layer, TurntableRays, cast_rays, solve_depths
 from renderer.suggest.presets import OPAQUE_COVERAGE, SHADING, STONE
@@ -130,23 +129,22 @@ def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float
     The background is the most frequent label at the volume's border.
     """
     at_border = sample.denormalize(border_mode(sample))
-    outside = min(range(len(values)), key=lambda k: abs(values[k] / 2 - at_border / 2))
+    outside = min(values, key=lambda value: abs(value / 2 - at_border / 2))
     pieces = ", in separate pieces" if _is_piecewise_constant(sample) else ""
-    reason = f"there are {len(values)} values{pieces}, and {format_number(values[outside])} is the background"
-    middles = np.array([(low / 2 + high / 2) for low, high in pairwise(values)])
-    rays = cast_rays(sample, is_interpolated=False)
-    depths = _solve_label_depths(sample, rays, [sample.normalize(middle) for middle in middles], outside)
-    shown = [int(value) for k, value in enumerate(values) if k != outside]
+    reason = f"there are {len(values)} values{pieces}, and {format_number(outside)} is the background"
+    shown = [int(value) for value in values if value != outside]
+    numbered = number_sample(sample, shown)
+    rays = cast_rays(numbered)
+    depths = _solve_label_depths(numbered, rays, len(shown))
     colors = label_colors(len(shown)) if len(shown) > 1 else (STONE,)
-    opacities = [opacity_from_depth(float(depth), sample.diagonal) for depth in np.delete(depths, outside)]
+    opacities = [opacity_from_depth(depth, sample.diagonal) for depth in depths.tolist()]
     one = opacities[0] if len(set(opacities)) == 1 else tuple(zip(shown, opacities, strict=True))
     labels = LabelsSpec(tuple(zip(shown, colors, strict=True)), one, tuple(shown))
-    shares = _visible_shares(rays, [sample.normalize(middle) for middle in middles], depths)
-    voxels = count_labels(volume)
+    shares, voxels = _visible_shares(rays, depths), count_labels(volume)
     visible = tuple(
-        ShownLayer("", ((value, value),), voxels[value] / volume.values.size, float(shares[k]), 1 / len(shown))
-        for k, value in enumerate(map(int, values)) if k != outside
-    )  # fmt: skip
+        ShownLayer("", ((value, value),), voxels[value] / volume.values.size, share, 1 / len(shown))
+        for value, share in zip(shown, shares.tolist(), strict=True)
+    )
     kind = "mask" if len(values) == 2 else "labels"
     transfer = TransferSpec(labels, opacity_unit_length(sample.diagonal))
     return Suggestion(kind, reason, transfer, (), _SHADING, visible=visible)
@@ -154,59 +152,52 @@ def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float
 
 def with_table(suggestion: Suggestion, table: Sequence[Label], *, has_colors: bool) -> Suggestion:
     """Return a suggestion for labels with the names in a table, and its colours unless it `has_colors` of its own."""
-    labels, known = suggestion.transfer.labels, {label.value: label for label in table}
+    labels = suggestion.transfer.labels
     assert labels is not None and isinstance(labels.colors, tuple)
-    of_table = {value: label.color for value, label in known.items() if label.color is not None and not has_colors}
-    names = {value: known[value].name for value in labels.values if value in known and known[value].name}
-    colors = tuple((key, of_table.get(key, color) if isinstance(key, int) else color) for key, color in labels.colors)
-    labels = replace(labels, colors=colors, names=tuple(names.items()) or None)
-    visible = tuple(replace(each, name=names.get(int(each.ranges[0][0]), "")) for each in suggestion.visible)
+    known = KnownLabels(dict.fromkeys(labels.values), {each.value: each for each in table})
+    of_table = {value for value, label in known.table.items() if label.color is not None and not has_colors}
+    colors = tuple(pair for pair in labels.colors if pair[0] not in of_table)
+    labels = choose_labels(replace(labels, colors=colors), known, "", [])
+    visible = tuple(replace(each, name=known.names.get(int(each.ranges[0][0]), "")) for each in suggestion.visible)
     return replace(suggestion, transfer=replace(suggestion.transfer, mapping=labels), visible=visible)
 
 
-def number_sample(sample: VoxelSample, labels: LabelsSpec) -> VoxelSample:
-    """Return a sample with the numbers of labels that are shown in place of their values; 0 for all others."""
-    at = np.array([sample.normalize(value) for value in labels.values])
+def number_sample(sample: VoxelSample, shown: Sequence[int]) -> VoxelSample:
+    """Return a sample with the numbers of labels that are shown, ascending, for their values; 0 for all others."""
+    at = np.array([sample.normalize(value) for value in shown])
     number = np.minimum(np.searchsorted(at, sample.normalized - _SAME), len(at) - 1)
     numbers = np.where(np.abs(at[number] - sample.normalized) <= _SAME, number + 1, 0)
-    return replace(sample, normalized=numbers / len(at), minimum=0.0, maximum=float(len(at)))
+    return replace(sample, normalized=numbers / len(at), minimum=0.0, maximum=float(len(at)), is_interpolated=False)
 
 
-def _solve_label_depths(sample: VoxelSample, rays: TurntableRays, middles: Sequence[float], outside: int) -> Float64:
-    """Return the optical depth of each label, as `solve_depths`; 0 for the one outside.
-
-    middles: between the labels, normalised.
-    """
-    # The outermost labels have no end on one side.
-    regions = list(pairwise([-1.0, *middles, 2.0]))
-    if len(regions) <= _MAX_SOLVED + 1:
-        layers = _layers(sample, [region for k, region in enumerate(regions) if k != outside])
-    else:
-        knots = tuple((at, float(k != outside)) for k, region in enumerate(regions) for at in region)
-        layers = [Layer("", knots, min_depth=_SOLID_DEPTH)]
-    depths = solve_depths(rays, layers, OPAQUE_COVERAGE)
-    return np.insert(np.resize(depths, len(regions) - 1), outside, 0.0)
+def _solve_label_depths(sample: VoxelSample, rays: TurntableRays, num: int) -> Float64:
+    """Return the optical depth of each label, float64 [num], as `solve_depths`. sample: of their numbers."""
+    first = 0.5 / num
+    all_alike = Layer("", ((first, 0.0), (first, 1.0)), min_depth=_SOLID_DEPTH)
+    layers = _layers(sample, num) if num <= _MAX_SOLVED else [all_alike]
+    return np.resize(solve_depths(rays, layers, OPAQUE_COVERAGE), num)
 
 
-def _visible_shares(rays: TurntableRays, middles: Sequence[float], depths: Float64) -> Float64:
-    """Return the part of what is seen that each label has; parameters as above."""
-    number = np.searchsorted(middles, rays.values)
-    taken = np.where(np.isnan(rays.values), 0.0, 100 * rays.step * depths[np.minimum(number, len(depths) - 1)])
+def _visible_shares(rays: TurntableRays, depths: Float64) -> Float64:
+    """Return the part of what is seen that each label has. rays: of their numbers."""
+    number = np.rint(np.nan_to_num(rays.values) * len(depths)).astype(np.int64)
+    taken = 100 * rays.step * np.append(0.0, depths)[number]
     visible = np.exp(taken - np.cumsum(taken, axis=1)) * -np.expm1(-taken)
-    shares = np.bincount(number.ravel(), visible.ravel(), len(depths))[: len(depths)]
+    shares = np.bincount(number.ravel(), visible.ravel(), len(depths) + 1)[1:]
     return np.asarray(shares / max(float(shares.sum()), 1e-12))
 
 
-def _layers(sample: VoxelSample, regions: Sequence[tuple[float, float]]) -> list[Layer]:
-    """Return a layer for each label from its (low, high), normalised: opaque, but translucent around smaller labels."""
-    parts = [(sample.normalized > low) & (sample.normalized < high) for low, high in regions]
+def _layers(sample: VoxelSample, num: int) -> list[Layer]:
+    """Return a layer for each label: opaque, but translucent around smaller labels. sample: of their numbers."""
+    parts = [np.rint(sample.normalized * num) == number for number in range(1, num + 1)]
     shadows = [[np.asarray(part.any(axis=axis)) for axis in range(3)] for part in parts]
     areas = [sum(int(shadow.sum()) for shadow in of_label) for of_label in shadows]
     layers = []
-    for (low, high), own, area in zip(regions, shadows, areas, strict=True):
+    for number, (own, area) in enumerate(zip(shadows, areas, strict=True), 1):
         smaller = [other for other, other_area in zip(shadows, areas, strict=True) if 0 < other_area < area]
         is_around = bool(smaller) and all(_covers(own[axis], [other[axis] for other in smaller]) for axis in range(3))
         share, min_depth = (_ENCLOSING_SHARE, 0.0) if is_around else (1.0, _SOLID_DEPTH)
+        low, high = (number - 0.5) / num, (number + 0.5) / num
         layers.append(Layer("", ((low, 0.0), (low, 1.0), (high, 1.0), (high, 0.0)), share, min_depth))
     return layers
 

@@ -98,12 +98,12 @@ class TurntableRays(NamedTuple):
     """Samples of a volume along rays, front to back.
 
     values: float32 [rays, samples], normalised; NaN outside of the volume, and without data. step: the distance of two
-        samples, as a share of the diagonal. is_interpolated: whether the values between two samples are passed, too.
+        samples, as a share of the diagonal. is_interpolated: as of VoxelSample.
     """
 
     values: Float32
     step: float
-    is_interpolated: bool = True
+    is_interpolated: bool
 
 
 class Visibility(NamedTuple):
@@ -116,12 +116,9 @@ class Visibility(NamedTuple):
     coverage: float
 
 
-def cast_rays(sample: VoxelSample, *, is_interpolated: bool = True) -> TurntableRays:
-    """Sample a volume along the rays of a turntable around z, at random places of a regular pattern.
-
-    is_interpolated: not of labels, between which values mean nothing.
-    """
-    return cast_through([sample])[0]._replace(is_interpolated=is_interpolated)
+def cast_rays(sample: VoxelSample) -> TurntableRays:
+    """Sample a volume along the rays of a turntable around z, at random places of a regular pattern."""
+    return cast_through([sample])[0]
 
 
 def cast_through(samples: Sequence[VoxelSample]) -> list[TurntableRays]:
@@ -147,7 +144,10 @@ def cast_through(samples: Sequence[VoxelSample]) -> list[TurntableRays]:
         of_view = [_values_along(box, axes, (across * sides[0], along * sides[1]), lengths) for box in boxes]
         is_met = np.any([is_inside.any(axis=1) for _, is_inside in of_view], axis=0)
         found.append([values[is_met] for values, _ in of_view])
-    return [TurntableRays(np.concatenate(values), step) for values in zip(*found, strict=True)]
+    return [
+        TurntableRays(np.concatenate(values), step, sample.is_interpolated)
+        for values, sample in zip(zip(*found, strict=True), samples, strict=True)
+    ]
 
 
 class _Box(NamedTuple):

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from renderer.scene import LayerSpec, Scene, VolumeSpec
+from renderer.errors import Problem
+from renderer.scene import LayerSpec, Scene, VolumeSpec, raise_problems
 from renderer.suggest.channels import channel_layers, with_own_names
-from renderer.suggest.label_choice import with_labels
+from renderer.suggest.label_choice import with_labels, with_numbers
 from renderer.suggest.volume_suggestion import NO_WISH, read_in_colors, suggest_read
 from renderer.volume import Volume
 
@@ -17,7 +18,7 @@ def resolve_scene(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
     labels have numbers and colours, and voxels that are colours a transfer function.
 
     read: reads the voxels: those of one channel, and of those without a window. Raises InputError as it does, and as
-    `with_labels`.
+    `with_labels`; SceneError for labels that are not there.
     """
     given = scene.volumes or (LayerSpec(scene.volume, scene.transfer_function),)
     layers: list[LayerSpec] = []
@@ -27,11 +28,14 @@ def resolve_scene(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
         else:
             is_open = layer.volume.has_colors and layer.depends_on_voxels
             layers.append(_with_colors(layer, read) if is_open else layer)
-    named = tuple(with_own_names(layers))
-    first, is_list = named[0], bool(scene.volumes) or scene.volume.component == "all"
-    volumes = named if is_list else ()
-    scene = replace(scene, volume=first.volume, transfer_function=first.transfer_function, volumes=volumes)
-    return with_labels(scene, read)
+    is_list, problems = bool(scene.volumes) or scene.volume.component == "all", list[Problem]()
+    places = [f"volumes.{number}." if is_list else "" for number in range(len(layers))]
+    named = zip(with_own_names(layers), places, strict=True)
+    found = tuple(with_labels(layer, place, read, problems) for layer, place in named)
+    mask = with_numbers(scene.mask, "mask", read, problems)
+    raise_problems(problems)
+    first, volumes = found[0], found if is_list else ()
+    return replace(scene, volume=first.volume, transfer_function=first.transfer_function, volumes=volumes, mask=mask)
 
 
 def _with_colors(layer: LayerSpec, read: Callable[[VolumeSpec], Volume]) -> LayerSpec:

@@ -7,20 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.scene import Color, VolumeSpec
+from renderer.scene import Color, VolumeSpec, raise_problems, volume_extent, volume_problems
 from renderer.suggest.features import VoxelSample, sample_volume
 from renderer.suggest.labels import number_sample
 from renderer.suggest.opacity_calibration import Layer, TurntableRays, balance, cast_through, step_weights
 from renderer.suggest.palette import to_lab
 from renderer.suggest.separation import Plane, are_beyond
 from renderer.suggest.suggestion import Suggestion, with_8_bit_colors, with_colormap
-from renderer.suggest.volume_suggestion import (
-    NO_WISH,
-    VolumeSuggestion,
-    read_in_colors,
-    read_with_statistics,
-    suggest_read,
-)
+from renderer.suggest.volume_suggestion import NO_WISH, VolumeSuggestion, read_in_colors, suggest_read
 from renderer.suggest.wishes import Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float32, Float64, Volume
@@ -69,15 +63,15 @@ def _suggest(
     spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], wish: Wish
 ) -> tuple[VolumeSuggestion, VoxelSample]:
     """Return what is suggested for a volume and holds beside another one, too; and a sample of what it shows."""
-    volume, statistics = read_with_statistics(spec, read)
-    if wish == NO_WISH or spec.has_colors:
-        spec, volume, statistics = read_in_colors(spec, volume, read, statistics)
+    volume = read(spec)
+    raise_problems(volume_problems(volume_extent(volume), volume.name))
+    spec, volume, statistics = read_in_colors(spec, volume, read, wish)
     found = suggest_read(spec, volume, statistics, wish)
     if statistics.minimum == statistics.maximum:  # a sample needs a range
         statistics = replace(statistics, minimum=statistics.minimum - max(1, abs(statistics.minimum)))
     sample, suggestion = sample_volume(volume, statistics), found.suggestion
     if (labels := suggestion.transfer.labels) is not None:
-        sample = number_sample(sample, labels)
+        sample = number_sample(sample, labels.values)
     planes = tuple(each for each in suggestion.clip if each.plane is not None)
     notes = () if suggestion.visible else suggestion.notes
     found = replace(found, suggestion=replace(suggestion, clip=planes, notes=notes, visible=()))
@@ -89,7 +83,6 @@ def _weights(found: VolumeSuggestion, sample: VoxelSample, rays: TurntableRays, 
     """Return the optical depths of the steps of rays. unit: the length that theirs are given in."""
     transfer = make_transfer_function(found.suggestion.transfer, min(sample.spacing))
     at, depths = map(sample.normalize, transfer.values.tolist()), (transfer.extinctions * unit / 100).tolist()
-    rays = rays._replace(is_interpolated=found.suggestion.transfer.labels is None)
     return np.asarray(step_weights(rays, [Layer("", tuple(zip(at, depths, strict=True)))])[0])
 
 

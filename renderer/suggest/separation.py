@@ -15,7 +15,7 @@ import numpy as np
 
 from renderer.scene import MAX_CLIPS, ClipSpec, PlaneSpec, Vector
 from renderer.suggest.features import VoxelSample
-from renderer.volume import Bools, Float64, Int64
+from renderer.volume import Bools, Float64, Int64, reduce_blocks
 
 # Cells along each axis.
 _MAX_CELLS = 64
@@ -127,10 +127,8 @@ def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
 
 def _pool(is_visible: Bools, spacing: tuple[float, float, float]) -> tuple[Bools, Float64]:
     """Return which cells of blocks of voxels have a visible one, and the lengths of a cell along z, y, x."""
-    cells, factors = is_visible, _factors(is_visible)
-    for axis, factor in enumerate(factors):
-        cells = np.logical_or.reduceat(cells, range(0, cells.shape[axis], factor), axis)
-    return cells, np.array(spacing) * factors
+    factors = _factors(is_visible)
+    return reduce_blocks(np.logical_or, is_visible, factors), np.array(spacing) * factors
 
 
 def _factors(voxels: Bools) -> list[int]:

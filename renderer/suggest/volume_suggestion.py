@@ -96,39 +96,29 @@ def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wis
     """
     may_have_channels = wish == NO_WISH and volume.component in (None, "all")
     asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
-    found, statistics = read_with_statistics(replace(volume, component=asked) if may_have_channels else volume, read)
+    found = read(replace(volume, component=asked) if may_have_channels else volume)
+    raise_problems(volume_problems(volume_extent(found), found.name))
     if may_have_channels and (volume.component == "all" or any(channel.is_light for channel in found.channels)):
         return _channels_suggestion(volume, found, read)
-    if wish == NO_WISH or volume.has_colors:
-        volume, found, statistics = read_in_colors(volume, found, read, statistics)
-    return suggest_read(volume, found, statistics, wish)
-
-
-def read_with_statistics(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume]) -> tuple[Volume, Statistics]:
-    """Read a volume and its statistics. Raises InputError for one that cannot be read or drawn."""
-    found = read(volume)
-    raise_problems(volume_problems(volume_extent(found), found.name))
-    return found, compute_statistics(found.values, found.source)
+    return suggest_read(*read_in_colors(volume, found, read, wish), wish)
 
 
 def read_in_colors(
-    volume: VolumeSpec, found: Volume, read: Callable[[VolumeSpec], Volume], statistics: Statistics | None = None
+    volume: VolumeSpec, found: Volume, read: Callable[[VolumeSpec], Volume], wish: Wish = NO_WISH
 ) -> tuple[VolumeSpec, Volume, Statistics]:
-    """Return a volume with its voxels and their statistics; if voxels are colours, as such, with the opacities of alpha
-    where that varies. found, statistics: of what was read of it."""
+    """Return a volume with its voxels and their statistics; without a wish, voxels that are colours as such, with the
+    opacities of alpha where that varies. found: what was read of it."""
     component = volume.component
-    if component is None and are_colors(found.values.dtype, found.channels):
+    if component is None and wish == NO_WISH and are_colors(found.values.dtype, found.channels):
         component = "color"
     if component == "color" and len(found.channels) == 4:
-        of_alpha = replace(volume, component="color_alpha")
-        alpha = read(of_alpha)
+        alpha = read(replace(volume, component="color_alpha"))
         low, high = alpha.value_range()
         if low < high:
-            return of_alpha, alpha, compute_statistics(alpha.values, alpha.source)
-    if component != volume.component:
-        volume, statistics = replace(volume, component=component), None
-        found = read(volume)
-    return volume, found, statistics or compute_statistics(found.values, found.source)
+            component, found = "color_alpha", alpha
+    if component not in (volume.component, "color_alpha"):
+        found = read(replace(volume, component=component))
+    return replace(volume, component=component), found, compute_statistics(found.values, found.source)
 
 
 def suggest_read(volume: VolumeSpec, found: Volume, statistics: Statistics, wish: Wish) -> VolumeSuggestion:

@@ -17,14 +17,14 @@ the order of convergence.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from contextlib import closing
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from renderer.errors import RenderError
-from renderer.kernels import kernels
+from renderer.kernels import ThreadPool, kernels
 from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.truth.clipping import kept_parts
@@ -133,7 +133,9 @@ class RayIntegrator:
 
         def integrate_part(part: slice) -> None:
             self._require_unchanged()
-            rays = [self._rays(layer, view, pixels[part]) for layer in self._layers]
+            rays = [
+                index_rays(each.volume, view.clipped(each.clip), pixels[part], self._centre) for each in self._layers
+            ]
             self._integrate(rays=rays, max_steps=max_steps, radiance=radiance[part])
 
         in_parts(integrate_part, pixels.size, self._num_threads, lambda share: on_progress(done + share * (1.0 - done)))
@@ -143,10 +145,6 @@ class RayIntegrator:
     def _require_unchanged(self) -> None:
         for layer in self._layers:
             layer.volume.require_unchanged()
-
-    def _rays(self, layer: TrueLayer, view: View, pixels: Int64) -> IndexRays:
-        view = replace(view, clip=view.clip + layer.clip)
-        return index_rays(layer.volume, view, pixels, self._centre)
 
     def converge(
         self, view: View, pixels: Int64, tolerance: float, on_progress: Progress = ignore
@@ -200,18 +198,10 @@ def in_parts(work: Callable[[slice], None], num_rays: int, num_threads: int, on_
     """Work on parts of some rays, on several threads where there are many; what `on_progress` raises ends the work."""
     shared_out = max(_MIN_RAYS_PER_TASK, num_rays // (_TASKS_PER_THREAD * num_threads))
     size = min(_RAYS_PER_TASK, shared_out)
-    if num_rays <= size:
-        work(slice(0, num_rays))
-        on_progress(1.0)
-        return
-    with ThreadPoolExecutor(num_threads) as pool:
-        try:
-            parts = [pool.submit(work, slice(first, first + size)) for first in range(0, num_rays, size)]
-            for number, part in enumerate(parts, 1):
-                part.result()
-                on_progress(number / len(parts))
-        finally:  # after an interrupt or an error, drop what has not started
-            pool.shutdown(wait=False, cancel_futures=True)
+    parts = [slice(first, first + size) for first in range(0, max(num_rays, 1), size)]
+    with ThreadPool(num_threads if len(parts) > 1 else 1) as pool, closing(pool.each(work, parts)) as finished:
+        for number, _ in enumerate(finished, 1):
+            on_progress(number / len(parts))
 
 
 def index_rays(volume: Volume, view: View, pixels: Int64, point_world: Float64 | None = None) -> IndexRays:

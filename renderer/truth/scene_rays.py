@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -83,16 +82,11 @@ class SceneRays:
         total = np.zeros((pixels.size, 4))
         for layer, of_layer in zip(self._layers, gathered, strict=True):
             assert layer.projection is not None
-            chords = chord_lengths(layer.volume, _clipped(view, layer), pixels)
+            chords = chord_lengths(layer.volume, view.clipped(layer.spec.clip), pixels)
             colors = layer.projection.exact_colors(of_layer, chords)
             total += colors * (*[layer.spec.weight] * 3, 1.0)
         total[:, 3] = np.minimum(total[:, 3], 1.0)
         return total
-
-
-def _clipped(view: View, layer: Layer) -> View:
-    """Return a view that also clips what a layer has clipped away."""
-    return replace(view, clip=view.clip + layer.spec.clip)
 
 
 class ExtremeSearch:
@@ -116,7 +110,7 @@ class ExtremeSearch:
 
     def gather(self, view: View, pixels: Int64, on_progress: Progress = ignore) -> Float64:
         """Return what the rays of pixels gather, as of `Extremum`: float64 [n, 4]."""
-        found, view = np.empty((pixels.size, 2)), _clipped(view, self._layer)
+        found, view = np.empty((pixels.size, 2)), view.clipped(self._layer.spec.clip)
 
         def search(part: slice) -> None:
             self._volume.require_unchanged()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -42,6 +42,10 @@ class View:
     def view_from_world(self, points_world: Float64) -> Float64:
         """Transform world positions [..., 3] to view space: float64 [..., 3]. Differences are taken first."""
         return np.asarray((points_world - self.target) @ self.axes.T - (0.0, 0.0, self.distance))
+
+    def clipped(self, clip: tuple[ClipSpec, ...]) -> View:
+        """Return a view that also clips this away."""
+        return replace(self, clip=self.clip + clip)
 
     @property
     def eye(self) -> Float64:

@@ -8,6 +8,7 @@ from .arrays import (
     UInt8 as UInt8,
     UInt32 as UInt32,
     UInt64 as UInt64,
+    reduce_blocks as reduce_blocks,
 )
 from .channel import Channel as Channel
 from .label import Label as Label

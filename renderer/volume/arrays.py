@@ -1,4 +1,4 @@
-"""Names for types of arrays, by their elements; the shapes are in the text."""
+"""Names for types of arrays, by their elements, with shapes in the text; and what blocks of arrays reduce to."""
 
 from __future__ import annotations
 
@@ -17,3 +17,10 @@ UInt8 = npt.NDArray[np.uint8]
 UInt16 = npt.NDArray[np.uint16]
 UInt32 = npt.NDArray[np.uint32]
 UInt64 = npt.NDArray[np.uint64]
+
+
+def reduce_blocks(reduction: np.ufunc, array: Array, sizes: npt.ArrayLike) -> Array:
+    """Return what blocks of a size, or of one along each axis, reduce to; those at the end may be smaller."""
+    for axis, size in enumerate(np.broadcast_to(sizes, array.ndim).tolist()):
+        array = reduction.reduceat(array, np.arange(0, array.shape[axis], size), axis)
+    return array

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.kernels import kernels
-from renderer.volume.arrays import Array, Bools, Float64, Int64, UInt8, UInt16
+from renderer.volume.arrays import Bools, Float64, Int64, UInt8, UInt16, reduce_blocks
 
 # Voxels along each side of the blocks in which a mask is searched.
 _BLOCK = 8
@@ -59,9 +59,7 @@ def meet_mask(voxels: UInt8, from_index: Float64, lows: Float64, highs: Float64)
 
 def _num_blocks(are_marked: Bools, low: Int64, high: Int64) -> Int64:
     """Return the number of blocks with a marked voxel in half-open ranges of blocks (z, y, x), int64 [n]."""
-    blocks: Array = are_marked
-    for axis, size in enumerate(are_marked.shape):
-        blocks = np.logical_or.reduceat(blocks, np.arange(0, size, _BLOCK), axis)
+    blocks = reduce_blocks(np.logical_or, are_marked, _BLOCK)
     counts = np.pad(blocks.cumsum(0, np.int64).cumsum(1).cumsum(2), ((1, 0),) * 3)
     total = np.zeros(len(low), np.int64)
     for corner in np.ndindex(2, 2, 2):

@@ -27,7 +27,7 @@ def nested_balls() -> Array:
 def test_visibility_of_two_slabs_is_that_of_lamberts_law() -> None:
     """A ray through 30 samples of one material and then 20 of another."""
     values = np.repeat([[np.nan, 0.25, 0.75]], 3, axis=0).astype(np.float32).repeat([4, 30, 20], axis=1)
-    rays = TurntableRays(values, 0.002)
+    rays = TurntableRays(values, 0.002, is_interpolated=True)
     found = measure_visibility(rays, [band(0.2, 0.3), band(0.7, 0.8)], np.array([0.1, 0.4]))
     # Of the step from one to the other, a tenth lies in either layer.
     first, second = 29.1 * 0.2 * 0.1, 19.1 * 0.2 * 0.4

@@ -17,30 +17,31 @@ INLINE double difference(double before, double here, double after, double scale,
 }
 
 // Along an axis, for each of the places in a brick: the place of the voxel that is taken there, the nearest, and the
-// reciprocal of the number of voxels from the one before to the one after it.
+// reciprocal of the number of voxels from the one before to the one after it, or another weight.
 struct Places {
     int64_t nearest[PADDED_BRICK_SIZE + 2];
     double weights[PADDED_BRICK_SIZE + 2];
 
     // num: the voxels of the volume along the axis. start: of these, that at place 0.
-    Places(int64_t num, int64_t start, int64_t side) {
+    Places(int64_t num, int64_t start, int64_t side, double weight) {
         for (int64_t t = 0; t < side; t++) {
             int64_t voxel = least(most<int64_t>(start + t, 0), num - 1);
             int64_t distance = least(voxel + 1, num - 1) - most<int64_t>(voxel - 1, 0);
-            weights[t] = 1.0 / (double)most<int64_t>(distance, 1);
+            weights[t] = weight > 0 ? weight : 1.0 / (double)most<int64_t>(distance, 1);
             nearest[t] = voxel - start;
         }
     }
 };
 
 // Write the gradients of a brick, which `m` takes to the world, to [3, n, n, n]; NaN without data. field: the scalars,
-// [n + 2, n + 2, n + 2]. shape: the volume's. With the factor `scale`, no difference of two scalars overflows.
+// [n + 2, n + 2, n + 2] or larger. shape: the volume's. With the factor `scale`, no difference of two scalars overflows.
+// weight: of differences along each axis; 0 for what suits scalars.
 template <bool HAS_ABSENT>
 void fill_gradients(const Field& field, const int64_t (&shape)[3], const Array<const int32_t, 1>& cell,
-                    const double (&m)[9], double scale, const Array<double, 4>& gradients) {
+                    const double (&m)[9], double scale, const Array<double, 4>& gradients, double weight = 0) {
     int64_t side = gradients.shape[1];
     auto places = [&](int axis) {
-        return Places(shape[2 - axis], BRICK_SIZE * cell[axis] - (side - BRICK_SIZE) / 2, side);
+        return Places(shape[2 - axis], BRICK_SIZE * cell[axis] - (side - BRICK_SIZE) / 2, side, weight);
     };
     Places along_x = places(0), along_y = places(1), along_z = places(2);
     for (int64_t t = 0; t < side; t++)
@@ -82,7 +83,7 @@ constexpr double TILT = 0.05;
 void fill_label_gradients(const Voxels& voxels, const Array<const int32_t, 1>& cell, const double (&m)[9],
                           const Array<const double, 1>& opacities, const double (&toward_light)[3], const Field& field,
                           const Array<double, 4>& gradients) {
-    constexpr int64_t size = PADDED_BRICK_SIZE, margin = HALO + 3;
+    constexpr int64_t margin = HALO + 3;
     load_brick(voxels, cell, field);
     auto is_inside = [&](int axis, int64_t at) {
         int64_t voxel = BRICK_SIZE * cell[axis] - margin + at;
@@ -96,21 +97,9 @@ void fill_label_gradients(const Voxels& voxels, const Array<const int32_t, 1>& c
                 at = is_inside(0, x) && is_inside(1, y) && is_inside(2, z) ? opacities[(int64_t)at] : 0;
             }
     smooth(field);
-    auto places = [&](int axis) { return Places(voxels.raw.shape[2 - axis], BRICK_SIZE * cell[axis] - HALO, size); };
-    Places along_x = places(0), along_y = places(1), along_z = places(2);
-    for (int64_t t = 0; t < size; t++)
-        for (int64_t u = 0; u < size; u++)
-            for (int64_t v = 0; v < size; v++) {
-                int64_t z = along_z.nearest[t] + 1, y = along_y.nearest[u] + 1, x = along_x.nearest[v] + 1;
-                double g[3] = {
-                    (field(z, y, x + 1) - field(z, y, x - 1)) / 2,
-                    (field(z, y + 1, x) - field(z, y - 1, x)) / 2,
-                    (field(z + 1, y, x) - field(z - 1, y, x)) / 2,
-                };
-                for (int axis = 0; axis < 3; axis++)
-                    gradients(axis, t, u, v) = m[3 * axis] * g[0] + m[3 * axis + 1] * g[1] + m[3 * axis + 2] * g[2] -
-                        TILT * toward_light[axis];
-            }
+    fill_gradients<false>(field, voxels.raw.shape, cell, m, 1.0, gradients, 0.5);
+    int64_t num = gradients.size() / 3;
+    for (int64_t k = 0; k < 3 * num; k++) gradients.data[k] -= TILT * toward_light[k / num];
 }
 
 }  // namespace

@@ -211,15 +211,16 @@ Variation variation(const DualCells& cells, const Curve& curve) {
             __builtin_sqrt(total_difference / cells.size())};
 }
 
-// What `variation` found, with the steps between data and nothing. around: the scalars, NaN without data, with a margin
-// of 1 around those at the corners of dual cells.
-Variation with_edges_of_data(const Variation& found, const Field& around, const DualCells& cells, const Curve& curve) {
+// What `variation` found, with the steps between what is shown and nothing. is_shown: whether the voxel at the corner of a
+// dual cell is.
+template <class IsShown>
+Variation with_edges(const Variation& found, const DualCells& cells, const Curve& curve, const IsShown& is_shown) {
     double largest = squared(found.largest), total = 0;
     cells.for_each([&](int64_t z, int64_t y, int64_t x, Range range) {
         Range scaled = {curve.scale * range.low, curve.scale * range.high};
-        int num_absent = 0;
-        for (int k = 0; k < 8; k++) num_absent += is_nan(around(z + 1 + (k >> 2), y + 1 + (k >> 1 & 1), x + 1 + (k & 1)));
-        if (!(scaled.low <= scaled.high && 0 < num_absent && num_absent < 8)) return;
+        int num_shown = 0;
+        for (int k = 0; k < 8; k++) num_shown += is_shown(z + (k >> 2), y + (k >> 1 & 1), x + (k & 1));
+        if (!(scaled.low <= scaled.high && 0 < num_shown && num_shown < 8)) return;
         auto squared_step = [&](double end) { return squared_length(curve(curve.num_at_or_below(end, 0), end)); };
         double square = most(most(0.0, squared_step(scaled.low)), squared_step(scaled.high));
         largest = most(largest, square / 12);
@@ -228,38 +229,22 @@ Variation with_edges_of_data(const Variation& found, const Field& around, const 
     return {__builtin_sqrt(largest), __builtin_sqrt(squared(found.steps) + total / cells.size()), found.differences};
 }
 
-// The same of numbers of labels, which are at the corners of dual cells as in `with_edges_of_data`.
-Variation variation_of_labels(const Field& around, const DualCells& cells, const TransferTable& table) {
+// J alone, from the largest difference in each channel. differs: whether w may differ at the corners of a dual cell.
+// w_at: w at a corner.
+template <class Differs, class Corner>
+Variation differences(const DualCells& cells, const Differs& differs, const Corner& w_at) {
     double largest = 0, total = 0;
-    cells.for_each([&](int64_t z, int64_t y, int64_t x, Range range) {
-        if (!(range.low < range.high)) return;
-        Channels low = evaluate(table, range.low), high = low;
-        for (int k = 0; k < 8; k++) {
-            Channels w = evaluate(table, around(z + 1 + (k >> 2), y + 1 + (k >> 1 & 1), x + 1 + (k & 1)));
+    cells.for_places([&](int64_t z, int64_t y, int64_t x) {
+        if (!differs(z, y, x)) return;
+        auto low = w_at(z, y, x), high = low;
+        for (int k = 1; k < 8; k++) {
+            auto w = w_at(z + (k >> 2), y + (k >> 1 & 1), x + (k & 1));
             low = __builtin_elementwise_min(low, w), high = __builtin_elementwise_max(high, w);
         }
-        double square = squared_length(high - low);
+        double square = squared_length(DIFFERENCE_ERROR_SHARE * __builtin_convertvector(high - low, Channels));
         largest = most(largest, square), total += cells.share(z, y, x) * square;
     });
-    double step = __builtin_sqrt(total / cells.size());
-    return {DIFFERENCE_ERROR_SHARE * __builtin_sqrt(largest), __builtin_sqrt(1.0 / 12) * EDGE_INVERSE_WIDTH * step,
-            DIFFERENCE_ERROR_SHARE * step};
-}
-
-// Make NaN of voxels that a mask hides. around: as in `with_edges_of_data`. Return whether there are any.
-bool hide_masked(const Array<const uint8_t, 3>& shown, const Array<const int32_t, 1>& cell, const Field& around) {
-    bool is_any = false;
-    auto nearest = [&](int axis, int64_t at) {
-        int64_t voxel = BRICK_SIZE * cell[axis] - (around.shape[0] - BRICK_SIZE) / 2 + at;
-        return least(most<int64_t>(voxel, 0), shown.shape[2 - axis] - 1);
-    };
-    for (int64_t z = 0; z < around.shape[0]; z++)
-        for (int64_t y = 0; y < around.shape[1]; y++)
-            for (int64_t x = 0; x < around.shape[2]; x++) {
-                if (shown(nearest(2, z), nearest(1, y), nearest(0, x))) continue;
-                around(z, y, x) = __builtin_nan(""), is_any = true;
-            }
-    return is_any;
+    return {__builtin_sqrt(largest), 0, __builtin_sqrt(total / cells.size())};
 }
 
 // Make 0, no label, of what is beyond the volume's border: labels that are lit end there, as the light on them does.
@@ -308,19 +293,28 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         Range range = range_of(low.field);
         if (!(range.low <= range.high)) continue;
         int64_t first = curve.num_at_or_below(curve.scale * range.low, 0);
-        bool is_varying = !is_whole || curve.num_at_or_below(curve.scale * range.high, first) > first;
+        bool is_varying = !is_whole || shown.exists || curve.num_at_or_below(curve.scale * range.high, first) > first;
         for (int channel = 6; channel < 10; channel++) is_varying |= table.rows(first, channel) != 0;
-        is_varying |= shown.exists;
         bool is_visible = is_range_visible(breakpoints, range.low, range.high);
         if (is_varying || is_visible) to_ranges(of_brick);
         if (is_visible) find_visible_bounds(of_brick, breakpoints, bounds[z][y][x]);
         if (!is_varying) continue;
-        Variation found = voxels.is_labels ? variation_of_labels(around.field, of_brick, table) : variation(of_brick, curve);
-        if (shown.exists) {
-            if (!voxels.is_labels && !voxels.has_absent) load_brick(voxels, cells[i], around.field);
-            is_whole &= !hide_masked(shown.value, cells[i], around.field);
-        }
-        if (!is_whole) found = with_edges_of_data(found, around.field, of_brick, curve);
+        const auto& loaded = around.field;  // with a margin of 1 around the corners of dual cells
+        Variation found;
+        if (voxels.is_labels) {
+            auto differs = [&](int64_t w, int64_t v, int64_t u) { return low.field(w, v, u) < high.field(w, v, u); };
+            auto w_at = [&](int64_t w, int64_t v, int64_t u) { return evaluate(table, loaded(w + 1, v + 1, u + 1)); };
+            found = differences(of_brick, differs, w_at);
+            found.steps = __builtin_sqrt(1.0 / 12) * EDGE_INVERSE_WIDTH / DIFFERENCE_ERROR_SHARE * found.differences;
+        } else found = variation(of_brick, curve);
+        auto is_shown = [&](int64_t w, int64_t v, int64_t u) {
+            if (voxels.has_absent && is_nan(loaded(w + 1, v + 1, u + 1))) return false;
+            auto voxel = [&](int axis, int64_t at) {
+                return least(most<int64_t>(BRICK_SIZE * cells(i, axis) + at - 1, 0), voxels.raw.shape[2 - axis] - 1);
+            };
+            return !shown.exists || shown.value(voxel(2, w), voxel(1, v), voxel(0, u)) != 0;
+        };
+        if (!is_whole || shown.exists) found = with_edges(found, of_brick, curve, is_shown);
         measures(0, z, y, x) = found.largest;
         measures(1, z, y, x) = found.steps;
         measures(2, z, y, x) = found.differences;
@@ -344,20 +338,10 @@ Status measure_differences(const MeasureDifferences* arguments) {
             if (at < 0 || at >= measures.shape[axis + 1] || BRICK_SIZE * at >= shape[axis]) return OUT_OF_BOUNDS;
             of_brick.nums[axis] = least(shape[axis] - BRICK_SIZE * at, BRICK_SIZE);
         }
-        double largest = 0, total = 0;
-        of_brick.for_places([&](int64_t w, int64_t v, int64_t u) {
-            using Four = Vector<float, 4>;
-            Four low = in_all<Four>((float)INFINITE), high = -low;
-            for (int k = 0; k < 8; k++) {
-                Four corner = load<Four>(&texels(i, w + (k >> 2), v + (k >> 1 & 1), u + (k & 1), 0), 0);
-                low = min_of(low, corner), high = max_of(high, corner);
-            }
-            double square = squared_length(DIFFERENCE_ERROR_SHARE * __builtin_convertvector(high - low, Channels));
-            largest = most(largest, square);
-            total += of_brick.share(w, v, u) * square;
-        });
-        measures(0, z, y, x) = __builtin_sqrt(largest);
-        measures(2, z, y, x) = __builtin_sqrt(total / of_brick.size());
+        auto w_at = [&](int64_t w, int64_t v, int64_t u) { return load<Vector<float, 4>>(&texels(i, w, v, u, 0), 0); };
+        Variation found = differences(of_brick, [](auto...) { return true; }, w_at);
+        measures(0, z, y, x) = found.largest;
+        measures(2, z, y, x) = found.differences;
     }
     return DONE;
 }

@@ -28,6 +28,10 @@ INLINE Cell size_of(const AnyArray<3>& values) {
     return {values.shape[2], values.shape[1], values.shape[0]};
 }
 
+INLINE Cell nearest_inside(Cell voxel, Cell size) {
+    return __builtin_elementwise_min(__builtin_elementwise_max(voxel, Cell{0, 0, 0}), size - 1);
+}
+
 // Write the values of side^3 voxels from `first` on, x fastest; beyond the border the nearest voxel is repeated.
 //
 // side: at most LARGEST_CUBE.

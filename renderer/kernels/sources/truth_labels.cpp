@@ -26,10 +26,6 @@ void smooth(const double* in, int64_t num_lines, double* out) {
         }
 }
 
-INLINE Cell nearest_inside(Cell voxel, Cell size) {
-    return __builtin_elementwise_min(__builtin_elementwise_max(voxel, Cell{0, 0, 0}), size - 1);
-}
-
 }  // namespace
 
 LabelSegment::Winner LabelSegment::winner_at(double t) const {

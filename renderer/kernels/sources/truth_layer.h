@@ -173,8 +173,7 @@ struct LayerRay : LayerOptics {
         if (shading.exists) load_differences(values, segment.cell, absent, intervals.scale, differences);
         for (int k = 0; k < 8; k++) {
             if (absent >> k & 1) continue;
-            Cell at = segment.cell + Cell{k & 1, k >> 1 & 1, k >> 2};
-            for (int axis = 0; axis < 3; axis++) at[axis] = least(most<int64_t>(at[axis], 0), size_of(values)[axis] - 1);
+            Cell at = nearest_inside(segment.cell + Cell{k & 1, k >> 1 & 1, k >> 2}, size_of(values));
             Interval in = interval(num_below(intervals.knots, scalars[k]));
             double lit = shading.exists ? lit_at(at, {differences[0][k], differences[1][k], differences[2][k]}) : 1.0;
             double tau = in.base() + in.slope() * (scalars[k] - in.origin());
