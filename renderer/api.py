@@ -163,8 +163,8 @@ def suggest_scene(
     spacing: lengths of a voxel along (x, y, z), in world units; 1 by default, and for a file what the file says.
     transfer_function: by default one is suggested, as by `hsplat init`. Else the name of a colormap, from which the
         suggestion takes its colours; or `{"preset": "bone"}`, with what `hsplat init --preset` takes; or control points
-        `(value, color, opacity)`; or a mapping or a TransferSpec, as in a scene file. Opacities are per smallest
-        spacing.
+        `(value, color, opacity)`; or a mapping or a TransferSpec, as in a scene file, or `{"labels": {...}}`. Opacities
+        are per smallest spacing.
     camera: a mapping or a CameraSpec, as in a scene file. What a mapping leaves out is that of a turntable of 120
         frames, 20 degrees above the object, framed so that nothing is cut off.
     size: (width, height) of the pictures, pixels; 512 x 512 by default.
@@ -399,7 +399,7 @@ def _plain(value: Any, num_levels: int = MAX_DEPTH) -> Any:
     if isinstance(value, CameraSpec):  # all of it, with what it leaves to its defaults
         return {"target": None, "distance": None} | spec_to_dict(value)
     if isinstance(value, TransferSpec):
-        return spec_to_dict(value)
+        return {"labels": spec_to_dict(value)} if value.labels is not None else spec_to_dict(value)
     if isinstance(value, Mapping):
         return {key: _plain(item, num_levels - 1) for key, item in value.items()}
     return [_plain(item, num_levels - 1) for item in value] if isinstance(value, (list, tuple)) else value
@@ -419,7 +419,12 @@ def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, A
         tree["error"] = rest | {"tolerance": given["tolerance"]}
     names = {"output": "file", "size": "size", "background": "background"}
     tree["output"] |= {key: given[name] for name, key in names.items() if name in given}
+    if "transfer_function" in given:
+        tree.pop("labels", None)
     match given.get("transfer_function"):
+        case {"labels": labels, **others} if not others:
+            tree.pop("transfer_function", None)
+            tree["labels"] = labels
         case str(colormap):  # the rest is suggested
             tree["transfer_function"] = {"colormap": colormap, "range": [0, 1], "opacity": [[0, 1]]}
         case [*points]:

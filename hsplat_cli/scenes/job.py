@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from hsplat_cli.terminal import is_one_frame, parse_frames
-from renderer.errors import InputError
+from renderer.errors import InputError, SceneError
 from renderer.film import film_path_of_sidecar, sidecar_path_of_file
 from renderer.job import FilmJob, OriginalFilm
 from renderer.scene import (
@@ -16,10 +16,10 @@ from renderer.scene import (
     TreeEditor,
     YamlTree,
     accuracy_of,
+    edit_scene_content,
     is_film_wide_goal,
     is_same_file,
     may_be_json,
-    parse_scene_content,
     raise_problems,
     read_content,
     tolerance_at,
@@ -64,16 +64,10 @@ def load_job(
         record = parse_film_record(content, request.path)
         if record is not None:
             return _load_original(record, request, draws)
-    scene = parse_scene_content(
-        content,
-        request.path,
-        overrides=request.overrides,
-        volume=request.volume,
-        output=request.output,
-        is_single_frame=is_one_frame(request.frames),
-    )
+    editor = edit_scene_content(content, request.path, request.overrides, request.volume, request.output)
+    scene = editor.parse(is_single_frame=is_one_frame(request.frames))
     if reads:
-        scene = _resolved(scene)
+        scene = _resolved(scene, editor)
     picked = parse_frames(request.frames, scene.camera.path.frames)
     job = FilmJob(scene, picked, accuracy_of(scene.error), path=request.path)
     if draws != "nothing":
@@ -81,14 +75,20 @@ def load_job(
     return job
 
 
-def _resolved(scene: Scene) -> Scene:
-    """Return a scene in which what depends on voxels is chosen, as by `resolve_scene`; for that, files are read."""
+def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
+    """Return a scene in which what depends on voxels is chosen, as by `resolve_scene`; for that, files are read.
+
+    editor: from which the scene is; it knows where problems are.
+    """
     if not any(layer.depends_on_voxels for layer in scene.layers):
         return scene
     from renderer.readers import read_volume
     from renderer.suggest import resolve_scene
 
-    return resolve_scene(scene, read_volume)
+    try:
+        return resolve_scene(scene, read_volume)
+    except SceneError as error:
+        raise SceneError(editor.located_problems(error.problems)) from None
 
 
 def load_film(film: Path, volume: Path | None) -> FilmJob:
@@ -116,7 +116,7 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Literal["fi
     path, frames, original = request.path, request.frames, OriginalFilm(request.path, record)
     editor = _editor(record, path)
     editor.apply(request.overrides, request.volume, request.output)
-    scene = _resolved(editor.parse(is_single_frame=is_one_frame(frames) or len(record.frames) <= 1))
+    scene = _resolved(editor.parse(is_single_frame=is_one_frame(frames) or len(record.frames) <= 1), editor)
     problems = late_frame_problems(record, scene.camera.path.frames)
     raise_problems(replace(problem, location=str(path)) for problem in problems)
     recorded = None if frames is not None and _has_whole_schedule(record, editor) else record.numbers

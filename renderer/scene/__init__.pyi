@@ -82,6 +82,7 @@ from .output_section import (
 )
 from .scene_file import (
     TreeEditor as TreeEditor,
+    edit_scene_content as edit_scene_content,
     load_scene as load_scene,
     parse_scene_content as parse_scene_content,
 )

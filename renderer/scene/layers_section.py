@@ -95,10 +95,11 @@ _OWN_TABLE: schema.FieldTable = {
 def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
     own = {key: given.pop(key) for key in _OWN_TABLE if key in given}
     volume = build_volume(node, given)
+    look = "labels" if "labels" in own else "transfer_function"
     take_labels(node, own)
     if "transfer_function" in own:
         for key in schema.valid_keys(own, "color", "range"):
-            node.key(key).reject(f"contradicts {node.path}.transfer_function", expected="one of them")
+            node.key(key).reject(f"contradicts {node.path}.{look}", expected="one of them")
         own.pop("color", None), own.pop("range", None)
     elif volume.component in WITHOUT_TRANSFER and not own.keys() & {"color", "range"}:
         own["transfer_function"] = OF_CHANNELS

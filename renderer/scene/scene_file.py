@@ -35,16 +35,29 @@ def parse_scene_content(
 ) -> Scene:
     """Return the scene in the content of the YAML file `path`.
 
+    is_single_frame: only one frame of the path is drawn. Else parameters and errors as in `edit_scene_content`.
+    Raises SceneError with all problems in it, in the order of the file, those of the command line last.
+    """
+    return edit_scene_content(content, path, overrides, volume, output).parse(is_single_frame=is_single_frame)
+
+
+def edit_scene_content(
+    content: bytes,
+    path: Path,
+    overrides: Sequence[str] = (),
+    volume: Path | None = None,
+    output: Path | str | None = None,
+) -> TreeEditor:
+    """Return an editor of the scene in the content of the YAML file `path`, with the changes of options.
+
     Parameters
     ----------
     overrides: `path.to.key=value`, the value in YAML. Missing mappings are created, list items are counted from 0, and
         the value null removes a key. They are applied in order, before `volume` and `output`.
     volume: replaces the volume's source, and `output` the output file; both are relative to the current folder. Volume
         files in the scene are relative to the scene file, its output file to the current folder.
-    is_single_frame: only one frame of the path is drawn.
 
-    Raises InputError if the file cannot be read, and SceneError with all problems in it, in the order of the file,
-    those of the command line last.
+    Raises InputError if the file is no scene.
     """
     if len(content) > MAX_SCENE_BYTES:
         raise InputError("too large for a scene", where=str(path), expected=f"at most {MAX_SCENE_BYTES} bytes")
@@ -56,7 +69,7 @@ def parse_scene_content(
         raise InputError("not a scene", where=str(path), got=got, expected=expected)
     editor = TreeEditor(tree, path)
     editor.apply(overrides, volume, output)
-    return editor.parse(is_single_frame=is_single_frame)
+    return editor
 
 
 _SOURCES = ("file", "raw", "procedural", "array")

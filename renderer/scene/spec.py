@@ -252,7 +252,8 @@ def _with_look(value: Scene | LayerSpec, plain: dict[str, Any]) -> dict[str, Any
 
 def _of_mask(mask: MaskSpec, plain: dict[str, Any]) -> dict[str, Any]:
     labels = {key: item for key, item in plain.pop("labels").items() if key != "colors"}
-    return _with_own_keys(plain.pop("volume"), labels | plain)
+    volume = plain.pop("volume")
+    return _with_own_keys({"name": volume} if isinstance(volume, str) else volume, labels | plain)
 
 
 def _with_own_keys(volume: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:

@@ -299,3 +299,15 @@ os.waitpid(child, 0)
     )
     assert (run.returncode, run.stderr) == (0, "")
     assert run.stdout.startswith("OpenGL cannot be used in this process: it was forked from one that had used it")
+
+
+def test_a_look_may_be_labels_and_takes_their_place() -> None:
+    values = np.zeros((12, 12, 12), np.uint8)
+    values[3:8, 3:8, 3:8], values[7:10, 7:10, 7:10] = 1, 3
+    scene = renderer.suggest_scene(values, transfer_function={"labels": {"show": [3]}}, size=(24, 16))
+    assert scene.transfer_function.labels is not None and scene.transfer_function.labels.values == (3,)
+    again = renderer.render_frame(values, transfer_function=scene.transfer_function, size=(24, 16))
+    assert again.tobytes() == renderer.render_frame(scene).tobytes()
+    points = [(0, "red", 0), (3, "white", 0.5)]
+    expected = renderer.render_frame(values, transfer_function=points, size=(24, 16))
+    assert renderer.render_frame(scene, transfer_function=points).tobytes() == expected.tobytes()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError, SceneError
 from renderer.layers.labels import mask_volume, number_labels
 from renderer.readers import read_volume
@@ -105,6 +106,15 @@ def test_labels_that_are_not_there_are_told(section: dict[str, Any], place: str,
         resolve_scene(scene({"file": "bare.npy", "labels": {}}), read_volume)
 
 
+def test_labels_that_are_not_there_are_told_with_their_lines() -> None:
+    text = "version: 1\nvolume: {file: organs.npy}\nlabels: {show: [livr]}\noutput: {file: a.mp4}\n"
+    Path("scene.yaml").write_text(text + "camera: {path: {type: turntable, frames: 2}}\n")
+    with pytest.raises(SceneError, match=r"scene.yaml:3:17: labels.show.0: no such label"):
+        load_job(SceneRequest(Path("scene.yaml")))
+    with pytest.raises(SceneError, match=r"--set labels.show=\[7\]: labels.show.0: no such label"):
+        load_job(SceneRequest(Path("scene.yaml"), ["labels.show=[7]"]))
+
+
 def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
     moved = {"transform": [[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}
     one = {"file": "bare.npy", "color": "red", "range": [0, 9], "mask": {"name": "organs", "hide": ["kidney"]}}
@@ -178,6 +188,10 @@ def test_shown_labels_are_numbered(values: Array, shown: tuple[int, ...], number
     [
         ({"transfer_function": {"import": "ct-bone"}}, "labels: contradicts transfer_function"),
         ({"mode": "maximum"}, "labels: contradicts mode: maximum"),
+        (
+            {"volumes": [{"file": "organs.npy", "labels": {}, "range": [0, 1]}]},
+            r"volumes\.0\.range: contradicts volumes\.0\.labels",
+        ),
         ({"splat": {"footprint": "gaussian"}}, "labels: needs footprint: integrated"),
         ({"shading": {"gradient_opacity": [[0, 0], [1, 1]]}}, "shading.gradient_opacity: contradicts labels"),
         ({"volume": {"file": "organs.npy", "component": "color"}}, "labels: contradicts component: color"),
