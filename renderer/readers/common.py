@@ -307,9 +307,9 @@ def plain_channels(axes: str, shape: tuple[int, ...], names: Sequence[str] = ())
 def are_light(image: Image) -> bool:
     """Return whether each component is light of its own: by what the file says, else as integers that are no picture.
 
-    Floats are vectors, and three or four bytes are colours, where the file does not say.
+    Floats are vectors, and three or four bytes are colours, where the file does not say. Layers of labels are no light.
     """
-    if not 2 <= len(image.channels) <= MAX_LIGHTS:
+    if image.labels or not 2 <= len(image.channels) <= MAX_LIGHTS:
         return False
     may_be_light = image.values.dtype.kind != "f" and (image.values.itemsize > 1 or len(image.channels) not in (3, 4))
     return all(may_be_light if each.is_light is None else each.is_light for each in image.channels)

@@ -161,12 +161,14 @@ class MaskSpec:
 _MASK_NAME = schema.text_field("the name of a volume in the list", "no name", str.strip)
 
 
-def _build_mask(node: TreeNode, given: dict[str, Any]) -> MaskSpec:
+def _build_mask(node: TreeNode, given: dict[str, Any]) -> Any:
     labels = build_labels(node, {key: given.pop(key) for key in _CHOICE if key in given})
     transform = given.pop("transform", None)
     if given.get("component") in WITHOUT_TRANSFER:
         node.key("component").reject("no component of labels", expected="a whole number")
     if "name" not in given:
+        if not given.keys() & {"file", "raw", "procedural"}:
+            return node.reject("no voxels", got="", expected="one of file, raw, procedural and name")
         return MaskSpec(build_volume(node, given), labels, transform)
     name = given.pop("name")
     for key in schema.valid_keys({**given, "transform": transform or INVALID}, *given, "transform"):

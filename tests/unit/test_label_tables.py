@@ -148,6 +148,7 @@ def test_segments_of_slicer_are_labels(lines: str, component: int | None, expect
     header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 2 2 3 2\nkinds: list domain domain domain\nencoding: raw\n"
     volume = read(written(Path("a.seg.nrrd"), f"{header}{lines}\n".encode() + VOXELS.tobytes()), component=component)
     assert volume.labels == (() if isinstance(expected, str) else tuple(expected))
+    assert {channel.is_light for channel in volume.channels} == {not volume.labels}
     assert ("labels is left out" in (volume.note or "")) == isinstance(expected, str)
     assert not isinstance(expected, str) or expected in (volume.note or "")
 

@@ -205,6 +205,11 @@ def test_labels_contradict_what_needs_scalars(sections: dict[str, Any], message:
         scene(labels={}, **sections)
 
 
+def test_a_mask_needs_voxels() -> None:
+    with pytest.raises(SceneError, match=r"^mask: no voxels\n  expected: one of file, raw, procedural and name$"):
+        scene(mask={"show": [1]}, labels={})
+
+
 @pytest.mark.parametrize("sections", [{"mode": "mean"}, {"splat": {"footprint": "gouraud"}}])
 def test_a_mask_contradicts_projections_and_splats(sections: dict[str, Any]) -> None:
     points = [{"value": 0, "color": "white", "opacity": 0.5}, {"value": 9, "color": "red", "opacity": 0.6}]
