@@ -42,6 +42,20 @@ def mask_volume(volume: Volume, mask: Volume, shown: Sequence[int]) -> Volume:
     return replace(volume, mask=number_labels(mask, shown, as_one=True), fingerprint=fingerprint)
 
 
+def leave_out_masked(volume: Volume) -> Volume:
+    """Return a volume without a mask, in which the voxels whose centres its mask hides have no data.
+
+    Raises InputError where these are all of them.
+    """
+    values = volume.values.astype(np.promote_types(volume.values.dtype, np.float32))
+    values[volume.are_shown == 0] = np.nan
+    values.flags.writeable = False
+    num_absent = int(np.count_nonzero(np.isnan(values)))
+    if num_absent == values.size:
+        raise InputError("the mask shows no voxel of this volume", where=volume.name)
+    return replace(volume, values=values, source=None, mask=None, num_absent=num_absent)
+
+
 def _numbers_of(values: Array, shown: Array, numbers: Array) -> Array:
     """Return the numbers of labels; of those that are not shown, and of NaN, it is 0."""
     if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from renderer.bricks import BrickBatch, BrickLayer, BrickLayers, Bricks, extreme_bricks, make_bricks
-from renderer.layers.labels import number_labels
+from renderer.layers.labels import leave_out_masked, number_labels
 from renderer.lighting import compute_light_grid
 from renderer.modes import Projection, make_projection
 from renderer.pyramid import EVERY_CUT, FinestCut, Pyramid, build_pyramid
@@ -74,6 +74,8 @@ def make_layer(
     transfer = make_transfer_function(look, volume.finest_spacing)
     if (labels := spec.transfer_function.labels) is not None:
         volume = number_labels(volume, labels.values)
+    if volume.mask is not None and (scene.mode.is_projection or scene.needs_opengl):
+        volume = leave_out_masked(volume)  # of which extremes and splats know
     projection = make_projection(scene.mode, transfer, volume)
     optics = transfer if projection is None else projection.optics
     light_grid = NO_LIGHT_GRID

@@ -199,8 +199,6 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
         check_optics(place, given.get("mode", ModeSpec()), layer.transfer_function, layer.shading)
         lit = (place, layer.shading) if layer.shading is not None else (node, given.get("shading"))
         transfer = layer.transfer_function
-        if layer.mask is not None:
-            _refuse_splats_and_projections(place.key("mask"), given, hint="a mask cuts bricks alone, along each ray")
         if isinstance(transfer, TransferSpec) and transfer.labels is not None:
             _check_labels(place, given, layer.volume, lit)
         elif getattr(layer.volume, "has_colors", False):
@@ -210,19 +208,15 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
             check_colors_given(place.child("transfer_function", section))
 
 
-def _refuse_splats_and_projections(key: TreeNode, given: Mapping[str, Any], *, hint: str) -> None:
-    mode, splat = given.get("mode", ModeSpec()), given.get("splat")
-    if isinstance(mode, ModeSpec) and mode.type is not INVALID and mode.is_projection:
-        key.reject(f"contradicts mode: {mode.type}", expected="mode: emission_absorption", hint=hint)
-    if isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
-        key.reject("needs footprint: integrated", got=f"footprint: {splat.footprint}", expected="")
-
-
 def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tuple[TreeNode, Any]) -> None:
     """Check that what is at `node`, which shows labels, needs no scalars between them. lit: as of `_check_colors`."""
     key, (place, shading) = node.key("labels"), lit
-    hint = "labels are names, of which none is larger than another; a transfer_function shows their numbers"
-    _refuse_splats_and_projections(key, given, hint=hint)
+    mode, splat = given.get("mode", ModeSpec()), given.get("splat")
+    if isinstance(mode, ModeSpec) and mode.type is not INVALID and mode.is_projection:
+        hint = "labels are names, of which none is larger than another; a transfer_function shows their numbers"
+        key.reject(f"contradicts mode: {mode.type}", expected="mode: emission_absorption", hint=hint)
+    if isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
+        key.reject("needs footprint: integrated", got=f"footprint: {splat.footprint}", expected="")
     if getattr(volume, "has_colors", False):
         hint = "labels are whole numbers: leave it out, or name one component by its number"
         key.reject(f"contradicts component: {volume.component}", expected="", hint=hint)

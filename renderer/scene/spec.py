@@ -130,7 +130,6 @@ class Scene:
             "mode": self.mode.is_projection,
             "clip": bool(self.clip),
             "labels": self.transfer_function.labels is not None,
-            "mask": self.mask is not None,
             "volumes": bool(self.volumes),
             "shading": self.shading is not None and bool(self.shading.keys_for_bricks),
         }

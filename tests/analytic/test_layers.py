@@ -110,6 +110,8 @@ SCENES: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
     "a mask": ([ENGINE | {"mask": MASK}], {}),
     "a mask on a grid of two": ([ENGINE | {"mask": MASK}, OTHER], {}),
     "a lit mask beside another grid": ([ENGINE | {"mask": MASK, "shading": {}}, RINGS], {}),
+    "maximum in a mask": ([ENGINE | {"mask": MASK}, RINGS], {"mode": "maximum"}),
+    "mean in a mask": ([ENGINE | {"mask": MASK}, RINGS], {"mode": "mean"}),
     "labels in a mask": ([ATLAS | {"mask": MASK}], {}),
     "a lit label up to the border": ([ONE_LABEL], {}),
     "a lit label that is cut near the border": ([ONE_LABEL | {"procedural": LARGER}], {"clip": [NEAR_END]}),

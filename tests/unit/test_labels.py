@@ -10,12 +10,12 @@ import pytest
 
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError, SceneError
-from renderer.layers.labels import mask_volume, number_labels
+from renderer.layers.labels import leave_out_masked, mask_volume, number_labels
 from renderer.readers import read_volume
 from renderer.scene import FileSource, LabelsSpec, LabelStyle, MaskSpec, Scene, VolumeSpec, parse_scene, scene_to_dict
 from renderer.suggest import resolve_scene
 from renderer.suggest.label_choice import label_colors
-from renderer.volume import Array
+from renderer.volume import Array, move_volume
 
 RED, GREEN, BLUE, WHITE, BLACK = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 PRESENT = [-3, 0, 1, 2, 5, 300]
@@ -210,8 +210,11 @@ def test_a_mask_needs_voxels() -> None:
         scene(mask={"show": [1]}, labels={})
 
 
-@pytest.mark.parametrize("sections", [{"mode": "mean"}, {"splat": {"footprint": "gouraud"}}])
-def test_a_mask_contradicts_projections_and_splats(sections: dict[str, Any]) -> None:
-    points = [{"value": 0, "color": "white", "opacity": 0.5}, {"value": 9, "color": "red", "opacity": 0.6}]
-    with pytest.raises(SceneError, match=r"^mask: (contradicts mode: mean|needs footprint: integrated)"):
-        scene(mask={"file": "organs.npy"}, transfer_function={"points": points}, **sections)
+def test_a_mask_that_shows_no_voxel_is_refused() -> None:
+    save("organs.npy", np.arange(8, dtype=np.uint8))
+    volume = read_volume(VolumeSpec(FileSource(Path("organs.npy"))))
+    far = move_volume(volume, np.array([[1.0, 0, 0, 99], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
+    with pytest.raises(InputError, match="the mask shows no voxel of this volume"):
+        leave_out_masked(mask_volume(volume, far, (1, 2)))
+    left = leave_out_masked(mask_volume(volume, volume, (2, 3)))
+    assert left.mask is None and left.num_absent == 6 and left.values[~left.are_absent].tolist() == [2.0, 3.0]
