@@ -123,7 +123,7 @@ def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> di
 
 
 def _label_table(volume: Volume, suggestion: Suggestion) -> list[dict[str, Any]]:
-    """Return what is told of each label that is shown; the volume is in world units."""
+    """Return a row for each label that is shown; its volume is in world units."""
     rows = []
     for shown in suggestion.visible:
         voxels = round(shown.voxels * volume.values.size)

@@ -79,7 +79,7 @@ struct Neighbours {
         }
     }
 
-    // The sum of the weights of a label, which `counted` is told of: a bit for each neighbour.
+    // The sum of the weights of a label. counted: a bit for each neighbour; those that have it are set.
     INLINE Floats sum_of(Floats label, Ints& counted) const {
         Floats sum = in_all<Floats>(0.0f);
         for (int k = 0; k < 27; k++) {
