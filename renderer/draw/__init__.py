@@ -3,7 +3,7 @@
 In: `SplatBatch` or `BrickBatch`, the order of its elements, and a `View`. Out: float32 [height, width, 4],
 premultiplied RGBA without a background. Each footprint has its rasteriser.
 
-- `rasterizer.py` says what they have in common, and opens the one of a scene.
+- `rasterizer.py` says what they have in common; `open_rasterizer.py` opens the one of a scene.
 - `gl/raster.py` draws splats with OpenGL, and only splats need it. `gl/shaders/project.glsl` projects a splat to an
   ellipse, and clips it at the near plane (Zwicker et al. 2001). `gl/programs.py` loads shaders. `compositing.py` adds
   up many layers of splats in float64. Where a context is lost, `recovery.py` makes another.

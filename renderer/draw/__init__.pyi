@@ -1,6 +1,7 @@
 from .cpu.lines import draw_lines as draw_lines
 from .cpu.raster import BrickRasterizer as BrickRasterizer
 from .gl.raster import SplatRasterizer as SplatRasterizer
+from .open_rasterizer import open_rasterizer as open_rasterizer
 from .overlay import Lines as Lines, make_edges as make_edges, make_outline as make_outline
-from .rasterizer import Rasterizer as Rasterizer, open_rasterizer as open_rasterizer
+from .rasterizer import Rasterizer as Rasterizer
 from .recovery import RecoveringRasterizer as RecoveringRasterizer

@@ -1,4 +1,4 @@
-"""Say what the rasterisers of splats and of bricks have in common, and open the one of a scene."""
+"""Say what the rasterisers of splats and of bricks have in common."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from typing import Any, Protocol, TypeVar
 
 from renderer.kernels import ThreadPool
-from renderer.scene import Scene
-from renderer.system import num_drawing_threads
 from renderer.view import View
 from renderer.volume import Float32, UInt32
 
@@ -49,15 +47,3 @@ class Rasterizer(Protocol):
 
         Returns float32 [height, width, 4], premultiplied RGBA.
         """
-
-
-def open_rasterizer(scene: Scene) -> Rasterizer:
-    """Open the rasteriser of a scene's footprint. Raises RenderError where it needs OpenGL and there is none."""
-    # Imported here: bricks need no OpenGL.
-    if scene.needs_opengl:
-        from renderer.draw.recovery import RecoveringRasterizer
-
-        return RecoveringRasterizer()
-    from renderer.draw.cpu.raster import BrickRasterizer
-
-    return BrickRasterizer(num_threads=num_drawing_threads())

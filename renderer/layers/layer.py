@@ -46,10 +46,15 @@ class Layer:
 
 
 def layer_digest(spec: LayerSpec, scene: Scene, volume: Volume, finest_cut: FinestCut) -> str:
-    """Return the digest of what a layer is made from; its name, its weight and the camera do not count."""
+    """Return the digest of what a layer is made from.
+
+    Its name, its weight and the camera do not count, and clipping counts only where light or extremes depend on it.
+    """
+    is_clipped = scene.mode.is_extremum or (spec.shading is not None and spec.shading.has_light_grid)
     made_from = (
-        volume.fingerprint, spec.mask, spec.transfer_function, spec.color, spec.shading, scene.clip + spec.clip,
-        scene.mode, scene.pyramid, scene.error.measure, scene.error.of, scene.needs_opengl, finest_cut,
+        volume.fingerprint, spec.mask, spec.transfer_function, spec.color, spec.shading,
+        scene.clip + spec.clip if is_clipped else (), scene.mode, scene.pyramid, scene.error.measure, scene.error.of,
+        scene.needs_opengl, finest_cut,
     )  # fmt: skip
     return hashlib.blake2b(repr(made_from).encode(), digest_size=16).hexdigest()
 

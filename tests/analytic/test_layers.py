@@ -138,6 +138,14 @@ def test_the_tolerance_is_kept_to(tolerance: float, blend: str) -> None:
     assert psnr(image, exact) > {0.0: 95, 0.3: 38, 1.0: 28}[tolerance]
 
 
+@pytest.mark.parametrize(("shading", "is_shared"), [({}, True), ({"occlusion": 0.5}, False)])
+def test_layers_that_are_clipped_share_what_does_not_depend_on_it(shading: dict[str, Any], is_shared: bool) -> None:
+    lit = ENGINE | {"shading": shading}
+    with prepare_stage(scene_of([lit, lit | {"clip": [PLANE]}]), clock=lambda: 0.0, num_threads=1) as stage:
+        one, other = stage.layers
+        assert (one.bricks is other.bricks) == is_shared
+
+
 def test_a_list_of_one_volume_is_that_volume() -> None:
     tree = {key: ENGINE[key] for key in ENGINE if key != "procedural"} | {
         "volume": {"procedural": ENGINE["procedural"]}

@@ -1,0 +1,19 @@
+"""Open the rasteriser of a scene."""
+
+from __future__ import annotations
+
+from renderer.draw.rasterizer import Rasterizer
+from renderer.scene import Scene
+from renderer.system import num_drawing_threads
+
+
+def open_rasterizer(scene: Scene) -> Rasterizer:
+    """Open the rasteriser of a scene's footprint. Raises RenderError where it needs OpenGL and there is none."""
+    # Imported here: bricks need no OpenGL.
+    if scene.needs_opengl:
+        from renderer.draw.recovery import RecoveringRasterizer
+
+        return RecoveringRasterizer()
+    from renderer.draw.cpu.raster import BrickRasterizer
+
+    return BrickRasterizer(num_threads=num_drawing_threads())
