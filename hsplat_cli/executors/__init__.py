@@ -5,7 +5,8 @@ entrance; it opens an `Executor` of `renderer.job`.
 
 - `executor.py`: `open_executor` and the executors that use Dask; `options.py`: `--workers` and `--scheduler`.
 - `cluster/`: Dask: `cluster_drawing.py` (frames are drawn ahead, and come in order), `connection.py`, `registry.py`
-  (workers come and go), `worker.py`, `local_cluster.py` and `local_worker.py` (processes of this machine, with TLS).
+  (workers come and go), `worker.py`, `local_cluster.py` and `local_worker.py` (processes of this machine, with TLS),
+  `silence.py` (no log of libraries).
 """
 
 import lazy_loader

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 import ssl
-import warnings
 from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from hsplat_cli.executors.cluster.silence import silent_libraries
 from hsplat_cli.executors.options import ADDRESSES
 from renderer.errors import InputError
 from renderer.system import deferrable_interrupts
@@ -68,16 +67,6 @@ def _client(scheduler: str | SpecCluster) -> Iterator[Client]:
         yield client
     finally:
         client.close(timeout=_CLOSE_TIMEOUT_S)
-
-
-@contextlib.contextmanager
-def silent_libraries() -> Iterator[None]:
-    """Log nothing and show no warnings: what matters to users of Dask's is reported as an error or a note."""
-    with warnings.catch_warnings(), contextlib.ExitStack() as stack:
-        stack.callback(logging.disable, logging.root.manager.disable)
-        logging.disable(logging.CRITICAL)
-        warnings.simplefilter("ignore")
-        yield
 
 
 def _require_scheduler(address: str) -> None:

@@ -17,7 +17,7 @@ import dask.config
 import distributed
 from distributed import Security
 
-from hsplat_cli.executors.cluster.connection import silent_libraries
+from hsplat_cli.executors.cluster.silence import silent_libraries
 
 # What a worker writes once it is connected.
 READY = b"\n"
