@@ -18,7 +18,7 @@ from renderer.volume import Float64
 
 # Colormaps have 256 control points.
 _MOST_RANGES = 12
-# Of so many labels each has a range of its own.
+# Up to this many labels have a range each.
 _MOST_LABELS = 48
 # A millionth of a picture is less than a pixel of most, and keeps records short.
 _DIGITS = 6

@@ -48,7 +48,7 @@ Problems = list[Problem]
 
 @dataclass(frozen=True)
 class KnownLabels:
-    """What is known of the labels of a volume.
+    """A record of what is known of the labels of a volume.
 
     present: the values of those that it has, ascending. table: what its file, or a table, says of labels, by value.
     """

@@ -235,7 +235,7 @@ def scene_of(**sections: object) -> Scene:
         "camera": {"path": {"type": "turntable", "frames": 1}},
         "output": {"file": "a.mp4", "size": [72, 54], "background": "white"},
     }
-    return parse_scene(tree | sections, base=Path("/"))
+    return parse_scene({key: value for key, value in (tree | sections).items() if value is not None}, base=Path("/"))
 
 
 def best_psnr(scene: Scene, volume: Volume) -> dict[str, float]:
@@ -284,6 +284,8 @@ def test_what_vtk_lacks_is_refused() -> None:
         "shading.light": {"shading": {"light": [1, 0, 0]}},
         "shading.gradient_opacity": {"shading": {"light": "camera", "gradient_opacity": [[0, 0], [9, 1]]}},
         "clip": {"clip": [plane]},
+        "labels": {"labels": {}, "transfer_function": None},
+        "mask": {"mask": {"procedural": {"name": "atlas", "shape": [9, 9, 9]}}},
         "mode": {"mode": {"type": "attenuation", "scale": 0.01, "zero": 0}},
         "mode.color_by": {"mode": {"type": "maximum", "color_by": "depth"}},
         "transfer_function": {"mode": "mean", "transfer_function": {"points": COLORED}},

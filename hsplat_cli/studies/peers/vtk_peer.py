@@ -113,6 +113,10 @@ def _what_vtk_lacks(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "volumes", "it would draw the first alone"
     if scene.volume.has_colors:
         yield "volume.component", "it would draw luminance or alpha alone"
+    if scene.transfer_function.labels is not None:
+        yield "labels", "it would interpolate their numbers"
+    if scene.mask is not None:
+        yield "mask", "it would draw all of the volume"
     if scene.clip:
         yield "clip", "it would draw all of the volume"
     if mode.type not in _BLENDS:
