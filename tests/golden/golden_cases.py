@@ -129,6 +129,7 @@ _CLIP = (
     "{plane: {point: [0, 0, 20], normal: [0, 0, 1]}, fixed: camera}]"
 )
 _ATLAS = "volume={procedural: {name: atlas, shape: [40, 40, 30], seed: 5}}"
+_SHOWN = [3, 6, 9, 15, 19, 25, 30, 35, 44, 48, 60, 64, 72, 76, 81, 86, 101, 104, 124, 131, 136, 138, 144, 155, 165, 168]
 _HEAT = "transfer_function={colormap: inferno, range: [0, 80]}"
 _FILM = "transfer_function={colormap: gray_r, range: [0.3, 1]}"
 _COARSE = "error.tolerance=0.8"
@@ -219,9 +220,11 @@ CASES = (
         (_DEFAULT, _ATLAS, "transfer_function=null", "labels={colors: {7: red, third: '#30c060'}, names: {3: third},"
         " opacity: {9: 0.2}, hide: [1, 2]}"), "::6"),
     Case("labels_lit", "normals of labels, and the faces of those that are cut open", (_DEFAULT, _ATLAS,
-        "transfer_function=null", "labels.opacity=0.9", "shading={light: [1, -1, 1]}", _CLIP)),
+        "transfer_function=null", f"labels={{opacity: 0.9, unit: 2, colors: auto, show: {_SHOWN}}}",
+        "shading={light: [1, -1, 1]}", _CLIP)),
     Case("mask", "a part of a volume, by labels on a grid of their own", (_DEFAULT, "shading={}",
-        "mask={procedural: {name: atlas, shape: [13, 17, 9], spacing: [3.5, 2.7, 2.6]}, hide: [3, 8, 20, 21]}")),
+        "mask={procedural: {name: atlas, shape: [13, 17, 9], spacing: [3.5, 2.7, 2.6]}, hide: [3, eight],"
+        " names: {8: eight}, transform: [[0.9, 0.3, 0, -4], [-0.3, 0.9, 0, 6], [0, 0, 1, 0], [0, 0, 0, 1]]}")),
     Case("colors", "voxels that are colours, as opaque as their alpha", (_DEFAULT, "transfer_function=null",
         "volume.component=color"), volume=colored_ball),
     Case("attenuation", "an X-ray picture", (_DEFAULT, "mode={type: attenuation, scale: 0.0005, zero: 20}", _FILM)),
