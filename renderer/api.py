@@ -473,7 +473,7 @@ def _number(frame: int, scene: Scene) -> int:
 
 def _numbers(frames: int | slice | Sequence[int] | None, scene: Scene) -> Sequence[int]:
     """Return the numbers of these frames of the scene's path. Raises InputError where they are not on it."""
-    path = range(scene.camera.path.frames)
+    path = range(scene.num_frames)
     with contextlib.suppress(IndexError, TypeError, ValueError):  # ValueError: a slice with the step 0
         if frames is None or isinstance(frames, slice):
             picked: Sequence[int] = path[frames or slice(None)]

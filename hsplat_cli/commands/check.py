@@ -22,15 +22,18 @@ from renderer.film import (
 )
 from renderer.readers import find_volume
 from renderer.scene import (
-    ByFrame,
+    CameraPath,
     FileSource,
     MetricTarget,
+    PathSequence,
     RawSource,
     Scene,
     SplatBudget,
     TimeBudget,
     VolumeSpec,
     counted,
+    min_tolerance,
+    motion_of,
 )
 from renderer.system import join_lines
 
@@ -63,21 +66,25 @@ def check(request: SceneRequest, output: str | None) -> None:
 
 
 def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
-    output, path = scene.output, scene.camera.path
-    frames = counted(path.frames, "frame")
-    if num_frames < path.frames:
+    output, camera = scene.output, scene.camera
+    frames = counted(camera.num_frames, "frame")
+    if num_frames < camera.num_frames:
         frames = f"{num_frames} of {frames}"
     rate = "1 frame" if output.frames_per_second == 1 else f"{output.frames_per_second:g} frames"
     film = f", {num_frames / output.frames_per_second:.3g} s at {rate} per second"
     width, height = output.size
     return [
         *_volumes(scene),
-        ("camera", f"{path.type}, {frames}"),
+        ("camera", f"{_path_text(camera.path)}{', to and fro' * (camera.loop == 'ping-pong')}, {frames}"),
         ("error", _schedule(scene)),
         ("output", f"{output.file}, {width} x {height}{'' if has_frame_files(output) else film}"),
         *(("note", note) for note in scene.import_notes),
         *([("note", advice)] if (advice := _advice(scene)) is not None else []),
     ]
+
+
+def _path_text(path: CameraPath) -> str:
+    return ", ".join(piece.type for piece in (path.pieces if isinstance(path, PathSequence) else [path]))
 
 
 def _volumes(scene: Scene) -> Iterator[tuple[str, str]]:
@@ -96,8 +103,7 @@ def _advice(scene: Scene) -> str | None:
     goal = scene.error.goal
     if scene.splat.footprint != "integrated" or isinstance(goal, (SplatBudget, TimeBudget)):
         return None
-    finest = min(tolerance for _, tolerance in scene.error.tolerance)
-    wanted = typical_psnr(finest) if goal is None else psnr(wanted_error(goal))
+    wanted = typical_psnr(min_tolerance(scene.error)) if goal is None else psnr(wanted_error(goal))
     return finer_than_kept(wanted, typical_kept_psnr(scene.output))
 
 
@@ -119,17 +125,17 @@ def _schedule(scene: Scene) -> str:
     elif isinstance(goal, MetricTarget):
         wanted = f"{goal.metric} {goal.value:g}" + " dB" * (goal.metric == "psnr")
     elif isinstance(goal, SplatBudget):
-        num = _schedule_text(goal.by_frame)
+        num = _schedule_text(goal.value)
         wanted = f"at most {num} {scene.splat.primitive_name}{'s' * (num != '1')}"
     else:
-        wanted = f"{_schedule_text(goal.by_frame)} s a frame"
+        wanted = f"{_schedule_text(goal.value)} s a frame"
     return f"{error.measure}, {wanted}"
 
 
-def _schedule_text(by_frame: ByFrame) -> str:
+def _schedule_text(scheduled: float) -> str:
     """Return `2 to 0.02 to 2`: the first value, those where a schedule turns, and the last; the range of many turns."""
-    turns: list[float] = []
-    for _, value in by_frame:
+    motion, turns = motion_of(scheduled), list[float]()
+    for value in motion.values if motion else [scheduled]:
         if len(turns) > 1 and min(turns[-2], value) <= turns[-1] <= max(turns[-2], value):
             turns[-1] = value
         elif not turns or value != turns[-1]:

@@ -48,7 +48,7 @@ def golden(
 
     recorded_date = parse_date(date)
     job = load_reproducible_job(request)
-    num_frames, frames = job.scene.camera.path.frames, request.frames
+    num_frames, frames = job.scene.num_frames, request.frames
     numbers = None if frames is None else parse_frames(frames, num_frames, job.frames)
     golden_options = GoldenOptions(folder, numbers, recorded_date, update=update, prune=prune, yes=yes)
     update_goldens(job, golden_options, ExecutorSpec(workers), reporter, lambda: _confirm_overwrite(reporter))

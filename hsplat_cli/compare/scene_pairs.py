@@ -174,7 +174,7 @@ def _select_goldens(goldens: Sequence[Golden], frames: str | None, job: FilmJob,
     """Return the goldens in a range of frames. Raises InputError if there are none."""
     if frames is None:
         return goldens
-    requested = frozenset(parse_frames(frames, job.scene.camera.path.frames))
+    requested = frozenset(parse_frames(frames, job.scene.num_frames))
     picked = [golden for golden in goldens if golden.frame in requested]
     if not picked:
         numbers = first_few([golden.frame for golden in goldens])

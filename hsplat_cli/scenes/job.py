@@ -68,7 +68,7 @@ def load_job(
     scene = editor.parse(is_single_frame=is_one_frame(request.frames))
     if reads:
         scene = _resolved(scene, editor)
-    picked = parse_frames(request.frames, scene.camera.path.frames)
+    picked = parse_frames(request.frames, scene.num_frames)
     job = FilmJob(scene, picked, accuracy_of(scene.error), path=request.path)
     if draws != "nothing":
         job.require_no_input()
@@ -117,10 +117,10 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Literal["fi
     editor = _editor(record, path)
     editor.apply(request.overrides, request.volume, request.output)
     scene = _resolved(editor.parse(is_single_frame=is_one_frame(frames) or len(record.frames) <= 1), editor)
-    problems = late_frame_problems(record, scene.camera.path.frames)
+    problems = late_frame_problems(record, scene.num_frames)
     raise_problems(replace(problem, location=str(path)) for problem in problems)
     recorded = None if frames is not None and _has_whole_schedule(record, editor) else record.numbers
-    picked = parse_frames(frames, scene.camera.path.frames, recorded)
+    picked = parse_frames(frames, scene.num_frames, recorded)
     job = FilmJob(scene, picked, accuracy_of(scene.error), original, path)
     is_changed = any(key not in _PLACE_KEYS for key in editor.overridden_paths)
     is_beside = is_same_file(path, job.sidecar)

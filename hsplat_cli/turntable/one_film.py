@@ -112,7 +112,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     from hsplat_cli.executors import open_executor
     from renderer.job import make_film as draw_film, one_pass
 
-    job = FilmJob(scene, range(scene.camera.path.frames), accuracy_of(scene.error))
+    job = FilmJob(scene, range(scene.num_frames), accuracy_of(scene.error))
     open_this = partial(open_executor, request.executor, reporter)
     with _TurntableEvents(reporter, request, content, scene.splat.primitive_name) as events:
         film = draw_film(job, open_this, one_pass, events, resumes=not request.force)

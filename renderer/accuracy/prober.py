@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,7 +68,7 @@ class ExactPixels:
 
 
 class FrameProber:
-    """A prober of the frames of a stage.
+    """A prober of frames by a stage, of a film in which nothing moves, or of one frame.
 
     seed: of the choice of pixels, which also depends on the frame's number.
     tolerance: of the convergence of the exact rays, in every channel; None for rays of one step.
@@ -76,12 +77,23 @@ class FrameProber:
     def __init__(
         self, stage: Stage, num_rays: int, *, seed: int = 0, num_threads: int = 2, tolerance: float | None = None
     ) -> None:
+        self._tolerance, self._num_threads = tolerance, num_threads
+        self._stage, self._num_rays, self._seed = stage, num_rays, seed
         self._rays = SceneRays(stage, num_threads=num_threads)
         is_lit = any(layer.spec.shading is not None for layer in stage.layers)
         self._step = _SHADED_STEP if is_lit else _STEP
         self._ranges = scalar_ranges(stage)
-        self._tolerance = tolerance
-        self._stage, self._num_rays, self._seed = stage, num_rays, seed
+
+    def on(self, stage: Stage) -> FrameProber:
+        """Return a prober of the stage of another frame, with the same rays where its layers are the same."""
+        if stage is self._stage:
+            return self
+        if stage.groups is self._stage.groups:
+            prober = copy(self)
+            prober._stage = stage
+            return prober
+        options = {"seed": self._seed, "num_threads": self._num_threads}
+        return FrameProber(stage, self._num_rays, tolerance=self._tolerance, **options)
 
     def exact_pixels(self, number: int, image: Pixels) -> ExactPixels:
         """Choose pixels of a frame by its picture, uint8 [h, w, channels], and compute their exact colours."""
@@ -106,6 +118,6 @@ def open_prober(stage: Stage, num_threads: int) -> FrameProber | None:
     scene, num_rays = stage.scene, stage.scene.error.probes
     if num_rays is None:  # 0 beside an overlay
         width, height = scene.output.size
-        num_rays = max(_MIN_RAYS, width * height // _PIXELS_PER_RAY, _MIN_RAYS_OF_PATH // scene.camera.path.frames)
+        num_rays = max(_MIN_RAYS, width * height // _PIXELS_PER_RAY, _MIN_RAYS_OF_PATH // scene.num_frames)
         num_rays *= scene.no_exact_picture is None
     return FrameProber(stage, num_rays, num_threads=num_threads) if num_rays else None

@@ -19,7 +19,7 @@ from renderer.accuracy.prober import ExactPixels, FrameProber
 from renderer.accuracy.truths import NUM_SAMPLED_PIXELS, Truth
 from renderer.film import over_background
 from renderer.frame import Frame, Stage
-from renderer.scene import Color, MetricTarget
+from renderer.scene import MetricTarget
 
 
 class ExactRays:
@@ -37,7 +37,7 @@ class ExactRays:
     def compare(self, frame: Frame) -> tuple[float, float]:
         """Estimate the metric from the rays."""
         if frame.number not in self._exact:
-            self._exact[frame.number] = self._prober.exact_pixels(frame.number, frame.image)
+            self._exact[frame.number] = self._prober.on(frame.stage).exact_pixels(frame.number, frame.image)
         samples = self._exact[frame.number].compare_radiance(frame.radiance).samples
         value = psnr(samples.mean) if self.want.metric == "psnr" else math.sqrt(samples.mean)
         return value, samples.deviation
@@ -53,8 +53,8 @@ class ExactPictures:
 
     num_frames, step = 10, 1.0
 
-    def __init__(self, want: MetricTarget, background: Color | None, find_truth: Callable[[int], Truth]) -> None:
-        self.want, self._background, self._find_truth = want, background, find_truth
+    def __init__(self, want: MetricTarget, find_truth: Callable[[int], Truth]) -> None:
+        self.want, self._find_truth = want, find_truth
         self._truths: dict[int, Truth] = {}  # by frame
 
     @property
@@ -67,7 +67,9 @@ class ExactPictures:
         if frame.number not in self._truths:
             truth = self._find_truth(frame.number)
             self._truths[frame.number] = replace(truth, picture=truth.picture.astype(np.float32))
-        picture = over_background(frame.radiance, self._background).astype(np.float32).astype(np.float64)
+        picture = (
+            over_background(frame.radiance, frame.stage.scene.output.background).astype(np.float32).astype(np.float64)
+        )
         return compute_metric(self.want.metric, picture, self._truths[frame.number].picture), 0.0
 
 

@@ -75,6 +75,7 @@ def compute_truth(
 
     on_progress: as in `RayIntegrator.converge`.
     """
+    stage = stage.at(frame)
     scene, view = stage.scene, view_of(stage, frame)
     (width, height), rays = view.size, SceneRays(stage, num_threads=num_threads)
     pixels, convergence = rays.converge(view, np.arange(width * height), tolerance, on_progress)
@@ -91,7 +92,11 @@ def sample_truths(
     """
     prober = FrameProber(stage, NUM_SAMPLED_PIXELS, num_threads=num_threads, tolerance=tolerance)
     return [
-        SampledTruth(frame.number, prober.exact_pixels(frame.number, frame.image), bool(frame.radiance[..., 3].any()))
+        SampledTruth(
+            frame.number,
+            prober.on(frame.stage).exact_pixels(frame.number, frame.image),
+            bool(frame.radiance[..., 3].any()),
+        )
         for frame in render_frames(stage, frames, rasterizer, clock=clock)
     ]
 

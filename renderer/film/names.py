@@ -23,7 +23,7 @@ def frame_path(template: Path, frame: int) -> Path:
 
 def sidecar_path(scene: Scene, frames: Sequence[int]) -> Path:
     """Return the JSON file beside the output of these frames of the scene's path."""
-    return sidecar_path_of_file(scene.output.file, frames, scene.camera.path.frames)
+    return sidecar_path_of_file(scene.output.file, frames, scene.num_frames)
 
 
 def sidecar_path_of_file(file: Path, frames: Sequence[int], num_frames: int) -> Path:

@@ -56,7 +56,7 @@ class LODCostEstimator:
     """
 
     def __init__(self, stage: Stage) -> None:
-        self.stage, self.primitive = stage, make_primitive(stage)
+        self.stage, self.primitive = stage, make_primitive(stage.at(0))
         self._fixed, self._rate = 0.0, 1.0
         self._trials: list[tuple[float, float]] = []  # typical seconds, and those that it took
         self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)  # the same of the film
@@ -69,7 +69,8 @@ class LODCostEstimator:
 
     def make_draw_list(self, number: int, tolerance: float, watch: Stopwatch) -> DrawList:
         """Cut at a tolerance, and sort for a frame."""
-        return make_draw_list(self.stage, self.primitive.make_lod(tolerance, watch.lap), number, watch)
+        stage = self.stage.at(number)
+        return make_draw_list(stage, make_primitive(stage).make_lod(tolerance, watch.lap), number, watch)
 
     def predict(self, draw_list: DrawList) -> float:
         """Return the seconds from a finished LOD to the written frame."""
@@ -151,9 +152,9 @@ def calibrate_costs(
         on_step()
         draw_list = estimator.make_draw_list(number, tolerance, Stopwatch(clock))
         if first_size is None and num_trials == 0:  # the first drawing compiles shaders and makes buffers
-            draw_frame(estimator.stage, draw_list, rasterizer, Stopwatch(clock))
+            draw_frame(draw_list, rasterizer, Stopwatch(clock))
         watch = Stopwatch(clock)
-        draw_frame(estimator.stage, draw_list, rasterizer, watch)
+        draw_frame(draw_list, rasterizer, watch)
         seconds = sum(watch.seconds.values()) - watch.seconds.get(UPLOAD_STEP, 0.0)
         estimator.record_trial(draw_list, seconds)
         estimator.predict(draw_list)
@@ -207,14 +208,15 @@ class ScheduleController:
     def __init__(self, stage: Stage, estimator: LODCostEstimator | None = None) -> None:
         self._stage, self._estimator = stage, estimator
         self._lod: LOD | None = None
+        self._made_for = stage
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
         """Return the frame to draw, and its predicted seconds from its start to that of the next one."""
-        tolerance = tolerance_at(self._stage.scene.error, number)
-        if self._lod is None or self._lod.tolerance != tolerance:
+        stage, tolerance = self._stage.at(number), tolerance_at(self._stage.scene.error, number)
+        if self._lod is None or self._lod.tolerance != tolerance or not stage.has_lods_of(self._made_for):
             self._lod = None  # two at a time would take twice the memory
-            self._lod = make_primitive(self._stage).make_lod(tolerance, watch.lap)
-        draw_list = make_draw_list(self._stage, self._lod, number, watch)
+            self._lod, self._made_for = make_primitive(stage).make_lod(tolerance, watch.lap), stage
+        draw_list = make_draw_list(stage, self._lod, number, watch)
         return draw_list, self._estimator.predict(draw_list) if self._estimator else None
 
     def finish_frame(self, draw_list: DrawList, watch: Stopwatch) -> None:
@@ -229,6 +231,7 @@ class BudgetController:
     def __init__(self, estimator: LODCostEstimator, seconds_of: Callable[[int], float]) -> None:
         self._estimator, self._seconds_of = estimator, seconds_of
         self._lod: LOD | None = None
+        self._made_for = estimator.stage
         self._seconds, self._expected_share, self._num_frames = 0.0, _TARGET_SHARE, 0
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
@@ -236,7 +239,10 @@ class BudgetController:
         if self._lod is None:
             return self.choose(number, watch)
         seconds = self._seconds_of(number)
-        draw_list = make_draw_list(self._estimator.stage, self._lod, number, watch)
+        stage = self._estimator.stage.at(number)
+        if not stage.has_lods_of(self._made_for):
+            self._lod, self._made_for = make_primitive(stage).make_lod(self._lod.tolerance, watch.lap), stage
+        draw_list = make_draw_list(stage, self._lod, number, watch)
         predicted = self._estimator.predict(draw_list)
         share = predicted / seconds
         is_kept = abs(math.log(share / self._expected_share)) <= _BAND or (share < 1 and self._lod.tolerance == 0)
@@ -259,6 +265,7 @@ class BudgetController:
         # If a nearer LOD was out of reach, the next one goes there.
         self._expected_share = predicted / seconds if sizes[0] <= wanted <= sizes[1] else _TARGET_SHARE
         self._lod, self._seconds, self._num_frames = draw_list.lod, seconds, 0
+        self._made_for = draw_list.stage
         return draw_list, predicted
 
     def finish_frame(self, draw_list: DrawList, watch: Stopwatch) -> None:

@@ -22,6 +22,7 @@ UPLOAD_STEP = "bricks"
 class DrawList:
     """A level of detail as seen on a frame, in its draw orders. order_seconds: the time that sorting took."""
 
+    stage: Stage
     number: int
     lod: LOD
     view: View
@@ -45,7 +46,8 @@ class Frame:
     image: uint8 [height, width, 3], or 4 with straight alpha if the background is transparent.
     radiance: float32 [height, width, 4], premultiplied RGBA over nothing, from which the image was made.
     num_cells: cells, or bricks, in the cut. num_primitives: those of them that the frame can show.
-    seconds: the time that each stage took. predicted_seconds: the time predicted for the whole frame, with a budget.
+    seconds: the time that each step took. stage: what it was drawn from.
+    predicted_seconds: the time predicted for the whole frame, with a budget.
     """
 
     number: int
@@ -55,23 +57,24 @@ class Frame:
     num_cells: int
     num_primitives: int
     seconds: dict[str, float]
+    stage: Stage
     predicted_seconds: float | None = None
 
 
 def make_draw_list(stage: Stage, lod: LOD, number: int, watch: Stopwatch) -> DrawList:
-    """Sort a level of detail for the view of a frame."""
+    """Sort a level of detail for the view of a frame. stage: that of the frame."""
     view = view_of(stage, number)
-    return DrawList(number, lod, view, lod.orders(view), watch.lap("order"))
+    return DrawList(stage, number, lod, view, lod.orders(view), watch.lap("order"))
 
 
-def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) -> Frame:
+def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) -> Frame:
     """Draw a frame. Raises InputError if the volume's file was changed."""
-    lod = draw_list.lod
+    lod, stage = draw_list.lod, draw_list.stage
     stage.require_unchanged()
     if draw_list.upload(rasterizer):
         watch.lap(UPLOAD_STEP)
     is_projection = stage.scene.mode.is_projection
-    image = _add_projections(stage, draw_list, rasterizer) if is_projection else _blend_orders(draw_list, rasterizer)
+    image = _add_projections(draw_list, rasterizer) if is_projection else _blend_orders(draw_list, rasterizer)
     watch.lap("draw")
     for lines in lod.lines:
         draw_lines(lines, draw_list.view, image)
@@ -80,7 +83,8 @@ def draw_frame(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer, watch:
     stage.require_unchanged()  # while it was drawn, too
     watch.lap("quantize")
     num_primitives = sum(map(len, draw_list.orders[0][1]))
-    return Frame(draw_list.number, pixels, image, lod.tolerance, lod.num_cells, num_primitives, dict(watch.seconds))
+    counts = lod.num_cells, num_primitives
+    return Frame(draw_list.number, pixels, image, lod.tolerance, *counts, dict(watch.seconds), stage)
 
 
 def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
@@ -95,9 +99,9 @@ def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
     return image
 
 
-def _add_projections(stage: Stage, draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
+def _add_projections(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
     """Draw each layer by itself, and add what their projections show, times their weights."""
-    view, image = draw_list.view, None
+    stage, view, image = draw_list.stage, draw_list.view, None
     for group, batch, order in zip(stage.groups, draw_list.lod.batches, draw_list.orders[0][1], strict=True):
         (layer,) = group.layers
         assert layer.projection is not None

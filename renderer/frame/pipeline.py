@@ -5,9 +5,8 @@ Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> splats or b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
@@ -15,24 +14,14 @@ from renderer.draw import Rasterizer
 from renderer.errors import InputError, Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
-from renderer.frame.stage import Clock, Resolution, Stage, Stopwatch
-from renderer.layers import (
-    Layer,
-    LayerGroup,
-    group_layers,
-    layer_digest,
-    make_layer,
-    mask_volume,
-    placement_problems,
-    reach_text,
-)
-from renderer.pyramid import EVERY_CUT, FinestCut
-from renderer.readers import read_volume
+from renderer.frame.preparation import StageMaker, points_in_frame, volume_key
+from renderer.frame.stage import Clock, Stage, Stopwatch
+from renderer.layers import Layer, placement_problems, reach_text
 from renderer.scene import (
+    CameraSpec,
     ClipSpec,
     Scene,
     Vector,
-    VolumeSpec,
     camera_problems,
     min_tolerance,
     raise_problems,
@@ -44,17 +33,16 @@ from renderer.splats import GAUSSIAN_CUTOFF
 from renderer.view import (
     are_clipped_away,
     corners_around,
-    finest_useful_level,
     fit_distance,
-    make_order_blending,
+    least_distance,
     place_object_clips,
-    smallest_voxel_px,
     visible_centre,
-    visible_points,
     volume_corners,
 )
-from renderer.volume import Float64, Volume, joint_fingerprint, move_volume
+from renderer.volume import Float64, Volume, joint_fingerprint
 
+# The most frames of a film in motion from whose layers it is framed, and for whose cameras.
+_MOST_SAMPLED_LAYERS, _MOST_SAMPLED_CAMERAS = 9, 1000
 # Splats reach beyond their cells: further than the frame's margin, if so few voxels fill it. Studies compare footprints
 # of larger volumes in the same frame.
 _MAX_SIDE_OF_SMALL = 24
@@ -77,75 +65,31 @@ def prepare_stage(
     any_tolerance: build the pyramid for every tolerance and level, as bricks always do, and not only for those that
         the scene's schedule can ask for.
     """
-    scene = with_draw_order(scene)
-    watch, camera, size = Stopwatch(clock), scene.camera, scene.output.size
-    volumes = read_volumes(scene) if volumes is None else volumes
+    scene, watch = with_draw_order(scene), Stopwatch(clock)
+    first, size = scene.at(0), scene.output.size
+    maker = StageMaker(num_threads, any_tolerance)
+    if volumes is not None:
+        maker.volumes = dict(zip(map(volume_key, first.layers), volumes, strict=True))
+    volumes = maker.volumes_of(first)
     if fingerprint is not None:
         _require_fingerprint(volumes, fingerprint, recorded_in)
-    extents = [volume_extent(volume) for volume in volumes]
-    for volume, extent in zip(volumes, extents, strict=True):
-        raise_problems([*volume_problems(extent, volume.name), *camera_problems(camera, size, extent)])
+    for volume in volumes:
+        extent = volume_extent(volume)
+        raise_problems([*volume_problems(extent, volume.name), *camera_problems(first.camera, size, extent)])
     raise_problems(placement_problems(volumes))
     watch.lap("read")
-    layers = _make_layers(scene, volumes, any_tolerance=any_tolerance, num_threads=num_threads, lap=watch.lap)
-    groups = group_layers(layers, scene)
-    points = [_visible_points(scene, group) for group in groups]
-    shown = [volume_corners(volume) for volume in volumes] if scene.overlay == "bounds" else points
-    target, distance = _framing(scene, volumes, np.concatenate(shown))
-    for extent in extents:
-        raise_problems(camera_problems(replace(camera, target=target, distance=distance), size, extent))
-    raise_problems(_clip_problems(scene, volumes))
-    resolutions = [
-        Resolution(
-            finest_useful_level(group.volume, of_group, camera, target, distance, size),
-            smallest_voxel_px(group.volume, camera, target, distance, size),
-        )
-        for group, of_group in zip(groups, points, strict=True)
-    ]
-    order_blending = make_order_blending(volumes[0].world_from_index, camera.path)
+    layers = maker.layers_of(first, min_tolerance(scene.error), watch.lap)
+    target, distance = _framing(scene, maker, layers)
+    if not scene.moves:
+        raise_problems(_clip_problems(scene, volumes))
+    stage = maker.stage_of(first, layers, target, distance)
     watch.lap("framing")
-    return Stage(scene, layers, target, distance, groups, tuple(resolutions), order_blending, watch.seconds)
+    return replace(stage, scene=scene, seconds=watch.seconds, maker=maker if scene.moves else None)
 
 
 def read_volumes(scene: Scene) -> list[Volume]:
     """Return the volume of each layer of a scene; the same one is read once. Raises InputError."""
-    read, volumes = cache(read_volume), []
-    for spec in scene.layers:
-        volume = _moved(read(spec.volume), spec.transform)
-        if (mask := spec.mask) is not None:
-            assert isinstance(mask.volume, VolumeSpec)
-            volume = mask_volume(volume, _moved(read(mask.volume), mask.transform), mask.labels.values)
-        volumes.append(volume)
-    return volumes
-
-
-def _moved(volume: Volume, matrix: Sequence[Sequence[float]] | None) -> Volume:
-    return volume if matrix is None else move_volume(volume, np.array(matrix))
-
-
-def _make_layers(
-    scene: Scene, volumes: Sequence[Volume], *, any_tolerance: bool, num_threads: int, lap: Callable[[str], object]
-) -> tuple[Layer, ...]:
-    """Make the layers of a scene; two that are made from the same data are made once."""
-    finest_cut = EVERY_CUT
-    if scene.needs_opengl and not any_tolerance:
-        finest_cut = FinestCut(min_tolerance(scene.error), scene.error.finest_level)
-    made: dict[str, Layer] = {}
-    layers = []
-    for spec, volume in zip(scene.layers, volumes, strict=True):
-        digest = layer_digest(spec, scene, volume, finest_cut)
-        if digest not in made:
-            made[digest] = make_layer(spec, scene, volume, finest_cut=finest_cut, num_threads=num_threads, lap=lap)
-        layers.append(replace(made[digest], spec=spec))
-    return tuple(layers)
-
-
-def _visible_points(scene: Scene, group: LayerGroup) -> Float64:
-    """Return the positions of what is visible of the layers of a group, as `visible_points`."""
-    clip = None
-    if scene.camera.target == "visible":
-        clip = place_object_clips(group.volume, scene.clip + group.layers[0].spec.clip)
-    return np.concatenate([visible_points(layer.pyramid, clip) for layer in group.layers])
+    return StageMaker(1, any_tolerance=False).volumes_of(scene.at(0))
 
 
 def _require_fingerprint(volumes: Sequence[Volume], fingerprint: str, recorded_in: str) -> None:
@@ -174,7 +118,7 @@ def render_frames(
     for number in frames:
         watch = Stopwatch(clock)
         draw_list, predicted_seconds = controller.prepare_frame(number, watch)
-        yield replace(draw_frame(stage, draw_list, rasterizer, watch), predicted_seconds=predicted_seconds)
+        yield replace(draw_frame(draw_list, rasterizer, watch), predicted_seconds=predicted_seconds)
         controller.finish_frame(draw_list, watch)
 
 
@@ -200,23 +144,59 @@ def _clip_problem(key: str, volume: Volume) -> Problem:
     return Problem(key, "leaves nothing of the volume", expected=expected)
 
 
-def _framing(scene: Scene, volumes: Sequence[Volume], points: Float64) -> tuple[Vector, float]:
-    """Return target and distance: the scene's, or such that the whole path has these points in frame."""
-    camera = scene.camera
-    if camera.target == "visible":
-        target = visible_centre(points)
-    elif camera.target is not None:
-        target = camera.target
-    elif len(volumes) > 1:
-        target = visible_centre(np.concatenate([volume_corners(volume) for volume in volumes]))
-    else:
-        x, y, z = volumes[0].centre
-        target = float(x), float(y), float(z)
+def _framing(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float]:
+    """Return target and distance: the scene's, or such that all frames have in frame what is visible on any."""
+    camera, size = scene.at(0).camera, scene.output.size
+    frames_of: dict[CameraSpec, list[int]] = {}
+    for frame in _sampled(scene, _MOST_SAMPLED_CAMERAS):
+        frames_of.setdefault(scene.at(frame).camera, []).append(camera.path_frame(frame))
+    if all(isinstance(each.target, tuple) and each.distance is not None for each in frames_of):
+        assert isinstance(camera.target, tuple) and camera.distance is not None
+        return camera.target, camera.distance
+    points = np.concatenate([points_in_frame(scene.at(0), layers), *_other_points(scene, maker, layers)])
+    target = _target(camera, layers, points)
     if camera.distance is not None:
         return target, camera.distance
-    distance = fit_distance(camera, points, target, scene.output.size)
-    if scene.needs_opengl and max(volumes[0].shape_xyz) <= _MAX_SIDE_OF_SMALL:
+    if len(frames_of) == 1:
+        distance = fit_distance(camera, points, target, size)
+    else:
+        found = (
+            least_distance(each, points, each.target if isinstance(each.target, tuple) else target, size, frames=frames)
+            for each, frames in frames_of.items()
+        )
+        distance = max(found)
+    volume = layers[0].volume
+    if scene.needs_opengl and max(volume.shape_xyz) <= _MAX_SIDE_OF_SMALL:
         reach = GAUSSIAN_CUTOFF * scene.splat.sigma - 0.5
-        whole = corners_around(volumes[0], points, reach)
-        distance = max(distance, fit_distance(camera, whole, target, scene.output.size, margin=0.0))
+        whole = corners_around(volume, points, reach)
+        distance = max(distance, fit_distance(camera, whole, target, size, margin=0.0))
     return target, distance
+
+
+def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vector:
+    """Return what a camera looks at: its target, or the centre of what it is to have in frame, or of the volumes."""
+    if camera.target == "visible":
+        return visible_centre(points)
+    if camera.target is not None:
+        return camera.target
+    if len(layers) > 1:
+        return visible_centre(np.concatenate([volume_corners(layer.volume) for layer in layers]))
+    x, y, z = layers[0].volume.centre
+    return float(x), float(y), float(z)
+
+
+def _other_points(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[Float64]:
+    """Yield what is visible on some of the frames of a film in which something moves, besides the first."""
+    tolerance, known = min_tolerance(scene.error), [layer.digest for layer in layers]
+    for frame in _sampled(scene, _MOST_SAMPLED_LAYERS)[1:] if scene.moves else ():
+        sampled = scene.at(frame)
+        if maker.digests_of(sampled, tolerance) != known:  # light shows nothing else
+            dark = tuple(replace(layer, shading=None) for layer in sampled.volumes)
+            sampled = replace(sampled, shading=None, volumes=dark)
+        yield points_in_frame(sampled, maker.layers_of(sampled, tolerance))
+
+
+def _sampled(scene: Scene, num: int) -> list[int]:
+    """Return some frames of a film in which something moves: its keys, if these are few, and others between them."""
+    frames = sorted({0, *scene.key_frames, *range(0, scene.num_frames, max(1, scene.num_frames // num))})
+    return frames[:: -(-len(frames) // num)]

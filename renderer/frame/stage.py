@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from renderer.layers import Layer, LayerGroup
 from renderer.pyramid import root_error
-from renderer.scene import Scene, Vector
+from renderer.scene import CameraSpec, Scene, Vector
 from renderer.view import OrderBlending, View, make_view
 
 Clock = Callable[[], float]
@@ -25,17 +26,23 @@ class Resolution:
     voxel_px: float
 
 
+class FrameStageMaker(Protocol):
+    """A maker of the stages of a film's frames."""
+
+    def stage_at(self, film: Stage, frame: int) -> Stage: ...
+
+
 @dataclass
 class Stage:
-    """Everything in a film that does not change from frame to frame; it owns the memory of its layers.
+    """All that a frame is drawn from; of a film in which nothing moves, the same for all frames. It owns its layers.
 
-    Use as a context manager, or call `close`.
+    Use as a context manager, or call `close`. The stage of a film has all else as it is on the first frame.
 
     target: the world position that the camera looks at.
     distance: from the eye to the target, in world units.
     groups: the layers that are drawn as one. resolutions: of each group.
     order_blending: which neighbours change their order along the path.
-    seconds: the time that each step of the preparation took.
+    seconds: the time that each step of the preparation took. maker: of a film in which something moves.
     """
 
     scene: Scene
@@ -46,6 +53,25 @@ class Stage:
     resolutions: tuple[Resolution, ...]
     order_blending: OrderBlending
     seconds: dict[str, float]
+    maker: FrameStageMaker | None = None
+
+    def at(self, frame: int) -> Stage:
+        """Return the stage of a frame, with plain numbers in its scene; the last one stays usable."""
+        return self if self.maker is None else self.maker.stage_at(self, frame)
+
+    def has_lods_of(self, other: Stage) -> bool:
+        """Return whether levels of detail are the same as those of the stage of another frame."""
+        return (
+            self.groups is other.groups
+            and self.resolutions == other.resolutions
+            and self.order_blending is other.order_blending
+            and (self.scene.splat, self.scene.overlay) == (other.scene.splat, other.scene.overlay)
+        )
+
+    @property
+    def camera(self) -> CameraSpec:
+        """Return the camera with the target and the distance that were found."""
+        return replace(self.scene.camera, target=self.target, distance=self.distance)
 
     def __enter__(self) -> Stage:
         return self
@@ -55,7 +81,7 @@ class Stage:
 
     def close(self) -> None:
         """Release voxels, pyramids and bricks; nothing can be drawn from the stage any more."""
-        self.layers, self.groups = (), ()
+        self.layers, self.groups, self.maker = (), (), None
 
     @property
     def largest_error(self) -> float:
@@ -85,6 +111,7 @@ class Stopwatch:
 
 def view_of(stage: Stage, frame: int) -> View:
     """Return the view of a frame of the film."""
+    stage = stage.at(frame)
     view = make_view(stage.scene.camera, frame, stage.target, stage.distance, stage.scene.output.size)
     return replace(view, clip=stage.scene.clip)
 

@@ -108,4 +108,5 @@ def draw_frames(
     prober: for `DrawnFrame.measured`. Other parameters are those of `render_frames`.
     """
     for frame in render_frames(stage, numbers, rasterizer, clock=time.perf_counter, controller=controller):
+        prober = prober and prober.on(frame.stage)
         yield DrawnFrame(frame_record(frame), Picture(frame.image), prober)

@@ -20,7 +20,7 @@ from renderer.scene import (
     format_value,
     pluralize_range,
     schedule_to_dict,
-    scheduled_value,
+    values_at,
 )
 
 # A frame is in time when its seconds differ from its budget by no more than this fraction.
@@ -100,7 +100,8 @@ def _drawing_seconds(frame: FrameRecord) -> float:
 
 
 def _budget(goal: TimeBudget, frame: FrameRecord) -> float:
-    return scheduled_value(goal.by_frame, frame.frame)
+    seconds: float = values_at(goal.value, frame.frame)
+    return seconds
 
 
 def _predicted(frame: FrameRecord) -> float:

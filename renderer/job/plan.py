@@ -19,7 +19,7 @@ from renderer.frame import (
     calibrate_costs,
 )
 from renderer.job.events import JobEvents
-from renderer.scene import MetricTarget, SplatBudget, TimeBudget, scheduled_value, with_tolerances
+from renderer.scene import MetricTarget, SplatBudget, TimeBudget, values_at, with_tolerances
 from renderer.system import num_cores
 
 if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
@@ -69,7 +69,7 @@ def make_plan(
         return _plan_time(estimator, goal, frames, rasterizer(), on_step)
     if isinstance(goal, SplatBudget):
         find = estimator.primitive.tolerance_for_cells
-        tolerances = {frame: find(scheduled_value(goal.by_frame, frame)) for frame in frames}
+        tolerances = {frame: find(values_at(goal.value, frame)) for frame in frames}
         stage = replace(stage, scene=with_tolerances(stage.scene, tolerances))
     return FilmPlan(stage, ScheduleController(stage))
 
@@ -82,9 +82,9 @@ def _plan_time(
     on_step: Callable[[], None],
 ) -> FilmPlan:
     """Learn the costs of drawing, and prepare the first frame before its time begins."""
-    least, clock = min(scheduled_value(goal.by_frame, frame) for frame in frames), time.perf_counter
+    least, clock = min(values_at(goal.value, frame) for frame in frames), time.perf_counter
     calibrate_costs(estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=clock, on_step=on_step)
-    controller = BudgetController(estimator, lambda frame: scheduled_value(goal.by_frame, frame))
+    controller = BudgetController(estimator, lambda frame: values_at(goal.value, frame))
     draw_list, _ = controller.choose(frames[0], Stopwatch(clock))
     draw_list.upload(rasterizer)
     return FilmPlan(estimator.stage, controller, is_timing_dependent=True)

@@ -376,7 +376,7 @@ def _plain(value: Any) -> Any:
 def record_from_json(data: Mapping[str, Any], path: Path) -> FilmRecord:
     """Return the record in plain data. Raises SceneError with everything that is wrong with it."""
     problems: list[Problem] = []
-    record: FilmRecord = schema.read_option(_FILM, data, str(path), problems)
+    record: FilmRecord = schema.read_option(_FILM, data, str(path), problems, schema.FilmTime(None, 1.0))
     raise_problems(problems)
     return record
 

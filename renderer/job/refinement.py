@@ -41,8 +41,8 @@ from renderer.scene import (
     SplatBudget,
     TimeBudget,
     pluralize_range,
-    scheduled_value,
     tolerance_at,
+    values_at,
     with_tolerances,
 )
 from renderer.system import deferrable_interrupts
@@ -212,7 +212,7 @@ class Refiner:
         if isinstance(goal, MetricTarget):
             return False
         max_cells = self._estimator.max_cells(_MIN_PASS_FACTOR * first)
-        largest = max(scheduled_value(goal.by_frame, frame) for frame in frames) if goal else 0.0
+        largest = max(values_at(goal.value, frame) for frame in frames) if goal else 0.0
         if isinstance(goal, SplatBudget):
             return largest <= max_cells
         if isinstance(goal, TimeBudget) and largest < _MIN_PASS_FACTOR * first:
@@ -231,7 +231,7 @@ class Refiner:
         goal = self._error.goal
         sampled_frames = spread_evenly(self._frames, _NUM_SAMPLED_FRAMES, is_loop=True)
         if isinstance(goal, TimeBudget):
-            frame_by_budget = {scheduled_value(goal.by_frame, frame): frame for frame in sampled_frames}
+            frame_by_budget = {values_at(goal.value, frame): frame for frame in sampled_frames}
             draw_lists = (
                 find_finest_in_time(self._estimator, frame, seconds, _stopwatch())[0]
                 for seconds, frame in frame_by_budget.items()
@@ -268,7 +268,7 @@ class Refiner:
         """Return a pass whose frames take these seconds, none finer than this accuracy."""
         goal, stage = self._error.goal, self._estimator.stage
         if isinstance(goal, TimeBudget):
-            budgets = {frame: min(seconds, scheduled_value(goal.by_frame, frame)) for frame in self._frames}
+            budgets = {frame: min(seconds, values_at(goal.value, frame)) for frame in self._frames}
             controller: ToleranceController = BudgetController(self._estimator, budgets.__getitem__)
             predicted = statistics.fmean(budgets.values())
         else:

@@ -99,6 +99,7 @@ class _Rays:
         prober, found = FrameProber(self.stage, num_rays, seed=seed, num_threads=num_cores()), list[FrameRecord]()
         self.events.started(f"{num_rays} rays a frame", len(chosen))
         for frame, image in self._pictures({frame.frame for frame in chosen}):
+            prober = prober.on(self.stage.at(frame.frame))
             found.append(replace(frame, accuracy=frame_accuracy(prober.probe(frame.frame, image))))
             self.events.frame_finished(found[-1])
         return found

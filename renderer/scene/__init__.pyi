@@ -1,15 +1,16 @@
 from . import schema as schema
 from .camera_section import (
-    FRAME_NUMBER_FIELD as FRAME_NUMBER_FIELD,
-    MAX_FRAMES as MAX_FRAMES,
     CameraPath as CameraPath,
     CameraSpec as CameraSpec,
+    FlightKey as FlightKey,
+    FlightPath as FlightPath,
+    HoldPath as HoldPath,
     Keyframe as Keyframe,
     KeyframePath as KeyframePath,
+    PathPiece as PathPiece,
+    PathSequence as PathSequence,
     RockerPath as RockerPath,
     TurntablePath as TurntablePath,
-    check_frame_in_path as check_frame_in_path,
-    check_frames_ascend as check_frames_ascend,
 )
 from .clip_section import MAX_CLIPS as MAX_CLIPS, ClipSpec as ClipSpec, PlaneSpec as PlaneSpec
 from .colormaps import (
@@ -21,7 +22,6 @@ from .error_section import (
     MAX_PSNR_DB as MAX_PSNR_DB,
     MIN_TOLERANCE as MIN_TOLERANCE,
     TOLERANCE_FIELD as TOLERANCE_FIELD,
-    ByFrame as ByFrame,
     ErrorSpec as ErrorSpec,
     MetricTarget as MetricTarget,
     SplatBudget as SplatBudget,
@@ -74,6 +74,13 @@ from .message_text import (
     short_text as short_text,
 )
 from .mode_section import MODE_NAMES as MODE_NAMES, ModeSpec as ModeSpec
+from .motion import (
+    Motion as Motion,
+    motion_of as motion_of,
+    motions_in as motions_in,
+    moving as moving,
+    values_at as values_at,
+)
 from .output_section import (
     FRAME_FIELD as FRAME_FIELD,
     OUTPUT_FILE_FIELD as OUTPUT_FILE_FIELD,
@@ -91,18 +98,21 @@ from .schedule import (
     is_film_wide_goal as is_film_wide_goal,
     min_tolerance as min_tolerance,
     schedule_from_tolerances as schedule_from_tolerances,
-    scheduled_value as scheduled_value,
     tolerance_at as tolerance_at,
     with_draw_order as with_draw_order,
     with_tolerance as with_tolerance,
     with_tolerances as with_tolerances,
 )
 from .schema import (
+    FRAME_NUMBER_FIELD as FRAME_NUMBER_FIELD,
+    MAX_FRAMES as MAX_FRAMES,
     MAX_WORLD_LENGTH as MAX_WORLD_LENGTH,
     MIN_WORLD_LENGTH as MIN_WORLD_LENGTH,
     TILDE_HINT as TILDE_HINT,
     Color as Color,
     Vector as Vector,
+    check_frame_in_path as check_frame_in_path,
+    check_frames_ascend as check_frames_ascend,
     has_unexpanded_tilde as has_unexpanded_tilde,
 )
 from .shading_section import ShadingSpec as ShadingSpec

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -11,8 +12,8 @@ from renderer.scene import schema
 from renderer.scene.message_text import join_words
 from renderer.scene.schema import INVALID, TreeNode, Vector
 
-MAX_FRAMES = 10**6
-FRAME_NUMBER_FIELD = schema.integer_field(minimum=0, maximum=MAX_FRAMES - 1)
+# A day.
+MAX_SECONDS = 86400.0
 
 # Degrees: float64 keeps the direction after thousands of turns to 1e-10 degrees.
 MAX_ANGLE = 1e6
@@ -32,7 +33,8 @@ AXES: dict[str, Vector] = {
 
 def direction_field(expected: str) -> schema.FieldType[Any]:
     """Return the type of three coordinates that are not all (nearly) 0."""
-    return schema.sequence_field(schema.COORDINATE_FIELD, expected, count=3, check=_check_direction)
+    coordinate = schema.COORDINATE_FIELD
+    return schema.sequence_field(coordinate, expected, count=3, check=_check_direction, motion="direction")
 
 
 def _check_direction(node: TreeNode, vector: tuple[Any, ...]) -> Any:
@@ -46,7 +48,8 @@ _AXIS_WORDS = "x, y, z, -x, -y, -z or a direction [x, y, z], not all 0"
 _AXIS = schema.word_or(AXES, direction_field(_AXIS_WORDS), _AXIS_WORDS)
 
 # The types of fields that several paths have.
-NumFrames = Annotated[int, schema.integer_field(minimum=1, maximum=MAX_FRAMES)]
+_NUM_FRAMES = schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)
+NumFrames = Annotated[int, _NUM_FRAMES]
 Axis = Annotated[Vector, _AXIS]
 Angle = Annotated[float, schema.number_field(minimum=-MAX_ANGLE, maximum=MAX_ANGLE)]
 Elevation = Annotated[float, schema.number_field(minimum=-90, maximum=90)]
@@ -79,7 +82,7 @@ class RockerPath:
 class Keyframe:
     """A camera at one frame; `zoom` magnifies the picture relative to the path's distance."""
 
-    frame: Annotated[int, FRAME_NUMBER_FIELD]
+    frame: Annotated[int, schema.FRAME_NUMBER_FIELD]
     azimuth: Angle
     elevation: Elevation
     zoom: Annotated[float, schema.number_field(minimum=MIN_ZOOM, maximum=MAX_ZOOM)] = 1.0
@@ -96,16 +99,79 @@ class KeyframePath:
 
     type: ClassVar[str] = "keyframes"
     frames: NumFrames
-    keys: Annotated[tuple[Keyframe, ...], _KEYS]
+    keys: Annotated[tuple[Keyframe, ...], schema.still(_KEYS)]
     loop: bool = True
     easing: Literal["smooth", "linear"] = "smooth"
     axis: Axis = (0.0, 0.0, 1.0)
 
 
-CameraPath = TurntablePath | RockerPath | KeyframePath
-_PATHS: dict[str, type[CameraPath]] = {cls.type: cls for cls in (TurntablePath, RockerPath, KeyframePath)}
+@dataclass(frozen=True)
+class HoldPath:
+    """A path that stays where the piece before it ended, or where the piece after it begins."""
+
+    type: ClassVar[str] = "hold"
+    frames: NumFrames
+
+
+_POINT = schema.sequence_field(schema.COORDINATE_FIELD, "[x, y, z] in world units", count=3)
+
+
+@dataclass(frozen=True)
+class FlightKey:
+    """A place of the eye, and what it looks at, in world units. roll: turns the picture clockwise about its middle.
+
+    frame: of the piece, from 0 on; None where the flight passes at its speed.
+    """
+
+    position: Annotated[Vector, _POINT]
+    target: Annotated[Vector, _POINT]
+    roll: Angle = 0.0
+    frame: Annotated[int | None, schema.FRAME_NUMBER_FIELD] = None
+
+
+_FLIGHT_KEYS = schema.sequence_field(
+    schema.dataclass_field(FlightKey), "a list of {position: [x, y, z], target: [x, y, z], roll: ...}, one or more"
+)
+
+
+@dataclass(frozen=True)
+class FlightPath:
+    """A flight of the eye along a smooth curve through keys, from where the piece before it ended.
+
+    Its speed is constant: all along, or between keys that have frames. easing: `smooth` starts and ends at rest.
+    axis: upwards in the picture.
+    """
+
+    type: ClassVar[str] = "flight"
+    frames: NumFrames
+    keys: Annotated[tuple[FlightKey, ...], schema.still(_FLIGHT_KEYS)]
+    easing: Literal["linear", "smooth"] = "linear"
+    axis: Axis = (0.0, 0.0, 1.0)
+
+
+PathPiece = TurntablePath | RockerPath | KeyframePath | HoldPath | FlightPath
+
+
+@dataclass(frozen=True)
+class PathSequence:
+    """A path of several pieces, one after the other."""
+
+    type: ClassVar[str] = "sequence"
+    pieces: tuple[PathPiece, ...]
+
+    @property
+    def frames(self) -> int:
+        """Return the number of frames of all pieces."""
+        return sum(piece.frames for piece in self.pieces)
+
+
+CameraPath = PathPiece | PathSequence
+_PATHS: dict[str, type[PathPiece]] = {
+    cls.type: cls for cls in (TurntablePath, RockerPath, KeyframePath, HoldPath, FlightPath)
+}
 _TYPE: schema.FieldType[Any] = schema.choice_field(*_PATHS)
-_PATH_FIELDS = {name: {"type": _TYPE, **schema.field_table(cls)} for name, cls in _PATHS.items()}
+_SECONDS = schema.number_field(above=0, maximum=MAX_SECONDS, motion=None)
+_PATH_FIELDS = {name: {"type": _TYPE, **schema.field_table(cls), "seconds": _SECONDS} for name, cls in _PATHS.items()}
 # Hints for keys of other path types.
 _OWNERS = {
     key: f"{key} belongs to type: {join_words(name for name, table in _PATH_FIELDS.items() if key in table)}"
@@ -113,7 +179,43 @@ _OWNERS = {
 }
 
 
+def film_frames(num_frames: int, loop: object) -> int:
+    """Return the number of frames of a film whose path has `num_frames`."""
+    return 2 * num_frames - 2 if loop == "ping-pong" and num_frames > 2 else num_frames
+
+
+def frames_in_tree(path: object, frames_per_second: float) -> int | None:
+    """Return the number of frames of a path as it is written; None where it is not known."""
+    pieces = path if isinstance(path, list) else [path]
+    found = [_frames_of_piece(each, frames_per_second) for each in pieces if isinstance(each, Mapping)]
+    return None if None in found or len(found) < len(pieces) else sum(filter(None, found))
+
+
+def _frames_of_piece(piece: Mapping[str, Any], frames_per_second: float) -> int | None:
+    read = partial(schema.TreeNode, path="", problems=[])
+    if "seconds" not in piece:
+        frames = _NUM_FRAMES.read(read(piece.get("frames")))
+    else:
+        seconds = _SECONDS.read(read(piece["seconds"]))
+        frames = INVALID if seconds is INVALID else max(1, round(seconds * frames_per_second))
+    return frames if isinstance(frames, int) and frames <= schema.MAX_FRAMES else None
+
+
 def _parse_path(node: TreeNode) -> Any:
+    if not isinstance(node.value, (list, tuple)):
+        return _parse_piece(node)
+    pieces = tuple(_parse_piece(node.child(number, piece)) for number, piece in enumerate(node.value))
+    if not pieces:
+        return node.reject("empty", got="")
+    if INVALID in pieces:
+        return INVALID
+    path = PathSequence(pieces)
+    if path.frames > schema.MAX_FRAMES:
+        return node.reject("too many frames", got=str(path.frames), expected=f"at most {schema.MAX_FRAMES}")
+    return path
+
+
+def _parse_piece(node: TreeNode) -> Any:
     if not isinstance(node.value, Mapping):
         return node.reject("not a mapping")
     if "type" not in node.value:
@@ -121,51 +223,51 @@ def _parse_path(node: TreeNode) -> Any:
     name = _TYPE.read(node.child("type", node.value["type"]))
     if name is INVALID:  # which keys are legal depends on it
         return INVALID
-    required = schema.required_keys(_PATHS[name])
+    required = [key for key in schema.required_keys(_PATHS[name]) if key != "frames" or "seconds" not in node.value]
     given = schema.read_fields(node, _PATH_FIELDS[name], required=required, misplaced_hints=_OWNERS)
-    if name == KeyframePath.type:
+    if "seconds" in given:
+        if "frames" in given:
+            node.key("seconds").reject("contradicts frames", expected="one of them")
+        rate = node.film.frames_per_second if node.film is not None else 1.0
+        given["frames"] = _frames_of_piece(node.value, rate) or INVALID
+        if given["frames"] is INVALID and given["seconds"] is not INVALID:
+            node.child("seconds", node.value["seconds"]).reject(
+                "too many frames", expected=f"at most {schema.MAX_FRAMES} frames"
+            )
+    if "keys" in given:
         _check_keys(node.child("keys"), given["keys"], given["frames"])
-    return _PATHS[name](**{key: value for key, value in given.items() if key != "type"})
-
-
-def check_frame_in_path(node: TreeNode, frame: Any, num_frames: Any) -> None:
-    """Check that a frame, at `node`, is before the end of the path; INVALID numbers are skipped."""
-    if isinstance(frame, int) and isinstance(num_frames, int) and frame >= num_frames:
-        node.reject("after the last frame", got=str(frame), expected=f"a frame from 0 to {num_frames - 1}")
+    return _PATHS[name](**{key: value for key, value in given.items() if key not in ("type", "seconds")})
 
 
 def _check_keys(node: TreeNode, keys: Any, num_frames: Any) -> None:
     """Check that keyframes ascend and lie in the path."""
     frames = [getattr(key, "frame", INVALID) for key in keys] if isinstance(keys, tuple) else []
+    for index, frame in enumerate(frames):
+        if (frame is None) != (frames[0] is None) and INVALID not in (frame, frames[0]):
+            node.child(index).reject("a frame at some keys only", got="", expected="a frame at each key, or at none")
+            return
     for index, (before, frame) in enumerate(pairwise([-1, *frames])):
         place = node.child(index).child("frame")
-        check_frame_in_path(place, frame, num_frames)
-        check_frames_ascend(place, before, frame)
+        schema.check_frame_in_path(place, frame, num_frames)
+        schema.check_frames_ascend(place, before, frame)
 
 
-def check_frames_ascend(node: TreeNode, before: Any, frame: Any) -> bool:
-    """Check that a frame, at `node`, comes after another; INVALID numbers are skipped."""
-    ascends = not isinstance(frame, int) or not isinstance(before, int) or frame > before
-    if not ascends:
-        expected = "frames in ascending order, each once"
-        node.reject("frames out of order", got=f"{frame} after {before}", expected=expected)
-    return ascends
-
-
-_PATH = schema.FieldType(f"a mapping with type: {join_words(_PATHS)}, and frames", _parse_path)
+_PATH = schema.FieldType(f"a mapping with type: {join_words(_PATHS)}, and frames; or a list of such", _parse_path)
 
 _TARGET_WORDS = "[x, y, z] in world units, or visible"
-_POINT = schema.sequence_field(schema.COORDINATE_FIELD, _TARGET_WORDS, count=3)
-_TARGET = schema.word_or({"visible": "visible"}, _POINT, _TARGET_WORDS)
+_TARGET = schema.word_or(
+    {"visible": "visible"}, schema.sequence_field(schema.COORDINATE_FIELD, _TARGET_WORDS, count=3), _TARGET_WORDS
+)
 
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """A camera and its path.
+    """A camera and its path, which it goes back, too, with `loop: ping-pong`.
 
-    target: None is the centre of the volume, "visible" the centre of what is visible. distance: None fits the whole
-        path in the frame. field_of_view: an orthographic camera shows `2 distance tan(field_of_view / 2)` world units
-        of height, as a perspective one does at the target. near: nothing nearer to the eye plane is drawn.
+    target: None is the centre of the volume, "visible" the centre of what is visible on any frame; with `follow`, of
+        what is visible on each. distance: None fits the whole path in the frame.
+    field_of_view: an orthographic camera shows `2 distance tan(field_of_view / 2)` world units of height, as a
+        perspective one does at the target. near: nothing nearer to the eye plane is drawn.
     """
 
     path: Annotated[CameraPath, _PATH]
@@ -174,3 +276,14 @@ class CameraSpec:
     target: Annotated[Vector | Literal["visible"] | None, _TARGET] = None
     distance: Annotated[float | None, schema.LENGTH_FIELD] = None
     near: Annotated[float, schema.number_field(minimum=0, maximum=schema.MAX_WORLD_LENGTH)] = 0.0
+    follow: bool = False
+    loop: Literal["restart", "ping-pong"] = "restart"
+
+    @property
+    def num_frames(self) -> int:
+        """Return the number of frames of a film: with `loop: ping-pong` the camera goes back, too."""
+        return film_frames(self.path.frames, self.loop)
+
+    def path_frame(self, frame: int) -> int:
+        """Return the frame of the path at a frame of the film."""
+        return frame if frame < self.path.frames else 2 * self.path.frames - 2 - frame

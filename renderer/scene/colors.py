@@ -59,4 +59,5 @@ COLOR_FIELD = schema.FieldType(
     'a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white',
     _parse_color,
     'a color that begins with # needs quotes: "#ff8800"',
+    motion="linear",
 )

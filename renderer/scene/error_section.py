@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from renderer.scene import schema
-from renderer.scene.camera_section import FRAME_NUMBER_FIELD, check_frame_in_path, check_frames_ascend
 from renderer.scene.message_text import format_value, join_words
+from renderer.scene.motion import motion_of, motion_to_dict
 from renderer.scene.schema import INVALID, TreeNode
 
 # The smallest tolerance besides 0: smaller numbers have fewer digits, which interpolation would lose.
@@ -34,22 +33,19 @@ MAX_PROBES = 10**6
 _NUM_PROBES = schema.integer_field(minimum=0, maximum=MAX_PROBES)
 _PROBES = schema.word_or({"auto": None}, _NUM_PROBES, f"auto, or {_NUM_PROBES.expected}")
 
-# (frame, value) in ascending frame order. One entry is constant; between two entries the value's logarithm is linear.
-ByFrame = tuple[tuple[int, float], ...]
-
 
 @dataclass(frozen=True)
 class SplatBudget:
     """A goal: the finest cut of at most this many cells, or bricks."""
 
-    by_frame: ByFrame
+    value: int
 
 
 @dataclass(frozen=True)
 class TimeBudget:
     """A goal: the finest cut that this machine draws, rounds and encodes in this many seconds a frame."""
 
-    by_frame: ByFrame
+    value: float
 
 
 @dataclass(frozen=True)
@@ -74,14 +70,14 @@ class MetricTarget:
 
 @dataclass(frozen=True)
 class ErrorSpec:
-    """An error schedule: a tolerance by frame or, with a `goal`, one that is found for it.
+    """An accuracy: a tolerance or, with a `goal`, one that is found for it.
 
     goal: a `MetricTarget` asks for the coarsest tolerance, one for the whole film, that reaches it. finest_level: cells
         smaller than `2^finest_level` voxels are not drawn, whatever their error. probes: exact rays that measure the
         accuracy of each frame; None for as many as its size suggests.
     """
 
-    tolerance: ByFrame = ((0, 0.1),)
+    tolerance: float = 0.1
     measure: Literal["optical", "rms"] = "optical"
     of: Literal["classified", "scalar"] = "classified"
     finest_level: Annotated[int, schema.integer_field(minimum=0, maximum=MAX_LEVEL)] = 0
@@ -91,51 +87,12 @@ class ErrorSpec:
 
 def schedule_to_dict(error: ErrorSpec) -> dict[str, Any]:
     """Return the key of the `error` section that sets the accuracy, with its value."""
-    goal = error.goal
-    if isinstance(goal, MetricTarget):
-        return {goal.metric: goal.value}
-    (frame, first), *more = by_frame = error.tolerance if goal is None else goal.by_frame
-    value = first if frame == 0 and not more else dict(by_frame)  # keys become text in JSON, and are read so
-    return {_schedule_key(error): value}
-
-
-def _schedule_key(error: ErrorSpec) -> str:
-    return {SplatBudget: "splats", TimeBudget: "seconds"}.get(type(error.goal), "tolerance")
-
-
-def _by_frame(item: schema.FieldType[Any], example: str) -> schema.FieldType[ByFrame]:
-    """Return the type of a constant, or of values by frame in ascending order."""
-
-    def parse(node: TreeNode) -> Any:
-        if not isinstance(node.value, Mapping):
-            return ((0, item.read(node)),)
-        if not node.value:
-            return node.reject("empty", got="")
-        found: list[tuple[int, float]] = []
-        for key, written in node.value.items():
-            frame = FRAME_NUMBER_FIELD.read(node.key(key, key))  # text, too: JSON has no other keys
-            at = item.read(node.child(key, written))
-            if frame is not INVALID:
-                check_frames_ascend(node.key(key), found[-1][0] if found else -1, frame)
-                found.append((frame, at))
-        return tuple(found) or INVALID
-
-    return schema.FieldType(f"{item.expected}, or by frame, such as {example}", parse)
-
-
-def _parse_tolerance(node: TreeNode) -> ByFrame:
-    by_frame = _TOLERANCES.parse(node)
-    if isinstance(node.value, Mapping) and by_frame is not INVALID:
-        for (start, before), (end, after) in pairwise(by_frame):
-            if INVALID not in (before, after) and (before == 0) != (after == 0) and end - start > 1:
-                step = format_value({start: before, end - 1: before, end: after})
-                node.child(start if before == 0 else end).reject(
-                    "0 in a tolerance by frame, with frames between it and another",
-                    got=format_value({start: before, end: after}),
-                    expected="a number greater than 0",
-                    hint=f"it is interpolated in the logarithm; {step} goes from one to the other at once",
-                )
-    return by_frame
+    key = {SplatBudget: "splats", TimeBudget: "seconds"}.get(type(error.goal), "tolerance")
+    if isinstance(error.goal, MetricTarget):
+        key = error.goal.metric
+    value = error.tolerance if error.goal is None else error.goal.value
+    motion = motion_of(value)
+    return {key: value if motion is None else motion_to_dict(motion, plain=lambda each: each)}
 
 
 def _parse_number(node: TreeNode) -> Any:
@@ -146,8 +103,7 @@ def _parse_number(node: TreeNode) -> Any:
 
 
 _NOT_NEGATIVE = schema.number_field(minimum=0)
-TOLERANCE_FIELD: schema.FieldType[Any] = schema.FieldType(_NOT_NEGATIVE.expected, _parse_number)
-_TOLERANCES = _by_frame(TOLERANCE_FIELD, "{0: 0.5, 60: 0.02}")
+TOLERANCE_FIELD: schema.FieldType[Any] = schema.FieldType(_NOT_NEGATIVE.expected, _parse_number, motion="ratio")
 _SPLATS_HINT = "1 is the whole volume as one splat; tolerance: 0 has no limit"
 _SECONDS_HINT = "it is the time for each frame; the quickest is splats: 1"
 _PSNR_HINT = "it is in decibels, the more the better: at 30 flaws are seen, at 40 hardly any"
@@ -155,15 +111,11 @@ _RMSE_HINT = "nothing is as exact as that; tolerance: 0 draws every voxel"
 
 # An `error` has one of these keys.
 _SCHEDULES: dict[str, schema.FieldType[Any]] = {
-    "tolerance": replace(_TOLERANCES, parser=_parse_tolerance),
-    "splats": _by_frame(
-        schema.integer_field(minimum=1, maximum=MAX_SPLATS, zero_hint=_SPLATS_HINT), "{0: 1000, 60: 100000}"
-    ),
-    "seconds": _by_frame(
-        schema.number_field(minimum=MIN_SECONDS, maximum=LONGEST_S, zero_hint=_SECONDS_HINT), "{0: 0.1, 60: 2}"
-    ),
-    "psnr": schema.number_field(above=0, maximum=MAX_PSNR_DB, zero_hint=_PSNR_HINT),
-    "rmse": schema.number_field(above=0, maximum=1, zero_hint=_RMSE_HINT),
+    "tolerance": TOLERANCE_FIELD,
+    "splats": schema.integer_field(minimum=1, maximum=MAX_SPLATS, zero_hint=_SPLATS_HINT, motion="ratio"),
+    "seconds": schema.number_field(minimum=MIN_SECONDS, maximum=LONGEST_S, zero_hint=_SECONDS_HINT, motion="ratio"),
+    "psnr": schema.number_field(above=0, maximum=MAX_PSNR_DB, zero_hint=_PSNR_HINT, motion=None),
+    "rmse": schema.number_field(above=0, maximum=1, zero_hint=_RMSE_HINT, motion=None),
 }
 # The goals that these are, but for the tolerance.
 _GOALS: dict[str, Any] = {
@@ -203,14 +155,3 @@ def check_exact_picture(node: TreeNode, given: Mapping[str, Any]) -> None:
             f"there is no exact picture of a scene with overlay: {overlay}",
             expected="auto or 0, which measure nothing there, or overlay: none",
         )
-
-
-def check_scheduled_frames(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that the camera's path has all scheduled frames; `given` holds the sections of the whole scene."""
-    num_frames = getattr(getattr(given["camera"], "path", None), "frames", None)
-    error = given.get("error")
-    if not isinstance(error, ErrorSpec):
-        return
-    by_frame = getattr(error.goal, "by_frame", error.tolerance)
-    for frame, _ in by_frame if isinstance(by_frame, tuple) else ():
-        check_frame_in_path(node.child(_schedule_key(error)).key(frame), frame, num_frames)

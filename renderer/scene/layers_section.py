@@ -13,6 +13,7 @@ from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.labels_section import MASK_SECTION, MaskSpec
 from renderer.scene.message_text import did_you_mean
 from renderer.scene.mode_section import ModeSpec, check_mode, check_optics
+from renderer.scene.motion import moving_result
 from renderer.scene.schema import INVALID, Color, TreeNode
 from renderer.scene.shading_section import ShadingSpec, check_shading, pointwise_keys, refuse_larger_cells
 from renderer.scene.splat_section import SplatSpec
@@ -126,8 +127,12 @@ def take_labels(node: TreeNode, given: dict[str, Any]) -> None:
 
 def ramp(color: Color, span: tuple[float, float]) -> TransferSpec:
     """Return the transfer function of `color` and `range`."""
+    return TransferSpec(moving_result(_ramp_points, color, span))
+
+
+def _ramp_points(color: Color, span: tuple[float, float]) -> tuple[ControlPoint, ControlPoint]:
     low, high = span
-    return TransferSpec((ControlPoint(low, color, 0.0), ControlPoint(high, color, _RAMP_OPACITY)))
+    return ControlPoint(low, color, 0.0), ControlPoint(high, color, _RAMP_OPACITY)
 
 
 def _check_names(node: TreeNode, layers: tuple[LayerSpec, ...]) -> Any:

@@ -65,9 +65,9 @@ class OutputSpec:
 
     file: Annotated[Path, OUTPUT_FILE_FIELD]
     size: Annotated[tuple[int, int], _SIZE] = (512, 512)
-    frames_per_second: Annotated[float, schema.number_field(minimum=0.01, maximum=1000)] = 30.0
+    frames_per_second: Annotated[float, schema.number_field(minimum=0.01, maximum=1000, motion=None)] = 30.0
     background: Annotated[Color | None, _BACKGROUND] = (0.0, 0.0, 0.0)
-    quality: Annotated[float, schema.number_field(minimum=0, maximum=10)] = 8.0
+    quality: Annotated[float, schema.number_field(minimum=0, maximum=10, motion=None)] = 8.0
     record_paths: bool = True
 
 
@@ -91,7 +91,8 @@ OUTPUT_SECTION = schema.dataclass_field(OutputSpec, _check_output)
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
     """Check that the name of several frames has a number; `given` holds the sections of the whole scene."""
-    num_frames = getattr(getattr(given["camera"], "path", None), "frames", INVALID)
+    camera = given["camera"]
+    num_frames = INVALID if INVALID in (camera, getattr(camera, "path", INVALID)) else camera.num_frames
     file = getattr(given["output"], "file", INVALID)
     if INVALID in (num_frames, file) or num_frames == 1:
         return

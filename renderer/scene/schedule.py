@@ -2,43 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise, zip_longest
-from operator import itemgetter
 
-from renderer.scene.error_section import ByFrame, ErrorSpec, MetricTarget, TimeBudget
+from renderer.scene.error_section import ErrorSpec, MetricTarget, TimeBudget
+from renderer.scene.motion import Motion, motion_of, moving, values_at
 from renderer.scene.spec import Scene
 
 
 def tolerance_at(error: ErrorSpec, frame: int) -> float:
-    """Return the tolerance of a frame, for a schedule whose goal, if any, has been resolved."""
+    """Return the tolerance of a frame; a goal, if any, has been resolved."""
     assert error.goal is None, f"to be resolved first: {error.goal}"
-    return scheduled_value(error.tolerance, frame)
-
-
-def scheduled_value(by_frame: ByFrame, frame: int) -> float:
-    """Return the value at a frame: its logarithm is linear between the scheduled frames and constant outside them.
-
-    The value at a scheduled frame is exact, and values between two scheduled frames are monotone. Interpolated values
-    are at least 1e-300; between equal values, which may be 0, the schedule is constant.
-    """
-    following = bisect_right(by_frame, frame, key=itemgetter(0))
-    if following == 0:
-        return by_frame[0][1]
-    if following == len(by_frame):
-        return by_frame[-1][1]
-    (start, before), (end, after) = by_frame[following - 1 : following + 1]
-    if frame == start or before == after:
-        return before
-    # Every step is monotone in the frame, rounding included; halving the logarithm's rise keeps it finite. The
-    # difference of almost equal values is exact, while that of their logarithms loses digits.
-    close = 0.5 * before < after < 2.0 * before
-    rise = math.log1p((after - before) / before) if close else math.log(after) - math.log(before)
-    root = math.exp(0.5 * rise * ((frame - start) / (end - start)))
-    return min(max(before * root * root, min(before, after)), max(before, after))
+    tolerance: float = values_at(error.tolerance, frame)
+    return tolerance
 
 
 def accuracy_of(error: ErrorSpec) -> ErrorSpec:
@@ -63,12 +40,13 @@ def with_draw_order(scene: Scene) -> Scene:
 
 def min_tolerance(error: ErrorSpec) -> float:
     """Return the smallest tolerance of any frame; 0 with a goal."""
-    return 0.0 if error.goal else min(tolerance for _, tolerance in error.tolerance)
+    motion = motion_of(error.tolerance)
+    return 0.0 if error.goal else min(motion.values if motion else [error.tolerance])
 
 
 def with_tolerance(scene: Scene, tolerance: float) -> Scene:
     """Return the scene at a constant tolerance."""
-    return with_tolerances(scene, {0: tolerance})
+    return replace(scene, error=replace(scene.error, tolerance=tolerance, goal=None))
 
 
 def with_tolerances(scene: Scene, tolerances: Mapping[int, float]) -> Scene:
@@ -76,14 +54,15 @@ def with_tolerances(scene: Scene, tolerances: Mapping[int, float]) -> Scene:
     return replace(scene, error=replace(scene.error, tolerance=schedule_from_tolerances(tolerances), goal=None))
 
 
-def schedule_from_tolerances(tolerances: Mapping[int, float]) -> ByFrame:
-    """Return a schedule with exactly these tolerances at these frames, which are in ascending order."""
+def schedule_from_tolerances(tolerances: Mapping[int, float]) -> float:
+    """Return a tolerance that has exactly these values at these frames, which are in ascending order."""
     frames = list(tolerances)
     starts = frames[:1]
     starts += [frame for before, frame in pairwise(frames) if tolerances[frame] != tolerances[before]]
-    entries: list[tuple[int, float]] = []
+    keys: dict[int, float] = {}
     for start, following in zip_longest(starts, starts[1:]):
-        entries.append((start, tolerances[start]))
-        if following is not None and following - 1 > start:  # constant up to there
-            entries.append((following - 1, tolerances[start]))
-    return ((0, entries[0][1]),) if len(entries) == 1 else tuple(entries)
+        keys[start] = tolerances[start]
+        if following is not None:  # constant up to there
+            keys[following - 1] = tolerances[start]
+    tolerance: float = moving(Motion(tuple(keys), tuple(keys.values()), kind="ratio"))
+    return tolerance

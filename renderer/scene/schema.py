@@ -12,14 +12,25 @@ import math
 import os
 import re
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, fields, is_dataclass, replace
 from functools import partial
-from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Generic, Literal, TypeGuard, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, TypeGuard, TypeVar, get_args, get_origin, get_type_hints
 
 from renderer.errors import Problem, closest_match
-from renderer.scene.message_text import did_you_mean, format_value, join_keys, join_words
+from renderer.scene.message_text import did_you_mean, format_value, join_words
+from renderer.scene.motion import MotionKind
+from renderer.scene.tree_node import (
+    INVALID as INVALID,
+    MAX_FRAMES as MAX_FRAMES,
+    FieldTable as FieldTable,
+    FieldType as FieldType,
+    FilmTime as FilmTime,
+    TreeNode as TreeNode,
+    check_frame_in_path as check_frame_in_path,
+    check_frames_ascend as check_frames_ascend,
+    still as still,
+)
 
 T = TypeVar("T")
 
@@ -31,76 +42,8 @@ Color = tuple[float, float, float]
 MIN_WORLD_LENGTH, MAX_WORLD_LENGTH = 1e-30, 1e30
 
 
-INVALID: Any = object()
-
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d{1,9})?", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
-
-
-@dataclass(frozen=True)
-class TreeNode:
-    """A value, its dotted path, and the list of the problems in the whole tree.
-
-    base: the folder that files in the tree are relative to. is_key: problems concern the last key of the path, not its
-    value. expected: what the value should be. words: texts that are allowed in place of such a value.
-    """
-
-    value: object
-    path: str
-    problems: list[Problem]
-    base: Path = Path()
-    is_key: bool = False
-    expected: str | None = None
-    words: Collection[str] = ()
-
-    def child(self, key: object, value: object = None) -> TreeNode:
-        """Return the node of the value at `key` below this one."""
-        return TreeNode(value, join_keys(self.path, key), self.problems, self.base)
-
-    def key(self, key: object, value: object = None) -> TreeNode:
-        """Return the node of the key `key` itself; `value` is the key to check, None for problems with its presence."""
-        return replace(self.child(key, value), is_key=True)
-
-    def reject(self, what: str, **parts: str | None) -> Any:
-        """Add a problem with this value or key, and return INVALID.
-
-        parts: `got`, by default the value; `expected`, by default that of the node; and `hint`, by default the most
-            similar of the node's words. An empty text leaves a part out.
-        """
-        got = None if self.value is None else format_value(self.value)
-        parts = {"got": got, "expected": self.expected} | parts
-        parts["hint"] = parts.get("hint") or did_you_mean(self.value, self.words)
-        self.problems.append(Problem(self.path, what, at_key=self.is_key, **parts))
-        return INVALID
-
-
-@dataclass(frozen=True)
-class FieldType(Generic[T]):
-    """A type of value: what is expected, in words that follow "expected:", and a function that reads it.
-
-    empty_hint: a hint for a key without a value.
-    """
-
-    expected: str
-    parser: Callable[[TreeNode], T]
-    empty_hint: str | None = None
-
-    def read(self, node: TreeNode) -> T:
-        """Return the checked value, or INVALID."""
-        return self.reject(node, "no value", hint=self.empty_hint) if node.value is None else self.parse(node)
-
-    def parse(self, node: TreeNode) -> T:
-        """Return the checked value, which is not None, or INVALID."""
-        return self.parser(replace(node, expected=self.expected))
-
-    def reject(self, node: TreeNode, what: str, **parts: str | None) -> T:
-        """Add a problem with a value that is not of this type, as `TreeNode.reject` does, and return INVALID."""
-        invalid: T = replace(node, expected=self.expected).reject(what, **parts)
-        return invalid
-
-
-FieldTable = Mapping[str, FieldType[Any]]
-
 
 TILDE_HINT = "~ is not expanded: write the whole path"
 
@@ -128,11 +71,13 @@ def number_field(
     above: float = -math.inf,
     zero_hint: str | None = None,
     is_whole: bool = False,
+    motion: MotionKind | None = "linear",
 ) -> FieldType[Any]:
     """Return the type of a finite number; `minimum` and `maximum` are allowed, `above` is not.
 
     Text that spells a number is taken as one, because YAML 1.1 reads `1e-3` as text.
     zero_hint: for a 0 that is out of range. is_whole: only whole numbers are allowed, such as 120, `1e3` and `120.0`.
+    motion: as of a FieldType.
     """
     noun = "whole number" if is_whole else "number"
 
@@ -146,10 +91,10 @@ def number_field(
             return value
         return node.reject("out of range", hint=zero_hint if value == 0 else None)
 
-    return FieldType(f"a {noun}{_range_words(minimum, above, maximum)}", parse)
+    return FieldType(f"a {noun}{_range_words(minimum, above, maximum)}", parse, motion=motion)
 
 
-integer_field = partial(number_field, is_whole=True)
+integer_field = partial(number_field, is_whole=True, motion=None)
 
 
 def _range_words(minimum: float, above: float, maximum: float) -> str:
@@ -186,7 +131,8 @@ def parse_whole_number(value: object) -> int | None:
     return int(as_float) if as_float is not None and as_float.is_integer() else None
 
 
-LENGTH_FIELD = number_field(minimum=MIN_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)
+FRAME_NUMBER_FIELD = integer_field(minimum=0, maximum=MAX_FRAMES - 1)
+LENGTH_FIELD = number_field(minimum=MIN_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH, motion="ratio")
 COORDINATE_FIELD = number_field(minimum=-MAX_WORLD_LENGTH, maximum=MAX_WORLD_LENGTH)
 
 
@@ -231,7 +177,7 @@ def word_or(words: Mapping[str, Any], other: FieldType[Any], expected: str) -> F
             return words[node.value]
         return other.parser(replace(node, words=words))
 
-    return FieldType(expected, parse, other.empty_hint)
+    return FieldType(expected, parse, other.empty_hint, other.motion)
 
 
 # Lists and mappings
@@ -244,10 +190,11 @@ def sequence_field(
     count: int | None = None,
     may_be_empty: bool = False,
     check: Callable[[TreeNode, tuple[Any, ...]], Any] | None = None,
+    motion: MotionKind | None = None,
 ) -> FieldType[Any]:
     """Return the type of a list of `count` items, or of one or more unless it `may_be_empty`; wrong items are INVALID.
 
-    check: returns the items, or INVALID; it is called if every item is right.
+    check: returns the items, or INVALID; it is called if every item is right. motion: by default that of the items.
     """
 
     def parse(node: TreeNode) -> Any:
@@ -258,7 +205,7 @@ def sequence_field(
         items = tuple(item.read(node.child(index, value)) for index, value in enumerate(node.value))
         return items if check is None or INVALID in items else check(node, items)
 
-    return FieldType(expected, parse)
+    return FieldType(expected, parse, motion=motion or (item.motion and "linear"))
 
 
 def pair_field(first: FieldType[Any], second: FieldType[Any], expected: str) -> FieldType[Any]:
@@ -269,7 +216,7 @@ def pair_field(first: FieldType[Any], second: FieldType[Any], expected: str) -> 
             return node.reject("not a pair")
         return first.read(node.child(0, node.value[0])), second.read(node.child(1, node.value[1]))
 
-    return FieldType(expected, parse)
+    return FieldType(expected, parse, motion=first.motion)
 
 
 def mapping_field(item: FieldType[T], expected: str = "a mapping", key_name: str = "text") -> FieldType[dict[str, T]]:
@@ -391,10 +338,12 @@ def read_fields(
     return given
 
 
-def read_option(field: FieldType[T], value: object, location: str, problems: list[Problem]) -> T:
-    """Return a value from the command line, read as a field; add its problems, with `location`, to `problems`."""
+def read_option(
+    field: FieldType[T], value: object, location: str, problems: list[Problem], film: FilmTime | None = None
+) -> T:
+    """Return a value from elsewhere, read as a field; add its problems, with `location`, to `problems`."""
     found: list[Problem] = []
-    result = field.read(TreeNode(value, "", found))
+    result = field.read(TreeNode(value, "", found, film=film))
     problems += [replace(problem, location=location) for problem in found]
     return result
 

@@ -18,13 +18,12 @@ from typing import Annotated, Any, Literal
 
 from renderer.errors import Problem
 from renderer.scene import schema
-from renderer.scene.camera_section import CameraPath, CameraSpec
+from renderer.scene.camera_section import CameraPath, CameraSpec, PathSequence, film_frames, frames_in_tree
 from renderer.scene.clip_section import CLIP_SECTION, ClipSpec, check_what_is_clipped
 from renderer.scene.error_section import (
     ERROR_SECTION,
     ErrorSpec,
     check_exact_picture,
-    check_scheduled_frames,
     schedule_to_dict,
 )
 from renderer.scene.labels_section import MASK_SECTION, LabelsSpec, MaskSpec
@@ -32,6 +31,7 @@ from renderer.scene.layers_section import OF_CHANNELS, VOLUMES_SECTION, LayerSpe
 from renderer.scene.limits import proportion_problems, raise_problems
 from renderer.scene.message_text import format_value
 from renderer.scene.mode_section import MODE_SECTION, ModeSpec
+from renderer.scene.motion import motion_of, motion_to_dict, motions_in, values_at
 from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_frame_field
 from renderer.scene.schema import INVALID
 from renderer.scene.shading_section import ShadingSpec
@@ -47,6 +47,9 @@ from renderer.scene.volume_section import (
 )
 
 VERSION = 1
+
+# The most key frames at which the values of a scene are compared with each other.
+_MOST_CHECKED = 64
 
 
 def _parse_version(node: schema.TreeNode) -> Any:
@@ -97,6 +100,26 @@ class Scene:
         shading, mask = self.shading, self.mask
         return tuple(replace(each, shading=each.shading or shading, mask=each.mask or mask) for each in self.volumes)
 
+    def at(self, frame: int) -> Scene:
+        """Return the scene with plain numbers, as it is at a frame; itself if nothing moves."""
+        at_frame: Scene = values_at(self, frame)
+        return at_frame
+
+    @property
+    def moves(self) -> bool:
+        """Return whether anything but its tolerance moves."""
+        return any(motions_in(replace(self, error=ErrorSpec())))
+
+    @property
+    def num_frames(self) -> int:
+        """Return the number of frames of the film."""
+        return self.camera.num_frames
+
+    @property
+    def key_frames(self) -> list[int]:
+        """Return the frames at which something that moves has a key, ascending."""
+        return sorted({frame for motion in motions_in(self) for frame in motion.frames})
+
     @property
     def needs_opengl(self) -> bool:
         """Return whether it has splats; bricks are drawn by kernels."""
@@ -144,7 +167,41 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     Raises SceneError with every problem.
     """
     problems: list[Problem] = []
-    node = schema.TreeNode(tree, "", problems, base)
+    film = _film_time(tree)
+    scene = _read_scene(schema.TreeNode(tree, "", problems, base, film=film), is_single_frame=is_single_frame)
+    known = {(problem.path, problem.what) for problem in problems}
+    keys = sorted(film.keys)
+    for frame in keys[:: len(keys) // _MOST_CHECKED + 1]:  # values are compared as they are at keys
+        found: list[Problem] = []
+        node = schema.TreeNode(tree, "", found, base, film=replace(film, at=frame))
+        _read_scene(node, is_single_frame=is_single_frame)
+        for problem in found:
+            if (problem.path, problem.what) not in known:
+                known.add((problem.path, problem.what))
+                problems.append(replace(problem, what=f"at frame {frame}: {problem.what}"))
+    raise_problems(problems)
+    return scene
+
+
+def _film_time(tree: object) -> schema.FilmTime:
+    """Return how many frames a scene has, and their rate, before it is read."""
+
+    def value_of(section: str, key: str) -> Any:
+        found = tree.get(section) if isinstance(tree, Mapping) else None
+        return found.get(key) if isinstance(found, Mapping) else None
+
+    rate = schema.field_table(OutputSpec)["frames_per_second"]
+    frames_per_second = rate.read(schema.TreeNode(value_of("output", "frames_per_second"), "", []))
+    if frames_per_second is INVALID:
+        frames_per_second = OutputSpec.frames_per_second
+    num_frames = frames_in_tree(value_of("camera", "path"), frames_per_second)
+    loop = value_of("camera", "loop")
+    return schema.FilmTime(num_frames and film_frames(num_frames, loop), frames_per_second)
+
+
+def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
+    """Return the scene in a tree; of no use where there are problems."""
+    tree, problems = node.value, node.problems
     has_volumes = isinstance(tree, Mapping) and "volumes" in tree
     only = tree.get("volume") if isinstance(tree, Mapping) and not has_volumes else None
     of_channels = isinstance(only, Mapping) and only.get("component") in WITHOUT_TRANSFER
@@ -157,7 +214,6 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
         given.setdefault("transfer_function", OF_CHANNELS)
     check_layers(node, given)
     name_mask(node, given)
-    check_scheduled_frames(node.child("error"), given)
     check_exact_picture(node.child("error"), given)
     check_what_is_clipped(node, given)
     if not is_single_frame:
@@ -169,7 +225,6 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     if not problems:  # values are compared only if each is correct
         for layer in scene.layers:
             problems += proportion_problems(layer.volume, scene.camera, scene.output.size)
-    raise_problems(problems)
     return scene
 
 
@@ -268,9 +323,6 @@ def _of_labels(labels: LabelsSpec, plain: dict[str, Any]) -> dict[str, Any]:
 
 def _of_volume(volume: VolumeSpec, plain: dict[str, Any]) -> dict[str, Any]:
     source: dict[str, Any] = plain.pop("source")
-    if volume.crop is not None and None in volume.crop:
-        ranges = zip("xyz", plain["crop"], strict=True)
-        plain["crop"] = {axis: pair for axis, pair in ranges if pair is not None}
     return (source if isinstance(volume.source, FileSource) else {volume.source.key: source}) | plain
 
 
@@ -279,7 +331,7 @@ def _of_transfer(transfer: TransferSpec, plain: dict[str, Any]) -> dict[str, Any
     plain.pop("imported", None)
     if isinstance(transfer.mapping, ColormapSpec):
         mapping = {"colormap": mapping.pop("name")} | mapping
-    return (mapping if isinstance(mapping, dict) else {"points": mapping}) | plain
+    return ({"points": mapping} if transfer.points else mapping) | plain
 
 
 def _of_error(error: ErrorSpec, plain: dict[str, Any]) -> dict[str, Any]:
@@ -306,8 +358,15 @@ _CHANGES: dict[Any, Callable[[Any, dict[str, Any]], dict[str, Any]]] = {
 
 
 def _plain(value: Any) -> Any:
+    if (motion := motion_of(value)) is not None:
+        return motion_to_dict(motion, _plain)
+    if isinstance(value, PathSequence):
+        return [_plain(piece) for piece in value.pieces]
     if isinstance(value, tuple):
-        return [_plain(item) for item in value]
+        items = [_plain(item) for item in value]
+        if None in items:  # a range for some of the axes
+            return {axis: pair for axis, pair in zip("xyz", items, strict=True) if pair is not None}
+        return items
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, ArraySource):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +16,7 @@ from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.input_file import read_bounded, require_file
 from renderer.scene.labels_section import LABELS_TABLE, LabelsSpec, build_labels
 from renderer.scene.message_text import format_value
+from renderer.scene.motion import moving_result
 from renderer.scene.schema import INVALID, Color, TreeNode
 
 if TYPE_CHECKING:
@@ -135,7 +136,9 @@ _IMPORT_FIELDS: schema.FieldTable = {
 _FIELDS: schema.FieldTable = {
     "unit": schema.LENGTH_FIELD,
     "points": schema.sequence_field(
-        schema.dataclass_field(ControlPoint), "a list of {value: ..., color: ..., opacity: ...}, one or more"
+        schema.dataclass_field(ControlPoint),
+        "a list of {value: ..., color: ..., opacity: ...}, one or more",
+        motion="linear",
     ),
     **_COLORMAP_FIELDS,
     **_IMPORT_FIELDS,
@@ -162,8 +165,9 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     if not any(key in given for key in _COLORMAP_FIELDS):
         node.reject("no colors and opacities", got="", expected="points, colormap with range and opacity, or import")
     elif _has_opacities_alone(given):
-        pairs = _check_opacity(node.child("opacity"), given["opacity"])
-        return TransferSpec(tuple(ControlPoint(value, _WHITE, opacity) for value, opacity in pairs), unit)
+        _check_opacity(node.child("opacity"), given["opacity"])
+        valid = given["opacity"] if isinstance(given["opacity"], tuple) and INVALID not in given["opacity"] else ()
+        return TransferSpec(moving_result(_points, valid), unit)
     else:
         _require_colormap(node, given)
     name, low_high, opacity = (given.get(key, INVALID) for key in _COLORMAP_FIELDS)
@@ -177,6 +181,11 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
         for index, (value, _) in enumerate(pairs):
             _check_positive(node.child("opacity").child(index), value)
     return TransferSpec(ColormapSpec(name, low_high, opacity, scale), unit)
+
+
+def _points(opacities: Sequence[tuple[float, float]]) -> tuple[ControlPoint, ...]:
+    """Return white points of these values and opacities."""
+    return tuple(ControlPoint(value, _WHITE, opacity) for value, opacity in opacities)
 
 
 def _has_opacities_alone(section: Mapping[str, Any]) -> bool:
@@ -218,19 +227,22 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
         hint = "its values are shares of a range; `hsplat info` shows the values of a volume"
         _FIELDS["range"].reject(node.child("range"), "missing", hint=hint)
         return TransferSpec((INVALID,))
-    points = place_look(
-        look, span=span, scale=given.get("scale", 1.0), shift=given.get("shift", 0.0), opacities=opacities
-    )
+
+    def place_points(span: Any, scale: float, shift: float, opacities: Any) -> tuple[ControlPoint, ...]:
+        placed = place_look(look, span=span, scale=scale, shift=shift, opacities=opacities)
+        return tuple(ControlPoint(*point) for point in placed)
+
+    points = moving_result(place_points, span, given.get("scale", 1.0), given.get("shift", 0.0), opacities)
     place = node.child("import", given["import"])
-    if not all(math.isfinite(value) for value, _, _ in points):
+    if not all(math.isfinite(point.value) for point in points):
         place.reject("its values become too large for a number")
     if len(points) > MAX_LOOK_POINTS:
         place.reject("too many points", got=str(len(points)), expected=f"at most {MAX_LOOK_POINTS}")
-    _check_points(place, [(value, opacity) for value, _, opacity in points], 0)
+    _check_points(place, [(point.value, point.opacity) for point in points], 0)
     imported = ImportedLook(
         Path(given["import"]).name, file, look.has_opacities or opacities is not None, look.shading, look.left_out
     )
-    return TransferSpec(tuple(ControlPoint(*point) for point in points), given.get("unit", look.unit), imported)
+    return TransferSpec(points, given.get("unit", look.unit), imported)
 
 
 def _is_valid(value: Any) -> bool:
@@ -269,7 +281,7 @@ def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: obje
             place.reject("points out of order", expected=f"at least {format_value(before)}, as in the point before")
         elif value == before and index > 1 and values[index - 2] == value:
             place.reject("a third point at the same value", hint="two points make a step")
-    if points and all(opacity == 0 for _, opacity in points):
+    if points and all(opacity == 0 for _, opacity in points) and not node.has_motion:
         node.reject("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
 
 

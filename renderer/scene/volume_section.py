@@ -72,7 +72,7 @@ _SHAPE = schema.sequence_field(
     check=_check_total,
 )
 _SPACING = schema.sequence_field(
-    schema.LENGTH_FIELD,
+    schema.still(schema.LENGTH_FIELD),
     f"[x, y, z]: three lengths from {schema.MIN_WORLD_LENGTH:g} to {schema.MAX_WORLD_LENGTH:g}",
     count=3,
 )
@@ -100,10 +100,10 @@ def _parse_crop(node: TreeNode) -> Any:
     return tuple(ranges.get(axis) for axis in "xyz")
 
 
-_CROP = schema.FieldType(f"{_CROP_WORDS}; or a mapping with some of x, y and z", _parse_crop)
+_CROP = schema.FieldType(f"{_CROP_WORDS}; or a mapping with some of x, y and z", _parse_crop, motion="linear")
 
 
-_NUMBERS = schema.sequence_field(schema.number_field(), "a list of numbers")
+_NUMBERS = schema.sequence_field(schema.number_field(motion=None), "a list of numbers")
 
 
 def _parse_nodata(node: TreeNode) -> Any:

@@ -121,7 +121,7 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     """Return the setting of a scene with a constant tolerance, named by what differs between series."""
     footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
     measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
-    tolerance = error.tolerance[0][1]
+    tolerance = error.tolerance
     options: dict[str, Any] = {"tool": "hsplat", "tolerance": tolerance, "footprint": footprint, "measure": measure}
     words = [footprint, measure]
     if splat.footprint != "integrated":
@@ -173,7 +173,7 @@ def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clo
     memory = PeakMemory()
     for frame in render_frames(stage, numbers, rasterizer, clock=clock):
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
-        judged.add(over_background(frame.radiance, stage.scene.output.background))
+        judged.add(over_background(frame.radiance, frame.stage.scene.output.background))
         nums_primitives.append(frame.num_primitives)
         first_pass.append(frame.seconds)
         memory.reset()
@@ -227,7 +227,7 @@ class PlannedSetting:
     @property
     def tolerance(self) -> float:
         """Return the constant tolerance."""
-        return self.scene.error.tolerance[0][1]
+        return self.scene.error.tolerance
 
     def picture_key(self) -> Hashable:
         """Return a key that is equal for equal pictures: single voxels need no correction and have no error."""
@@ -266,7 +266,7 @@ def plan_sweep(
         alike = [splat for splat in splats if splat.primitive_name == kind]
         is_own = (error.measure, error.of) == (own.measure, own.of) and own.goal is None
         with open_stage(replace(scene, error=error, splat=alike[0])) as stage:
-            works = _work_by_tolerance(stage, tolerances, own.tolerance[0][1] if is_own else None)
+            works = _work_by_tolerance(stage, tolerances, float(own.tolerance) if is_own else None)
         plan.append(
             [
                 PlannedSetting(with_tolerance(replace(scene, error=error, splat=splat), tolerance), work)

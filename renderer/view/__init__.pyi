@@ -15,6 +15,7 @@ from .framing import (
     corners_around as corners_around,
     finest_useful_level as finest_useful_level,
     fit_distance as fit_distance,
+    least_distance as least_distance,
     smallest_voxel_px as smallest_voxel_px,
     visible_centre as visible_centre,
     visible_points as visible_points,

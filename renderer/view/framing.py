@@ -10,6 +10,7 @@ orthographic projection, where half the frame's height shows d tan(field of view
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from renderer.errors import InputError
 from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
 from renderer.view.clipping import ClipRegion, are_clipped_away
-from renderer.view.paths import focal_length_px, iter_camera_poses
+from renderer.view.paths import CameraPoses, camera_poses, focal_length_px, iter_camera_poses
 from renderer.volume import Bools, Float64, Int64, Volume
 
 # The margin along every side, relative to half the frame's smaller side: a footprint extends beyond its cell's centre.
@@ -37,35 +38,52 @@ def fit_distance(
 
     points_world: float64 [n, 3]. All points are then also at a depth of `camera.near` or more; orthographic cameras
     with wide fields of view are farther away for that than the frame needs. The zoom of keyframes is ignored: it
-    magnifies on purpose. Raises InputError when there is nothing to frame.
+    magnifies on purpose. Flights have places of their own; where there is nothing else, any distance does.
+    Raises InputError when there is nothing to frame.
     """
-    offsets = points_world - np.asarray(target, np.float64)
-    if offsets.size == 0:
+    if points_world.size == 0:
         raise InputError(
             "nothing is visible, so there is nothing to frame",
             where="camera.distance",
             expected="a volume and a transfer function that show something",
             hint="raise the opacities or set camera.distance",
         )
+    distance = least_distance(camera, points_world, target, size, margin)
+    if not distance > 0.0:
+        what = "all that is visible lies beyond the target, and is in frame from any distance"
+        raise InputError(
+            what if (points_world != target).any() else "what is visible has no extent, so there is nothing to frame",
+            where="camera.distance",
+            hint="set camera.distance",
+        )
+    return distance
+
+
+def least_distance(
+    camera: CameraSpec,
+    points_world: Float64,
+    target: Vector,
+    size: tuple[int, int],
+    margin: float = MARGIN,
+    frames: Sequence[int] | None = None,
+) -> float:
+    """Return what `fit_distance` does, which may be 0 or less. frames: of the path, None for all."""
+    offsets = points_world - np.asarray(target, np.float64)
     width, height = size
     margin_px = margin * min(width, height) / 2
     tangent_per_px = math.tan(math.radians(camera.field_of_view) / 2) / (height / 2)
     limit_x, limit_y = (width / 2 - margin_px) * tangent_per_px, (height / 2 - margin_px) * tangent_per_px
     distance = -math.inf
-    for poses in iter_camera_poses(camera.path):
+    all_poses = iter_camera_poses(camera.path) if frames is None else [camera_poses(camera.path, frames)]
+    for poses in (each.about_target() for each in all_poses):
+        if not len(poses.zoom):
+            continue
         right, up, direction = poses.right / limit_x, poses.up / limit_y, poses.direction
         depth = direction if camera.projection == "perspective" else np.zeros_like(direction)
         for normals in (depth + right, depth - right, depth + up, depth - up):
             distance = _largest_product(offsets, normals, distance)
         distance = camera.near + _largest_product(offsets, direction, distance - camera.near)
-    if not distance > 0.0:
-        what = "all that is visible lies beyond the target, and is in frame from any distance"
-        raise InputError(
-            what if offsets.any() else "what is visible has no extent, so there is nothing to frame",
-            where="camera.distance",
-            hint="set camera.distance",
-        )
-    return distance
+    return max(1.0, 2.0 * float(np.linalg.norm(offsets, axis=1).max())) if distance == -math.inf else distance
 
 
 def corners_around(volume: Volume, points_world: Float64, reach: float) -> Float64:
@@ -159,19 +177,18 @@ def finest_useful_level(
     """
     low, high = points_world.min(axis=0), points_world.max(axis=0)
     box = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)
-    offsets = box - np.asarray(target, np.float64)
     edges = volume.world_from_index[:3, :3]
     diagonal = max(float(np.linalg.norm(edges @ signs)) for signs in ([1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]))
     focal_px = focal_length_px(camera, size)
     widest_px = 0.0
-    for poses in iter_camera_poses(camera.path):
+    for poses in _placed_poses(camera, target, distance):
         if camera.projection == "orthographic":
-            px_per_unit = poses.zoom * (focal_px / distance)
+            px_per_unit = poses.zoom * (focal_px / poses.distance)
         else:
-            depth = distance - (poses.direction @ offsets.T).max(axis=1)
+            depth = poses.distance - _products(poses.direction, box, poses).max(axis=1)
             if depth.min() <= 0.0:
                 return 0
-            x, y = (np.abs(side @ offsets.T).max(axis=1) / depth for side in (poses.right, poses.up))
+            x, y = (np.abs(_products(side, box, poses)).max(axis=1) / depth for side in (poses.right, poses.up))
             px_per_unit = poses.zoom * focal_px / depth * np.sqrt(1.0 + x**2 + y**2)
         widest_px = max(widest_px, diagonal * float(px_per_unit.max()))
     return max(0, math.floor(math.log2(SMALLEST_CELL_PX / widest_px)))
@@ -185,14 +202,28 @@ def smallest_voxel_px(
     An eye nearer to the centre than half of the volume's diagonal counts as that far away: so is most of what it sees.
     """
     spacing, focal_px = volume.finest_spacing, focal_length_px(camera, size)
-    offset = volume.centre - np.asarray(target, np.float64)
     narrowest_px = math.inf
-    for poses in iter_camera_poses(camera.path):
-        depths = np.full(len(poses.zoom), distance)
+    for poses in _placed_poses(camera, target, distance):
+        depths = poses.distance
         if camera.projection == "perspective":
-            depths = np.maximum(distance - poses.direction @ offset, volume.half_diagonal)
+            along = _products(poses.direction, volume.centre, poses)
+            depths = np.maximum(poses.distance - along, volume.half_diagonal)
         narrowest_px = min(narrowest_px, float((poses.zoom * (spacing / depths)).min()) * focal_px)
     return narrowest_px
+
+
+def _placed_poses(camera: CameraSpec, target: Vector, distance: float) -> Iterator[CameraPoses]:
+    """Yield the poses of a whole path, each with its target and distance."""
+    about = target, distance
+    return (poses.about(*about) for poses in iter_camera_poses(camera.path, about))
+
+
+def _products(directions: Float64, points: Float64, poses: CameraPoses) -> Float64:
+    """Return the products of directions of poses [n, 3] with points [m, 3] about their targets, [n, m]; of one, [n]."""
+    if not poses.is_free.any():
+        return np.asarray(directions @ (points - poses.target[0]).T)
+    targets = poses.target[:, None] if points.ndim == 2 else poses.target
+    return np.asarray(np.einsum("ni,n...i->n...", directions, points - targets))
 
 
 def _to_world(volume: Volume, index: Float64) -> Float64:

@@ -18,7 +18,7 @@ from functools import cache
 
 import numpy as np
 
-from renderer.scene import CameraPath
+from renderer.scene import CameraPath, Vector
 from renderer.view.paths import iter_camera_poses
 from renderer.volume import Float64
 
@@ -61,13 +61,15 @@ class OrderBlending:
     tie_breaker: Float64
 
 
-def make_order_blending(world_from_index: Float64, path: CameraPath) -> OrderBlending:
-    """Return how a camera on a path turns relative to a volume's grid."""
+def make_order_blending(
+    world_from_index: Float64, path: CameraPath, about: tuple[Vector, float] | None = None
+) -> OrderBlending:
+    """Return how a camera on a path turns relative to a volume's grid. about: as `camera_poses`."""
     steps = NEIGHBOURS @ world_from_index[:3, :3].T
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
     low, high = np.full(len(steps), np.inf), np.full(len(steps), -np.inf)
     moved, turned = np.zeros((3, 3)), 0.0  # squared movements of the viewing direction, and of all axes
-    for poses in iter_camera_poses(path):
+    for poses in iter_camera_poses(path, about):
         axes = poses.axes
         slopes = -axes[:, 2] @ steps.T
         low, high = np.minimum(low, slopes.min(axis=0)), np.maximum(high, slopes.max(axis=0))

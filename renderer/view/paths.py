@@ -12,24 +12,38 @@ smallest rotation that takes +z to that axis; for -z by half a turn about x.
 Between keyframes azimuth, elevation and the logarithm of the zoom are interpolated separately. The eye stays on its
 sphere, the picture does not roll about the axis, keys of one elevation make a turntable, and azimuths 0 and 360 make a
 full turn. Great circles have only the first of these properties: between two keys of one elevation they rise above it.
-`smooth` easing is the monotone piecewise cubic of F. N. Fritsch and J. Butland, "A method for constructing local
-monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5 (1984): the velocity is continuous, and no value
-lies beyond its two keys. A path that does not loop starts and ends at rest.
+Easing is that of `renderer.scene.motion`. A path that does not loop starts and ends at rest.
+
+A flight has a place of its own at each frame. On all other paths the camera is about the target of the film.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.scene import CameraPath, CameraSpec, KeyframePath, TurntablePath, Vector
+from renderer.scene import (
+    CameraPath,
+    CameraSpec,
+    FlightPath,
+    HoldPath,
+    KeyframePath,
+    Motion,
+    PathPiece,
+    PathSequence,
+    TurntablePath,
+    Vector,
+)
 from renderer.view.camera import View
-from renderer.volume import Float64
+from renderer.view.flights import FlightPlace, fly
+from renderer.volume import Bools, Float64
 
+# Of the angle between axis and view of a flight, below which the picture has the direction of azimuth 0.
+_LEAST_SINE = 1e-9
 # Bounds the memory of poses.
 _FRAMES_PER_CHUNK = 1 << 16
 
@@ -39,23 +53,76 @@ class CameraPoses:
     """A camera at n frames, up to its distance: orthonormal right-handed frames (right, up, direction) in the world.
 
     direction, right, up: float64 [n, 3]; `direction` points from the target to the eye. zoom: float64 [n],
-    magnifications, > 0.
+    magnifications, > 0. is_free: bool [n], of flights, whose places are target, float64 [n, 3], and distance, [n]; all
+    others are about the film's target.
     """
 
     direction: Float64
     right: Float64
     up: Float64
     zoom: Float64
+    is_free: Bools
+    target: Float64
+    distance: Float64
 
     @property
     def axes(self) -> Float64:
         """Return the axes as in `View`: float64 [n, 3, 3]."""
         return np.stack([self.right, self.up, self.direction], axis=1)
 
+    def about(self, target: Vector, distance: float) -> CameraPoses:
+        """Return the poses with the film's target and distance where they have none of their own."""
+        places = np.where(self.is_free[:, None], self.target, target), np.where(self.is_free, self.distance, distance)
+        return replace(self, target=places[0], distance=places[1])
 
-def camera_poses(path: CameraPath, frames: Sequence[int]) -> CameraPoses:
-    """Return the poses at some frames, from 0 on; frame `path.frames` is frame 0 of a path that loops."""
-    at = np.asarray(frames, np.float64)
+    def about_target(self) -> CameraPoses:
+        """Return those poses that have no places of their own."""
+        return CameraPoses(*(getattr(self, each.name)[~self.is_free] for each in fields(self)))
+
+
+def camera_poses(path: CameraPath, frames: Sequence[int], about: tuple[Vector, float] | None = None) -> CameraPoses:
+    """Return the poses at some frames, from 0 on; frame `path.frames` is frame 0 of a path that loops.
+
+    about: target and distance of the film, from where flights may begin.
+    """
+    if not isinstance(path, PathSequence):
+        return _piece_poses(path, None, np.asarray(frames, np.float64))
+    ends, found = np.cumsum([piece.frames for piece in path.pieces]), list[CameraPoses]()
+    for frame in frames:
+        number = min(int(np.searchsorted(ends, frame, side="right")), len(ends) - 1)
+        local = frame - (int(ends[number - 1]) if number else 0)
+        found.append(_sequence_pose(path.pieces, number, local, about))
+    return CameraPoses(*(np.concatenate([getattr(each, name.name) for each in found]) for name in fields(CameraPoses)))
+
+
+def _sequence_pose(
+    pieces: Sequence[PathPiece], number: int, frame: int, about: tuple[Vector, float] | None
+) -> CameraPoses:
+    """Return the pose at a frame of a piece, which may begin where the one before it ended."""
+    piece = pieces[number]
+    if isinstance(piece, HoldPath) and len(pieces) > 1:
+        return (
+            _sequence_pose(pieces, number - 1, pieces[number - 1].frames, about)
+            if number
+            else _sequence_pose(pieces, 1, 0, about)
+        )
+    start = None
+    if isinstance(piece, FlightPath) and number:
+        before = _sequence_pose(pieces, number - 1, pieces[number - 1].frames, about)
+        target, distance = about or ((math.nan,) * 3, math.nan)
+        before = before.about(target, distance)
+        eye = before.target + before.distance[:, None] * before.direction
+        start = FlightPlace.of(eye[0], before.target[0], zoom=float(before.zoom[0]))
+    return _piece_poses(piece, start, np.array([frame], np.float64))
+
+
+def _piece_poses(path: PathPiece, start: FlightPlace | None, at: Float64) -> CameraPoses:
+    """Return the poses of one piece. start: where a flight begins."""
+    if isinstance(path, FlightPath):
+        return _flight_poses(path, start, at)
+    if isinstance(path, HoldPath):
+        path = TurntablePath(path.frames)
+        at = np.zeros_like(at)
     if isinstance(path, KeyframePath):
         azimuth, elevation, zoom = _interpolate_keyframes(path, at)
     else:
@@ -71,7 +138,26 @@ def camera_poses(path: CameraPath, frames: Sequence[int]) -> CameraPoses:
         right=np.column_stack([cos_a, sin_a, np.zeros_like(cos_a)]) @ rotation_t,
         up=np.column_stack([-sin_e * sin_a, sin_e * cos_a, cos_e]) @ rotation_t,
         zoom=zoom,
+        is_free=np.zeros(len(at), np.bool_),
+        target=np.zeros((len(at), 3)),
+        distance=np.zeros(len(at)),
     )
+
+
+def _flight_poses(path: FlightPath, start: FlightPlace | None, at: Float64) -> CameraPoses:
+    """Return the poses of a flight, upright about its axis but for its roll."""
+    places = fly(path, start, at.tolist())
+    offset = places.eye - places.target
+    distance = np.linalg.norm(offset, axis=1)
+    direction = offset / distance[:, None]
+    right = np.cross(np.array(path.axis) / np.linalg.norm(path.axis), direction)
+    length = np.linalg.norm(right, axis=1, keepdims=True)
+    aside = _rotation_from_z_to(path.axis)[:, 0]  # that of azimuth 0, for a view along the axis
+    right = np.where(length > _LEAST_SINE, right / np.maximum(length, _LEAST_SINE), aside)
+    up = np.cross(direction, right)
+    sine, cosine = (each[:, None] for each in _sine_and_cosine(places.roll))
+    right, up = cosine * right + sine * up, cosine * up - sine * right
+    return CameraPoses(direction, right, up, places.zoom, np.ones(len(at), np.bool_), places.target, distance)
 
 
 def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
@@ -89,14 +175,14 @@ def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
     )
 
 
-def iter_camera_poses(path: CameraPath) -> Iterator[CameraPoses]:
-    """Yield the poses of all frames, in chunks of bounded size that overlap by one frame."""
+def iter_camera_poses(path: CameraPath, about: tuple[Vector, float] | None = None) -> Iterator[CameraPoses]:
+    """Yield the poses of all frames, in chunks of bounded size that overlap by one frame. about: as `camera_poses`."""
     for first in range(0, max(path.frames - 1, 1), _FRAMES_PER_CHUNK):
-        yield camera_poses(path, range(first, min(first + _FRAMES_PER_CHUNK + 1, path.frames)))
+        yield camera_poses(path, range(first, min(first + _FRAMES_PER_CHUNK + 1, path.frames)), about)
 
 
 def make_view(camera: CameraSpec, frame: int, target: Vector, distance: float, size: tuple[int, int]) -> View:
-    """Return the View of a frame: the eye at `target + distance * direction`, all in world units.
+    """Return the View of a frame: the eye at `target + distance * direction`, all in world units, or on a flight.
 
     scale_px is (height / 2) / tan(field of view / 2) in perspective; orthographic, 2 distance tan(field of view / 2)
     world units fill the height. Zoom multiplies scale_px: it magnifies and does not move the eye.
@@ -109,8 +195,8 @@ def make_view(camera: CameraSpec, frame: int, target: Vector, distance: float, s
             got=f"{distance:g}",
             expected="a length greater than 0",
         )
-    poses = camera_poses(camera.path, [frame])
-    axes, centre = poses.axes[0], np.array(target, np.float64)
+    poses = camera_poses(camera.path, [camera.path_frame(frame)], (target, distance)).about(target, distance)
+    axes, centre, distance = poses.axes[0], poses.target[0].copy(), float(poses.distance[0])
     axes.flags.writeable = centre.flags.writeable = False
     scale_px = focal_length_px(camera, size) * float(poses.zoom[0])
     if camera.projection == "orthographic":
@@ -142,54 +228,25 @@ def _rotation_from_z_to(axis: Vector) -> Float64:
 
 def _interpolate_keyframes(path: KeyframePath, at: Float64) -> tuple[Float64, Float64, Float64]:
     """Return azimuth and elevation in degrees, and zoom, at frames [n] of a path with keys: float64 [n] each."""
-    frames = np.array([key.frame for key in path.keys], np.float64)
-    rows = np.array([(key.azimuth, key.elevation, math.log(key.zoom)) for key in path.keys])
-    if len(rows) == 1:
-        azimuth, elevation = np.broadcast_to(rows[:, :2], (len(at), 2)).T
-        return azimuth, elevation, np.full_like(at, path.keys[0].zoom)
+    if len(path.keys) == 1:
+        (key,) = path.keys
+        azimuth, elevation, zoom = (np.full_like(at, value) for value in (key.azimuth, key.elevation, key.zoom))
+        return azimuth, elevation, zoom
+    frames = tuple(key.frame for key in path.keys)
+    rows: tuple[tuple[float, ...], ...]
+    rows = tuple((key.azimuth, key.elevation, math.log(key.zoom)) for key in path.keys)
     if path.loop:
-        frames, rows = _close_loop(path, frames, rows)
+        frames, rows = (*frames, frames[0] + path.frames), (*rows, _first_again(rows))
         at = np.where(at < frames[0], at + path.frames, at)
-    at = np.clip(at, frames[0], frames[-1])
-    azimuth, elevation, log_zoom = (
-        _interpolate(frames, column, at, smooth=path.easing == "smooth", loop=path.loop) for column in rows.T
-    )
+    motion = Motion(frames, rows, path.easing, is_closed=path.loop)
+    azimuth, elevation, log_zoom = np.array([motion.at(frame) for frame in at.tolist()]).T
     return azimuth, elevation, np.exp(log_zoom)
 
 
-def _close_loop(path: KeyframePath, frames: Float64, rows: Float64) -> tuple[Float64, Float64]:
-    """Repeat the first key one loop later, with whole turns added that make the way there the shortest."""
+def _first_again(rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
+    """Return the first key one loop later, with whole turns added that make the way there the shortest."""
     first, last, previous = rows[0], rows[-1], rows[-2]
     way = (first[0] - last[0]) % 360.0
     if way > 180.0 or (way == 180.0 and last[0] < previous[0]):  # a half turn continues in the direction of the path
         way -= 360.0
-    return np.append(frames, frames[0] + path.frames), np.vstack([rows, [last[0] + way, *first[1:]]])
-
-
-def _interpolate(frames: Float64, values: Float64, at: Float64, *, smooth: bool, loop: bool) -> Float64:
-    """Evaluate the curve through (frames, values) at frames [n] from the first to the last."""
-    segment = np.searchsorted(frames[1:], at)
-    widths, rises = np.diff(frames), np.diff(values)
-    start, length, rise = values[segment], widths[segment], rises[segment]
-    x = (at - frames[segment]) / length
-    if not smooth:
-        return start + rise * x
-    slopes = rises / widths
-    velocities = np.zeros_like(values)
-    velocities[1:-1] = _velocity(slopes[:-1], slopes[1:], widths[:-1], widths[1:])
-    if loop:
-        velocities[[0, -1]] = _velocity(slopes[-1:], slopes[:1], widths[-1:], widths[:1])
-    # Cubic Hermite form, relative to the start, so that a constant stays exactly constant.
-    hermite = x * x * (3.0 - 2.0 * x) * rise
-    tangents = (1.0 - x) ** 2 * velocities[segment] - x * (1.0 - x) * velocities[segment + 1]
-    return np.asarray(start + hermite + x * length * tangents)
-
-
-def _velocity(before: Float64, after: Float64, width_before: Float64, width_after: Float64) -> Float64:
-    """Return the derivative of Fritsch and Butland at a key: a harmonic mean, 0 where the direction turns."""
-    weight_before, weight_after = width_before + 2.0 * width_after, 2.0 * width_before + width_after
-    product = before * after
-    # A quotient of products, without the reciprocal of a slope that is almost 0.
-    total = weight_before * after + weight_after * before
-    mean = np.divide((weight_before + weight_after) * product, total, out=np.zeros_like(product), where=product > 0.0)
-    return np.asarray(mean)
+    return last[0] + way, *first[1:]

@@ -62,7 +62,7 @@ def scene_of(camera: CameraSpec, unit: float = 1.0) -> Scene:
         transfer_function=TransferSpec(POINTS, unit),
         camera=camera,
         output=OutputSpec(Path("film.mp4"), SIZE),
-        error=ErrorSpec(((0, 0.0),)),
+        error=ErrorSpec(0.0),
         pyramid=PyramidSpec(precision="single"),
         splat=SplatSpec("gaussian"),
     )

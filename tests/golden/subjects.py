@@ -159,7 +159,7 @@ class Shot:
 
     def drawn(self, draw_list: DrawList, rasterizer: Rasterizer | None = None) -> Frame:
         """Draw a frame by the product's own last step."""
-        return draw_frame(self.stage, draw_list, self.rasterizer if rasterizer is None else rasterizer, _stopwatch())
+        return draw_frame(draw_list, self.rasterizer if rasterizer is None else rasterizer, _stopwatch())
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from renderer.scene import (
     ControlPoint,
     ErrorSpec,
     KeyframePath,
+    Motion,
     OutputSpec,
     ProceduralSource,
     PyramidSpec,
@@ -25,6 +27,7 @@ from renderer.scene import (
     TransferSpec,
     TurntablePath,
     VolumeSpec,
+    moving,
 )
 from renderer.scene.camera_section import Keyframe
 from renderer.volume import Volume, make_volume
@@ -40,25 +43,32 @@ PLAIN = Scene(
     transfer_function=TransferSpec(POINTS),
     camera=CameraSpec(TurntablePath(8, elevation=20.0)),
     output=OutputSpec(Path("film.mp4"), (40, 30)),
-    error=ErrorSpec(((0, 0.05),)),
+    error=ErrorSpec(0.05),
 )
 SPLATS = replace(PLAIN, splat=SplatSpec("gaussian"))
 LIT = replace(PLAIN, shading=ShadingSpec())
 
 KEYS = (Keyframe(0, 0.0, 0.0), Keyframe(3, 40.0, 30.0, 2.0), Keyframe(6, -20.0, 80.0))
 
+
+def scheduled(*entries: tuple[int, float]) -> Any:
+    """Return a value by frame, as an error schedule has it."""
+    frames, values = zip(*entries, strict=True)
+    return moving(Motion(frames, values, kind="ratio"))
+
+
 SCENES = {
     "plain": PLAIN,
-    "tolerance by frame": replace(PLAIN, error=ErrorSpec(((0, 0.5), (3, 0.5), (7, 0.01)))),
-    "every voxel": replace(PLAIN, error=ErrorSpec(((0, 0.0),))),
+    "tolerance by frame": replace(PLAIN, error=ErrorSpec(scheduled((0, 0.5), (3, 0.5), (7, 0.01)))),
+    "every voxel": replace(PLAIN, error=ErrorSpec(0.0)),
     "transparent": replace(PLAIN, output=OutputSpec(Path("{frame}.png"), (40, 30), background=None)),
     "gaussian": SPLATS,
     "gouraud": replace(PLAIN, splat=SplatSpec("gouraud")),
     "boxes": replace(SPLATS, splat=SplatSpec("gaussian", order="boxes")),
     "overlay": replace(PLAIN, overlay="octree"),
     "shading": LIT,
-    "means of opacity": replace(PLAIN, pyramid=PyramidSpec("opacity", "single"), error=ErrorSpec(((0, 0.02),), "rms")),
-    "errors of scalars": replace(PLAIN, error=ErrorSpec(((0, 9.0),), "rms", "scalar", finest_level=1)),
+    "means of opacity": replace(PLAIN, pyramid=PyramidSpec("opacity", "single"), error=ErrorSpec(0.02, "rms")),
+    "errors of scalars": replace(PLAIN, error=ErrorSpec(9.0, "rms", "scalar", finest_level=1)),
     "keyframes": replace(PLAIN, camera=CameraSpec(KeyframePath(8, KEYS, False), "orthographic", target=(15, 14, 9))),
     "colormap": replace(
         PLAIN,

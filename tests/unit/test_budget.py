@@ -43,7 +43,7 @@ def stage(request: pytest.FixtureRequest) -> Stage:
             volume=VolumeSpec(ProceduralSource("engine_block", (64, 64, 40))),
             camera=CameraSpec(TurntablePath(NUM_FRAMES, start=10.0, elevation=20.0)),
             output=OutputSpec(PLAIN.output.file, size=(200, 160)),
-            error=ErrorSpec(goal=TimeBudget(((0, 1.0),))),
+            error=ErrorSpec(goal=TimeBudget(1.0)),
             splat=SplatSpec(request.param),
         )
     )
@@ -150,7 +150,7 @@ def test_noise_changes_the_cut_seldom_and_in_small_steps(stage: Stage, seconds: 
 
 def test_an_estimator_learns_rates_that_are_not_typical() -> None:
     """Of a machine with dear frames and cheap pixels, the seconds of other sizes are known from its trials."""
-    stage_ = stage_of(replace(PLAIN, error=ErrorSpec(goal=TimeBudget(((0, 1.0),)))))
+    stage_ = stage_of(replace(PLAIN, error=ErrorSpec(goal=TimeBudget(1.0))))
     machine = SimulatedMachine(per_frame=2e-2, per_splat=1e-9, per_pixel=4e-10)
     estimator = LODCostEstimator(stage_)
     calibrate_costs(estimator, 0, 0.1, machine, clock=machine.clock)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from film_stages import scheduled
 from small_scene import small_tree
 from spoiling import spoil
 
@@ -133,10 +134,10 @@ def test_numbers_that_json_does_not_have_are_refused(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("folder")
 def test_a_job_is_made_from_a_record() -> None:
     job = load(SIDECAR)
-    assert job.scene.error == ErrorSpec(((0, 0.5), (3, 0.5), (4, 0.0), (7, 0.0)))
+    assert job.scene.error == ErrorSpec(scheduled((0, 0.5), (3, 0.5), (4, 0.0), (7, 0.0)))
     assert job.scene.output.file == Path("film.mp4")
     assert list(job.frames) == [1, 4, 7]
-    assert job.requested == ErrorSpec(goal=SplatBudget(((0, 1000),)))
+    assert job.requested == ErrorSpec(goal=SplatBudget(1000))
     original = job.original
     assert original is not None and original.record == parsed(SIDECAR)
     assert (original.path, original.frames_digest) == (Path("film.mp4.json"), "89" * 16)

@@ -174,7 +174,7 @@ def swap(path: Path) -> str:
 
 
 def film(path: Path, scene: Scene, shape: tuple[int, int, int] = (20, 28, 32)) -> Stage:
-    scene = replace(scene, volume=raw(path, noise(shape) * 2), error=ErrorSpec(((0, 0.0),)))
+    scene = replace(scene, volume=raw(path, noise(shape) * 2), error=ErrorSpec(0.0))
     return prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
 
 

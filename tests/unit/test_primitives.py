@@ -39,9 +39,9 @@ def lumps() -> Volume:
 @pytest.fixture(scope="module", params=["optical", "rms", "scalar"])
 def stage(request: pytest.FixtureRequest) -> Stage:
     error = {
-        "optical": ErrorSpec(((0, 0.1),)),
-        "rms": ErrorSpec(((0, 0.1),), "rms"),
-        "scalar": ErrorSpec(((0, 9.0),), "rms", "scalar"),
+        "optical": ErrorSpec(0.1),
+        "rms": ErrorSpec(0.1, "rms"),
+        "scalar": ErrorSpec(9.0, "rms", "scalar"),
     }[request.param]
     return stage_of(replace(PLAIN, error=error), lumps())
 
@@ -95,7 +95,7 @@ def test_a_transparent_volume_needs_no_bricks() -> None:
 @pytest.mark.parametrize("tolerance", [0.3, 0.0])
 def test_no_brick_is_finer_than_the_finest_level(tolerance: float) -> None:
     """The lines of the overlay have the colours of their cells."""
-    scene = replace(PLAIN, error=ErrorSpec(((0, tolerance),), finest_level=1), overlay="octree")
+    scene = replace(PLAIN, error=ErrorSpec(tolerance, finest_level=1), overlay="octree")
     lod = make_primitive(stage_of(scene, lumps())).make_lod(tolerance, lambda name: None)
     (lines,), (batch,) = lod.lines, lod.batches
     assert batch.cut.levels.min() == 1

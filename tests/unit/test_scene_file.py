@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
+from film_stages import scheduled
 from hypothesis import given, settings, strategies as st
 
 from renderer.errors import InputError
@@ -164,7 +165,7 @@ def test_overrides_apply_in_their_order() -> None:
         "output.file=a=b.mp4",
     )
     assert scene.camera.path.frames == 10
-    assert scene.error.tolerance == ((0, 1.0), (5, 0.1))
+    assert scene.error.tolerance == scheduled((0, 1.0), (5, 0.1))
     assert scene.shading is not None
     assert scene.shading.ambient == 0.5
     assert scene.output.background == (1.0, 0.0, 0.0)
@@ -176,7 +177,7 @@ def test_overrides_apply_in_their_order() -> None:
 
 def test_overrides_reach_keys_that_are_numbers() -> None:
     scene = load(DEMO, "error.tolerance={0: 0.5, 40: 0.1}", "error.tolerance.40=0.2")
-    assert scene.error.tolerance == ((0, 0.5), (40, 0.2))
+    assert scene.error.tolerance == scheduled((0, 0.5), (40, 0.2))
 
 
 def test_the_volume_option_keeps_the_rest_of_the_section(folder: Path) -> None:

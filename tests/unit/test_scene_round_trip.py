@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import pytest
+from film_stages import scheduled
 from spoiling import spoil
 
 from renderer.errors import SceneError
@@ -81,7 +82,7 @@ SCENES = {
             3.5,
             0.1,
         ),
-        error=ErrorSpec(((0, 0.5), (7, 1 / 3), (8, 0.0)), "rms", "scalar", 2),
+        error=ErrorSpec(scheduled((0, 0.5), (7, 1 / 3), (8, 0.0)), "rms", "scalar", 2),
         splat=SplatSpec("gouraud", 0.5, 7, 4, ((0.0, 1.0), (0.1, 0.5), (1.0, 0.0)), False, "boxes"),
         pyramid=PyramidSpec("opacity", "single"),
         shading=ShadingSpec(0.1, 0.2, AXIS),
@@ -92,7 +93,7 @@ SCENES = {
         volume=VolumeSpec(RawSource(HERE, (1, 1, NUM_BYTES - 3), "uint8", "big", SPACING, 3), nodata=(-1.0, 1e20)),
         transfer_function=TransferSpec(POINTS, 0.1),
         camera=CameraSpec(RockerPath(9, 33.3, 0.1, -10.5, AXIS), target=(1.0, 2.0, 1 / 3)),
-        error=ErrorSpec(goal=SplatBudget(((0, 1000), (8, 10_000)))),
+        error=ErrorSpec(goal=SplatBudget(scheduled((0, 1000), (8, 10_000)))),
         shading=ShadingSpec(occlusion=0.7, shadow=1 / 3, occlusion_radius=12.5),
         output=OutputSpec(Path("a.mp4"), frames_per_second=12.5, background=(0.1, 0.2, 0.3), quality=3.3),
     ),
@@ -154,7 +155,7 @@ SCENES = {
         volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
         transfer_function=TransferSpec(POINTS),
         camera=CameraSpec(TurntablePath(9)),
-        error=ErrorSpec(goal=TimeBudget(((0, 0.1),))),
+        error=ErrorSpec(goal=TimeBudget(0.1)),
         splat=SplatSpec(order="unmixed"),
         output=OutputSpec(Path("a.mp4")),
     ),

@@ -92,7 +92,7 @@ def test_every_setting_reads_back(tmp_path: Path) -> None:
     assert scene.shading is None
     assert scene.camera.path == TurntablePath(7, elevation=-12.5, axis=(-1.0, 0.0, 0.0))
     assert scene.camera.target == "visible"
-    assert scene.error.tolerance == ((0, 1e-9),)
+    assert scene.error.tolerance == 1e-9
     assert (scene.output.size, scene.output.frames_per_second) == ((640, 480), 12.5)
     assert scene.output.background == pytest.approx((1.0, 128 / 255, 0.0))
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from film_stages import PLAIN
+from film_stages import PLAIN, scheduled
 from hypothesis import given, settings, strategies as st
 
 from renderer.scene import (
@@ -22,42 +22,48 @@ from renderer.scene import (
     min_tolerance,
     parse_scene,
     scene_to_dict,
-    scheduled_value,
     tolerance_at,
+    values_at,
     with_tolerance,
     with_tolerances,
 )
 
 MAX_FRAMES = 1_000_000
-BUDGET = ErrorSpec(goal=SplatBudget(((0, 1000),)), finest_level=1)
+BUDGET = ErrorSpec(goal=SplatBudget(1000), finest_level=1)
 SCENE = replace(PLAIN, camera=CameraSpec(TurntablePath(MAX_FRAMES)), error=BUDGET)
-GOALS = (SplatBudget(((0, 1000), (9, 5))), TimeBudget(((0, 0.5),)), MetricTarget("psnr", 30), MetricTarget("rmse", 0.1))
+GOALS = (
+    SplatBudget(scheduled((0, 1000), (9, 5))),
+    TimeBudget(0.5),
+    MetricTarget("psnr", 30),
+    MetricTarget("rmse", 0.1),
+)
 
 TOLERANCE = st.floats(MIN_TOLERANCE, sys.float_info.max)
 
 
 def test_one_entry_is_constant() -> None:
-    assert [tolerance_at(ErrorSpec(((30, 0.1),)), frame) for frame in (0, 30, 500)] == [0.1, 0.1, 0.1]
-    assert tolerance_at(ErrorSpec(((0, 0.0),)), 7) == 0.0
+    assert [tolerance_at(ErrorSpec(scheduled((30, 0.1))), frame) for frame in (0, 30, 500)] == [0.1, 0.1, 0.1]
+    assert tolerance_at(ErrorSpec(0.0), 7) == 0.0
 
 
 def test_0_is_held_and_left_at_once() -> None:
-    entries = ((2, 0.0), (5, 0.0), (6, 0.5), (8, 0.5), (9, 0.0))
-    assert [scheduled_value(entries, frame) for frame in range(12)] == [0, 0, 0, 0, 0, 0, 0.5, 0.5, 0.5, 0, 0, 0]
+    tolerance = scheduled((2, 0.0), (5, 0.0), (6, 0.5), (8, 0.5), (9, 0.0))
+    assert [values_at(tolerance, frame) for frame in range(12)] == [0, 0, 0, 0, 0, 0, 0.5, 0.5, 0.5, 0, 0, 0]
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(ends=st.tuples(TOLERANCE, TOLERANCE), length=st.integers(1, 60))
 def test_over_all_of_float64_values_go_from_one_end_to_the_other(ends: tuple[float, float], length: int) -> None:
-    values = [scheduled_value(((7, ends[0]), (7 + length, ends[1])), frame) for frame in range(7, 8 + length)]
+    tolerance = scheduled((7, ends[0]), (7 + length, ends[1]))
+    values = [values_at(tolerance, frame) for frame in range(7, 8 + length)]
     assert (values[0], values[-1]) == ends
     assert values == sorted(values, reverse=ends[0] > ends[1])
 
 
 def test_the_least_tolerance() -> None:
-    assert min_tolerance(ErrorSpec(((0, 0.5), (8, 0.02), (9, 0.1)))) == 0.02
-    assert min_tolerance(ErrorSpec(((0, 0.5), (1, 0.0)))) == 0.0
-    assert min_tolerance(ErrorSpec(((3, 7.0),))) == 7.0
+    assert min_tolerance(ErrorSpec(scheduled((0, 0.5), (8, 0.02), (9, 0.1)))) == 0.02
+    assert min_tolerance(ErrorSpec(scheduled((0, 0.5), (1, 0.0)))) == 0.0
+    assert min_tolerance(ErrorSpec(scheduled((3, 7.0)))) == 7.0
 
 
 @pytest.mark.parametrize("goal", GOALS, ids=lambda goal: type(goal).__name__)
@@ -98,7 +104,9 @@ def test_equal_tolerances_are_written_once() -> None:
     assert with_tolerances(SCENE, dict.fromkeys(range(3, 99), 0.1)) == with_tolerance(SCENE, 0.1)
     assert scene_to_dict(with_tolerance(SCENE, 0.1))["error"]["tolerance"] == 0.1
     tolerances = dict.fromkeys(range(40), 0.5) | dict.fromkeys(range(40, 60), 0.1) | {60: 0.0}
-    assert with_tolerances(SCENE, tolerances).error.tolerance == ((0, 0.5), (39, 0.5), (40, 0.1), (59, 0.1), (60, 0.0))
+    assert with_tolerances(SCENE, tolerances).error.tolerance == scheduled(
+        (0, 0.5), (39, 0.5), (40, 0.1), (59, 0.1), (60, 0.0)
+    )
 
 
 def test_frames_between_those_that_are_drawn_belong_to_the_one_before() -> None:

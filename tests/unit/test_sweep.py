@@ -180,7 +180,7 @@ def test_a_measurement_of_bricks_counts_bricks(stage: Stage) -> None:
 
 def test_chosen_tolerances_include_that_of_the_scene(stage: Stage) -> None:
     """A goal replaces the tolerance, so that the field has only its default."""
-    own = ErrorSpec(tolerance=((0, 0.123),))
+    own = ErrorSpec(tolerance=0.123)
     plan = planned(replace(stage.scene, error=own), lambda _: nullcontext(stage), [own, RMS], [SplatSpec()], None)
     tolerances = [p.tolerance for p in plan if p.scene.error.measure == "optical"]
     assert 0.123 in tolerances and 0.0 in tolerances and len(tolerances) <= 11

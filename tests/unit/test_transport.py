@@ -83,7 +83,7 @@ def test_a_volume_is_written_once() -> None:
 def test_values_that_no_scene_file_has(plain: Stage) -> None:
     """Tolerance 0 beside others, as a budget of splats gives; a file name that is no UTF-8; floats to the last bit."""
     tolerances = {frame: 0.0 if frame < 3 else 0.1 / frame for frame in range(8)}
-    scene = with_tolerances(replace(SPLATS, error=replace(SPLATS.error, goal=SplatBudget(((0, 9.0),)))), tolerances)
+    scene = with_tolerances(replace(SPLATS, error=replace(SPLATS.error, goal=SplatBudget(9.0))), tolerances)
     scene = replace(scene, output=replace(SPLATS.output, file=Path(os.fsdecode(b"f\xff\xfelm.mp4"))))
     stage = replace(plain, scene=scene, distance=0.1 + 0.2, target=(5e-324, -0.0, 1.7976931348623157e308))
     back = there_and_back(stage)

@@ -83,7 +83,7 @@ def update_goldens(
             )
         listed = {golden.frame: golden.file for golden in provenance.goldens} if provenance else {}
         frames = options.frames or [frame for frame in job.frames if frame in listed] or job.frames
-        num_frames = job.scene.camera.path.frames
+        num_frames = job.scene.num_frames
         names = {frame: listed.get(frame) or golden_file_name(frame, num_frames) for frame in frames}
         outputs = (folder / name for name in (PROVENANCE_FILE, *names.values(), *listed.values()))
         require_no_input(chain(outputs, folder_files(folder / _STAGING_FOLDER)), job.input_files())

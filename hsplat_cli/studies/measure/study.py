@@ -30,7 +30,7 @@ from renderer.errors import HsplatError
 from renderer.film import require_writable_dry_run
 from renderer.frame import Stage, read_volumes, view_of
 from renderer.job import without_paths
-from renderer.scene import Scene, counted, scene_to_dict, schedule_to_dict
+from renderer.scene import Scene, counted, motion_of, scene_to_dict, schedule_to_dict
 from renderer.study import Measurement, PlannedSetting, Study, Truths, measure_setting, plan_sweep, splat_setting
 from renderer.system import num_cores
 from renderer.volume import Volume, joint_fingerprint
@@ -86,8 +86,8 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
         scene, volumes[0], notes = vtk_peer.comparable(scene, volumes[0])
         request = replace(request, scene=scene)
     volume = volumes[0]
-    path = scene.camera.path
-    frames = request.frames or spread_evenly(range(path.frames), _NUM_FRAMES, is_loop=is_loop(path))
+    camera = scene.camera
+    frames = request.frames or spread_evenly(range(camera.num_frames), _NUM_FRAMES, is_loop=is_loop(camera.path))
     sweep = request.sweep
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
@@ -231,7 +231,7 @@ def scene_notes(scene: Scene) -> list[str]:
         notes.append(
             f"the scene asks for error.{schedule}, not for a tolerance; here each tolerance is measured by itself"
         )
-    elif len(scene.error.tolerance) > 1:
+    elif motion_of(scene.error.tolerance) is not None:
         notes.append("the scene changes its tolerance over the film; here each tolerance is measured by itself")
     if scene.output.background is None:
         notes.append("the scene's background is transparent; pictures are compared over black")

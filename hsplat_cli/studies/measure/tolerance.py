@@ -42,7 +42,7 @@ def print_tolerance(
         open_at_any_tolerance(scene, read_volumes(scene)) as stage,
         FilmEvents(reporter, noun) as events,
     ):
-        exact = ExactPictures(want, scene.output.background, partial(find_truth, stage, truth_tolerance, events))
+        exact = ExactPictures(want, partial(find_truth, stage, truth_tolerance, events))
 
         def tell(trial: Trial) -> None:
             events.note(trial.text(want, noun))

@@ -84,7 +84,7 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
 
 def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[Octree], PictureRows]:
     """Cut at each tolerance, from coarse to fine, draw with and without lines, and compare with the ray integral."""
-    base = scene.error.tolerance[0][1]
+    base = float(scene.error.tolerance)
     if base == 0 or scene.error.goal is not None:
         ((schedule, value),) = schedule_to_dict(scene.error).items()
         raise InputError(

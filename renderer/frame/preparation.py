@@ -1,0 +1,170 @@
+"""Make the stage of a frame from a scene with plain numbers; what two frames have in common is made once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import repeat
+from typing import Any
+
+import numpy as np
+
+from renderer.frame.stage import Resolution, Stage
+from renderer.layers import Layer, LayerGroup, group_layers, layer_digest, make_layer, mask_volume
+from renderer.pyramid import EVERY_CUT, FinestCut
+from renderer.readers import read_volume
+from renderer.scene import (
+    CameraSpec,
+    ClipSpec,
+    LayerSpec,
+    MaskSpec,
+    Scene,
+    Vector,
+    VolumeSpec,
+    camera_problems,
+    min_tolerance,
+    raise_problems,
+    volume_extent,
+)
+from renderer.view import (
+    finest_useful_level,
+    make_order_blending,
+    place_object_clips,
+    smallest_voxel_px,
+    visible_centre,
+    visible_points,
+    volume_corners,
+)
+from renderer.volume import Float64, Volume, move_volume
+
+Matrix = tuple[tuple[float, ...], ...]
+# What the volume of a layer is made from: its own, its place, and its mask.
+VolumeKey = tuple[VolumeSpec, Matrix | None, MaskSpec | None]
+
+
+@dataclass
+class StageMaker:
+    """A maker of the stages of a film's frames, which keeps what the last one was made from.
+
+    any_tolerance: pyramids are for every tolerance, and not only for those of the scene's schedule.
+    volumes, layers, last: what the last scene was made from, and its stage.
+    """
+
+    num_threads: int
+    any_tolerance: bool
+    volumes: dict[VolumeKey, Volume] = field(default_factory=dict)
+    layers: dict[str, Layer] = field(default_factory=dict)
+    last: Stage | None = None
+
+    def stage_at(self, film: Stage, frame: int) -> Stage:
+        """Return the stage of a frame of a film in which something moves."""
+        scene = film.scene.at(frame)
+        layers, target = self.layers_of(scene, min_tolerance(film.scene.error)), scene.camera.target
+        if not isinstance(target, tuple):
+            target = visible_centre(points_in_frame(scene, layers)) if scene.camera.follow else film.target
+        return self.stage_of(scene, layers, target, scene.camera.distance or film.distance)
+
+    def volumes_of(self, scene: Scene) -> list[Volume]:
+        """Return the volume of each layer of a scene; the same one is read once. Raises InputError."""
+        kept: dict[VolumeKey, Volume] = {}
+
+        def keep(key: VolumeKey, make: Callable[[], Volume]) -> Volume:
+            if key not in kept:
+                kept[key] = self.volumes[key] if key in self.volumes else make()
+            return kept[key]
+
+        def place(spec: VolumeSpec, matrix: Matrix | None) -> Volume:
+            volume = keep((spec, None, None), lambda: read_volume(spec))
+            return volume if matrix is None else move_volume(volume, np.array(matrix))
+
+        def make(layer: LayerSpec) -> Volume:
+            volume, mask = place(layer.volume, layer.transform), layer.mask
+            if mask is None:
+                return volume
+            assert isinstance(mask.volume, VolumeSpec)
+            return mask_volume(volume, place(mask.volume, mask.transform), mask.labels.values)
+
+        volumes = [keep(volume_key(layer), partial(make, layer)) for layer in scene.layers]
+        self.volumes = kept
+        return volumes
+
+    def layers_of(
+        self, scene: Scene, tolerance: float, lap: Callable[[str], object] = lambda _: None
+    ) -> tuple[Layer, ...]:
+        """Return the layers of a scene; two that are made from the same data are made once.
+
+        tolerance: the smallest one of the film. lap: takes the name of each step that has ended.
+        """
+        volumes, finest_cut = self.volumes_of(scene), self._finest_cut(scene, tolerance)
+        made: dict[str, Layer] = {}
+        layers = []
+        for spec, volume, digest in zip(scene.layers, volumes, self.digests_of(scene, tolerance), strict=True):
+            if digest not in made:
+                options: dict[str, Any] = {"finest_cut": finest_cut, "num_threads": self.num_threads, "lap": lap}
+                made[digest] = self.layers.get(digest) or make_layer(spec, scene, volume, **options)
+            layers.append(replace(made[digest], spec=spec))
+        self.layers = made
+        return tuple(layers)
+
+    def digests_of(self, scene: Scene, tolerance: float) -> list[str]:
+        """Return the digests of the layers of a scene; parameters as of `layers_of`."""
+        volumes, finest_cut = self.volumes_of(scene), self._finest_cut(scene, tolerance)
+        return [layer_digest(*each, finest_cut) for each in zip(scene.layers, repeat(scene), volumes)]
+
+    def _finest_cut(self, scene: Scene, tolerance: float) -> FinestCut:
+        if not scene.needs_opengl or self.any_tolerance:
+            return EVERY_CUT
+        return FinestCut(tolerance, scene.error.finest_level)
+
+    def stage_of(self, scene: Scene, layers: tuple[Layer, ...], target: Vector, distance: float) -> Stage:
+        """Return the stage of a scene with plain numbers."""
+        camera, last = replace(scene.camera, target=target, distance=distance), self.last
+        for layer in layers:
+            raise_problems(camera_problems(camera, scene.output.size, volume_extent(layer.volume)))
+        has_groups = last is not None and _have_same_groups(last.scene, last.layers, scene, layers)
+        groups = last.groups if last is not None and has_groups else group_layers(layers, scene)
+        if last is not None and has_groups and last.camera == camera:
+            resolutions, order_blending = last.resolutions, last.order_blending
+        else:
+            resolutions = tuple(_resolution(group, camera, scene.output.size) for group in groups)
+            order_blending = make_order_blending(layers[0].volume.world_from_index, camera.path, (target, distance))
+        self.last = Stage(scene, layers, target, distance, groups, resolutions, order_blending, {})
+        return self.last
+
+
+def volume_key(layer: LayerSpec) -> VolumeKey:
+    """Return what the volume of a layer is read and made from."""
+    return layer.volume, layer.transform, layer.mask
+
+
+def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> Float64:
+    """Return the positions that a camera is to have in frame: float64 [n, 3], as `visible_points`."""
+    if scene.overlay == "bounds":
+        return np.concatenate([volume_corners(layer.volume) for layer in layers])
+    clip = scene.clip if scene.camera.target == "visible" else None
+    return np.concatenate([_visible_points(layer, clip) for layer in layers])
+
+
+def _visible_points(layer: Layer, clip: tuple[ClipSpec, ...] | None = None) -> Float64:
+    """Return the positions of what is visible of a layer; with `clip`, of what is left of it."""
+    region = None if clip is None else place_object_clips(layer.volume, clip + layer.spec.clip)
+    return visible_points(layer.pyramid, region)
+
+
+def _have_same_groups(before: Scene, layers_before: Sequence[Layer], now: Scene, layers: Sequence[Layer]) -> bool:
+    """Return whether two scenes have the same layers, drawn in the same way."""
+    are_same = len(layers_before) == len(layers) and all(
+        old.pyramid is new.pyramid and old.spec == new.spec for old, new in zip(layers_before, layers, strict=True)
+    )
+    return are_same and (before.mode, before.blend, before.splat) == (now.mode, now.blend, now.splat)
+
+
+def _resolution(group: LayerGroup, camera: CameraSpec, size: tuple[int, int]) -> Resolution:
+    target, distance = camera.target, camera.distance
+    assert isinstance(target, tuple) and distance is not None
+    points = np.concatenate([_visible_points(layer) for layer in group.layers])
+    return Resolution(
+        finest_useful_level(group.volume, points, camera, target, distance, size),
+        smallest_voxel_px(group.volume, camera, target, distance, size),
+    )

@@ -1,0 +1,271 @@
+"""Values that move: what a map from frames to values says at each frame.
+
+Numbers between two keys are linear in the frame, or their logarithms are (`ratio`); vectors and lists of numbers go
+component by component, and directions on the sphere. An easing changes how far the way from one key to the next is at
+a frame. `smooth` is the monotone piecewise cubic of F. N. Fritsch and J. Butland, "A method for constructing local
+monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5 (1984): the velocity is continuous, and no value
+lies beyond its two keys; a motion that is not closed starts and ends at rest.
+
+A value that moves stands in a scene as a float, an int or a tuple with its `Motion`, equal to what it is at frame 0.
+`values_at` puts plain values in the places of all of these.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Literal, get_args
+
+Easing = Literal["linear", "smooth", "hold", "in", "out"]
+EASINGS: tuple[Easing, ...] = get_args(Easing)
+MotionKind = Literal["linear", "ratio", "direction"]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A value by frame: frames ascend, and all values have the same shape; it is constant before and after its keys.
+
+    kind: how values between two keys are found. is_closed: the last key is the first one of the next loop.
+    """
+
+    frames: tuple[int, ...]
+    values: tuple[Any, ...]
+    easing: Easing = "linear"
+    kind: MotionKind = "linear"
+    is_closed: bool = False
+
+    def at(self, frame: float) -> Any:
+        """Return the value at a frame, exact at keys. Whole numbers stay whole: the nearest, or below of ratios."""
+        following = bisect_right(self.frames, frame)
+        if following == 0:
+            return self.values[0]
+        before = self.values[following - 1]
+        if following == len(self.frames) or frame == self.frames[following - 1] or self.easing == "hold":
+            return before
+        after, key = self.values[following], following - 1
+        if before == after and self.easing != "smooth":
+            return before
+        x = (frame - self.frames[key]) / (self.frames[following] - self.frames[key])
+        if self.kind == "direction":
+            return _direction_between(before, after, _eased(x, self.easing))
+        numbers = (column.at(key, x, self.easing) for column in self._columns)
+        return _with_numbers(before, numbers, 0.0 if self.kind == "ratio" else 0.5)
+
+    @cached_property
+    def _columns(self) -> list[_Column]:
+        """Return the course of each number in the values."""
+        columns = zip(*(numbers_in(value) for value in self.values), strict=True)
+        widths = [end - start for start, end in pairwise(self.frames)]
+        return [_Column(values, widths, is_ratio=self.kind == "ratio", is_closed=self.is_closed) for values in columns]
+
+
+class _Column:
+    """The course of one number through the keys of a motion. widths: numbers of frames between them."""
+
+    def __init__(self, values: Sequence[float], widths: Sequence[float], *, is_ratio: bool, is_closed: bool) -> None:
+        self._values, self._widths, self._is_ratio = values, widths, is_ratio
+        self._rises = [log_rise(*pair) if is_ratio else pair[1] - pair[0] for pair in pairwise(values)]
+        slopes = [rise / width for rise, width in zip(self._rises, widths, strict=True)]
+        inner = map(_velocity, slopes, slopes[1:], widths, widths[1:])
+        end = _velocity(slopes[-1], slopes[0], widths[-1], widths[0]) if is_closed else 0.0
+        self._velocities = [end, *inner, end]
+
+    def at(self, key: int, x: float, easing: Easing) -> float:
+        """Return the value at a share x of the way from a key to the next."""
+        start, end, rise = self._values[key], self._values[key + 1], self._rises[key]
+        tangents = 0.0
+        if easing == "smooth":  # cubic Hermite form, relative to the start, so that a constant stays exactly constant
+            before, after = self._velocities[key : key + 2]
+            tangents = x * self._widths[key] * ((1.0 - x) ** 2 * before - x * (1.0 - x) * after)
+        way = _eased(x, easing) * rise
+        if not self._is_ratio:
+            return start + way + tangents
+        # Halving the logarithm's rise keeps it finite.
+        root = math.exp(0.5 * (way + tangents))
+        return min(max(start * root * root, min(start, end)), max(start, end))
+
+
+def log_rise(before: float, after: float) -> float:
+    """Return the logarithm of a ratio; 0 of equal numbers, which may be 0."""
+    if before == after:
+        return 0.0
+    if before == 0.0 or after == 0.0:  # between neighbouring frames
+        return math.copysign(math.inf, after - before)
+    # The difference of almost equal values is exact, while that of their logarithms loses digits.
+    close = 0.5 * before < after < 2.0 * before
+    return math.log1p((after - before) / before) if close else math.log(after) - math.log(before)
+
+
+def _velocity(before: float, after: float, width_before: float, width_after: float) -> float:
+    """Return the derivative of Fritsch and Butland at a key: a harmonic mean, 0 where the direction turns."""
+    product = before * after
+    if not 0.0 < product < math.inf:
+        return 0.0
+    weight_before, weight_after = width_before + 2.0 * width_after, 2.0 * width_before + width_after
+    # A quotient of products, without the reciprocal of a slope that is almost 0.
+    return (weight_before + weight_after) * product / (weight_before * after + weight_after * before)
+
+
+def _eased(x: float, easing: Easing) -> float:
+    """Return the share of the way at a share of the time, both in [0, 1]."""
+    if easing == "smooth":
+        return x * x * (3.0 - 2.0 * x)
+    if easing == "in":
+        return x * x
+    return x * (2.0 - x) if easing == "out" else x
+
+
+def _direction_between(before: Sequence[float], after: Sequence[float], x: float) -> tuple[float, ...]:
+    """Return a unit vector on the great circle between two directions; of opposite ones, on some great circle."""
+    start, end = _unit(before), _unit(after)
+    cosine = sum(a * b for a, b in zip(start, end, strict=True))
+    aside = [b - cosine * a for a, b in zip(start, end, strict=True)]
+    sine = math.hypot(*aside)
+    if sine < 1e-9:
+        if cosine > 0.0:
+            return start
+        least = min(range(3), key=lambda axis: abs(start[axis]))
+        aside = [(axis == least) - start[least] * part for axis, part in enumerate(start)]
+    angle, aside_unit = x * math.atan2(sine, cosine), _unit(aside)
+    return _unit([math.cos(angle) * a + math.sin(angle) * b for a, b in zip(start, aside_unit, strict=True)])
+
+
+def _unit(vector: Sequence[float]) -> tuple[float, ...]:
+    length = math.hypot(*vector)
+    return tuple(part / length for part in vector)
+
+
+# Numbers in values
+
+
+def numbers_in(value: Any) -> Iterator[float]:
+    """Yield the numbers in a value: of tuples and dataclasses, all of theirs."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield value
+    for part in _parts(value):
+        yield from numbers_in(part)
+
+
+def shape_of(value: Any) -> Any:
+    """Return what two values have in common that differ in their numbers alone."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return "number"
+    parts = _parts(value)
+    return (type(value), *map(shape_of, parts)) if parts else value
+
+
+def _with_numbers(value: Any, numbers: Iterator[float], half: float) -> Any:
+    """Return a value with other numbers; whole numbers are rounded down, after `half` is added."""
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, int):
+        return math.floor(next(numbers) + half)
+    if isinstance(value, float):
+        return next(numbers)
+    return _with_parts(value, [_with_numbers(part, numbers, half) for part in _parts(value)])
+
+
+def _parts(value: Any) -> Sequence[Any]:
+    if isinstance(value, tuple):
+        return value
+    return [getattr(value, each.name) for each in fields(value) if each.init] if _is_spec(value) else ()
+
+
+def _with_parts(value: Any, parts: Sequence[Any]) -> Any:
+    if all(new is old for new, old in zip(parts, _parts(value), strict=True)):
+        return value
+    if isinstance(value, tuple):
+        return tuple(parts)
+    names = [each.name for each in fields(value) if each.init]
+    return replace(value, **dict(zip(names, parts, strict=True)))
+
+
+def _is_spec(value: Any) -> bool:
+    return is_dataclass(value) and not isinstance(value, type)
+
+
+# Values that move
+
+
+class _Moving:
+    """A mixin of values with a motion, which are equal only to those of the same motion."""
+
+    motion: Motion
+
+    def __eq__(self, other: object) -> bool:
+        return motion_of(other) == self.motion
+
+    def __ne__(self, other: object) -> bool:
+        return motion_of(other) != self.motion
+
+    def __hash__(self) -> int:
+        return hash(self.motion)
+
+
+class _MovingFloat(_Moving, float):
+    """A number that moves."""
+
+
+class _MovingInt(_Moving, int):
+    """A whole number that moves."""
+
+
+class _MovingTuple(_Moving, tuple[Any, ...]):
+    """A list, a vector or a colour that moves."""
+
+
+_MOVING: dict[type, Callable[[Any], Any]] = {float: _MovingFloat, int: _MovingInt, tuple: _MovingTuple}
+
+
+def motion_to_dict(motion: Motion, plain: Callable[[Any], Any]) -> dict[Any, Any]:
+    """Return a motion as plain data, with values that `plain` makes; keys become text in JSON, and are read so."""
+    by_frame = {frame: plain(value) for frame, value in zip(motion.frames, motion.values, strict=True)}
+    return by_frame | ({"easing": motion.easing} if motion.easing != "linear" else {})
+
+
+def moving(motion: Motion) -> Any:
+    """Return the value of a motion that stands in a scene: a plain one if nothing moves."""
+    if len(set(motion.values)) == 1:
+        return motion.values[0]
+    value = motion.at(0)
+    made = _MOVING[type(value)](value)
+    made.motion = motion
+    return made
+
+
+def motion_of(value: object) -> Motion | None:
+    """Return the motion of a value; None of one that is still."""
+    return value.motion if isinstance(value, _Moving) else None
+
+
+def motions_in(value: Any) -> Iterator[Motion]:
+    """Yield all motions in a part of a scene."""
+    if (motion := motion_of(value)) is not None:
+        yield motion
+        return
+    for part in _parts(value):
+        yield from motions_in(part)
+
+
+def values_at(value: Any, frame: float) -> Any:
+    """Return a part of a scene as it is at a frame; itself if nothing in it moves."""
+    if (motion := motion_of(value)) is not None:
+        return motion.at(frame)
+    parts = _parts(value)
+    return _with_parts(value, [values_at(part, frame) for part in parts]) if parts else value
+
+
+def moving_result(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a function makes of arguments, some of which may move; it is affine in each of them."""
+    found = list(motions_in(arguments))
+    if not found:
+        return function(*arguments)
+    motion, frames = found[0], sorted({frame for each in found for frame in each.frames})
+    if len(found) > 1:  # not affine in the frame
+        motion, frames = Motion((), ()), list(range(frames[0], frames[-1] + 1))
+    made = tuple(function(*values_at(arguments, frame)) for frame in frames)
+    return moving(replace(motion, frames=tuple(frames), values=made))

@@ -1,0 +1,216 @@
+"""A value of a scene with its place in the tree, and types of values, which may move over the frames of a film.
+
+A value that moves is written as a map from frames to values. Each type says how its values move, and a map is read here
+for all of them: no section of a scene, and no reader of a section, knows of maps.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from renderer.errors import Problem
+from renderer.scene.message_text import did_you_mean, format_value, join_keys, join_words
+from renderer.scene.motion import EASINGS, Motion, MotionKind, moving, shape_of
+
+T = TypeVar("T")
+
+MAX_FRAMES = 10**6
+
+_FRAME = re.compile(r"-?\d{1,9}|\d{1,9}(\.\d{0,9})?s", re.ASCII)
+
+INVALID: Any = object()
+
+
+@dataclass(frozen=True)
+class FilmTime:
+    """The frames of a film, in which values may move.
+
+    num_frames: None where that is not known. at: the frame at which values are read; None keeps their motions.
+    keys: the frames of all motions that were read.
+    """
+
+    num_frames: int | None
+    frames_per_second: float
+    at: int | None = None
+    keys: set[int] = field(default_factory=set)
+
+
+@dataclass(frozen=True)
+class TreeNode:
+    """A value, its dotted path, and the list of the problems in the whole tree.
+
+    base: the folder that files in the tree are relative to. is_key: problems concern the last key of the path, not its
+    value. expected: what the value should be. words: texts that are allowed in place of such a value.
+    film: None where nothing may move.
+    """
+
+    value: object
+    path: str
+    problems: list[Problem]
+    base: Path = Path()
+    is_key: bool = False
+    expected: str | None = None
+    words: Collection[str] = ()
+    film: FilmTime | None = None
+
+    @property
+    def has_motion(self) -> bool:
+        """Return whether something that was read so far moves."""
+        return self.film is not None and bool(self.film.keys)
+
+    def child(self, key: object, value: object = None) -> TreeNode:
+        """Return the node of the value at `key` below this one."""
+        return TreeNode(value, join_keys(self.path, key), self.problems, self.base, film=self.film)
+
+    def key(self, key: object, value: object = None) -> TreeNode:
+        """Return the node of the key `key` itself; `value` is the key to check, None for problems with its presence."""
+        return replace(self.child(key, value), is_key=True)
+
+    def reject(self, what: str, **parts: str | None) -> Any:
+        """Add a problem with this value or key, and return INVALID.
+
+        parts: `got`, by default the value; `expected`, by default that of the node; and `hint`, by default the most
+            similar of the node's words. An empty text leaves a part out.
+        """
+        got = None if self.value is None else format_value(self.value)
+        parts = {"got": got, "expected": self.expected} | parts
+        parts["hint"] = parts.get("hint") or did_you_mean(self.value, self.words)
+        self.problems.append(Problem(self.path, what, at_key=self.is_key, **parts))
+        return INVALID
+
+
+@dataclass(frozen=True)
+class FieldType(Generic[T]):
+    """A type of value: what is expected, in words that follow "expected:", and a function that reads it.
+
+    empty_hint: a hint for a key without a value. motion: how values move; None for those that cannot.
+    """
+
+    expected: str
+    parser: Callable[[TreeNode], T]
+    empty_hint: str | None = None
+    motion: MotionKind | None = None
+
+    def read(self, node: TreeNode) -> T:
+        """Return the checked value, or INVALID. What moves is a map from frames to values."""
+        if node.value is None:
+            return self.reject(node, "no value", hint=self.empty_hint)
+        if node.film is None or not _is_by_frame(node.value):
+            return self.parse(node)
+        if self.motion is not None:
+            moved: T = _read_motion(self, node, node.film)
+            return moved
+        num_problems = len(node.problems)
+        value = self.parse(node)
+        if value is INVALID and [problem.path for problem in node.problems[num_problems:]] == [node.path]:
+            problem = node.problems.pop()
+            hint = "numbers, colors, points and directions can move: docs/motion.md"
+            node.problems.append(replace(problem, what="cannot move", hint=hint))
+        return value
+
+    def parse(self, node: TreeNode) -> T:
+        """Return the checked value, which is not None, or INVALID."""
+        return self.parser(replace(node, expected=self.expected))
+
+    def reject(self, node: TreeNode, what: str, **parts: str | None) -> T:
+        """Add a problem with a value that is not of this type, as `TreeNode.reject` does, and return INVALID."""
+        invalid: T = replace(node, expected=self.expected).reject(what, **parts)
+        return invalid
+
+
+FieldTable = Mapping[str, FieldType[Any]]
+
+
+def still(field: FieldType[T]) -> FieldType[T]:
+    """Return a type of which nothing can move."""
+    return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None)
+
+
+# Motion
+
+
+def _is_by_frame(value: object) -> bool:
+    """Return whether a value is a map from frames."""
+    return isinstance(value, Mapping) and any(
+        type(key) is int or (isinstance(key, str) and _FRAME.fullmatch(key)) for key in value
+    )
+
+
+def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
+    """Return what a map from frames to values of a type says: of one frame, or the motion."""
+    assert isinstance(node.value, Mapping) and field.motion is not None
+    easing: Any = "linear"
+    num_problems = len(node.problems)
+    found: list[tuple[Any, Any]] = []
+    for key, written in node.value.items():
+        if key == "easing":
+            place, easing = node.child(key, written), written
+            if written not in EASINGS:
+                hint = did_you_mean(written, EASINGS)
+                easing = place.reject("unknown easing", expected=join_words(EASINGS), hint=hint)
+            continue
+        frame, item = _read_frame(node.key(key, key), film), field.read(replace(node.child(key, written), film=None))
+        check_frames_ascend(node.key(key), found[-1][0] if found else -1, frame)
+        if len(node.problems) == num_problems and found and shape_of(item) != shape_of(found[0][1]):
+            place, expected = node.child(key, written), "a value of the same kind as at the first frame"
+            place.reject("cannot move to a value of another kind", expected=expected)
+        found.append((frame, item))
+    frames, values = zip(*found, strict=True) if found else ((), ())
+    film.keys.update(frame for frame in frames if frame is not INVALID)
+    if INVALID in (*frames, *values, easing) or len(node.problems) > num_problems:
+        return INVALID
+    motion = Motion(frames, values, easing, field.motion)
+    if motion.kind == "ratio":
+        _check_ratios(node, motion)
+    return moving(motion) if film.at is None else motion.at(film.at)
+
+
+def _read_frame(node: TreeNode, film: FilmTime) -> Any:
+    """Return the number of a frame, which may be counted from the end, or given in seconds."""
+    num_frames, text = film.num_frames or MAX_FRAMES, str(node.value)
+    if not isinstance(node.value, (int, str)) or isinstance(node.value, bool) or not _FRAME.fullmatch(text):
+        expected = "a frame, -1 for the last one, seconds such as 2.5s, or easing"
+        return node.reject("not a frame", expected=expected)
+    if text.endswith("s"):
+        seconds, end = float(text[:-1]), num_frames / film.frames_per_second
+        if seconds > end:
+            return node.reject("after the end of the film", expected=f"at most {end:.4g}s")
+        return min(round(seconds * film.frames_per_second), num_frames - 1)
+    frame = int(text) + num_frames * (int(text) < 0)
+    if frame < 0:
+        return node.reject("before the first frame", expected=f"a frame from {-num_frames} to {num_frames - 1}")
+    check_frame_in_path(node, frame, film.num_frames)
+    return frame
+
+
+def check_frame_in_path(node: TreeNode, frame: Any, num_frames: Any) -> None:
+    """Check that a frame, at `node`, is before the end of the path; INVALID numbers are skipped."""
+    if isinstance(frame, int) and isinstance(num_frames, int) and frame >= num_frames:
+        node.reject("after the last frame", got=str(frame), expected=f"a frame from 0 to {num_frames - 1}")
+
+
+def check_frames_ascend(node: TreeNode, before: Any, frame: Any) -> bool:
+    """Check that a frame, at `node`, comes after another; INVALID numbers are skipped."""
+    ascends = not isinstance(frame, int) or not isinstance(before, int) or frame > before
+    if not ascends:
+        expected = "frames in ascending order, each once"
+        node.reject("frames out of order", got=f"{frame} after {before}", expected=expected)
+    return ascends
+
+
+def _check_ratios(node: TreeNode, motion: Motion) -> None:
+    """Check that no number goes from or to 0, which has no logarithm, over several frames."""
+    for (start, before), (end, after) in pairwise(zip(motion.frames, motion.values, strict=True)):
+        if motion.easing != "hold" and (before == 0) != (after == 0) and end - start > 1:
+            step = format_value({start: before, end - 1: before, end: after})
+            node.child(start if before == 0 else end).reject(
+                "0 in a map from frames, with frames between it and another",
+                got=format_value({start: before, end: after}),
+                expected="a number greater than 0",
+                hint=f"it is interpolated in the logarithm; {step} goes from one to the other at once",
+            )
