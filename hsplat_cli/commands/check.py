@@ -60,7 +60,8 @@ def check(request: SceneRequest, output: str | None) -> None:
     for layer in job.scene.layers:
         for volume in layer.volumes.values():
             if isinstance(volume.source, FileSource):
-                find_volume(volume.source.file)
+                for file in volume.source.steps or (volume.source.file,):
+                    find_volume(file)
     rows = [f"  {name:<8} {text}" for name, text in _summary(job.scene, len(job.frames))]
     Reporter().result(join_lines([f"{request.path}: ok", *rows]))
 
@@ -111,7 +112,8 @@ def _source(volume: VolumeSpec) -> str:
     source = volume.source
     if isinstance(source, FileSource):
         lengths = "" if source.spacing is None else " x ".join(f"{length:g}" for length in source.spacing)
-        return f"{source.file}{f', spacing {lengths} in place of its own' if lengths else ''}"
+        steps = f" to {source.steps[-1].name}, {counted(len(source.steps), 'step')}" if source.steps else ""
+        return f"{source.file}{steps}{f', spacing {lengths} in place of its own' if lengths else ''}"
     shape = " x ".join(map(str, source.shape))
     if isinstance(source, RawSource):
         return f"{source.file}, {shape} of {source.dtype}"

@@ -56,6 +56,8 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
         named = [(name + ".mask" * (key == "mask"), each) for name, of in layers for key, each in of.items()]
     if is_scene or len(named) > 1:
         rows = [_row(*each) for each in named]
+        if any("steps" in row for row in rows):
+            rows = [row | {"steps": row.get("steps", "-")} for row in rows]
         table = format_table([list(rows[0]), *(list(map(str, row.values())) for row in rows)])
         reporter.result(join_lines(json.dumps(rows, indent=2).splitlines()) if as_json else table)
         return
@@ -63,7 +65,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     first = read_with_options(spec, reporter)
     spec, read, statistics = read_in_colors(spec, first, partial(read_with_options, reporter=Reporter(is_quiet=True)))
     suggestion = suggest_read(spec, read, statistics, Wish()).suggestion
-    facts = _facts(read, statistics, suggestion)
+    facts = _facts(read, statistics, suggestion) | {"time": _time_facts(read, spec)}
     text_lines = [*_fact_lines(facts, _histogram_marks()), *_suggestion_lines(suggestion, facts)]
     reporter.result(join_lines(json.dumps(facts, indent=2).splitlines() if as_json else text_lines))
 
@@ -79,7 +81,29 @@ def _row(name: str, volume: VolumeSpec) -> dict[str, str]:
         read = read_with_options(volume, Reporter(is_quiet=True))
     except InputError as error:
         return row | {"shape": str(error).splitlines()[0]}
-    return row | {"type": read.values.dtype.name, "shape": " x ".join(map(str, read.shape_xyz))}
+    row |= {"type": read.values.dtype.name, "shape": " x ".join(map(str, read.shape_xyz))}
+    time = _time_facts(read, volume)
+    return row | ({"steps": _time_text(time)} if time else {})
+
+
+def _time_facts(volume: Volume, spec: VolumeSpec) -> dict[str, Any] | None:
+    """Return the number of steps in time, from when to when, and the first and the last of their files; None of one."""
+    if volume.num_times == 1:
+        return None
+    steps = getattr(spec.source, "steps", ())
+    return {
+        "steps": volume.num_times,
+        "first_last": list(volume.times[:: volume.num_times - 1]),
+        "unit": volume.time_unit,
+        "files": [str(steps[0]), str(steps[-1])] if steps else [],
+    }
+
+
+def _time_text(time: dict[str, Any]) -> str:
+    """Return `30 steps, 0 to 58 s, a_00.nrrd to a_29.nrrd`, as far as it is known."""
+    moments = f"{_numbers(time['first_last'], ' to ')} {time['unit']}".strip()
+    files = " to ".join(printable(Path(file).name) for file in time["files"])
+    return ", ".join(filter(None, (counted(time["steps"], "step"), moments, files)))
 
 
 def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> dict[str, Any]:
@@ -182,6 +206,7 @@ def _fact_lines(facts: dict[str, Any], marks: str) -> list[str]:
         f"  world size   {_numbers(facts['world_size'], ' x ')}",
         f"  origin       {_numbers(facts['origin'])} (centre of the first voxel)",
         f"  direction    {facts['direction']}",
+        *([f"  time         {_time_text(facts['time'])}"] if facts["time"] else []),
     ]
     if not facts["direction"].startswith("axis-aligned"):
         lines += [

@@ -160,5 +160,6 @@ def _editor(record: FilmRecord, path: Path) -> TreeEditor:
         if isinstance(output.get("file"), str):
             scene["output"] = {**output, "file": str(film_path_of_sidecar(path, Path(output["file"])))}
     why = "if it was moved," if has_paths else "the sidecar was written without paths:"
-    hints = {key: f"{why} {option} names it" for key, option in _VOLUME_OPTIONS.items()}
+    options = {**_VOLUME_OPTIONS, "volume.file.0": "--volume"}  # of a list, the first of the files that are missing
+    hints = {key: f"{why} {option} names it" for key, option in options.items()}
     return TreeEditor(YamlTree(scene), path, path_prefix="scene", hints=hints)

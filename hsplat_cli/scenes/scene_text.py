@@ -194,8 +194,8 @@ def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Pat
 
 
 def volume_file(volume: VolumeSpec) -> Path:
-    """Return the file or folder of a volume."""
-    file = getattr(volume.source, "file", None)
+    """Return the file or folder of a volume, of steps the first or what lists them."""
+    file = getattr(volume.source, "collection", None) or getattr(volume.source, "file", None)
     assert isinstance(file, Path), volume.source
     return file
 
@@ -213,14 +213,18 @@ def _channel_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
 
 
 def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iterator[str]:
-    file = volume_file(volume)
-    place = file if file.is_absolute() else Path(os.path.relpath(file, os.path.realpath(folder)))
-    source = volume.source
+    source, file = volume.source, volume_file(volume)
+    is_list = isinstance(source, FileSource) and bool(source.steps) and source.collection is None
+    places = [
+        yaml_string(each if each.is_absolute() else Path(os.path.relpath(each, os.path.realpath(folder))))
+        for each in (source.steps if isinstance(source, FileSource) and is_list else [file])
+    ]
+    place = f"[{', '.join(places)}]" if is_list else places[0]
     if isinstance(source, RawSource):
-        yield f"raw: {{file: {yaml_string(place)}, shape: {list(source.shape)}, dtype: {yaml_string(source.dtype)},"
+        yield f"raw: {{file: {place}, shape: {list(source.shape)}, dtype: {yaml_string(source.dtype)},"
         yield f"      byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"
     else:
-        yield _with_comment(f"file: {yaml_string(place)}", "relative to this file", indent=2)
+        yield _with_comment(f"file: {place}", "relative to this file", indent=2)
         if isinstance(source, FileSource) and source.spacing is not None:
             yield _with_comment(
                 f"spacing: {_list(source.spacing)}", "lengths of a voxel, in place of the file's", indent=2

@@ -16,6 +16,8 @@ from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
 from renderer.scene import (
     COLORMAP_FIELD,
+    SOURCE_FIELD,
+    SUBSET_INDEX_FIELD,
     TOLERANCE_FIELD,
     FileSource,
     OutputSpec,
@@ -77,7 +79,7 @@ def _keyed(
 def volume_options() -> Callable[[Any], Any]:
     """Declare --time, --component, --dataset, --spacing, --nodata, and the options of a headerless file."""
     return option_group(
-        _keyed("--time", _VOLUME["time"], "N", "Which of several time steps, from 0.  [default: the first]"),
+        _keyed("--time", SUBSET_INDEX_FIELD, "N", "Which of several time steps, from 0.  [default: the first]"),
         _keyed(
             "--component",
             _VOLUME["component"],
@@ -171,8 +173,19 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
             hint="leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
             "--dtype",
         )
-    source = FileSource(volume, spacing)
+    source = replace(_file_source(volume), spacing=spacing)
     return VolumeSpec(source, time, component, nodata=options["nodata"], dataset=options["dataset"])
+
+
+def _file_source(volume: Path) -> FileSource:
+    """Return the source of a file or a folder, or of the steps that a pattern or a collection of ParaView names."""
+    if volume.suffix.lower() != ".pvd" and ("{" not in volume.name or volume.exists()):
+        return FileSource(volume)
+    problems: list[Problem] = []
+    source = SOURCE_FIELD.read(schema.TreeNode(str(volume), "", problems))
+    if problems:
+        raise SceneError([replace(each, location=str(volume)) for each in problems])
+    return source
 
 
 def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:

@@ -60,7 +60,7 @@ def scene_files(scene: Scene) -> Iterator[Path]:
 
 
 def volume_files(volume: VolumeSpec) -> Iterator[Path]:
-    """Yield the known files of a volume, with the data files of a header and the slices of a folder."""
+    """Yield the known files of a volume, with the data files of a header and the slices of a folder, of all steps."""
     source = volume.source
     if isinstance(source, ProceduralSource):
         return
@@ -71,14 +71,17 @@ def volume_files(volume: VolumeSpec) -> Iterator[Path]:
             mapped = backing_file(source.values)
             yield from [] if mapped is None else [mapped.path]
         return
-    yield source.file
-    if os.path.isdir(source.file):
-        yield from _slices(source.file)
-        yield from _files_of_volume_inside(source.file)
-    elif isinstance(source, FileSource):
-        header, voxels = _header_and_voxel_files(source.file)
-        yield header
-        yield from voxels
+    if isinstance(source, FileSource) and source.collection is not None:
+        yield source.collection
+    for file in (source.steps if isinstance(source, FileSource) else ()) or (source.file,):
+        yield file
+        if os.path.isdir(file):
+            yield from _slices(file)
+            yield from _files_of_volume_inside(file)
+        elif isinstance(source, FileSource):
+            header, voxels = _header_and_voxel_files(file)
+            yield header
+            yield from voxels
 
 
 def _slices(folder: Path) -> Iterator[Path]:

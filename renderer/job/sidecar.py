@@ -42,7 +42,7 @@ def without_paths(record: Mapping[str, Any]) -> dict[str, Any]:
     volumes += [entry["mask"] for entry in (scene, *volumes) if "mask" in entry]
     sections = [*volumes, *(volume["raw"] for volume in volumes if "raw" in volume), scene["output"]]
     paths = [section.get("file") for section in sections] + [part["sidecar"] for part in record.get("parts", ())]
-    found = [path for path in paths if path]
+    found = {each for path in paths if path for each in (path if isinstance(path, list) else [path])}
     return {
         key: value if key in ("fingerprint", "frames") else shorten_paths(value, found)
         for key, value in {**record, "scene": scene}.items()
@@ -52,6 +52,8 @@ def without_paths(record: Mapping[str, Any]) -> dict[str, Any]:
 def shorten_paths(value: Any, paths: Collection[str | Path]) -> Any:
     """Return plain data in which the names of these files or folders replace their paths, in every text."""
     if isinstance(value, str):
+        if value in paths:  # soon found among very many, in a set
+            return Path(value).name or value
         for path in sorted(map(str, paths), key=len, reverse=True):
             value = value.replace(path, Path(path).name or path)
         return value

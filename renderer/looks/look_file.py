@@ -106,7 +106,7 @@ class LookFile:
         """Return the root of an XML file without declarations of its own, which may ask for endless memory."""
         text = self.text()
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
-            raise self.error("has a document type", hint="a transfer function needs neither DOCTYPE nor ENTITY")
+            raise self.error("has a document type", hint="it needs neither DOCTYPE nor ENTITY")
         try:
             return ElementTree.fromstring(text)
         except (ElementTree.ParseError, ValueError) as error:

@@ -1,6 +1,7 @@
 """Read volume files: one file for each format.
 
-In: a `VolumeSpec`. Out: `Volume`, cropped and checked, in LPS world coordinates where the format has them.
+In: a `VolumeSpec`. Out: `Volume`, one step in time or between two, cropped and checked, in LPS world coordinates where
+the format has them.
 Sizes are checked before memory is taken, and all compressed voxels with a checksum are compared with it.
 
 - `read.py` chooses the reader, crops and checks; `nodata.py`: which voxels have no data; `sniff.py` finds formats and
@@ -17,6 +18,7 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
 - `dicom_folder.py`: the files of one series, and strays; `dicom_frames.py`: the frames of one file, by its fields,
   `dicom_fields.py`; `dicom_mosaic.py`: slices side by side in one image; `dicom_dimensions.py`: times and components
   among frames at one place.
+- `time_steps.py`: how many steps there are in time, and when; `tiff_times.py`: by ImageJ and OME.
 - `procedural.py`: volumes from formulas.
 """
 

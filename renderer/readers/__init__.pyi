@@ -1,5 +1,11 @@
 from .common import are_colors as are_colors
-from .read import header_and_voxel_files as header_and_voxel_files, read_volume as read_volume
+from .read import (
+    header_and_voxel_files as header_and_voxel_files,
+    mix_steps as mix_steps,
+    num_steps as num_steps,
+    read_volume as read_volume,
+    time_steps as time_steps,
+)
 from .sniff import (
     TIFF_SUFFIXES as TIFF_SUFFIXES,
     UnknownFormatError as UnknownFormatError,
@@ -9,3 +15,4 @@ from .sniff import (
     slices_of_pictures as slices_of_pictures,
     volumes_in as volumes_in,
 )
+from .time_steps import TimeSteps as TimeSteps

@@ -26,6 +26,7 @@ from renderer.readers.common import (
     describe_shape,
     fitting_shapes,
     plain_channels,
+    plain_steps,
     require_exists,
     select_index,
     unreadable_error,
@@ -116,7 +117,8 @@ def _chosen(values: Array, time: int | None, component: int | None) -> Image:
     axes = axes_of_array(values.shape, time, component)
     chosen = values[chosen_part(axes, values.shape, time, component)]
     notes = choice_notes(axes, values.shape, time, component)
-    return Image(chosen, np.eye(4), notes, channels=plain_channels(axes, values.shape))
+    channels, steps = plain_channels(axes, values.shape), plain_steps(axes, values.shape)
+    return Image(chosen, np.eye(4), notes, channels=channels, steps=steps)
 
 
 def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:

@@ -9,7 +9,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError
+from renderer.readers.time_steps import TimeSteps
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, join_some, missing_file_error, short_text
 from renderer.system import free_bytes, free_swap_bytes
 from renderer.volume import Array, Channel, Float64, Label, MappedFile, iter_slabs
@@ -55,6 +56,7 @@ class Image:
     nodata: ranges of values, both ends included, that stand for no data by what the file says.
     channels: of each component, where there are several.
     labels: those that the file describes, by value.
+    steps: all that it has in time.
     """
 
     values: Array
@@ -63,6 +65,7 @@ class Image:
     nodata: tuple[tuple[float, float], ...] = ()
     channels: tuple[Channel, ...] = ()
     labels: tuple[Label, ...] = ()
+    steps: TimeSteps = field(default=TimeSteps())
 
 
 def describe_count(n: int) -> str:
@@ -294,6 +297,11 @@ def choice_notes(
         for letter, key, wanted in (("t", "time", time), ("c", "component", component))
         if wanted is None and lengths.get(letter, 1) > 1
     )
+
+
+def plain_steps(axes: str, shape: tuple[int, ...]) -> TimeSteps:
+    """Return how many steps there are in time; axes, shape: as in `chosen_part`."""
+    return TimeSteps(dict(zip(axes, shape, strict=True)).get("t", 1))
 
 
 def plain_channels(axes: str, shape: tuple[int, ...], names: Sequence[str] = ()) -> tuple[Channel, ...]:

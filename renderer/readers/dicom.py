@@ -16,7 +16,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, choice_notes, plain_channels, select_index
-from renderer.readers.dicom_dimensions import UNEVEN, sort_frames
+from renderer.readers.dicom_dimensions import UNEVEN, sort_frames, times_of
 from renderer.readers.dicom_fields import open_dicom, text_of
 from renderer.readers.dicom_folder import FEW, describe_left_out, find_series, one_of_a_series
 from renderer.readers.dicom_frames import Frame, frames_of, pixels_of
@@ -58,7 +58,8 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     notes = (f"left out of this series: {told}" if told else None, note, *first.notes)
     notes += choice_notes("tc", shape, time, component, colours, by_axis)
     channels = plain_channels("tc", shape, colours)
-    return Image(values, affine(np.ones(3), first.position, axes), notes, nodata, channels)
+    world_from_index, steps = affine(np.ones(3), first.position, axes), times_of(volumes)
+    return Image(values, world_from_index, notes, nodata, channels, steps=steps)
 
 
 def _read_values(frames: list[Frame], channel: int, host: Host) -> tuple[Array, tuple[tuple[float, float], ...]]:

@@ -13,8 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.dicom_fields import SEGMENT, STACK, Dimension
+from renderer.readers.dicom_fields import CLOCKS, SEGMENT, STACK, Dimension
 from renderer.readers.dicom_frames import Frame
+from renderer.readers.time_steps import TimeSteps, steps_at
 from renderer.volume import Float64
 
 # Of a time or a component: one for each dimension that tells them apart.
@@ -48,6 +49,18 @@ def sort_frames(frames: Sequence[Frame]) -> tuple[list[list[list[Frame]]], dict[
     names = {axis: " and ".join(each.name for each in told_apart if each.axis == axis) for axis in "tc"}
     by_axis = {axis: name for axis, name in names.items() if name}
     return [[volumes[time, component] for component in components] for time in times], by_axis
+
+
+def times_of(volumes: Sequence[Sequence[Sequence[Frame]]]) -> TimeSteps:
+    """Return the steps in time of `volumes[time][component]`, by the first field that tells the time of each."""
+    count = len(volumes)
+    for keyword, (unit, is_clock) in CLOCKS.items():
+        own = ([frame.times[keyword] for frame in volume[0] if keyword in frame.times] for volume in volumes)
+        times = [min(found) for found in own if found]
+        steps = steps_at(count, [time - times[0] * is_clock for time in times], unit)
+        if steps.times:
+            return steps
+    return TimeSteps(count)
 
 
 def _sort_part(frames: Sequence[Frame]) -> tuple[dict[tuple[Index, Index], list[Frame]], list[Dimension]]:

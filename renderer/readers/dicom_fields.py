@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import MutableSequence, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -60,6 +61,12 @@ _TOLD_APART = (
     *(Dimension(keyword, "t", is_order=True) for keyword in _ORDERS),
 )
 _TIMES = {each.name for each in _TOLD_APART if each.axis == "t"}
+# Those that tell when a frame was taken: their units, and whether they begin at midnight.
+CLOCKS = {
+    "TemporalPositionTimeOffset": ("s", False),
+    **dict.fromkeys(("NominalCardiacTriggerDelayTime", "TriggerTime", "FrameReferenceTime"), ("ms", False)),
+    **dict.fromkeys(("FrameAcquisitionDateTime", "AcquisitionDateTime", "AcquisitionTime"), ("s", True)),
+}
 # Vectors of nuclear medicine have a number for each frame.
 _VECTORS = (
     *(Dimension("EnergyWindowVector", "c"), Dimension("DetectorVector", "c"), Dimension("PhaseVector", "t")),
@@ -175,6 +182,19 @@ def frame_marks(fields: Sequence[Dataset], dimensions: Sequence[Dimension]) -> d
             numbers = [number for text in texts for number in _numbers_in(text)]
             marks.setdefault(dimension, (numbers, "" if numbers else "".join(texts)))
     return marks
+
+
+def times_in(fields: Sequence[Dataset]) -> dict[str, float]:
+    """Return the time of a frame by each of CLOCKS that it has."""
+    times = {}
+    for keyword, (_, is_clock) in CLOCKS.items():
+        text = text_of(fields, keyword)
+        clock = re.match(r"(?:[0-9]{8})?([0-9]{2})([0-9]{2})([0-9]{2}(?:\.[0-9]+)?)(?:[+-][0-9]{4})?\s*$", text)
+        if is_clock and clock is not None:
+            times[keyword] = 3600.0 * int(clock[1]) + 60.0 * int(clock[2]) + float(clock[3])
+        elif not is_clock and (numbers := _numbers_in(text)):
+            times[keyword] = numbers[0]
+    return times
 
 
 def declared_dimensions(dataset: Dataset) -> list[Dimension]:

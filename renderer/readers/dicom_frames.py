@@ -26,6 +26,7 @@ from renderer.readers.dicom_fields import (
     numbers_of,
     open_dicom,
     text_of,
+    times_in,
     unreadable_slice,
     vectors_of,
 )
@@ -52,7 +53,7 @@ class Frame:
     position: of its first pixel, float64 [3]. across, down: to the next pixel, float64 [3]. thickness: along the
         normal, if the file gives it; else 1. padding: the ends of the stored values that stand for no data.
     marks: what tells it from other frames at its place. corner: the pixel across and down where it begins in the
-        stored frame. notes: remarks on how it was read; None stands for none.
+        stored frame. notes: remarks on how it was read; None stands for none. times: when it was taken, by keywords.
     """
 
     file: Path
@@ -70,6 +71,7 @@ class Frame:
     marks: dict[Dimension, Mark] = field(default_factory=dict)
     corner: tuple[int, int] = (0, 0)
     notes: tuple[str | None, ...] = ()
+    times: dict[str, float] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
@@ -164,7 +166,7 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
         marks |= {_FRAME_NUMBER: ([number], "")} if count > 1 else {}
         across, down, thickness = row * pair[1], column * pair[0], abs(between)
         frame = Frame(path, number, size, num_samples, slope, intercept, dtype, position, across, down, thickness)
-        frames.append(replace(frame, padding=padding, marks=marks))
+        frames.append(replace(frame, padding=padding, marks=marks, times=times_in(fields)))
     return frames
 
 

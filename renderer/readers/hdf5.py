@@ -27,6 +27,7 @@ from renderer.readers.common import (
     describe_shape,
     even_steps,
     plain_channels,
+    plain_steps,
 )
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.scene import did_you_mean, join_some, short_text
@@ -89,8 +90,8 @@ def read_hdf5(
         world_from_index, notes = _place(chosen, own, axes, has_spacing_override)
         found = f"the only volume in this file, {short_text(chosen.name)}, is read" if dataset is None else None
         chosen_notes = choice_notes(axes, chosen.shape, time, component)
-        channels = plain_channels(axes, chosen.shape)
-    return Image(values, world_from_index, (found, *notes, *chosen_notes), nodata, channels)
+        channels, steps = plain_channels(axes, chosen.shape), plain_steps(axes, chosen.shape)
+    return Image(values, world_from_index, (found, *notes, *chosen_notes), nodata, channels, steps=steps)
 
 
 def _packing(dataset: _Dataset) -> tuple[np.dtype[Any], tuple[float, float, float]]:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, plain_channels
+from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, plain_channels, plain_steps
 from renderer.readers.data_files import find_data_files, unquoted
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, add_field, header_lines
@@ -55,8 +55,8 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
     skip = "HeaderSize = -1" if is_plain else None
     values, left_over = read_stored(layout, axes, time, component, skip)
     notes = (note, left_over, *choice_notes(axes, layout.shape, time, component))
-    channels = plain_channels(axes, layout.shape)
-    return Image(values, _world_from_index(fields, num_axes), notes, channels=channels)
+    channels, steps = plain_channels(axes, layout.shape), plain_steps(axes, layout.shape)
+    return Image(values, _world_from_index(fields, num_axes), notes, channels=channels, steps=steps)
 
 
 def read_header(path: Path) -> tuple[dict[str, Field], Layout]:

@@ -16,6 +16,7 @@ from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine, choice_notes
 from renderer.readers.sniff import MRC_MARK, read_start
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
+from renderer.readers.time_steps import TimeSteps
 from renderer.volume import Array, Float64
 
 _NUM_HEADER_BYTES = 1024
@@ -64,7 +65,7 @@ def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
     if not header["origin"].any() or header["mark"] != MRC_MARK:  # older headers have no origin
         world_from_index[:3, 3] = world_from_index[:3, :3] @ header["first"]
     notes = (None if has_spacing else NO_SPACING, left_over, *choice_notes("tsss", shape, time, component))
-    return Image(values, world_from_index, notes)
+    return Image(values, world_from_index, notes, steps=TimeSteps(shape[0]))
 
 
 def _cell(angles: Array) -> Float64:

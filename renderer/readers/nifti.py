@@ -40,6 +40,7 @@ from renderer.readers.common import (
 )
 from renderer.readers.sniff import read_start
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
+from renderer.readers.time_steps import TimeSteps, even_steps_at
 from renderer.volume import Array, Float64, Label
 
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
@@ -56,6 +57,9 @@ _ANALYZE = (
 # The intent of labels; with colours of four bytes, it is a probabilistic atlas as niivue has it.
 _LABEL = 1002
 _ATLAS = ("label", "second label", "probability", "second probability")
+
+# Of the fourth axis; no unit may be one of time.
+_TIME_UNITS = {0: "", 8: "s", 16: "ms", 24: "us"}
 
 # Keeps nibabel's remarks on a header, and on its repairs, off the terminal.
 _SILENT = logging.Logger(__name__, logging.CRITICAL + 1)
@@ -110,7 +114,17 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     has_extensions = data_file is None and start[len(header.binaryblock) :][:1] not in (b"", b"\0")
     labels, wrong = labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
     world_from_index = in_lps(ras_from_index, (-1.0, -1.0, 1.0))
-    return Image(values, world_from_index, (*notes, wrong), channels=channels, labels=labels)
+    all_notes, steps = (*notes, wrong), _steps(header, shape[3])
+    return Image(values, world_from_index, all_notes, channels=channels, labels=labels, steps=steps)
+
+
+def _steps(header: _Header, count: int) -> TimeSteps:
+    """Return the steps in time, at times if the fourth axis has no other unit, such as Hz."""
+    unit = None if _is_analyze(header) else _TIME_UNITS.get(int(header["xyzt_units"]) & 0b111000)
+    if unit is None:
+        return TimeSteps(count)
+    step, first = (float(str(number)) for number in (header["pixdim"][4], header["toffset"]))  # as float32 prints it
+    return even_steps_at(count, step, unit, first)
 
 
 def _labels(header: _Header, voxels: StoredVoxels, time: int) -> tuple[Label, ...]:

@@ -30,6 +30,7 @@ from renderer.readers.common import (
 from renderer.readers.data_files import find_data_files
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
+from renderer.readers.time_steps import TimeSteps, even_steps_at
 from renderer.scene import did_you_mean, format_value
 from renderer.volume import Float64, Label
 
@@ -101,7 +102,18 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     channels = plain_channels(axes[::-1], layout.shape, colours)
     labels, wrong = labels_or_note(lambda: _segments(path, fields, len(channels), component or 0))
     notes = (None if has_spacing else NO_SPACING, left_over, *chosen, wrong)
-    return Image(values, world_from_index, notes, channels=channels, labels=labels)
+    steps = _steps(fields, axes, layout.shape[::-1])
+    return Image(values, world_from_index, notes, channels=channels, labels=labels, steps=steps)
+
+
+def _steps(fields: dict[str, Field], axes: str, sizes: tuple[int, ...]) -> TimeSteps:
+    """Return the steps along the axis of time, if there is one."""
+    k = axes.find("t")
+    if k < 0:
+        return TimeSteps()
+    spacing, first = (_axis_numbers(fields, name, len(axes))[k] for name in ("spacings", "axismins"))
+    units = re.findall('"([^"]*)"', fields["units"].text) if "units" in fields else []
+    return even_steps_at(sizes[k], spacing, units[k] if len(units) == len(axes) else "", first)
 
 
 def read_header(path: Path) -> tuple[dict[str, Field], Layout]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from renderer.readers.common import (
     check_dtype,
     check_integer_resolution,
     check_lengths,
+    check_memory,
+    choice_notes,
+    describe_shape,
     errors_about,
     require_exists,
     select_index,
@@ -31,24 +35,58 @@ from renderer.readers.common import (
 from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.nodata import mark_absent
 from renderer.readers.sniff import find_format, find_volume
+from renderer.readers.time_steps import TimeSteps
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text
-from renderer.volume import Array, Volume, backing_file, guard_mapping, make_volume
+from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
+
+T = TypeVar("T")
 
 Ranges = Sequence[tuple[int, int]]
 
 
-def read_volume(spec: VolumeSpec) -> Volume:
-    """Return the volume that `spec` describes, cropped, checked and read-only.
+def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
+    """Return the volume that `spec` describes, cropped, checked and read-only; between two steps a mixture of them.
+
+    Of `time: auto` it is the first step. like: another step, of the same shape and kind of voxels.
 
     A crop moves the affine along, so that voxels keep their place in the world. Of `component: all` it is the first,
     without a note on the others where each is light of its own or part of a colour. Raises InputError for every problem
     with a file or with the part of it that is requested, lack of memory included. A large file that becomes shorter,
     now or later, is such an error, too, and no signal that kills.
     """
-    name = _name(spec.source)
+    time = 0 if spec.time == "auto" else spec.time
+    step = None if time is None else math.floor(time)
+    volume = _read_step(spec, step)
+    if like is not None:
+        _check_alike(volume, like, by_kind=not spec.interpolate)
+    return volume if time is None or time == step else mix_steps(volume, _read_step(spec, int(time) + 1), time % 1.0)
+
+
+def time_steps(spec: VolumeSpec) -> TimeSteps:
+    """Return the steps of a volume in time: those that the scene lists, or those of a file, of which one is read."""
+    if not isinstance(spec.source, FileSource):
+        return TimeSteps()
+    if spec.source.steps:
+        return TimeSteps(len(spec.source.steps), spec.source.times)
+    time = None if spec.time is None else 0
+    return _read_as(spec, time, lambda _: _load(spec, time).steps)
+
+
+def num_steps(spec: VolumeSpec) -> int:
+    """Return the number of steps of a volume in time, as `time_steps` finds them."""
+    return time_steps(spec).num_times
+
+
+def _read_step(spec: VolumeSpec, time: int | None) -> Volume:
+    return _read_as(spec, time, lambda name: _read_volume(spec, time, name))
+
+
+def _read_as(spec: VolumeSpec, time: int | None, read: Callable[[str], T]) -> T:
+    """Return what a function reads of one step, whose name it is given; its errors are InputErrors about that."""
+    name = _name(spec.source, time)
     with errors_about(name):
         try:
-            return _read_volume(spec, name)
+            return read(name)
         except OSError as error:
             raise unreadable_error(error) from error
         except MemoryError as error:
@@ -57,8 +95,53 @@ def read_volume(spec: VolumeSpec) -> Volume:
             ) from error
 
 
-def _read_volume(spec: VolumeSpec, name: str) -> Volume:
-    image = _load(spec)
+def _check_alike(volume: Volume, like: Volume, *, by_kind: bool = True) -> None:
+    """Raise InputError unless a step has the shape and, as far as no voxel is absent, the type of another one."""
+    by_kind = by_kind and not volume.num_absent and not like.num_absent
+    got, expected = (
+        f"{describe_shape(each.shape_xyz)} voxels{f' of {each.values.dtype.name}' * by_kind}" for each in (volume, like)
+    )
+    if got != expected:
+        what = "the steps of this volume differ"
+        raise InputError(what, where=volume.name, got=got, expected=f"{expected}, as in {like.name}")
+
+
+def mix_steps(before: Volume, after: Volume, share: float) -> Volume:
+    """Return a volume between two steps on one grid, float32: a share of the second, absent where one of them is.
+
+    Raises InputError for steps on different grids.
+    """
+    _check_alike(after, before)
+    places = before.world_from_index, after.world_from_index
+    if not np.allclose(*places, rtol=0.0, atol=1e-4 * before.finest_spacing):
+        got = f"first voxels at {', '.join(str(place[:3, 3].tolist()) for place in places)}"
+        expected = f"the spacing, origin and directions of {before.name}"
+        raise InputError("two steps on different grids are not mixed", where=after.name, got=got, expected=expected)
+    check_memory(4 * before.values.size)
+    values = np.empty(before.values.shape, np.float32)
+    with np.errstate(over="ignore"):
+        for plane, first, second in zip(values, before.values, after.values, strict=True):
+            plane[...] = _between(first, second, share)
+    for each in (before, after):
+        each.require_unchanged()
+    num_absent = int(np.count_nonzero(np.isnan(values)))
+    if num_absent == values.size or np.isinf(values).any():
+        what = "no voxel has data in two steps" if num_absent else "these values are too large to be mixed"
+        raise InputError(what, where=after.name, got=f"a mixture with {before.name}")
+    colors = None
+    if before.colors is not None and after.colors is not None:
+        colors = np.rint(_between(before.colors, after.colors, share)).astype(np.uint8)
+    made = make_volume(values, before.world_from_index, before.name, num_absent=num_absent, colors=colors)
+    mixed = replace(before, values=values, num_absent=num_absent, colors=colors)
+    return replace(mixed, fingerprint=made.fingerprint, source=None)
+
+
+def _between(before: Array, after: Array, share: float) -> Float64:
+    return np.asarray(before.astype(np.float64) * (1.0 - share) + after.astype(np.float64) * share)
+
+
+def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
+    image = _load(spec, time)
     check_dtype(image.values.dtype)
     check_axes(image.world_from_index)
     spacing, replaced = spec.source.spacing if isinstance(spec.source, FileSource) else None, None
@@ -71,7 +154,7 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
     image, colors = crop_image(image, ranges), None
     if isinstance(spec.component, str) and spec.has_colors:
         image, colors = join_colors(
-            image, spec.component, lambda k: crop_image(_load(replace(spec, component=k)), ranges)
+            image, spec.component, lambda k: crop_image(_load(replace(spec, component=k), time), ranges)
         )
     notes = [each for each in image.notes if each and (spacing is None or not each.startswith(GUESSED_LENGTHS))]
     is_light = are_light(image)
@@ -91,22 +174,24 @@ def _read_volume(spec: VolumeSpec, name: str) -> Volume:
     made = make_volume(values, image.world_from_index, name, file, num_absent=num_absent, colors=colors)
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
     remarks = "; ".join([*notes, *filter(None, [note])]) or None
-    return replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
+    named = replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
+    return replace(named, **image.steps._asdict())
 
 
-def _name(source: FileSource | RawSource | ProceduralSource | ArraySource) -> str:
+def _name(source: FileSource | RawSource | ProceduralSource | ArraySource, time: int | None) -> str:
+    if isinstance(source, FileSource) and source.steps:
+        return str(source.steps[min(time or 0, len(source.steps) - 1)])
     if isinstance(source, ArraySource):
         return source.name
     return f"procedural {source.name}" if isinstance(source, ProceduralSource) else str(source.file)
 
 
-def _load(spec: VolumeSpec) -> Image:
-    """Return the image from the reader of the source, which is imported on first use."""
+def _load(spec: VolumeSpec, time: int | None) -> Image:
+    """Return the image of one step from the reader of the source, which is imported on first use."""
     source = spec.source
     if isinstance(source, FileSource):
-        # Wrong lengths in the file do not matter if the scene gives a spacing.
-        return _load_file(spec, require_exists(source.file), has_spacing_override=source.spacing is not None)
-    select_index("time", spec.time, 1)
+        return _load_listed(spec, source.steps, time) if source.steps else _load_file(spec, source.file, time)
+    select_index("time", time, 1)
     select_index("component", _component(spec), 1)
     if isinstance(source, ArraySource):
         values = source.values.view()
@@ -128,9 +213,21 @@ _MODULES = {"npy": "arrays", "npz": "arrays", "vtk": "vtk_image"}
 _ISOLATED = ("tiff", "dicom", "vtk", "hdf5", "pictures")
 
 
-def _load_file(spec: VolumeSpec, path: Path, *, has_spacing_override: bool) -> Image:
+def _load_listed(spec: VolumeSpec, files: Sequence[Path], time: int | None) -> Image:
+    """Return the image of one of several files, each of which is one step."""
+    file, shape = files[select_index("time", time, len(files))], (len(files),)
+    own_time = 0 if spec.component is None else None  # with which axes that are not named are times, or not
+    image = _load_file(spec, file, own_time)
+    if image.steps.num_times > 1:
+        got = f"{image.steps.num_times} time steps in this one"
+        hint = "name it alone: `file` without a list or a pattern"
+        raise InputError("a step in time is one volume", where=str(file), got=got, expected="one", hint=hint)
+    return replace(image, steps=time_steps(spec), notes=(*image.notes, *choice_notes("t", shape, time, None)))
+
+
+def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> Image:
     """Return the image in a file or a folder, from the reader of its format."""
-    found, form, note = find_volume(path)
+    found, form, note = find_volume(require_exists(path))
     reader = f"renderer.readers.{_MODULES.get(form, form)}:read_{form}"  # imported on first use
     if spec.dataset is not None and form != "hdf5":
         raise InputError(
@@ -140,12 +237,14 @@ def _load_file(spec: VolumeSpec, path: Path, *, has_spacing_override: bool) -> I
             expected="no `dataset` at all: only HDF5 and netCDF-4 files have them",
         )
     if form in _ISOLATED:
-        choice: dict[str, Any] = {"time": spec.time, "component": _component(spec)}
+        choice: dict[str, Any] = {"time": time, "component": _component(spec)}
         choice |= {"dataset": spec.dataset} if form == "hdf5" else {}
-        image = read_isolated(reader, found, has_spacing_override=has_spacing_override, **choice)
+        # Wrong lengths in the file do not matter if the scene gives a spacing.
+        has_spacing = isinstance(spec.source, FileSource) and spec.source.spacing is not None
+        image = read_isolated(reader, found, has_spacing_override=has_spacing, **choice)
     else:
         with errors_about(found):
-            image = import_reader(reader)(found, spec.time, _component(spec))
+            image = import_reader(reader)(found, time, _component(spec))
     return replace(image, notes=(note, *image.notes))
 
 

@@ -12,7 +12,7 @@ from typing import Literal
 
 from renderer.errors import InputError
 from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_name, refuse_zarr
-from renderer.scene import join_some, short_text
+from renderer.scene import VOLUME_SUFFIXES, join_some, short_text
 
 Format = Literal[
     "nrrd", "metaimage", "nifti", "mgh", "tiff", "npy", "npz", "vtk", "cube", "dicom", "mrc", "hdf5", "pictures"
@@ -40,12 +40,6 @@ _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".cube", ".cub"), "cube"),
     **dict.fromkeys((".tif", ".tiff", ".ome"), "tiff"),
 }
-# Ends of names that the search for volumes takes.
-_VOLUME_SUFFIXES = (
-    *(".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz", ".mgh", ".mgz", ".mgh.gz"),
-    *(".npy", ".npz", ".vti", ".pvti", ".vtr", ".vtk", ".cube", ".cub"),
-    *(".mrc", ".mrcs", ".ccp4", ".mrc.gz", ".map.gz", ".ccp4.gz", ".nc", ".nc4"),
-)
 # Endings that other files have, too: what begins as a volume is one.
 _SHARED_SUFFIXES = (".hdr", ".hdr.gz", ".map", ".rec", ".h5", ".hdf5", ".ims", ".mat")
 _MRC_SUFFIXES = (".mrc", ".mrcs", ".map", ".ccp4", ".rec")
@@ -252,7 +246,7 @@ def _slices_below(folder: Path) -> Format | None:
 def _is_volume(file: Path) -> bool:
     """Return whether a file has a volume's name, and, if others use the name, too, begins as one."""
     name = file.name.lower()
-    is_certain = name.endswith(_VOLUME_SUFFIXES)
+    is_certain = name.endswith(VOLUME_SUFFIXES)
     if name.startswith(".") or not (is_certain or name.endswith(_SHARED_SUFFIXES)):
         return False
     return file.is_file() and (is_certain or _format_by_bytes(file) is not None)  # a pipe would be waited for

@@ -42,6 +42,7 @@ from renderer.readers.tiff_description import (
     pages_of_first_image,
 )
 from renderer.readers.tiff_spacing import find_spacing
+from renderer.readers.tiff_times import find_times
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
@@ -86,12 +87,11 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
         world_from_index, note_on_lengths = _world_from_index(first, layout.space, has_spacing_override)
         notes = choice_notes("tc", (layout.count("T"), num_components), time, component, sample_names(first))
         channels = find_channels(first, layout, num_components)
-        nodata = _nodata(first)
+        nodata, steps = _nodata(first), find_times(first.description, layout.count("T"))
     num_left_out = len(pages) - len(slices)
     note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
-    return Image(
-        values, world_from_index, (note_on_images, note, note_on_lengths, layout.note, *notes), nodata, channels
-    )
+    all_notes = (note_on_images, note, note_on_lengths, layout.note, *notes)
+    return Image(values, world_from_index, all_notes, nodata, channels, steps=steps)
 
 
 def _slices(pages: list[Page], first: Page) -> list[Page]:

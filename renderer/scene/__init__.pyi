@@ -133,10 +133,15 @@ from .transfer_section import (
     ImportedLook as ImportedLook,
     TransferSpec as TransferSpec,
 )
+from .volume_files import (
+    SOURCE_FIELD as SOURCE_FIELD,
+    VOLUME_SUFFIXES as VOLUME_SUFFIXES,
+    FileSource as FileSource,
+)
 from .volume_section import (
     PROCEDURAL_NAMES as PROCEDURAL_NAMES,
+    SUBSET_INDEX_FIELD as SUBSET_INDEX_FIELD,
     ArraySource as ArraySource,
-    FileSource as FileSource,
     ProceduralSource as ProceduralSource,
     RawSource as RawSource,
     VolumeSpec as VolumeSpec,

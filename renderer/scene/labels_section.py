@@ -10,14 +10,8 @@ from typing import Any, Literal, NamedTuple
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.schema import INVALID, Color, TreeNode
-from renderer.scene.volume_section import (
-    TRANSFORM_FIELD,
-    VOLUME_TABLE,
-    WITHOUT_TRANSFER,
-    VolumeSpec,
-    build_volume,
-    file_field,
-)
+from renderer.scene.volume_files import file_field
+from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT_TRANSFER, VolumeSpec, build_volume
 
 # A label by its number or by its name.
 LabelKey = int | str
@@ -166,6 +160,8 @@ def _build_mask(node: TreeNode, given: dict[str, Any]) -> Any:
     transform = given.pop("transform", None)
     if given.get("component") in WITHOUT_TRANSFER:
         node.key("component").reject("no component of labels", expected="a whole number")
+    if given.get("interpolate") is True:
+        node.key("interpolate").reject("contradicts mask", hint="there is nothing between two labels")
     if "name" not in given:
         if not given.keys() & {"file", "raw", "procedural"}:
             return node.reject("no voxels", got="", expected="one of file, raw, procedural and name")

@@ -225,6 +225,8 @@ def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tu
     if getattr(volume, "has_colors", False):
         hint = "labels are whole numbers: leave it out, or name one component by its number"
         key.reject(f"contradicts component: {volume.component}", expected="", hint=hint)
+    if getattr(volume, "interpolate", False):
+        key.reject("contradicts interpolate", expected="", hint="there is nothing between two labels")
     if isinstance(shading, ShadingSpec):
         if isinstance(shading.gradient_opacity, tuple):
             gradients = place.child("shading").key("gradient_opacity")

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 
 from renderer.errors import Problem, SceneError
 from renderer.scene.camera_section import CameraSpec, KeyframePath
-from renderer.scene.volume_section import FileSource, VolumeSpec
+from renderer.scene.volume_files import FileSource
+from renderer.scene.volume_section import VolumeSpec
 
 if TYPE_CHECKING:
     from renderer.volume import Volume

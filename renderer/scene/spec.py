@@ -37,14 +37,8 @@ from renderer.scene.schema import INVALID
 from renderer.scene.shading_section import ShadingSpec
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
 from renderer.scene.transfer_section import LABELS_FIELD, TRANSFER_FUNCTION_SECTION, ColormapSpec, TransferSpec
-from renderer.scene.volume_section import (
-    VOLUME_SECTION,
-    VOLUME_TABLE,
-    WITHOUT_TRANSFER,
-    ArraySource,
-    FileSource,
-    VolumeSpec,
-)
+from renderer.scene.volume_files import FileSource
+from renderer.scene.volume_section import VOLUME_SECTION, VOLUME_TABLE, WITHOUT_TRANSFER, ArraySource, VolumeSpec
 
 VERSION = 1
 
@@ -323,7 +317,14 @@ def _of_labels(labels: LabelsSpec, plain: dict[str, Any]) -> dict[str, Any]:
 
 def _of_volume(volume: VolumeSpec, plain: dict[str, Any]) -> dict[str, Any]:
     source: dict[str, Any] = plain.pop("source")
+    if not volume.interpolate:  # which not all sources have
+        del plain["interpolate"]
     return (source if isinstance(volume.source, FileSource) else {volume.source.key: source}) | plain
+
+
+def _of_file(plain: dict[str, Any]) -> dict[str, Any]:
+    spacing = {"spacing": plain["spacing"]} if "spacing" in plain else {}
+    return {"file": plain.get("collection") or plain["steps"] or plain["file"]} | spacing
 
 
 def _of_transfer(transfer: TransferSpec, plain: dict[str, Any]) -> dict[str, Any]:
@@ -349,6 +350,7 @@ _CHANGES: dict[Any, Callable[[Any, dict[str, Any]], dict[str, Any]]] = {
     MaskSpec: _of_mask,
     LabelsSpec: _of_labels,
     VolumeSpec: _of_volume,
+    FileSource: lambda _, plain: _of_file(plain),
     TransferSpec: _of_transfer,
     ErrorSpec: _of_error,
     SplatSpec: _of_splat,

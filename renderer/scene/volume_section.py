@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from renderer.scene import schema
-from renderer.scene.message_text import did_you_mean
+from renderer.scene.message_text import format_value
+from renderer.scene.motion import motion_of, moving_result
 from renderer.scene.schema import INVALID, TreeNode
+from renderer.scene.volume_files import SOURCE_FIELD, FileSource, file_field
 
 # The volumes of `renderer.readers.procedural`; here, so that names are checked without numpy.
 PROCEDURAL_NAMES = (
@@ -50,8 +51,6 @@ MAX_VOXELS = 2**36
 # Of a matrix whose largest entry is 1.
 _MIN_DETERMINANT = 1e-9
 
-_HEADERLESS = (".raw", ".bin", ".dat")
-
 
 def _check_total(node: TreeNode, shape: tuple[Any, ...]) -> Any:
     total: int = math.prod(shape)
@@ -76,11 +75,24 @@ _SPACING = schema.sequence_field(
     f"[x, y, z]: three lengths from {schema.MIN_WORLD_LENGTH:g} to {schema.MAX_WORLD_LENGTH:g}",
     count=3,
 )
-_SUBSET_INDEX = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
+SUBSET_INDEX_FIELD = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
+_STEP = schema.number_field(minimum=0, maximum=10**6)
+
+
+def _parse_step(node: TreeNode) -> Any:
+    step = _STEP.parser(node)
+    return int(step) if isinstance(step, float) and step.is_integer() else step
+
+
+_TIME = schema.word_or(
+    {"auto": "auto"}, replace(_STEP, parser=_parse_step), f"auto, {SUBSET_INDEX_FIELD.expected}, or between two of them"
+)
 # Components that need no transfer function.
 WITHOUT_TRANSFER = ("all", "color", "color_alpha")
 _COMPONENT = schema.word_or(
-    {word: word for word in WITHOUT_TRANSFER}, _SUBSET_INDEX, f"all, color, color_alpha, or {_SUBSET_INDEX.expected}"
+    {word: word for word in WITHOUT_TRANSFER},
+    SUBSET_INDEX_FIELD,
+    f"all, color, color_alpha, or {SUBSET_INDEX_FIELD.expected}",
 )
 _DATASET = schema.text_field("the name of a dataset in an HDF5 or netCDF-4 file", "no name", str.strip)
 _RANGE = schema.sequence_field(
@@ -139,58 +151,10 @@ TRANSFORM_FIELD = schema.sequence_field(
 )
 
 
-def file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
-    """Return the type of an existing file (or folder), relative to the node's base."""
-
-    def parse(node: TreeNode) -> Any:
-        if not schema.is_file_name(node.value):
-            return node.reject("not a file name")
-        path = node.base / node.value
-        got = str(path)
-        try:
-            is_file, is_folder, is_other = path.is_file(), path.is_dir(), path.exists()
-        except OSError as error:  # a folder without permission, a name that is too long
-            return node.reject(f"cannot be read: {error.strerror}", got=got)
-        if folder and is_file and path.suffix.lower() in _HEADERLESS:
-            hint = "give volume.raw: {file: ..., shape: [...], dtype: ...} instead"
-            return node.reject("a file without a header", got=got, hint=hint)
-        if is_folder and not folder:
-            return node.reject("a folder", got=got)
-        if is_file or is_folder:
-            return path
-        if is_other:
-            return node.reject("neither a file nor a folder", got=got, hint="write a pipe's content to a file")
-        if path.is_symlink():
-            return node.reject("a broken link", got=f"{got}, which leads to {os.readlink(path)}")
-        return node.reject("no such file", got=got, hint=_missing_file_hint(path))
-
-    return schema.FieldType(expected, parse)
-
-
-def _missing_file_hint(path: Path) -> str | None:
-    """Return a hint for a missing file."""
-    try:
-        others = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix not in (".yaml", ".yml"))
-    except (OSError, ValueError):
-        return schema.TILDE_HINT if "~" in path.parts else "its folder is not there, either"
-    return did_you_mean(path.name, others)
-
-
 Range = tuple[int, int]  # of voxels, half-open
 # Numbers of voxels and their sides, along x, y, z.
 Shape = Annotated[tuple[int, int, int], _SHAPE]
 Spacing = Annotated[schema.Vector, _SPACING]
-
-
-@dataclass(frozen=True)
-class FileSource:
-    """A volume in a format that describes itself: a file, or a folder (DICOM series or TIFF stack).
-
-    `spacing` replaces the lengths in the file; directions and origin are kept.
-    """
-
-    file: Path
-    spacing: schema.Vector | None = None
 
 
 @dataclass(frozen=True)
@@ -236,14 +200,19 @@ class ArraySource:
 class VolumeSpec:
     """A source of voxels and the part to use; `crop` holds half-open voxel ranges (first, one past the last)
     for x, y, z, and None for all voxels along an axis. `component: all` stands for a layer of each; `color` for voxels
-    that are colours, with their luminance as scalars, and `color_alpha` with their alpha."""
+    that are colours, with their luminance as scalars, and `color_alpha` with their alpha.
+
+    time: the number of a step, from 0 on, or `auto`, for all steps in the course of the film. interpolate: `time` is a
+        float, and a mixture of two steps lies between them; else it is an int.
+    """
 
     source: FileSource | RawSource | ProceduralSource | ArraySource
-    time: Annotated[int | None, _SUBSET_INDEX] = None
+    time: Annotated[float | int | Literal["auto"] | None, _TIME] = None
     component: Annotated[int | Literal["all", "color", "color_alpha"] | None, _COMPONENT] = None
     crop: Annotated[tuple[Range | None, Range | None, Range | None] | None, _CROP] = None
     nodata: Annotated[Literal["auto", "none"] | tuple[float, ...], _NODATA] = "auto"
     dataset: Annotated[str | None, _DATASET] = None
+    interpolate: bool = False
 
     @property
     def has_colors(self) -> bool:
@@ -259,14 +228,16 @@ def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
     for extra in sources[1:]:
         node.key(extra).reject(f"contradicts {node.path}.{sources[0]}", expected="one source of voxels")
     own = given.get("raw", given.get("procedural"))
-    source = FileSource(given["file"], given.get("spacing")) if "file" in given else own
+    source = given.get("file", own)
+    if isinstance(source, FileSource):
+        source = replace(source, spacing=given.get("spacing"))
     rest = {key: value for key, value in given.items() if key not in (*sources, "spacing")}
     if isinstance(source, (RawSource, ProceduralSource)):
         kind = f"a {sources[0]} volume has"
         if "spacing" in given:
             hint = f"give {node.path}.{sources[0]}.spacing instead"
             node.key("spacing").reject(f"{kind} its own spacing", hint=hint)
-        for key in schema.valid_keys(given, "time", "component", "dataset"):
+        for key in schema.valid_keys(given, "time", "interpolate", "component", "dataset"):
             node.key(key).reject(f"{kind} neither time steps, components nor datasets", hint="remove the key")
     shape, crop = getattr(source, "shape", INVALID), given.get("crop", INVALID)
     pairs = () if INVALID in (crop, shape) else zip(crop, shape, strict=True)
@@ -275,7 +246,23 @@ def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
         if None not in (pair, length) and INVALID not in (pair, length) and INVALID not in pair and pair[1] > length:
             expected = f"an end of at most {length}"
             node.child("crop").child(axis, pair).reject("outside the volume", expected=expected)
+    if "time" in rest:
+        rest["time"] = _as_step(node.child("time"), rest["time"], interpolates=rest.get("interpolate") is True)
     return VolumeSpec(source=source, **rest)  # type: ignore[arg-type]  # an INVALID source never leaves parse_scene
+
+
+def _as_step(node: TreeNode, time: Any, *, interpolates: bool) -> Any:
+    """Return a time, which may move, as a float if steps are interpolated, and else checked to be whole."""
+    if time is INVALID or time == "auto":
+        return time
+    if interpolates:
+        return moving_result(float, time)
+    motion = motion_of(time)
+    for value in (time,) if motion is None else motion.values:
+        if isinstance(value, float):
+            expected, hint = SUBSET_INDEX_FIELD.expected, "`interpolate: true` mixes the two steps beside it"
+            return node.reject("not a whole number", got=format_value(value), expected=expected, hint=hint)
+    return time
 
 
 def _check_raw(node: TreeNode, given: dict[str, Any]) -> None:
@@ -296,7 +283,7 @@ def _check_raw(node: TreeNode, given: dict[str, Any]) -> None:
 _ARRAY_HINT = "an array in memory, of a film that was made in Python: save it with numpy.save, name it by --volume"
 _NONFINITE_HINT = "NaN and infinities are left out, by `nodata: auto`"
 _SOURCES: dict[str, schema.FieldType[Any]] = {
-    "file": file_field("a file such as NRRD, NIfTI, TIFF, DICOM or .npy, or a folder with one volume", folder=True),
+    "file": SOURCE_FIELD,
     "raw": schema.dataclass_field(RawSource, _check_raw),
     "procedural": schema.dataclass_field(ProceduralSource),
 }

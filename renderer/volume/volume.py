@@ -35,6 +35,8 @@ class Volume:
     is_labels: whether the values are numbers of labels, 0 for none, and nothing lies between two of them.
     mask: where it is shown: a volume of labels on a grid of its own, whose number there is 1; None for everywhere.
     labels: those that the file itself describes, by value.
+    num_times: the number of its steps in time, of which this is one, or between two. times: of each step, ascending,
+        where the file says so; in the unit `time_unit`: `s`, or empty where it is not known.
     colors: uint8 [z, y, x, 3], read-only, of voxels that are colours; the values are then their luminance or their
         alpha.
     """
@@ -52,6 +54,9 @@ class Volume:
     mask: Volume | None = None
     labels: tuple[Label, ...] = ()
     colors: UInt8 | None = None
+    num_times: int = 1
+    times: tuple[float, ...] = ()
+    time_unit: str = ""
 
     def require_unchanged(self) -> None:
         """Raise InputError if the values are mapped from a file that has changed."""

@@ -1,0 +1,43 @@
+"""The steps of a volume in time: how many there are, and when each is, as far as a file says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+_SECONDS = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec"), 1e-9),
+    **dict.fromkeys(("min", "minute", "minutes"), 60.0),
+    **dict.fromkeys(("h", "hr", "hour", "hours"), 3600.0),
+    **dict.fromkeys(("d", "day", "days"), 86400.0),
+}
+
+
+class TimeSteps(NamedTuple):
+    """The number of steps, and the time of each, ascending; none where the file does not say.
+
+    time_unit: `s`, or empty where the unit is not known.
+    """
+
+    num_times: int = 1
+    times: tuple[float, ...] = ()
+    time_unit: str = ""
+
+
+def steps_at(count: int, times: Sequence[float], unit: str) -> TimeSteps:
+    """Return steps at these times in a unit; without times where there is not one for each, all ascending."""
+    seconds = _SECONDS.get(unit.strip().lower(), 0.0)
+    found = tuple(time * (seconds or 1.0) for time in times)
+    ascends = all(before < time for before, time in pairwise(found)) and all(map(math.isfinite, found))
+    return TimeSteps(count, found, "s" if seconds else "") if ascends and len(found) == count > 1 else TimeSteps(count)
+
+
+def even_steps_at(count: int, step: float, unit: str, first: float = 0.0) -> TimeSteps:
+    """Return steps at even times in a unit; without times where these are no numbers."""
+    start = first if math.isfinite(first) else 0.0
+    return steps_at(count, [start + k * step for k in range(count)], unit)

@@ -1,0 +1,210 @@
+"""The scene's `volume.file`: a file or a folder with one volume, or several that are its steps in time.
+
+Steps are a list of files, or a pattern whose field `{:04}` stands for their numbers; a folder of files that differ in a
+number; or what a collection of ParaView (.pvd) lists. They are found by names alone, no volume is opened.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice, pairwise
+from pathlib import Path
+from typing import Any
+
+from renderer.errors import InputError
+from renderer.scene import schema
+from renderer.scene.input_file import read_bounded
+from renderer.scene.message_text import did_you_mean, short_text
+from renderer.scene.schema import INVALID, TreeNode
+
+MAX_STEPS = 10_000
+# Ends of names that volumes alone have, each in a file of its own.
+VOLUME_SUFFIXES = (
+    *(".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz", ".mgh", ".mgz", ".mgh.gz"),
+    *(".npy", ".npz", ".vti", ".pvti", ".vtr", ".vtk", ".cube", ".cub"),
+    *(".mrc", ".mrcs", ".ccp4", ".mrc.gz", ".map.gz", ".ccp4.gz", ".nc", ".nc4"),
+)
+_HEADERLESS = (".raw", ".bin", ".dat")
+# Names of slices; of DICOM, many end with a number.
+_SLICE = re.compile(r".*\.(tiff?|dcm|ima)|(?=.*[0-9])[^.]*(\.[0-9]+)*", re.IGNORECASE | re.DOTALL)
+# The field of a pattern, with the least number of digits.
+_FIELD = re.compile(r"\{(?::0?([1-9]?))?\}")
+# Fewer files that differ in a number are no steps: T1 and T2, for one.
+_MIN_IN_FOLDER = 3
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """A volume in a format that describes itself: a file, or a folder (DICOM series or TIFF stack); or several.
+
+    `spacing` replaces the lengths in the file; directions and origin are kept.
+    steps: the files of its steps in time, of which `file` is the first; none of a single file, which may have steps
+        of its own. collection: the file of ParaView that lists them, with their `times`, which have no unit.
+    """
+
+    file: Path
+    spacing: schema.Vector | None = None
+    steps: tuple[Path, ...] = ()
+    times: tuple[float, ...] = ()
+    collection: Path | None = None
+
+
+def file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
+    """Return the type of an existing file (or folder), relative to the node's base."""
+
+    def parse(node: TreeNode) -> Any:
+        if not schema.is_file_name(node.value):
+            return node.reject("not a file name")
+        path = node.base / node.value
+        got = str(path)
+        try:
+            is_file, is_folder, is_other = path.is_file(), path.is_dir(), path.exists()
+        except OSError as error:  # a folder without permission, a name that is too long
+            return node.reject(f"cannot be read: {error.strerror}", got=got)
+        if folder and is_file and path.suffix.lower() in _HEADERLESS:
+            hint = "give volume.raw: {file: ..., shape: [...], dtype: ...} instead"
+            return node.reject("a file without a header", got=got, hint=hint)
+        if is_folder and not folder:
+            return node.reject("a folder", got=got)
+        if is_file or is_folder:
+            return path
+        if is_other:
+            return node.reject("neither a file nor a folder", got=got, hint="write a pipe's content to a file")
+        if path.is_symlink():
+            return node.reject("a broken link", got=f"{got}, which leads to {os.readlink(path)}")
+        return node.reject("no such file", got=got, hint=_missing_file_hint(path))
+
+    return schema.FieldType(expected, parse)
+
+
+def _missing_file_hint(path: Path) -> str | None:
+    """Return a hint for a missing file."""
+    try:
+        others = sorted(entry.name for entry in path.parent.iterdir() if entry.suffix not in (".yaml", ".yml"))
+    except (OSError, ValueError):
+        return schema.TILDE_HINT if "~" in path.parts else "its folder is not there, either"
+    return did_you_mean(path.name, others)
+
+
+def _parse_source(node: TreeNode) -> Any:
+    if isinstance(node.value, (list, tuple)):
+        return _listed(node)
+    if schema.is_file_name(node.value):
+        pattern = node.base / node.value
+        if _FIELD.search(pattern.name) and not os.path.lexists(pattern):
+            return _matched(node, pattern)
+    path = _ONE_FILE.parser(node)
+    if path is INVALID:
+        return INVALID
+    if path.is_dir():
+        numbered = _numbered_volumes(path)
+        return _in_order(node, path, numbered) if numbered else FileSource(path)
+    return _collected(node, path) if path.suffix.lower() == ".pvd" else FileSource(path)
+
+
+_EXPECTED = "a file such as NRRD, NIfTI, TIFF, DICOM or .npy, or a folder with one volume"
+_ONE_FILE = file_field(_EXPECTED, folder=True)
+SOURCE_FIELD: schema.FieldType[FileSource] = schema.FieldType(
+    f"{_EXPECTED}; or steps in time: a list of files, or a pattern such as step_{{:04}}.vti", _parse_source
+)
+
+
+def _listed(node: TreeNode) -> Any:
+    assert isinstance(node.value, (list, tuple))
+    if not 0 < len(node.value) <= MAX_STEPS:
+        return node.reject("wrong number of steps", got=str(len(node.value)), expected=f"1 to {MAX_STEPS} files")
+    files = []
+    for number, value in enumerate(node.value):
+        files.append(_ONE_FILE.read(node.child(number, value)))
+        if files[-1] is INVALID:  # as the others may be, for the same reason
+            return INVALID
+    return FileSource(files[0], steps=tuple(files))
+
+
+def _matched(node: TreeNode, pattern: Path) -> Any:
+    """Return the files in a folder whose names have a number in place of the field of a pattern."""
+    before, width, after, *more = _FIELD.split(pattern.name)
+    if more:
+        return node.reject("several fields in a pattern", expected="one, such as step_{:04}.vti")
+    name = re.compile(f"{re.escape(before)}([0-9]{{{width or 1},18}}){re.escape(after)}")
+    matches = [match for each in _names_in(pattern.parent) if (match := name.fullmatch(each))]
+    if matches:
+        return _in_order(node, pattern.parent, [(int(match[1]), match[0]) for match in matches])
+    hint = f"{{:{width and f'0{width}'}}} stands for {f'{width} digits' if width else 'a digit'} or more"
+    return node.reject("no file matches this pattern", got=str(pattern), expected="", hint=hint)
+
+
+def _numbered_volumes(folder: Path) -> list[tuple[int, str]]:
+    """Return the volumes directly in a folder with their numbers, if nothing else tells their names apart; else none.
+
+    There are none where anything may be a slice.
+    """
+    names = [name for name in _names_in(folder) if not name.startswith(".")]
+    volumes = [name for name in names if name.lower().endswith(VOLUME_SUFFIXES)]
+    if len(volumes) < _MIN_IN_FOLDER or any(_SLICE.fullmatch(name) for name in {*names}.difference(volumes)):
+        return []
+    parts = [re.split(r"([0-9]{1,18})", name) for name in volumes]
+    if len({len(each) for each in parts}) > 1:
+        return []
+    different = [k for k, column in enumerate(zip(*parts, strict=True)) if len({*column}) > 1]
+    if len(different) != 1 or different[0] % 2 == 0:  # every second part is a number
+        return []
+    return [(int(own[different[0]]), name) for own, name in zip(parts, volumes, strict=True)]
+
+
+def _names_in(folder: Path) -> list[str]:
+    try:
+        return os.listdir(folder)
+    except OSError:  # which its reader reports
+        return []
+
+
+def _in_order(node: TreeNode, folder: Path, numbered: Sequence[tuple[int, str]]) -> Any:
+    """Return the files in a folder as steps in the order of their numbers, which are evenly spaced."""
+    if len(numbered) > MAX_STEPS:
+        return node.reject("too many steps", got=f"{len(numbered)} files", expected=f"at most {MAX_STEPS}")
+    numbers, names = zip(*sorted(numbered), strict=True)
+    for k, (before, number) in enumerate(pairwise(numbers)):
+        if before == number:
+            return node.reject("two files of one step", got=f"{names[k]} and {names[k + 1]}", expected="")
+    every = math.gcd(*(number - before for before, number in pairwise(numbers)))
+    num_missing = (numbers[-1] - numbers[0]) // every + 1 - len(numbers) if every else 0
+    if num_missing:
+        gaps = (range(before + every, number, every) for before, number in pairwise(numbers))
+        first = ", ".join(map(str, islice((number for gap in gaps for number in gap), 3)))
+        more = f" and {num_missing - 3} more" * (num_missing > 3)
+        what = f"no step{'s' * (num_missing > 1)} {first}{more} of {numbers[0]} to {numbers[-1]}"
+        return node.reject(what, expected="", hint="a list of files may leave out steps")
+    files = tuple(folder / name for name in names)
+    return FileSource(files[0], steps=files)
+
+
+def _collected(node: TreeNode, path: Path) -> Any:
+    """Return the steps that a collection of ParaView lists, in the order of their times."""
+    from renderer.looks import MAX_LOOK_BYTES, LookFile
+
+    kind = "a collection of ParaView"
+    try:
+        file = LookFile(path, read_bounded(path, MAX_LOOK_BYTES, kind), kind)
+        entries = islice(file.xml().iter("DataSet"), MAX_STEPS + 1)
+        found = sorted((file.number(each.get("timestep", 0.0), "timestep"), each.get("file", "")) for each in entries)
+    except InputError as error:
+        where, got, expected = error.where or str(path), error.got or "", error.expected or ""
+        return node.reject(f"{where}: {error.what}", got=got, expected=expected, hint=error.hint)
+    if not 0 < len(found) <= MAX_STEPS:
+        return node.reject("wrong number of steps", expected=f"1 to {MAX_STEPS} elements DataSet")
+    for (time, name), (other_time, other) in pairwise(found):
+        if time == other_time:
+            got = short_text(f"{name} and {other} at {time:g}")
+            return node.reject("two files of one step", got=got, expected="a file for each time", hint="join the parts")
+    root, files = os.path.realpath(path.parent), [path.parent / name for _, name in found]
+    for own, (_, name) in zip(files, found, strict=True):
+        if not schema.is_file_name(name) or not Path(os.path.realpath(own)).is_relative_to(root):
+            return node.reject("a step outside of its folder", got=short_text(name), expected=f"a file in {root}")
+        if not own.exists():
+            return node.reject("a step is not there", got=str(own), expected="", hint="move or copy all of the files")
+    return FileSource(files[0], None, tuple(files), tuple(time for time, _ in found), path)
