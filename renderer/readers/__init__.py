@@ -18,7 +18,7 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
 - `dicom_folder.py`: the files of one series, and strays; `dicom_frames.py`: the frames of one file, by its fields,
   `dicom_fields.py`; `dicom_mosaic.py`: slices side by side in one image; `dicom_dimensions.py`: times and components
   among frames at one place.
-- `time_steps.py`: how many steps there are in time, and when; `tiff_times.py`: by ImageJ and OME.
+- `steps_in_time.py`: how many steps there are in time, and when; `tiff_times.py`: by ImageJ and OME.
 - `procedural.py`: volumes from formulas.
 """
 

@@ -15,4 +15,4 @@ from .sniff import (
     slices_of_pictures as slices_of_pictures,
     volumes_in as volumes_in,
 )
-from .time_steps import TimeSteps as TimeSteps
+from .steps_in_time import TimeSteps as TimeSteps

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError
-from renderer.readers.time_steps import TimeSteps
+from renderer.readers.steps_in_time import TimeSteps
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, join_some, missing_file_error, short_text
 from renderer.system import free_bytes, free_swap_bytes
 from renderer.volume import Array, Channel, Float64, Label, MappedFile, iter_slabs

@@ -15,7 +15,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.dicom_fields import CLOCKS, SEGMENT, STACK, Dimension
 from renderer.readers.dicom_frames import Frame
-from renderer.readers.time_steps import TimeSteps, steps_at
+from renderer.readers.steps_in_time import TimeSteps, steps_at
 from renderer.volume import Float64
 
 # Of a time or a component: one for each dimension that tells them apart.

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from renderer.errors import InputError, RenderError
 from renderer.readers.common import Image, check_dtype, check_memory, check_size, errors_about
-from renderer.readers.time_steps import TimeSteps
+from renderer.readers.steps_in_time import TimeSteps
 from renderer.scene import short_text
 from renderer.system import ChildProcesses, describe_exit, open_anonymous_file
 from renderer.volume import Array, Channel

@@ -16,7 +16,7 @@ from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine, choice_notes
 from renderer.readers.sniff import MRC_MARK, read_start
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
-from renderer.readers.time_steps import TimeSteps
+from renderer.readers.steps_in_time import TimeSteps
 from renderer.volume import Array, Float64
 
 _NUM_HEADER_BYTES = 1024

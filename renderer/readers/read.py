@@ -35,7 +35,7 @@ from renderer.readers.common import (
 from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.nodata import mark_absent
 from renderer.readers.sniff import find_format, find_volume
-from renderer.readers.time_steps import TimeSteps
+from renderer.readers.steps_in_time import TimeSteps
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 

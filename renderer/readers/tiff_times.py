@@ -8,7 +8,7 @@ import re
 
 from renderer.readers.text_header import NUMBER
 from renderer.readers.tiff_description import attribute, is_imagej, is_ome, ome_pixels
-from renderer.readers.time_steps import TimeSteps, even_steps_at, steps_at
+from renderer.readers.steps_in_time import TimeSteps, even_steps_at, steps_at
 
 
 def find_times(description: str, count: int) -> TimeSteps:

@@ -32,6 +32,7 @@ from renderer.scene import (
     MaskSpec,
     MetricTarget,
     ModeSpec,
+    Motion,
     OutputSpec,
     PlaneSpec,
     ProceduralSource,
@@ -46,11 +47,14 @@ from renderer.scene import (
     TransferSpec,
     TurntablePath,
     VolumeSpec,
+    moving,
     parse_scene,
     scene_to_dict,
 )
 
 HERE = Path(__file__).resolve()
+COLLECTION = HERE.parents[1] / "support" / "two_steps.pvd"
+COLLECTED = tuple(COLLECTION.with_name(f"{name}_files.py") for name in ("tiff", "volume"))
 NUM_BYTES = HERE.stat().st_size
 SPACING = (0.1, 1 / 3, 2.0)
 AXIS = (1.0, 1e-7, -2.0)
@@ -149,6 +153,23 @@ SCENES = {
         transfer_function=TransferSpec(LabelsSpec("table", 0.5)),
         camera=CameraSpec(TurntablePath(9)),
         volumes=(LayerSpec(LAYERS[1].volume, TransferSpec(LabelsSpec("table", 0.5))), LAYERS[0]),
+        output=OutputSpec(Path("a.mp4")),
+    ),
+    "steps": Scene(
+        volume=VolumeSpec(FileSource(HERE, SPACING, (HERE, HERE)), "auto"),
+        transfer_function=TransferSpec(POINTS),
+        camera=CameraSpec(TurntablePath(9)),
+        mask=MaskSpec(VolumeSpec(FileSource(HERE, steps=(HERE,)), 0)),
+        output=OutputSpec(Path("a.mp4")),
+    ),
+    "collection": Scene(
+        volume=VolumeSpec(
+            FileSource(COLLECTION.with_name("tiff_files.py"), None, COLLECTED, (0.5, 2.5), COLLECTION),
+            moving(Motion((0, 8), (0.0, 1.0))),
+            interpolate=True,
+        ),
+        transfer_function=TransferSpec(POINTS),
+        camera=CameraSpec(TurntablePath(9)),
         output=OutputSpec(Path("a.mp4")),
     ),
     "time budget": Scene(
