@@ -67,6 +67,7 @@ CLOCKS = {
     **dict.fromkeys(("NominalCardiacTriggerDelayTime", "TriggerTime", "FrameReferenceTime"), ("ms", False)),
     **dict.fromkeys(("FrameAcquisitionDateTime", "AcquisitionDateTime", "AcquisitionTime"), ("s", True)),
 }
+_CLOCK = re.compile(r"(?:[0-9]{8})?([0-9]{2})([0-9]{2})([0-9]{2}(?:\.[0-9]+)?)(?:[+-][0-9]{4})?\s*")
 # Vectors of nuclear medicine have a number for each frame.
 _VECTORS = (
     *(Dimension("EnergyWindowVector", "c"), Dimension("DetectorVector", "c"), Dimension("PhaseVector", "t")),
@@ -189,12 +190,10 @@ def times_in(fields: Sequence[Dataset]) -> dict[str, float]:
     times = {}
     for keyword, (_, is_clock) in CLOCKS.items():
         text = text_of(fields, keyword)
-        clock = re.match(r"(?:[0-9]{8})?([0-9]{2})([0-9]{2})([0-9]{2}(?:\.[0-9]+)?)(?:[+-][0-9]{4})?\s*$", text)
-        if is_clock and clock is not None:
-            times[keyword] = 3600.0 * int(clock[1]) + 60.0 * int(clock[2]) + float(clock[3])
-        elif not is_clock and (numbers := _numbers_in(text)):
-            times[keyword] = numbers[0]
-    return times
+        clock = _CLOCK.fullmatch(text) if is_clock else None
+        times[keyword] = [60 * (60 * int(clock[1]) + int(clock[2])) + float(clock[3])] if clock else []
+        times[keyword] += [] if is_clock else _numbers_in(text)
+    return {keyword: found[0] for keyword, found in times.items() if found}
 
 
 def declared_dimensions(dataset: Dataset) -> list[Dimension]:

@@ -14,8 +14,8 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, choice_notes, in_lps
 from renderer.readers.sniff import read_start
-from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.steps_in_time import TimeSteps
+from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.volume import Float64
 
 # Version, sizes along x, y, z and time, type, degrees of freedom, flag; spacing, directions, and middle, in RAS.

@@ -15,8 +15,8 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine, choice_notes
 from renderer.readers.sniff import MRC_MARK, read_start
-from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.steps_in_time import TimeSteps
+from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.volume import Array, Float64
 
 _NUM_HEADER_BYTES = 1024

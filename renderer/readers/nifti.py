@@ -39,8 +39,8 @@ from renderer.readers.common import (
     unreadable_error,
 )
 from renderer.readers.sniff import read_start
-from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
+from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.volume import Array, Float64, Label
 
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.

@@ -28,9 +28,9 @@ from renderer.readers.common import (
     plain_channels,
 )
 from renderer.readers.data_files import find_data_files
+from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
-from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.scene import did_you_mean, format_value
 from renderer.volume import Float64, Label
 

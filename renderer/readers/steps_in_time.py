@@ -7,15 +7,16 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-_SECONDS = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
-    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
-    **dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds"), 1e-6),
-    **dict.fromkeys(("ns", "nsec"), 1e-9),
-    **dict.fromkeys(("min", "minute", "minutes"), 60.0),
-    **dict.fromkeys(("h", "hr", "hour", "hours"), 3600.0),
-    **dict.fromkeys(("d", "day", "days"), 86400.0),
+_UNITS = {
+    1.0: "s sec secs second seconds",
+    1e-3: "ms msec millisecond milliseconds",
+    1e-6: "us \u00b5s \u03bcs usec microsecond microseconds",
+    1e-9: "ns nsec nanosecond nanoseconds",
+    60.0: "min minute minutes",
+    3600.0: "h hr hour hours",
+    86400.0: "d day days",
 }
+_SECONDS = {unit: seconds for seconds, units in _UNITS.items() for unit in units.split()}
 
 
 class TimeSteps(NamedTuple):

@@ -10,7 +10,7 @@ import math
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
@@ -157,10 +157,8 @@ def _numbered_volumes(folder: Path) -> list[tuple[int, str]]:
 
 
 def _names_in(folder: Path) -> list[str]:
-    try:
-        return os.listdir(folder)
-    except OSError:  # which its reader reports
-        return []
+    can_be_read = os.path.isdir(folder) and os.access(folder, os.R_OK)
+    return os.listdir(folder) if can_be_read else []  # else its reader reports it
 
 
 def _in_order(node: TreeNode, folder: Path, numbered: Sequence[tuple[int, str]]) -> Any:
@@ -201,10 +199,11 @@ def _collected(node: TreeNode, path: Path) -> Any:
         if time == other_time:
             got = short_text(f"{name} and {other} at {time:g}")
             return node.reject("two files of one step", got=got, expected="a file for each time", hint="join the parts")
-    root, files = os.path.realpath(path.parent), [path.parent / name for _, name in found]
-    for own, (_, name) in zip(files, found, strict=True):
-        if not schema.is_file_name(name) or not Path(os.path.realpath(own)).is_relative_to(root):
+    root, files = os.path.realpath(path.parent), []
+    for _, name in found:
+        if not Path(os.path.realpath(path.parent / name)).is_relative_to(root):
             return node.reject("a step outside of its folder", got=short_text(name), expected=f"a file in {root}")
-        if not own.exists():
-            return node.reject("a step is not there", got=str(own), expected="", hint="move or copy all of the files")
+        files.append(_ONE_FILE.parse(replace(node, value=name, base=path.parent)))
+        if files[-1] is INVALID:
+            return INVALID
     return FileSource(files[0], None, tuple(files), tuple(time for time, _ in found), path)
