@@ -97,7 +97,7 @@ def _parse_source(node: TreeNode) -> Any:
         pattern = node.base / node.value
         if _FIELD.search(pattern.name) and not os.path.lexists(pattern):
             return _matched(node, pattern)
-    path = _ONE_FILE.parser(node)
+    path = _ONE_FILE.parse(node)
     if path is INVALID:
         return INVALID
     if path.is_dir():
@@ -134,7 +134,7 @@ def _matched(node: TreeNode, pattern: Path) -> Any:
     matches = [match for each in _names_in(pattern.parent) if (match := name.fullmatch(each))]
     if matches:
         return _in_order(node, pattern.parent, [(int(match[1]), match[0]) for match in matches])
-    hint = f"{{:{width and f'0{width}'}}} stands for {f'{width} digits' if width else 'a digit'} or more"
+    hint = f"{{{f':0{width}' if width else ''}}} stands for {f'{width} digits' if width else 'a digit'} or more"
     return node.reject("no file matches this pattern", got=str(pattern), expected="", hint=hint)
 
 

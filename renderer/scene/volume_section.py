@@ -85,7 +85,7 @@ def _parse_step(node: TreeNode) -> Any:
 
 
 _TIME = schema.word_or(
-    {"auto": "auto"}, replace(_STEP, parser=_parse_step), f"auto, {SUBSET_INDEX_FIELD.expected}, or between two of them"
+    {"auto": "auto"}, replace(_STEP, parser=_parse_step), f"auto, or {_STEP.expected}"
 )
 # Components that need no transfer function.
 WITHOUT_TRANSFER = ("all", "color", "color_alpha")

@@ -21,6 +21,8 @@ FILES = {
     "no_such_character.yaml": b'version: "\\UFFFFFFFF"\n',
     "presets.xml": b'<MRML><VolumeProperty name="bone" scalarOpacity="4 0 0 9 1" colorTransfer="4 5 1 1 1"/>\n'
     b'<VolumeProperty name="broken" scalarOpacity="4 0 0 9 1.5" colorTransfer="4 5 1 1 1"/></MRML>',
+    **{f"step_{number:04}.nrrd": b"" for number in (0, 1, 3)},
+    "steps.pvd": b"<VTKFile><Collection><DataSet file='../scan.nrrd'/></Collection></VTKFile>",
     "colors.cmap": b"0 0 1\n1 1 0\n",
     "too_large.yaml": b"#" * (2**20 + 1),
     "too_deep.yaml": b"[" * 5000,
