@@ -54,7 +54,7 @@ def shorten_paths(value: Any, paths: Collection[str | Path]) -> Any:
     if isinstance(value, str):
         if value in paths:  # soon found among very many, in a set
             return Path(value).name or value
-        for path in sorted(map(str, paths), key=len, reverse=True):
+        for path in sorted((path for path in map(str, paths) if path in value), key=len, reverse=True):
             value = value.replace(path, Path(path).name or path)
         return value
     if isinstance(value, Mapping):
