@@ -69,7 +69,7 @@ def prepare_stage(
     first, size = scene.at(0), scene.output.size
     maker = StageMaker(num_threads, any_tolerance)
     if volumes is not None:
-        maker.volumes = dict(zip(map(volume_key, first.layers), volumes, strict=True))
+        maker.volumes = [volume_key(layer) for layer in first.layers], volumes
     volumes = maker.volumes_of(first)
     if fingerprint is not None:
         _require_fingerprint(volumes, fingerprint, recorded_in)
@@ -89,7 +89,7 @@ def prepare_stage(
 
 def read_volumes(scene: Scene) -> list[Volume]:
     """Return the volume of each layer of a scene; the same one is read once. Raises InputError."""
-    return StageMaker(1, any_tolerance=False).volumes_of(scene.at(0))
+    return [*StageMaker(1, any_tolerance=False).volumes_of(scene.at(0))]
 
 
 def _require_fingerprint(volumes: Sequence[Volume], fingerprint: str, recorded_in: str) -> None:

@@ -119,6 +119,7 @@ from .shading_section import ShadingSpec as ShadingSpec
 from .spec import (
     PyramidSpec as PyramidSpec,
     Scene as Scene,
+    moving_values as moving_values,
     parse_scene as parse_scene,
     scene_to_dict as scene_to_dict,
     spec_to_dict as spec_to_dict,

@@ -25,6 +25,10 @@ EASINGS: tuple[Easing, ...] = get_args(Easing)
 MotionKind = Literal["linear", "ratio", "direction"]
 
 
+# What rounding takes from a whole number.
+_LEAST = 1e-9
+
+
 @dataclass(frozen=True)
 class Motion:
     """A value by frame: frames ascend, and all values have the same shape; it is constant before and after its keys.
@@ -53,7 +57,7 @@ class Motion:
         if self.kind == "direction":
             return _direction_between(before, after, _eased(x, self.easing))
         numbers = (column.at(key, x, self.easing) for column in self._columns)
-        return _with_numbers(before, numbers, 0.0 if self.kind == "ratio" else 0.5)
+        return _with_numbers(before, numbers, _LEAST if self.kind == "ratio" else 0.5)
 
     @cached_property
     def _columns(self) -> list[_Column]:

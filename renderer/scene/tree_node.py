@@ -89,12 +89,14 @@ class FieldType(Generic[T]):
     """A type of value: what is expected, in words that follow "expected:", and a function that reads it.
 
     empty_hint: a hint for a key without a value. motion: how values move; None for those that cannot.
+    table: the types of the keys, of a mapping or of a list of mappings.
     """
 
     expected: str
     parser: Callable[[TreeNode], T]
     empty_hint: str | None = None
     motion: MotionKind | None = None
+    table: Mapping[str, FieldType[Any]] | None = None
 
     def read(self, node: TreeNode) -> T:
         """Return the checked value, or INVALID. What moves is a map from frames to values."""
@@ -128,7 +130,7 @@ FieldTable = Mapping[str, FieldType[Any]]
 
 def still(field: FieldType[T]) -> FieldType[T]:
     """Return a type of which nothing can move."""
-    return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None)
+    return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None, table=None)
 
 
 # Motion
@@ -172,8 +174,8 @@ def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
 
 def _read_frame(node: TreeNode, film: FilmTime) -> Any:
     """Return the number of a frame, which may be counted from the end, or given in seconds."""
-    num_frames, text = film.num_frames or MAX_FRAMES, str(node.value)
-    if not isinstance(node.value, (int, str)) or isinstance(node.value, bool) or not _FRAME.fullmatch(text):
+    num_frames, text = film.num_frames or MAX_FRAMES, format_value(node.value).strip("'")
+    if not isinstance(node.value, (int, str)) or not _FRAME.fullmatch(text):
         expected = "a frame, -1 for the last one, seconds such as 2.5s, or easing"
         return node.reject("not a frame", expected=expected)
     if text.endswith("s"):
