@@ -102,17 +102,24 @@ class FieldType(Generic[T]):
         """Return the checked value, or INVALID. What moves is a map from frames to values."""
         if node.value is None:
             return self.reject(node, "no value", hint=self.empty_hint)
-        if node.film is None or not _is_by_frame(node.value):
+        if node.film is None or not isinstance(node.value, Mapping):
             return self.parse(node)
-        if self.motion is not None:
+        is_by_frame = any(map(_may_be_frame, node.value))
+        if is_by_frame and self.motion is not None:
             moved: T = _read_motion(self, node, node.film)
             return moved
         num_problems = len(node.problems)
         value = self.parse(node)
         if value is INVALID and [problem.path for problem in node.problems[num_problems:]] == [node.path]:
             problem = node.problems.pop()
-            hint = "numbers, colors, points and directions can move: docs/motion.md"
-            node.problems.append(replace(problem, what="cannot move", hint=hint))
+            if is_by_frame:
+                hint = "numbers, colors, points and directions can move: docs/motion.md"
+                problem = replace(problem, what="cannot move", hint=hint)
+            elif self.motion is not None:
+                problem = replace(
+                    problem, hint="what moves is a map from frames, such as 0, -1 or 2.5s: docs/motion.md"
+                )
+            node.problems.append(problem)
         return value
 
     def parse(self, node: TreeNode) -> T:
@@ -136,11 +143,8 @@ def still(field: FieldType[T]) -> FieldType[T]:
 # Motion
 
 
-def _is_by_frame(value: object) -> bool:
-    """Return whether a value is a map from frames."""
-    return isinstance(value, Mapping) and any(
-        type(key) is int or (isinstance(key, str) and _FRAME.fullmatch(key)) for key in value
-    )
+def _may_be_frame(key: object) -> bool:
+    return type(key) is int or (isinstance(key, str) and _FRAME.fullmatch(key) is not None)
 
 
 def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
