@@ -76,6 +76,7 @@ from .message_text import (
 from .mode_section import MODE_NAMES as MODE_NAMES, ModeSpec as ModeSpec
 from .motion import (
     Motion as Motion,
+    changing_frames as changing_frames,
     motion_of as motion_of,
     motions_in as motions_in,
     moving as moving,

@@ -255,6 +255,23 @@ def motions_in(value: Any) -> Iterator[Motion]:
         yield from motions_in(part)
 
 
+def changing_frames(value: Any) -> list[tuple[int, int]]:
+    """Return the runs of frames, first and last, on which something in a value is not as on the frame before."""
+    runs = [
+        (start + 1, end)
+        for motion in motions_in(value)
+        for (start, before), (end, after) in pairwise(zip(motion.frames, motion.values, strict=True))
+        if before != after
+    ]
+    joined: list[tuple[int, int]] = []
+    for start, end in sorted(runs):
+        if joined and start <= joined[-1][1] + 1:
+            joined[-1] = joined[-1][0], max(joined[-1][1], end)
+        else:
+            joined.append((start, end))
+    return joined
+
+
 def values_at(value: Any, frame: float) -> Any:
     """Return a part of a scene as it is at a frame; itself if nothing in it moves."""
     if (motion := motion_of(value)) is not None:
