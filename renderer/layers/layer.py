@@ -52,13 +52,14 @@ def layer_parts(spec: LayerSpec, scene: Scene) -> tuple[Any, ...]:
     """
     is_clipped = scene.mode.is_extremum or (spec.shading is not None and spec.shading.has_light_grid)
     return (
-        spec.mask, spec.transfer_function, spec.color, _shading_part(spec), scene.clip + spec.clip if is_clipped else (),
+        spec.mask, spec.transfer_function, spec.color, _shading_part(spec),
+        scene.clip + spec.clip if is_clipped else (),
         scene.mode, scene.pyramid, scene.error.measure, scene.error.of, scene.needs_opengl,
     )  # fmt: skip
 
 
 def _shading_part(spec: LayerSpec) -> object:
-    """Return what of its shading a layer holds: all, in the means of its cells, or the light that reaches each place."""
+    """Return what of its shading a layer holds: all, in the means of cells, or the light that reaches each place."""
     shading = spec.shading
     if shading is None or (shading.lambert is not None and spec.transfer_function.labels is None):
         return shading
