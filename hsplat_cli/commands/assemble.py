@@ -62,7 +62,7 @@ def _output_spec(part: Part, options: Mapping[str, tuple[Any, str]], numbers: Se
     """Return the recorded output, changed by options: each a value and its text. Raises SceneError."""
     problems: list[Problem] = []
     tree = {**part.record.scene["output"], **{key: value for key, (value, _) in options.items()}}
-    spec = OUTPUT_SECTION.read(schema.TreeNode(tree, "output", problems))
+    spec = OUTPUT_SECTION.read(schema.TreeNode(tree, "output", problems, film=schema.FilmTime(None, 1.0)))
     if not problems and has_frame_files(spec) and len(numbers) > 1 and not FRAME_FIELD.search(spec.file.name):
         hint, got = f"write {spec.file.stem}-{{frame:04}}.png", format_value(str(spec.file))
         problems.append(Problem("output.file", "frames need a number in their names", got, hint=hint))

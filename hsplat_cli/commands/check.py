@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -31,11 +33,15 @@ from renderer.scene import (
     SplatBudget,
     TimeBudget,
     VolumeSpec,
+    changing_frames,
     counted,
+    first_few,
+    join_some,
     min_tolerance,
     motion_of,
+    moving_values,
 )
-from renderer.system import join_lines
+from renderer.system import join_lines, num_cores
 
 # The number of values of a schedule that are listed.
 _MAX_TURNS = 4
@@ -77,6 +83,7 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
     return [
         *_volumes(scene),
         ("camera", f"{_path_text(camera.path)}{', to and fro' * (camera.loop == 'ping-pong')}, {frames}"),
+        *_motion(scene),
         ("error", _schedule(scene)),
         ("output", f"{output.file}, {width} x {height}{'' if has_frame_files(output) else film}"),
         *(("note", note) for note in scene.import_notes),
@@ -86,6 +93,29 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
 
 def _path_text(path: CameraPath) -> str:
     return ", ".join(piece.type for piece in (path.pieces if isinstance(path, PathSequence) else [path]))
+
+
+def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Yield what moves, and what that makes anew on which frames; how long that takes here, a small layer tells."""
+    if not scene.moves:
+        return
+    yield "motion", join_some([*moving_values(scene, 0)])
+    from renderer.frame import seconds_for_layer
+    from renderer.layers import layer_parts
+
+    for layer, plain in zip(scene.layers, scene.at(0).layers, strict=True):
+        runs = changing_frames((layer.volume, layer.transform, *layer_parts(layer, scene)))
+        if not runs:
+            continue
+        num = sum(last - first + 1 for first, last in runs)
+        name = f"{layer.name} " * bool(layer.name)
+        seconds = seconds_for_layer(plain, scene.at(0), clock=time.perf_counter, num_threads=num_cores())
+        frames = first_few([f"{first} to {last}" if last > first else f"{first}" for first, last in runs], between=", ")
+        shape = getattr(layer.volume.source, "shape", None)
+        took = f"{seconds:.1g} s a frame for each million voxels"
+        if shape is not None:
+            took = f"{num * math.prod(shape) * seconds / 1e6:.2g} s"
+        yield "layer", f"{name}made anew on {counted(num, 'frame')} ({frames}): about {took} here"
 
 
 def _volumes(scene: Scene) -> Iterator[tuple[str, str]]:

@@ -12,6 +12,7 @@ from .pipeline import (
     read_volumes as read_volumes,
     render_frames as render_frames,
 )
+from .preparation import seconds_for_layer as seconds_for_layer
 from .primitives import make_primitive as make_primitive
 from .stage import (
     Clock as Clock,

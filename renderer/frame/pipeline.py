@@ -6,7 +6,10 @@ Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> splats or b
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -69,7 +72,7 @@ def prepare_stage(
     first, size = scene.at(0), scene.output.size
     maker = StageMaker(num_threads, any_tolerance)
     if volumes is not None:
-        maker.volumes = dict(zip(map(volume_key, first.layers), volumes, strict=True))
+        maker.volumes = [volume_key(layer) for layer in first.layers], volumes
     volumes = maker.volumes_of(first)
     if fingerprint is not None:
         _require_fingerprint(volumes, fingerprint, recorded_in)
@@ -89,7 +92,7 @@ def prepare_stage(
 
 def read_volumes(scene: Scene) -> list[Volume]:
     """Return the volume of each layer of a scene; the same one is read once. Raises InputError."""
-    return StageMaker(1, any_tolerance=False).volumes_of(scene.at(0))
+    return [*StageMaker(1, any_tolerance=False).volumes_of(scene.at(0))]
 
 
 def _require_fingerprint(volumes: Sequence[Volume], fingerprint: str, recorded_in: str) -> None:
@@ -115,11 +118,19 @@ def render_frames(
 ) -> Iterator[Frame]:
     """Draw these frames of the film, in this order. The tolerances are the controller's, or those of the schedule."""
     controller = ScheduleController(stage) if controller is None else controller
-    for number in frames:
-        watch = Stopwatch(clock)
-        draw_list, predicted_seconds = controller.prepare_frame(number, watch)
-        yield replace(draw_frame(draw_list, rasterizer, watch), predicted_seconds=predicted_seconds)
-        controller.finish_frame(draw_list, watch)
+    with ExitStack() as stack:
+        ahead: Future[Stage] | None = None
+        thread = stack.enter_context(ThreadPoolExecutor(1)) if stage.maker is not None else None
+        for number, following in zip_longest(frames, frames[1:]):
+            watch = Stopwatch(clock)
+            if ahead is not None:
+                ahead.result()
+                watch.lap("layers")
+            draw_list, predicted_seconds = controller.prepare_frame(number, watch)
+            if thread is not None and following is not None and isinstance(controller, ScheduleController):
+                ahead = thread.submit(stage.at, following)  # while this frame is drawn
+            yield replace(draw_frame(draw_list, rasterizer, watch), predicted_seconds=predicted_seconds)
+            controller.finish_frame(draw_list, watch)
 
 
 def _clip_problems(scene: Scene, volumes: Sequence[Volume]) -> Iterator[Problem]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.frame.stage import Resolution, Stage
+from renderer.frame.stage import Clock, Resolution, Stage
 from renderer.layers import Layer, LayerGroup, group_layers, layer_digest, make_layer, mask_volume
 from renderer.pyramid import EVERY_CUT, FinestCut
 from renderer.readers import read_volume
@@ -19,12 +19,15 @@ from renderer.scene import (
     ClipSpec,
     LayerSpec,
     MaskSpec,
+    ModeSpec,
+    ProceduralSource,
     Scene,
     Vector,
     VolumeSpec,
     camera_problems,
     min_tolerance,
     raise_problems,
+    ramp,
     volume_extent,
 )
 from renderer.view import (
@@ -48,12 +51,14 @@ class StageMaker:
     """A maker of the stages of a film's frames, which keeps what the last one was made from.
 
     any_tolerance: pyramids are for every tolerance, and not only for those of the scene's schedule.
-    volumes, layers, last: what the last scene was made from, and its stage.
+    volumes: of the layers of the last scene, and what these were made from. read, layers, last: what was read and made
+        for the last scene, and its stage.
     """
 
     num_threads: int
     any_tolerance: bool
-    volumes: dict[VolumeKey, Volume] = field(default_factory=dict)
+    volumes: tuple[Sequence[VolumeKey], Sequence[Volume]] = (), ()
+    read: dict[VolumeKey, Volume] = field(default_factory=dict)
     layers: dict[str, Layer] = field(default_factory=dict)
     last: Stage | None = None
 
@@ -65,13 +70,16 @@ class StageMaker:
             target = visible_centre(points_in_frame(scene, layers)) if scene.camera.follow else film.target
         return self.stage_of(scene, layers, target, scene.camera.distance or film.distance)
 
-    def volumes_of(self, scene: Scene) -> list[Volume]:
+    def volumes_of(self, scene: Scene) -> Sequence[Volume]:
         """Return the volume of each layer of a scene; the same one is read once. Raises InputError."""
+        keys = [volume_key(layer) for layer in scene.layers]
+        if keys == self.volumes[0]:
+            return self.volumes[1]
         kept: dict[VolumeKey, Volume] = {}
 
         def keep(key: VolumeKey, make: Callable[[], Volume]) -> Volume:
             if key not in kept:
-                kept[key] = self.volumes[key] if key in self.volumes else make()
+                kept[key] = self.read[key] if key in self.read else make()
             return kept[key]
 
         def place(spec: VolumeSpec, matrix: Matrix | None) -> Volume:
@@ -85,8 +93,8 @@ class StageMaker:
             assert isinstance(mask.volume, VolumeSpec)
             return mask_volume(volume, place(mask.volume, mask.transform), mask.labels.values)
 
-        volumes = [keep(volume_key(layer), partial(make, layer)) for layer in scene.layers]
-        self.volumes = kept
+        volumes = [keep(key, partial(make, layer)) for key, layer in zip(keys, scene.layers, strict=True)]
+        self.read, self.volumes = kept, (keys, volumes)
         return volumes
 
     def layers_of(
@@ -131,6 +139,19 @@ class StageMaker:
             order_blending = make_order_blending(layers[0].volume.world_from_index, camera.path, (target, distance))
         self.last = Stage(scene, layers, target, distance, groups, resolutions, order_blending, {})
         return self.last
+
+
+def seconds_for_layer(layer: LayerSpec, scene: Scene, *, clock: Clock, num_threads: int) -> float:
+    """Return about how long it takes here to make such a layer, for each million voxels, by making a small one."""
+    source = VolumeSpec(ProceduralSource("engine_block", (64, 64, 64)))
+    volume, look = read_volume(source), ramp((1.0, 1.0, 1.0), (0.0, 255.0))
+    alike = LayerSpec(source, look, layer.shading)
+    plain, seconds = replace(scene, mode=ModeSpec(), clip=()), []
+    for _ in range(2):  # the first one loads what draws
+        start = clock()
+        make_layer(alike, plain, volume, num_threads=num_threads, lap=lambda _: None)
+        seconds.append(clock() - start)
+    return seconds[-1] * 1e6 / volume.values.size
 
 
 def volume_key(layer: LayerSpec) -> VolumeKey:

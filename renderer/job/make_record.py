@@ -27,15 +27,24 @@ from renderer.job.record import (
     min_max,
 )
 from renderer.layers import Layer
-from renderer.scene import ErrorSpec, format_value, scene_to_dict, schedule_to_dict, short_text, with_tolerances
+from renderer.scene import (
+    ErrorSpec,
+    Scene,
+    format_value,
+    moving_values,
+    scene_to_dict,
+    schedule_to_dict,
+    short_text,
+    with_tolerances,
+)
 from renderer.system import package_versions, sources_digest
 from renderer.volume import Volume, joint_fingerprint
 
 _MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
 
 
-def frame_record(frame: Frame) -> FrameRecord:
-    """Return the record of a frame that was drawn; it has no digest yet."""
+def frame_record(frame: Frame, scene: Scene) -> FrameRecord:
+    """Return the record of a frame of a scene that was drawn; it has no digest yet."""
     return FrameRecord(
         frame=frame.number,
         tolerance=frame.tolerance,
@@ -44,6 +53,7 @@ def frame_record(frame: Frame) -> FrameRecord:
         seconds=frame.seconds,
         predicted_seconds=frame.predicted_seconds,
         blank=bool(np.max(frame.radiance[..., 3], initial=0.0) < _MIN_VISIBLE_OPACITY),
+        values=moving_values(scene, frame.number) if scene.moves else None,
     )
 
 

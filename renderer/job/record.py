@@ -126,6 +126,7 @@ class FrameRecord:
     predicted_seconds: Annotated[float | None, _AMOUNT, "The time predicted for it, on a budget of time."] = None
     device: Annotated[str | None, "What drew it, where that was on a cluster."] = None
     blank: Annotated[bool, "True where nothing of the volume shows."] = False
+    values: Annotated[Mapping[str, Any] | None, _DATA, "The values of what moves, by their keys in the scene."] = None
     accuracy: Annotated[FrameAccuracy | None, "How exact its picture is, where rays have measured it."] = None
     visible: Annotated[
         tuple[float, ...], _SHARES, "What each of the film's ranges of scalars adds to its mean opacity."

@@ -1,6 +1,11 @@
 from .groups import LayerGroup as LayerGroup, group_layers as group_layers
 from .labels import mask_volume as mask_volume
-from .layer import Layer as Layer, layer_digest as layer_digest, make_layer as make_layer
+from .layer import (
+    Layer as Layer,
+    layer_digest as layer_digest,
+    layer_parts as layer_parts,
+    make_layer as make_layer,
+)
 from .placement import (
     placement_notes as placement_notes,
     placement_problems as placement_problems,

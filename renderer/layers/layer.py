@@ -45,17 +45,31 @@ class Layer:
         return self.transfer if self.projection is None else self.projection.optics
 
 
-def layer_digest(spec: LayerSpec, scene: Scene, volume: Volume, finest_cut: FinestCut) -> str:
-    """Return the digest of what a layer is made from.
+def layer_parts(spec: LayerSpec, scene: Scene) -> tuple[Any, ...]:
+    """Return the parts of a scene that a layer is made from, besides its volume.
 
     Its name, its weight and the camera do not count, and clipping counts only where light or extremes depend on it.
     """
     is_clipped = scene.mode.is_extremum or (spec.shading is not None and spec.shading.has_light_grid)
-    made_from = (
-        volume.fingerprint, spec.mask, spec.transfer_function, spec.color, spec.shading,
-        scene.clip + spec.clip if is_clipped else (), scene.mode, scene.pyramid, scene.error.measure, scene.error.of,
-        scene.needs_opengl, finest_cut,
+    return (
+        spec.mask, spec.transfer_function, spec.color, _shading_part(spec),
+        scene.clip + spec.clip if is_clipped else (),
+        scene.mode, scene.pyramid, scene.error.measure, scene.error.of, scene.needs_opengl,
     )  # fmt: skip
+
+
+def _shading_part(spec: LayerSpec) -> object:
+    """Return what of its shading a layer holds: all, in the means of cells, or the light that reaches each place."""
+    shading = spec.shading
+    if shading is None or (shading.lambert is not None and spec.transfer_function.labels is None):
+        return shading
+    light = shading.light if shading.shadow > 0 else None
+    return light, shading.occlusion, shading.shadow, shading.occlusion_radius
+
+
+def layer_digest(spec: LayerSpec, scene: Scene, volume: Volume, finest_cut: FinestCut) -> str:
+    """Return the digest of what a layer is made from."""
+    made_from = (volume.fingerprint, *layer_parts(spec, scene), finest_cut)
     return hashlib.blake2b(repr(made_from).encode(), digest_size=16).hexdigest()
 
 

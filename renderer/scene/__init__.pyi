@@ -76,6 +76,7 @@ from .message_text import (
 from .mode_section import MODE_NAMES as MODE_NAMES, ModeSpec as ModeSpec
 from .motion import (
     Motion as Motion,
+    changing_frames as changing_frames,
     motion_of as motion_of,
     motions_in as motions_in,
     moving as moving,
@@ -119,6 +120,7 @@ from .shading_section import ShadingSpec as ShadingSpec
 from .spec import (
     PyramidSpec as PyramidSpec,
     Scene as Scene,
+    moving_values as moving_values,
     parse_scene as parse_scene,
     scene_to_dict as scene_to_dict,
     spec_to_dict as spec_to_dict,

@@ -172,6 +172,7 @@ _PATHS: dict[str, type[PathPiece]] = {
 _TYPE: schema.FieldType[Any] = schema.choice_field(*_PATHS)
 _SECONDS = schema.number_field(above=0, maximum=MAX_SECONDS, motion=None)
 _PATH_FIELDS = {name: {"type": _TYPE, **schema.field_table(cls), "seconds": _SECONDS} for name, cls in _PATHS.items()}
+_PATH_KEYS = {key: field for table in _PATH_FIELDS.values() for key, field in table.items()}
 # Hints for keys of other path types.
 _OWNERS = {
     key: f"{key} belongs to type: {join_words(name for name, table in _PATH_FIELDS.items() if key in table)}"
@@ -207,7 +208,7 @@ def _parse_path(node: TreeNode) -> Any:
     pieces = tuple(_parse_piece(node.child(number, piece)) for number, piece in enumerate(node.value))
     if not pieces:
         return node.reject("empty", got="")
-    if INVALID in pieces:
+    if INVALID in pieces or any(piece.frames is INVALID for piece in pieces):
         return INVALID
     path = PathSequence(pieces)
     if path.frames > schema.MAX_FRAMES:
@@ -252,7 +253,9 @@ def _check_keys(node: TreeNode, keys: Any, num_frames: Any) -> None:
         schema.check_frames_ascend(place, before, frame)
 
 
-_PATH = schema.FieldType(f"a mapping with type: {join_words(_PATHS)}, and frames; or a list of such", _parse_path)
+_PATH = schema.FieldType(
+    f"a mapping with type: {join_words(_PATHS)}, and frames; or a list of such", _parse_path, table=_PATH_KEYS
+)
 
 _TARGET_WORDS = "[x, y, z] in world units, or visible"
 _TARGET = schema.word_or(

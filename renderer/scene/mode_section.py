@@ -84,7 +84,7 @@ def _parse_mode(node: TreeNode) -> Any:
     return ModeSpec(name)
 
 
-MODE_SECTION = schema.FieldType(f"{join_words(MODE_NAMES)}, or a mapping with type", _parse_mode)
+MODE_SECTION = schema.FieldType(f"{join_words(MODE_NAMES)}, or a mapping with type", _parse_mode, table=_SECTION.table)
 
 
 def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:

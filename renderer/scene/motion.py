@@ -25,6 +25,10 @@ EASINGS: tuple[Easing, ...] = get_args(Easing)
 MotionKind = Literal["linear", "ratio", "direction"]
 
 
+# What rounding takes from a whole number.
+_LEAST = 1e-9
+
+
 @dataclass(frozen=True)
 class Motion:
     """A value by frame: frames ascend, and all values have the same shape; it is constant before and after its keys.
@@ -53,7 +57,7 @@ class Motion:
         if self.kind == "direction":
             return _direction_between(before, after, _eased(x, self.easing))
         numbers = (column.at(key, x, self.easing) for column in self._columns)
-        return _with_numbers(before, numbers, 0.0 if self.kind == "ratio" else 0.5)
+        return _with_numbers(before, numbers, _LEAST if self.kind == "ratio" else 0.5)
 
     @cached_property
     def _columns(self) -> list[_Column]:
@@ -249,6 +253,23 @@ def motions_in(value: Any) -> Iterator[Motion]:
         return
     for part in _parts(value):
         yield from motions_in(part)
+
+
+def changing_frames(value: Any) -> list[tuple[int, int]]:
+    """Return the runs of frames, first and last, on which something in a value is not as on the frame before."""
+    runs = [
+        (start + 1, end)
+        for motion in motions_in(value)
+        for (start, before), (end, after) in pairwise(zip(motion.frames, motion.values, strict=True))
+        if before != after
+    ]
+    joined: list[tuple[int, int]] = []
+    for start, end in sorted(runs):
+        if joined and start <= joined[-1][1] + 1:
+            joined[-1] = joined[-1][0], max(joined[-1][1], end)
+        else:
+            joined.append((start, end))
+    return joined
 
 
 def values_at(value: Any, frame: float) -> Any:

@@ -92,9 +92,9 @@ OUTPUT_SECTION = schema.dataclass_field(OutputSpec, _check_output)
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
     """Check that the name of several frames has a number; `given` holds the sections of the whole scene."""
     camera = given["camera"]
-    num_frames = INVALID if INVALID in (camera, getattr(camera, "path", INVALID)) else camera.num_frames
+    num_frames = getattr(getattr(camera, "path", None), "frames", INVALID)
     file = getattr(given["output"], "file", INVALID)
-    if INVALID in (num_frames, file) or num_frames == 1:
+    if INVALID in (num_frames, file) or camera.num_frames == 1:
         return
     if file.suffix.lower() == ".png" and not FRAME_FIELD.search(file.name):
         node.child("file", str(file)).reject(

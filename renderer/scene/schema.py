@@ -205,7 +205,7 @@ def sequence_field(
         items = tuple(item.read(node.child(index, value)) for index, value in enumerate(node.value))
         return items if check is None or INVALID in items else check(node, items)
 
-    return FieldType(expected, parse, motion=motion or (item.motion and "linear"))
+    return FieldType(expected, parse, motion=motion or (item.motion and "linear"), table=item.table)
 
 
 def pair_field(first: FieldType[Any], second: FieldType[Any], expected: str) -> FieldType[Any]:
@@ -249,7 +249,7 @@ def section_field(
     def read(node: TreeNode) -> T:
         return build(node, read_fields(node, table, required=required, misplaced_hints=misplaced_hints))
 
-    return FieldType(_mapping_with(table, required), read)
+    return FieldType(_mapping_with(table, required), read, table=table)
 
 
 def dataclass_field(

@@ -11,7 +11,7 @@ in [0, 1] as given (display-referred), shapes, points and sizes in (x, y, z) and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -29,7 +29,7 @@ from renderer.scene.error_section import (
 from renderer.scene.labels_section import MASK_SECTION, LabelsSpec, MaskSpec
 from renderer.scene.layers_section import OF_CHANNELS, VOLUMES_SECTION, LayerSpec, check_layers, name_mask, take_labels
 from renderer.scene.limits import proportion_problems, raise_problems
-from renderer.scene.message_text import format_value
+from renderer.scene.message_text import format_value, join_keys
 from renderer.scene.mode_section import MODE_SECTION, ModeSpec
 from renderer.scene.motion import motion_of, motion_to_dict, motions_in, values_at
 from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_frame_field
@@ -202,7 +202,7 @@ def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
     has_labels = isinstance(tree, Mapping) and "labels" in tree
     left_out = _OF_ONE_VOLUME if has_volumes else ("transfer_function",) if of_channels or has_labels else ()
     required = [key for key in schema.required_keys(Scene) if key not in left_out]
-    given = schema.read_fields(node, _SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
+    given = schema.read_fields(node, SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
     take_labels(node, given)
     if of_channels:
         given.setdefault("transfer_function", OF_CHANNELS)
@@ -223,7 +223,7 @@ def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
 
 
 _TABLE = schema.field_table(Scene)
-_SECTIONS: schema.FieldTable = {
+SECTIONS: schema.FieldTable = {
     **{key: _TABLE[key] for key in ("volume", "transfer_function")},
     "labels": LABELS_FIELD,
 } | _TABLE
@@ -252,6 +252,21 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
         same folder.
     """
     return {"version": scene.version} | spec_to_dict(scene)
+
+
+def moving_values(scene: Scene, frame: int) -> dict[str, Any]:
+    """Return what moves in a scene as it is at a frame: plain data by dotted keys."""
+
+    def differences(film: Any, now: Any, path: str) -> Iterator[tuple[str, Any]]:
+        if isinstance(film, list) and isinstance(now, list) and len(film) == len(now):
+            film, now = dict(enumerate(film)), dict(enumerate(now))
+        if isinstance(film, dict) and isinstance(now, dict) and film.keys() == now.keys():
+            for key in film:
+                yield from differences(film[key], now[key], join_keys(path, key))
+        elif film != now:
+            yield path, now
+
+    return dict(differences(scene_to_dict(scene), scene_to_dict(scene.at(frame)), ""))
 
 
 def without_sources(tree: Mapping[str, Any]) -> dict[str, Any]:

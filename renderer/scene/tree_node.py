@@ -89,28 +89,37 @@ class FieldType(Generic[T]):
     """A type of value: what is expected, in words that follow "expected:", and a function that reads it.
 
     empty_hint: a hint for a key without a value. motion: how values move; None for those that cannot.
+    table: the types of the keys, of a mapping or of a list of mappings.
     """
 
     expected: str
     parser: Callable[[TreeNode], T]
     empty_hint: str | None = None
     motion: MotionKind | None = None
+    table: Mapping[str, FieldType[Any]] | None = None
 
     def read(self, node: TreeNode) -> T:
         """Return the checked value, or INVALID. What moves is a map from frames to values."""
         if node.value is None:
             return self.reject(node, "no value", hint=self.empty_hint)
-        if node.film is None or not _is_by_frame(node.value):
+        if node.film is None or not isinstance(node.value, Mapping):
             return self.parse(node)
-        if self.motion is not None:
+        is_by_frame = any(map(_may_be_frame, node.value))
+        if is_by_frame and self.motion is not None:
             moved: T = _read_motion(self, node, node.film)
             return moved
         num_problems = len(node.problems)
         value = self.parse(node)
         if value is INVALID and [problem.path for problem in node.problems[num_problems:]] == [node.path]:
             problem = node.problems.pop()
-            hint = "numbers, colors, points and directions can move: docs/motion.md"
-            node.problems.append(replace(problem, what="cannot move", hint=hint))
+            if is_by_frame:
+                hint = "numbers, colors, points and directions can move: docs/motion.md"
+                problem = replace(problem, what="cannot move", hint=hint)
+            elif self.motion is not None:
+                problem = replace(
+                    problem, hint="what moves is a map from frames, such as 0, -1 or 2.5s: docs/motion.md"
+                )
+            node.problems.append(problem)
         return value
 
     def parse(self, node: TreeNode) -> T:
@@ -128,17 +137,14 @@ FieldTable = Mapping[str, FieldType[Any]]
 
 def still(field: FieldType[T]) -> FieldType[T]:
     """Return a type of which nothing can move."""
-    return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None)
+    return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None, table=None)
 
 
 # Motion
 
 
-def _is_by_frame(value: object) -> bool:
-    """Return whether a value is a map from frames."""
-    return isinstance(value, Mapping) and any(
-        type(key) is int or (isinstance(key, str) and _FRAME.fullmatch(key)) for key in value
-    )
+def _may_be_frame(key: object) -> bool:
+    return type(key) is int or (isinstance(key, str) and _FRAME.fullmatch(key) is not None)
 
 
 def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
@@ -172,8 +178,8 @@ def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
 
 def _read_frame(node: TreeNode, film: FilmTime) -> Any:
     """Return the number of a frame, which may be counted from the end, or given in seconds."""
-    num_frames, text = film.num_frames or MAX_FRAMES, str(node.value)
-    if not isinstance(node.value, (int, str)) or isinstance(node.value, bool) or not _FRAME.fullmatch(text):
+    num_frames, text = film.num_frames or MAX_FRAMES, format_value(node.value).strip("'")
+    if not isinstance(node.value, (int, str)) or not _FRAME.fullmatch(text):
         expected = "a frame, -1 for the last one, seconds such as 2.5s, or easing"
         return node.reject("not a frame", expected=expected)
     if text.endswith("s"):

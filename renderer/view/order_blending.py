@@ -18,8 +18,8 @@ from functools import cache
 
 import numpy as np
 
-from renderer.scene import CameraPath, Vector
-from renderer.view.paths import iter_camera_poses
+from renderer.scene import CameraPath
+from renderer.view.paths import ANYWHERE, About, iter_camera_poses
 from renderer.volume import Float64
 
 # Half of the turn over which one order fades into another. A pop of opaque noise is 0.4: over 2.2 degrees that is 0.002
@@ -61,9 +61,7 @@ class OrderBlending:
     tie_breaker: Float64
 
 
-def make_order_blending(
-    world_from_index: Float64, path: CameraPath, about: tuple[Vector, float] | None = None
-) -> OrderBlending:
+def make_order_blending(world_from_index: Float64, path: CameraPath, about: About = ANYWHERE) -> OrderBlending:
     """Return how a camera on a path turns relative to a volume's grid. about: as `camera_poses`."""
     steps = NEIGHBOURS @ world_from_index[:3, :3].T
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)

@@ -42,6 +42,9 @@ from renderer.view.camera import View
 from renderer.view.flights import FlightPlace, fly
 from renderer.volume import Bools, Float64
 
+# Target and distance of a film; anywhere, for those who ask nothing of flights that begin there.
+About = tuple[Vector, float]
+ANYWHERE: About = (0.0, 0.0, 0.0), 1.0
 # Of the angle between axis and view of a flight, below which the picture has the direction of azimuth 0.
 _LEAST_SINE = 1e-9
 # Bounds the memory of poses.
@@ -80,7 +83,7 @@ class CameraPoses:
         return CameraPoses(*(getattr(self, each.name)[~self.is_free] for each in fields(self)))
 
 
-def camera_poses(path: CameraPath, frames: Sequence[int], about: tuple[Vector, float] | None = None) -> CameraPoses:
+def camera_poses(path: CameraPath, frames: Sequence[int], about: About = ANYWHERE) -> CameraPoses:
     """Return the poses at some frames, from 0 on; frame `path.frames` is frame 0 of a path that loops.
 
     about: target and distance of the film, from where flights may begin.
@@ -95,24 +98,20 @@ def camera_poses(path: CameraPath, frames: Sequence[int], about: tuple[Vector, f
     return CameraPoses(*(np.concatenate([getattr(each, name.name) for each in found]) for name in fields(CameraPoses)))
 
 
-def _sequence_pose(
-    pieces: Sequence[PathPiece], number: int, frame: int, about: tuple[Vector, float] | None
-) -> CameraPoses:
+def _sequence_pose(pieces: Sequence[PathPiece], number: int, frame: int, about: About) -> CameraPoses:
     """Return the pose at a frame of a piece, which may begin where the one before it ended."""
-    piece = pieces[number]
-    if isinstance(piece, HoldPath) and len(pieces) > 1:
-        return (
-            _sequence_pose(pieces, number - 1, pieces[number - 1].frames, about)
-            if number
-            else _sequence_pose(pieces, 1, 0, about)
-        )
-    start = None
-    if isinstance(piece, FlightPath) and number:
-        before = _sequence_pose(pieces, number - 1, pieces[number - 1].frames, about)
-        target, distance = about or ((math.nan,) * 3, math.nan)
-        before = before.about(target, distance)
-        eye = before.target + before.distance[:, None] * before.direction
-        start = FlightPlace.of(eye[0], before.target[0], zoom=float(before.zoom[0]))
+    piece, start = pieces[number], None
+    earlier = [at for at in range(number) if not isinstance(pieces[at], HoldPath)]
+    if isinstance(piece, (FlightPath, HoldPath)) and earlier:
+        end = _sequence_pose(pieces, earlier[-1], pieces[earlier[-1]].frames, about)
+        if isinstance(piece, HoldPath):
+            return end
+        end = end.about(*about)
+        eye = end.target + end.distance[:, None] * end.direction
+        start = FlightPlace.of(eye[0], end.target[0], zoom=float(end.zoom[0]))
+    elif isinstance(piece, HoldPath):
+        later = [at for at in range(number, len(pieces)) if not isinstance(pieces[at], HoldPath)]
+        return _sequence_pose(pieces, later[0], 0, about) if later else _piece_poses(piece, None, np.zeros(1))
     return _piece_poses(piece, start, np.array([frame], np.float64))
 
 
@@ -175,7 +174,7 @@ def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
     )
 
 
-def iter_camera_poses(path: CameraPath, about: tuple[Vector, float] | None = None) -> Iterator[CameraPoses]:
+def iter_camera_poses(path: CameraPath, about: About = ANYWHERE) -> Iterator[CameraPoses]:
     """Yield the poses of all frames, in chunks of bounded size that overlap by one frame. about: as `camera_poses`."""
     for first in range(0, max(path.frames - 1, 1), _FRAMES_PER_CHUNK):
         yield camera_poses(path, range(first, min(first + _FRAMES_PER_CHUNK + 1, path.frames)), about)

@@ -25,7 +25,7 @@ from renderer.pyramid import (
     node_errors,
     root_cells,
 )
-from renderer.scene import MIN_TOLERANCE, ErrorSpec, PyramidSpec, parse_scene
+from renderer.scene import MIN_TOLERANCE, ErrorSpec, PyramidSpec, parse_scene, tolerance_at
 from renderer.transfer import TransferFunction
 from renderer.volume import Array, Float64, Volume, make_volume
 
@@ -153,7 +153,7 @@ def assert_legal(*tolerances: float) -> None:
     """A scene keeps tolerances unchanged, alone or by frame."""
     written = dict(enumerate(tolerances)) if len(tolerances) > 1 else tolerances[0]
     scene = parse_scene(TREE | {"error": {"tolerance": written}}, base=Path())
-    assert scene.error.tolerance == tuple(enumerate(tolerances))
+    assert [tolerance_at(scene.error, frame) for frame in range(len(tolerances))] == [*tolerances]
 
 
 def made_sizes(divisions: list[float], beyond: float = 0.0) -> CutSizes:

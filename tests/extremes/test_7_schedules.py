@@ -9,6 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_of
+from film_stages import scheduled
 
 from renderer.scene import ErrorSpec, tolerance_at
 
@@ -48,7 +49,7 @@ def relative_error(schedules: Callable[[Random], Keys]) -> Measure:
                 frame = int(rng.integers(start, end + 1))
                 share = mpmath.mpf(frame - start) / (end - start)
                 expected = mpmath.mpf(before) ** (1 - share) * mpmath.mpf(after) ** share
-                worst = max(worst, float(abs(tolerance_at(ErrorSpec(keys), frame) / expected - 1)))
+                worst = max(worst, float(abs(tolerance_at(ErrorSpec(scheduled(*keys)), frame) / expected - 1)))
         return worst
 
     return worst_of(error)
@@ -59,7 +60,7 @@ def turning_back(num_cases: int) -> float:
     rng, wrong = np.random.default_rng(8), 0
     for case in range(num_cases):
         keys = (whole_range, usual, almost_equal)[case % 3](rng)
-        error = ErrorSpec(keys)
+        error = ErrorSpec(scheduled(*keys))
         for (start, before), (end, after) in pairwise(keys):
             first = int(rng.integers(start, max(start + 1, end - 200)))
             there = [tolerance_at(error, frame) for frame in range(first, min(end, first + 200) + 1)]
@@ -74,7 +75,7 @@ def off_key(num_cases: int) -> float:
     rng, wrong = np.random.default_rng(9), 0
     for _ in range(num_cases):
         keys = whole_range(rng)
-        error = ErrorSpec(keys)
+        error = ErrorSpec(scheduled(*keys))
         wrong += sum(tolerance_at(error, frame) != tolerance for frame, tolerance in keys)
         wrong += tolerance_at(error, 0) != keys[0][1]
         wrong += tolerance_at(error, MAX_FRAME) != keys[-1][1]

@@ -40,6 +40,9 @@ class Exact:
 class Prober:
     def __init__(self, *_: object, **__: object) -> None: ...
 
+    def on(self, _: object) -> Prober:
+        return self
+
     def exact_pixels(self, *_: object) -> Exact:
         return Exact()
 
@@ -48,7 +51,7 @@ class Picture:
     image, num_cells = None, 7
 
     def __init__(self, number: int, radiance: float) -> None:
-        self.number, self.radiance = number, radiance
+        self.number, self.radiance, self.stage = number, radiance, None
 
 
 @pytest.fixture
@@ -60,7 +63,7 @@ def search(
     stage: Stage, error: Error, decibels: float, monkeypatch: pytest.MonkeyPatch, trials: list[Trial] | None = None
 ) -> FoundTolerances:
     def render(at: Stage, numbers: list[int], *_: object, **__: object) -> Any:
-        ((_, tolerance),) = at.scene.error.tolerance
+        tolerance = at.scene.error.tolerance
         return [Picture(number, error(tolerance, number)) for number in numbers]
 
     monkeypatch.setattr(references, "FrameProber", Prober)

@@ -72,7 +72,7 @@ def search(
     paint: Callable[[SplatBatch, View], npt.ArrayLike] = grey,
 ) -> FoundTolerances:
     on_trial = [].append if trials is None else trials.append  # type: ignore[var-annotated]
-    exact, clock = ExactPictures(want, stage.scene.output.background, find_truth or Truths()), lambda: 0.0
+    exact, clock = ExactPictures(want, find_truth or Truths()), lambda: 0.0
     return find_tolerances(stage, frames, exact, Painter(paint), is_constant=True, clock=clock, on_trial=on_trial)
 
 
@@ -130,7 +130,7 @@ def test_equal_pictures_stay_equal(stage: Stage) -> None:
 
 def test_a_film_of_nothing_is_reported(stage: Stage) -> None:
     for covered in (False, True):
-        exact = ExactPictures(MetricTarget("psnr", 20.0), stage.scene.output.background, Truths(covered=covered))
+        exact = ExactPictures(MetricTarget("psnr", 20.0), Truths(covered=covered))
         options: dict[str, Any] = {"is_constant": True, "clock": lambda: 0.0, "on_trial": [].append}
         find_tolerances(stage, range(NUM_FRAMES), exact, Painter(grey), **options)
         assert exact.shows_volume == covered

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 import pytest
@@ -200,7 +200,8 @@ FRONT = look("orthographic", size=SIZE_PX, azimuth=0.0, elevation=0.0)
 
 def draw_list_of(batch: SplatBatch, *shares: float) -> DrawList:
     order = visible_order(batch, FRONT)
-    return DrawList(0, SplatLOD(0.1, [batch], [], pytest.fail), FRONT, [(share, [order]) for share in shares], 0.0)
+    lod: Any = SplatLOD(0.1, [batch], [], pytest.fail)
+    return DrawList(cast(Any, None), 0, lod, FRONT, [(share, [order]) for share in shares], 0.0)
 
 
 def num_pixels_of(draw_list: DrawList) -> float:

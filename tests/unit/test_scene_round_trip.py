@@ -7,7 +7,7 @@ import json
 import math
 import random
 from collections.abc import Iterator
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -24,6 +24,9 @@ from renderer.scene import (
     ControlPoint,
     ErrorSpec,
     FileSource,
+    FlightKey,
+    FlightPath,
+    HoldPath,
     ImportedLook,
     Keyframe,
     KeyframePath,
@@ -34,6 +37,7 @@ from renderer.scene import (
     ModeSpec,
     Motion,
     OutputSpec,
+    PathSequence,
     PlaneSpec,
     ProceduralSource,
     PyramidSpec,
@@ -58,6 +62,7 @@ COLLECTED = tuple(COLLECTION.with_name(f"{name}_files.py") for name in ("tiff", 
 NUM_BYTES = HERE.stat().st_size
 SPACING = (0.1, 1 / 3, 2.0)
 AXIS = (1.0, 1e-7, -2.0)
+FLIGHT = (FlightKey(SPACING, (3.0, 2.0, 1.0), 12.5, 0), FlightKey((3.0, 2.0, 1.0), SPACING, frame=9))
 POINTS = (ControlPoint(-0.5, (0.1, 0.2, 0.3), 0.0), ControlPoint(2.0, (1.0, 1.0, 1.0), 1 / 3))
 
 # Together they give every key of a scene a value other than its default.
@@ -147,6 +152,29 @@ SCENES = {
         camera=CameraSpec(TurntablePath(9)),
         mask=MaskSpec(VolumeSpec(FileSource(HERE)), transform=LAYERS[0].transform),
         output=OutputSpec(Path("a.mp4")),
+    ),
+    "motion": Scene(
+        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
+        transfer_function=TransferSpec(
+            moving(Motion((0, 90), (POINTS, (POINTS[0], replace(POINTS[1], color=(0.0, 0.5, 1.0)))), "smooth")),
+            moving(Motion((3, 7, 9), (1.0, 0.1, 2.0), "hold", "ratio")),
+        ),
+        camera=CameraSpec(
+            PathSequence(
+                (
+                    TurntablePath(30, elevation=moving(Motion((0, 29), (0.0, 12.5)))),
+                    HoldPath(12),
+                    FlightPath(
+                        50, (FlightKey(SPACING, AXIS, 12.5, 0), FlightKey(AXIS, SPACING, frame=9)), "smooth", AXIS
+                    ),
+                )
+            ),
+            target="visible",
+            follow=True,
+            loop="ping-pong",
+        ),
+        shading=ShadingSpec(light=moving(Motion((0, 91), ((1.0, 0.0, 0.0), AXIS), kind="direction"))),
+        output=OutputSpec(Path("a.mp4"), background=moving(Motion((0, 181), ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), "in"))),
     ),
     "labels in a list": Scene(
         volume=LAYERS[1].volume,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from film_stages import scheduled
 
 from renderer.errors import SceneError
 from renderer.scene import (
@@ -122,12 +123,12 @@ def test_values_that_are_no_numbers_are_refused(wrong: object) -> None:
 @pytest.mark.parametrize(
     ("written", "tolerance"),
     [
-        (0, ((0, 0.0),)),
-        ("1e-3", ((0, 0.001),)),
-        ({0: 0.5, 9: 0.02}, ((0, 0.5), (9, 0.02))),
-        ({0: 0, 1: 0.5, 8: 0.5, 9: 0}, ((0, 0.0), (1, 0.5), (8, 0.5), (9, 0.0))),
-        ({2: 0, 9: 0}, ((2, 0.0), (9, 0.0))),
-        ({"0": 0.5, "3": 0.1}, ((0, 0.5), (3, 0.1))),
+        (0, 0.0),
+        ("1e-3", 0.001),
+        ({0: 0.5, 9: 0.02}, scheduled((0, 0.5), (9, 0.02))),
+        ({0: 0, 1: 0.5, 8: 0.5, 9: 0}, scheduled((0, 0.0), (1, 0.5), (8, 0.5), (9, 0.0))),
+        ({2: 0, 9: 0}, 0.0),
+        ({"0": 0.5, "3": 0.1}, scheduled((0, 0.5), (3, 0.1))),
     ],
 )
 def test_a_tolerance_is_constant_or_by_frame(written: object, tolerance: object) -> None:

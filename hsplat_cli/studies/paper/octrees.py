@@ -104,7 +104,7 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[Octree]
         quarter = max(1, len(blocks_by_variation) // 4)
         for tolerance in (factor * base for factor in TOLERANCE_FACTORS):
             plain_frame, overlaid_frame = (
-                stage.draw(tolerance=((0, tolerance),), overlay=overlay) for overlay in ("none", "octree")
+                stage.draw(tolerance=tolerance, overlay=overlay) for overlay in ("none", "octree")
             )
             finest_level = finest_level_at(stage.base, tolerance)
             cut = cut_pyramid(stage.base.layers[0].pyramid, tolerance, finest_level=finest_level)

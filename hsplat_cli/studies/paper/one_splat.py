@@ -74,7 +74,7 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> SplatSeries:
             splat, without = (
                 stage.draw(finest_level=MAX_LEVEL, opacity_correction=is_corrected) for is_corrected in (True, False)
             )
-            voxels = stage.draw(finest_level=0, tolerance=((0, 0.0),), opacity_correction=True)
+            voxels = stage.draw(finest_level=0, tolerance=0.0, opacity_correction=True)
         if splat.num_primitives != 1:
             got = counted(splat.num_primitives, "splat")
             raise InputError("figure 3 needs a scene that is drawn as one splat", got=got)

@@ -93,12 +93,12 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[TimedFr
     drawings, rgb, pictures, differences = [], [], [], []
     with figure_renderer.open_stage(scene) as stage:
         truth = stage.truth()
-        full_seconds = stage.median_seconds(QUICK_REPETITIONS, tolerance=((0, 0.0),))
+        full_seconds = stage.median_seconds(QUICK_REPETITIONS, tolerance=0.0)
         for name, budget in BUDGETS.items():
             tolerance, seconds = 0.0, full_seconds
             if full_seconds > budget:
                 tolerance, seconds = _finest_tolerance_within(stage, budget)
-            frame = stage.draw(tolerance=((0, tolerance),))
+            frame = stage.draw(tolerance=tolerance)
             rgb.append(stage.rgb(frame))
             drawing = TimedFrame(
                 name,
@@ -153,14 +153,14 @@ def _finest_tolerance_within(stage: FigureStage, budget: float) -> tuple[float, 
     finest, coarsest = math.log(FINEST), math.log(COARSEST)
     for _ in range(NUM_HALVINGS):
         middle = (finest + coarsest) / 2
-        if stage.median_seconds(QUICK_REPETITIONS, tolerance=((0, math.exp(middle)),)) <= BUDGET_SHARE * budget:
+        if stage.median_seconds(QUICK_REPETITIONS, tolerance=math.exp(middle)) <= BUDGET_SHARE * budget:
             coarsest = middle
         else:
             finest = middle
     tolerance, seconds = 0.0, math.inf
     for k in range(MAX_TRIES):
         tolerance = float(f"{math.exp(coarsest) * COARSENING_FACTOR**k:.3g}")
-        seconds = stage.median_seconds(REPETITIONS, tolerance=((0, tolerance),))
+        seconds = stage.median_seconds(REPETITIONS, tolerance=tolerance)
         if seconds <= budget:
             break
     return tolerance, seconds
