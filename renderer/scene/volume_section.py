@@ -84,9 +84,7 @@ def _parse_step(node: TreeNode) -> Any:
     return int(step) if isinstance(step, float) and step.is_integer() else step
 
 
-_TIME = schema.word_or(
-    {"auto": "auto"}, replace(_STEP, parser=_parse_step), f"auto, or {_STEP.expected}"
-)
+_TIME = schema.word_or({"auto": "auto"}, replace(_STEP, parser=_parse_step), f"auto, or {_STEP.expected}")
 # Components that need no transfer function.
 WITHOUT_TRANSFER = ("all", "color", "color_alpha")
 _COMPONENT = schema.word_or(
