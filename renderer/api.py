@@ -335,7 +335,7 @@ def _scene(
     if isinstance(source, Scene) and "transfer_function" not in given:  # plain data do not say where it is from
         scene = replace(scene, transfer_function=source.transfer_function)
     suggests = wish is not None or (is_new and "transfer_function" not in given)
-    return _with_suggestion(scene, wish) if suggests else resolve_scene(scene, read_volume)
+    return resolve_scene(_with_suggestion(scene, wish) if suggests else scene, read_volume)
 
 
 def _wish(transfer_function: Any) -> Wish | None:

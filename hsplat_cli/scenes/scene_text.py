@@ -231,7 +231,8 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
             )
     for key in ("time", "component"):
         if (index := getattr(volume, key)) is not None:
-            yield f"{key}: {index}"
+            all_steps = "all steps over the film; or a map from frames to steps: {0: 0, 30: 7}"
+            yield _with_comment(f"{key}: auto", all_steps, indent=2) if index == "auto" else f"{key}: {index}"
     if volume.dataset is not None:
         yield f"dataset: {yaml_string(volume.dataset)}"
     if has_absent or volume.nodata != "auto":
@@ -301,7 +302,7 @@ def _shading_text(shading: ShadingSpec) -> str:
 
 
 def _with_comment(line: str, comment: str, *, indent: int = 0) -> str:
-    return f"{line:<{_COMMENT_COLUMN - indent}}# {comment}" if len(line) < _COMMENT_COLUMN else f"{line}  # {comment}"
+    return f"{line:<{_COMMENT_COLUMN - indent - 2}}  # {comment}"
 
 
 def _list(numbers: Sequence[float]) -> str:

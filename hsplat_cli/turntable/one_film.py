@@ -110,6 +110,10 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job
     # Imported here to keep --help fast.
     from hsplat_cli.executors import open_executor
+    from renderer.readers import read_volume
+    from renderer.suggest import resolve_scene
+
+    scene = resolve_scene(scene, read_volume)  # of steps in time
     from renderer.job import make_film as draw_film, one_pass
 
     job = FilmJob(scene, range(scene.num_frames), accuracy_of(scene.error))

@@ -9,10 +9,13 @@ from .budget import (
 from .frame import Frame as Frame, draw_frame as draw_frame, make_draw_list as make_draw_list
 from .pipeline import (
     prepare_stage as prepare_stage,
-    read_volumes as read_volumes,
     render_frames as render_frames,
 )
-from .preparation import seconds_for_layer as seconds_for_layer
+from .preparation import (
+    FilmVolumes as FilmVolumes,
+    read_film_volumes as read_film_volumes,
+    seconds_for_layer as seconds_for_layer,
+)
 from .primitives import make_primitive as make_primitive
 from .stage import (
     Clock as Clock,

@@ -5,7 +5,7 @@ Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> splats or b
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import replace
@@ -14,7 +14,7 @@ from itertools import zip_longest
 import numpy as np
 
 from renderer.draw import Rasterizer
-from renderer.errors import InputError, Problem
+from renderer.errors import Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.preparation import StageMaker, points_in_frame, volume_key
@@ -25,6 +25,7 @@ from renderer.scene import (
     ClipSpec,
     Scene,
     Vector,
+    VolumeSpec,
     camera_problems,
     min_tolerance,
     raise_problems,
@@ -42,7 +43,7 @@ from renderer.view import (
     visible_centre,
     volume_corners,
 )
-from renderer.volume import Float64, Volume, joint_fingerprint
+from renderer.volume import Float64, Volume
 
 # The most frames of a film in motion from whose layers it is framed, and for whose cameras.
 _MOST_SAMPLED_LAYERS, _MOST_SAMPLED_CAMERAS = 9, 1000
@@ -57,25 +58,22 @@ def prepare_stage(
     clock: Clock,
     num_threads: int,
     volumes: Sequence[Volume] | None = None,
-    fingerprint: str | None = None,
-    recorded_in: str = "",
+    known: Mapping[VolumeSpec, str] | None = None,
     any_tolerance: bool = False,
 ) -> Stage:
     """Read the volumes, make their layers, and frame what is visible. Raises InputError for an unusable volume.
 
-    volumes: drawn in place of the scene's volumes, which are then not read.
-    fingerprint: the joint fingerprint that the volumes must have. recorded_in: where it was recorded, for the message.
+    volumes: drawn in place of the scene's volumes on the first frame, which are then not read.
+    known: the fingerprints that volumes of other frames must have, as of `FilmVolumes`.
     any_tolerance: build the pyramid for every tolerance and level, as bricks always do, and not only for those that
         the scene's schedule can ask for.
     """
     scene, watch = with_draw_order(scene), Stopwatch(clock)
     first, size = scene.at(0), scene.output.size
-    maker = StageMaker(num_threads, any_tolerance)
+    maker = StageMaker(num_threads, any_tolerance, known=known or {})
     if volumes is not None:
         maker.volumes = [volume_key(layer) for layer in first.layers], volumes
     volumes = maker.volumes_of(first)
-    if fingerprint is not None:
-        _require_fingerprint(volumes, fingerprint, recorded_in)
     for volume in volumes:
         extent = volume_extent(volume)
         raise_problems([*volume_problems(extent, volume.name), *camera_problems(first.camera, size, extent)])
@@ -88,24 +86,6 @@ def prepare_stage(
     stage = maker.stage_of(first, layers, target, distance)
     watch.lap("framing")
     return replace(stage, scene=scene, seconds=watch.seconds, maker=maker if scene.moves else None)
-
-
-def read_volumes(scene: Scene) -> list[Volume]:
-    """Return the volume of each layer of a scene; the same one is read once. Raises InputError."""
-    return [*StageMaker(1, any_tolerance=False).volumes_of(scene.at(0))]
-
-
-def _require_fingerprint(volumes: Sequence[Volume], fingerprint: str, recorded_in: str) -> None:
-    found = joint_fingerprint(volumes)
-    if found != fingerprint:
-        names = ", ".join(volume.name for volume in volumes)
-        raise InputError(
-            "the film was made from another volume",
-            where=recorded_in or None,
-            got=f"the fingerprint {found} of {names}",
-            expected=fingerprint,
-            hint="if the volume was moved, name it with --volume; draw another volume with another scene",
-        )
 
 
 def render_frames(

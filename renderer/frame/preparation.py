@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import hashlib
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import repeat
@@ -10,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from renderer.errors import InputError
 from renderer.frame.stage import Clock, Resolution, Stage
 from renderer.layers import Layer, LayerGroup, group_layers, layer_digest, make_layer, mask_volume
 from renderer.pyramid import EVERY_CUT, FinestCut
-from renderer.readers import read_volume
+from renderer.readers import mix_steps, read_volume
 from renderer.scene import (
     CameraSpec,
     ClipSpec,
@@ -26,8 +30,12 @@ from renderer.scene import (
     VolumeSpec,
     camera_problems,
     min_tolerance,
+    motion_of,
+    motions_in,
     raise_problems,
     ramp,
+    spec_to_dict,
+    values_at,
     volume_extent,
 )
 from renderer.view import (
@@ -39,7 +47,7 @@ from renderer.view import (
     visible_points,
     volume_corners,
 )
-from renderer.volume import Float64, Volume, move_volume
+from renderer.volume import Float64, Volume, joint_fingerprint, move_volume
 
 Matrix = tuple[tuple[float, ...], ...]
 # What the volume of a layer is made from: its own, its place, and its mask.
@@ -52,7 +60,7 @@ class StageMaker:
 
     any_tolerance: pyramids are for every tolerance, and not only for those of the scene's schedule.
     volumes: of the layers of the last scene, and what these were made from. read, layers, last: what was read and made
-        for the last scene, and its stage.
+        for the last scene, and its stage. known: the fingerprints of volumes that a film is made of.
     """
 
     num_threads: int
@@ -61,6 +69,7 @@ class StageMaker:
     read: dict[VolumeKey, Volume] = field(default_factory=dict)
     layers: dict[str, Layer] = field(default_factory=dict)
     last: Stage | None = None
+    known: Mapping[VolumeSpec, str] = field(default_factory=dict)
 
     def stage_at(self, film: Stage, frame: int) -> Stage:
         """Return the stage of a frame of a film in which something moves."""
@@ -82,8 +91,17 @@ class StageMaker:
                 kept[key] = self.read[key] if key in self.read else make()
             return kept[key]
 
+        def read(spec: VolumeSpec) -> Volume:
+            step = math.floor(spec.time) if isinstance(spec.time, float) else spec.time
+            if step == spec.time:
+                return self._read(spec)
+            assert isinstance(step, int) and isinstance(spec.time, float)
+            steps = [replace(spec, time=each) for each in (step, step + 1)]
+            before, after = (keep((each, None, None), partial(self._read, each)) for each in steps)
+            return mix_steps(before, after, spec.time - step)
+
         def place(spec: VolumeSpec, matrix: Matrix | None) -> Volume:
-            volume = keep((spec, None, None), lambda: read_volume(spec))
+            volume = keep((spec, None, None), partial(read, spec))
             return volume if matrix is None else move_volume(volume, np.array(matrix))
 
         def make(layer: LayerSpec) -> Volume:
@@ -96,6 +114,13 @@ class StageMaker:
         volumes = [keep(key, partial(make, layer)) for key, layer in zip(keys, scene.layers, strict=True)]
         self.read, self.volumes = kept, (keys, volumes)
         return volumes
+
+    def _read(self, spec: VolumeSpec) -> Volume:
+        volume = read_volume(spec)
+        if self.known.get(spec, volume.fingerprint) != volume.fingerprint:
+            what, hint = "this volume was changed while its film is made", "the same command draws all frames again"
+            raise InputError(what, where=volume.name, hint=hint)
+        return volume
 
     def layers_of(
         self, scene: Scene, tolerance: float, lap: Callable[[str], object] = lambda _: None
@@ -152,6 +177,48 @@ def seconds_for_layer(layer: LayerSpec, scene: Scene, *, clock: Clock, num_threa
         make_layer(alike, plain, volume, num_threads=num_threads, lap=lambda _: None)
         seconds.append(clock() - start)
     return seconds[-1] * 1e6 / volume.values.size
+
+
+@dataclass(frozen=True)
+class FilmVolumes:
+    """The volumes of a film: those of its first frame, and the fingerprint of all.
+
+    known: the fingerprints of those that other frames show, too, each by itself.
+    """
+
+    first: Sequence[Volume]
+    fingerprint: str
+    known: Mapping[VolumeSpec, str]
+
+
+def read_film_volumes(scene: Scene) -> FilmVolumes:
+    """Read the volumes of a film, all steps of those that change in time, one after the other.
+
+    Raises InputError for what cannot be read, and for steps that differ in shape or kind.
+    """
+    first = [*StageMaker(1, any_tolerance=False).volumes_of(scene.at(0))]
+    moving = dict.fromkeys(spec for layer in scene.layers for spec in layer.volumes.values() if any(motions_in(spec)))
+    digest, known = hashlib.blake2b(joint_fingerprint(first).encode(), digest_size=16), dict[VolumeSpec, str]()
+    for spec in moving:
+        plain = spec_to_dict(spec)
+        digest.update(json.dumps([plain.get(key) for key in ("time", "crop", "interpolate")]).encode())
+        one = read_volume(values_at(spec, 0))
+        for step in _steps_of(spec, scene.num_frames):
+            known[step] = read_volume(step, like=one if step.crop == values_at(spec.crop, 0) else None).fingerprint
+            digest.update(known[step].encode())
+    return FilmVolumes(first, digest.hexdigest() if moving else joint_fingerprint(first), known)
+
+
+def _steps_of(spec: VolumeSpec, num_frames: int) -> Sequence[VolumeSpec]:
+    """Return what must be read of a volume for the frames of a film: steps, which are mixed, and crops at keys."""
+    keys = sorted({frame for motion in motions_in(spec) for frame in motion.frames})
+    found: dict[VolumeSpec, None] = {}
+    for frame in range(num_frames) if motion_of(spec.time) else keys:
+        at_frame: VolumeSpec = values_at(spec, frame)
+        time = at_frame.time
+        around = (math.floor(time), math.ceil(time)) if isinstance(time, float) else (time,)
+        found |= {replace(at_frame, time=each): None for each in around}
+    return [*found]
 
 
 def volume_key(layer: LayerSpec) -> VolumeKey:

@@ -12,11 +12,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from renderer.accuracy import finer_than_kept
-from renderer.errors import RenderError
+from renderer.errors import InputError, RenderError
 from renderer.film import film_notes, has_frame_files
-from renderer.frame import LODCostEstimator, Stage, prepare_stage, read_volumes
+from renderer.frame import FilmVolumes, LODCostEstimator, Stage, prepare_stage, read_film_volumes
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor
@@ -31,7 +32,6 @@ from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, PassRe
 from renderer.layers import placement_notes
 from renderer.scene import Scene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
-from renderer.volume import Volume, joint_fingerprint
 
 OpenExecutor = Callable[[Scene], AbstractContextManager[Executor]]
 Passes = Callable[["FilmInProgress"], "FinishedFilm"]
@@ -71,17 +71,17 @@ def make_film(
         # What can fail early is tried before a voxel is read: the output, the encoder, OpenGL or the cluster.
         with open_executor(job.scene) as executor:
             before_reading = time.perf_counter()
-            volumes = read_volumes(job.scene)
+            volumes = read_film_volumes(job.scene)
             read_seconds = time.perf_counter() - before_reading
-            for volume in volumes:
+            for volume in volumes.first:
                 if volume.note is not None:
                     events.volume_noted(f"{volume.name}: {volume.note}")
-            for note in (*job.scene.import_notes, *placement_notes(job.scene.layers, volumes)):
+            for note in (*job.scene.import_notes, *placement_notes(job.scene.at(0).layers, volumes.first)):
                 events.note(note)
-            job, fingerprint = _with_fingerprint(job, joint_fingerprint(volumes), executor.device)
+            job, fingerprint = _with_fingerprint(job, volumes.fingerprint, executor.device)
             existing = find_existing_film(output.sidecar, events) if resumes else None
             if existing is not None and existing.is_up_to_date(fingerprint, output.spec, job.frames):
-                return _kept_film(output, existing, fingerprint, volumes[0].note, events)
+                return _kept_film(output, existing, fingerprint, volumes.first[0].note, events)
             with open_job_stage(job, volumes) as stage:
                 why_stale = existing.why_stale(fingerprint, output.spec, job.frames) if existing else ""
                 if why_stale:
@@ -119,17 +119,19 @@ def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJ
     return job, film_fingerprint(job.scene, job.requested, of_volumes, device)
 
 
-def open_job_stage(job: FilmJob, volumes: Sequence[Volume]) -> Stage:
-    """Prepare the stage, of the volumes that the original was made from, if there is one."""
-    original = job.original
-    return prepare_stage(
-        job.scene,
-        clock=time.perf_counter,
-        num_threads=num_cores(),
-        volumes=volumes,
-        fingerprint=original.record.volume.fingerprint if original else None,
-        recorded_in=f"{original.path}: volume.fingerprint" if original else "",
-    )
+def open_job_stage(job: FilmJob, volumes: FilmVolumes) -> Stage:
+    """Prepare the stage. Raises InputError unless the volumes are those of the original, if there is one."""
+    if job.original is not None and volumes.fingerprint != job.original.record.volume.fingerprint:
+        names = ", ".join(volume.name for volume in volumes.first)
+        raise InputError(
+            "the film was made from another volume",
+            where=f"{job.original.path}: volume.fingerprint",
+            got=f"the fingerprint {volumes.fingerprint} of {names}",
+            expected=job.original.record.volume.fingerprint,
+            hint="if the volume was moved, name it with --volume; draw another volume with another scene",
+        )
+    options: dict[str, Any] = {"clock": time.perf_counter, "num_threads": num_cores()}
+    return prepare_stage(job.scene, volumes=volumes.first, known=volumes.known, **options)
 
 
 # Passes
@@ -198,6 +200,7 @@ class FilmInProgress:
         record = film_record(plan, frames, requested, self.job.original, shortfall, self._devices(frames))
         record = replace(
             record,
+            volume=replace(record.volume, fingerprint=self.fingerprint.depends_on["volume"]["fingerprint"]),
             notes=(*notes, *record.notes),
             seconds={**self.stage.seconds, "total": seconds},
             passes=tuple(passes),

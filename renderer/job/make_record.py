@@ -38,7 +38,7 @@ from renderer.scene import (
     with_tolerances,
 )
 from renderer.system import package_versions, sources_digest
-from renderer.volume import Volume, joint_fingerprint
+from renderer.volume import Volume
 
 _MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
 
@@ -76,7 +76,7 @@ def film_record(
     device = " and ".join(devices)
     return FilmRecord(
         scene=scene_to_dict(scene),
-        volume=replace(_volume_record(volumes[0]), fingerprint=joint_fingerprint(volumes)),
+        volume=_volume_record(volumes[0]),
         volumes=tuple(map(_volume_record, volumes)) if len(volumes) > 1 else (),
         camera=CameraRecord(tuple(map(float, stage.target)), float(stage.distance)),
         pyramid=PyramidRecord(

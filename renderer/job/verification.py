@@ -15,7 +15,7 @@ from renderer.film import (
     has_frame_files,
     picture_shape,
 )
-from renderer.frame import read_volumes
+from renderer.frame import read_film_volumes
 from renderer.job.assemble.agreement import PickedFrame, file_problems
 from renderer.job.assemble.parts import Part, problem_of
 from renderer.job.events import JobEvents
@@ -90,7 +90,7 @@ def verify_film(
     job: FilmJob, original: OriginalFilm, files: FilmFiles, options: RayOptions, events: JobEvents
 ) -> VerifiedFilm:
     """Compare a film with its inputs, and measure it. Raises InputError for a volume that is not the recorded one."""
-    with open_job_stage(job, read_volumes(job.scene)) as stage:
+    with open_job_stage(job, read_film_volumes(job.scene)) as stage:
         problems, notes = [*_scene_problems(job, original)], [*_tool_notes(original)]
         if notes:  # another version may have other keys, and other defaults
             notes, problems = [*notes, *(f"{each.what}: {each.got}" for each in problems)], []

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from renderer.errors import Problem
-from renderer.scene import LayerSpec, Scene, VolumeSpec, raise_problems
+from renderer.scene import LayerSpec, MaskSpec, Motion, Scene, VolumeSpec, moving, raise_problems
 from renderer.suggest.channels import channel_layers, with_own_names
 from renderer.suggest.label_choice import with_labels, with_numbers
 from renderer.suggest.volume_suggestion import NO_WISH, read_in_colors, suggest_read
@@ -15,14 +15,14 @@ from renderer.volume import Volume
 
 def resolve_scene(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
     """Return a scene in which a list of volumes, one for each channel, is in place of each `component: all`, in which
-    labels have numbers and colours, and voxels that are colours a transfer function.
+    `time: auto` is a motion, labels have numbers and colours, and voxels that are colours a transfer function.
 
     read: reads the voxels: those of one channel, and of those without a window. Raises InputError as it does, and as
     `with_labels`; SceneError for labels that are not there.
     """
     given = scene.volumes or (LayerSpec(scene.volume, scene.transfer_function),)
     layers: list[LayerSpec] = []
-    for layer in given:
+    for layer in (_with_times(layer, scene.num_frames, read) for layer in given):
         if layer.volume.component == "all":
             layers += channel_layers(layer, read(replace(layer.volume, component=0)), read)
         else:
@@ -32,10 +32,31 @@ def resolve_scene(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
     places = [f"volumes.{number}." if is_list else "" for number in range(len(layers))]
     named = zip(with_own_names(layers), places, strict=True)
     found = tuple(with_labels(layer, place, read, problems) for layer, place in named)
-    mask = with_numbers(scene.mask, "mask", read, problems)
+    mask = with_numbers(_with_mask_times(scene.mask, scene.num_frames, read), "mask", read, problems)
     raise_problems(problems)
     first, volumes = found[0], found if is_list else ()
     return replace(scene, volume=first.volume, transfer_function=first.transfer_function, volumes=volumes, mask=mask)
+
+
+def _with_times(layer: LayerSpec, num_frames: int, read: Callable[[VolumeSpec], Volume]) -> LayerSpec:
+    """Return a layer in which `time: auto` is a motion through all steps."""
+    mask = _with_mask_times(layer.mask, num_frames, read)
+    return replace(layer, volume=_through_all_steps(layer.volume, num_frames, read), mask=mask)
+
+
+def _with_mask_times(mask: MaskSpec | None, num_frames: int, read: Callable[[VolumeSpec], Volume]) -> MaskSpec | None:
+    if mask is None or not isinstance(mask.volume, VolumeSpec):
+        return mask
+    return replace(mask, volume=_through_all_steps(mask.volume, num_frames, read))
+
+
+def _through_all_steps(volume: VolumeSpec, num_frames: int, read: Callable[[VolumeSpec], Volume]) -> VolumeSpec:
+    if volume.time != "auto":
+        return volume
+    component = 0 if volume.component == "all" else volume.component
+    last = read(replace(volume, time=0, component=component)).num_times - 1
+    ends = (0.0, float(last)) if volume.interpolate else (0, last)
+    return replace(volume, time=moving(Motion((0, max(1, num_frames - 1)), ends)))
 
 
 def _with_colors(layer: LayerSpec, read: Callable[[VolumeSpec], Volume]) -> LayerSpec:

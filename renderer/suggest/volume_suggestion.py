@@ -54,6 +54,8 @@ from renderer.suggest.wishes import LABELS_WISH, WISHES, Wish, choose_by_word, i
 from renderer.volume import Float64, Volume
 
 NO_WISH = Wish()
+# The most steps of a volume in time that are read to suggest how to show all.
+_MOST_STEPS = 5
 _COLORS = "voxels that are colours"
 # The opacity of a voxel is its alpha.
 _ALPHA_POINTS = tuple(
@@ -91,16 +93,39 @@ class VolumeSuggestion:
 def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH) -> VolumeSuggestion:
     """Read a volume and suggest how to show it.
 
-    read: reads the voxels; of several channels first those of one, which tells of all. Raises InputError for a volume
-    that cannot be read or drawn, and as `suggest`.
+    read: reads the voxels; of several channels first those of one, which tells of all; of several steps in time some.
+    Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
     """
     may_have_channels = wish == NO_WISH and volume.component in (None, "all")
     asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
-    found = read(replace(volume, component=asked) if may_have_channels else volume)
+    in_time = replace(volume, time="auto") if volume.time is None else volume
+    found = read(replace(in_time, component=asked) if may_have_channels else in_time)
+    if found.num_times > 1 and in_time.time == "auto":
+        return _suggest_in_time(in_time, found.num_times, read, wish)
     raise_problems(volume_problems(volume_extent(found), found.name))
     if may_have_channels and (volume.component == "all" or any(channel.is_light for channel in found.channels)):
         return _channels_suggestion(volume, found, read)
     return suggest_read(*read_in_colors(volume, found, read, wish), wish)
+
+
+def _suggest_in_time(
+    volume: VolumeSpec, num_times: int, read: Callable[[VolumeSpec], Volume], wish: Wish
+) -> VolumeSuggestion:
+    """Suggest how to show all steps of a volume in time: as of some steps the one with the widest range of values."""
+
+    def span(step: int) -> float:
+        low, high = read(replace(volume, time=step)).value_range()
+        return high - low
+
+    steps = dict.fromkeys(k * (num_times - 1) // (_MOST_STEPS - 1) for k in range(_MOST_STEPS))
+    widest = max(steps, key=span)
+    found = suggest_for(replace(volume, time=widest), read, wish=wish)
+    reason = (
+        f"{found.suggestion.reason}; step {widest} of {num_times} has the widest range of {len(steps)} that were read"
+    )
+    layers = tuple(replace(layer, volume=replace(layer.volume, time="auto")) for layer in found.layers)
+    suggestion = replace(found.suggestion, reason=reason)
+    return replace(found, volume=replace(found.volume, time="auto"), layers=layers, suggestion=suggestion)
 
 
 def read_in_colors(

@@ -28,7 +28,7 @@ from renderer.accuracy import (
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import require_writable_dry_run
-from renderer.frame import Stage, read_volumes, view_of
+from renderer.frame import Stage, read_film_volumes, view_of
 from renderer.job import without_paths
 from renderer.scene import Scene, counted, motion_of, scene_to_dict, schedule_to_dict
 from renderer.study import Measurement, PlannedSetting, Study, Truths, measure_setting, plan_sweep, splat_setting
@@ -81,7 +81,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     machine = describe_machine(_devices(request))  # fails before a voxel is read
     if request.peer:
         machine["peer"] = {"name": request.peer, **vtk_peer.describe_vtk()}
-    volumes, notes = read_volumes(scene), list[str]()
+    volumes, notes = [*read_film_volumes(scene).first], list[str]()
     if request.peer:
         scene, volumes[0], notes = vtk_peer.comparable(scene, volumes[0])
         request = replace(request, scene=scene)

@@ -20,7 +20,7 @@ from renderer.accuracy import (
 )
 from renderer.draw import open_rasterizer
 from renderer.errors import InputError
-from renderer.frame import Stage, prepare_stage, read_volumes
+from renderer.frame import Stage, prepare_stage, read_film_volumes
 from renderer.scene import MetricTarget, Scene, counted
 from renderer.system import num_cores
 from renderer.volume import Volume
@@ -39,7 +39,7 @@ def print_tolerance(
     noun = scene.splat.primitive_name
     with (
         open_rasterizer(scene) as rasterizer,
-        open_at_any_tolerance(scene, read_volumes(scene)) as stage,
+        open_at_any_tolerance(scene, read_film_volumes(scene).first) as stage,
         FilmEvents(reporter, noun) as events,
     ):
         exact = ExactPictures(want, partial(find_truth, stage, truth_tolerance, events))
