@@ -82,9 +82,11 @@ def suggest_scene(
     from renderer.suggest import Wish, suggest_for, suggest_over
 
     def read(spec: VolumeSpec) -> Volume:
-        """Read a volume; notes on how it was read are printed once for all of its channels."""
-        is_other = spec.source == volume.source and spec.component not in ("all", 0, volume.component)
-        return read_with_options(spec, replace(reporter, is_quiet=True) if is_other else reporter)
+        """Read a volume; notes on how it was read are printed once for all of its channels and steps."""
+        is_other = spec.source == volume.source and (
+            spec.component not in ("all", 0, volume.component) or spec.time not in (0, volume.time)
+        )
+        return read_with_options(spec, replace(reporter, is_quiet=True) if is_other else reporter, in_time=True)
 
     wish, under = Wish(film.colormap, film.preset), None
     if film.under is None:

@@ -188,8 +188,8 @@ def _file_source(volume: Path) -> FileSource:
     return source
 
 
-def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:
-    """Read a volume that options describe, and report the reader's note.
+def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool = False) -> Volume:
+    """Read a volume that options describe, and report the reader's note; with `in_time` none on a choice of steps.
 
     Raises InputError, with hints about the options and not about a scene.
     """
@@ -202,7 +202,8 @@ def read_with_options(volume: VolumeSpec, reporter: Reporter) -> Volume:
         if isinstance(error, UnknownFormatError):
             error.hint = _HEADERLESS_HINT
         raise
-    if read.note is not None:
+    is_open = in_time and volume.time is None and read.num_times > 1  # its steps are read next
+    if read.note is not None and not is_open:
         reporter.status(f"{read.name}: {_as_options(read.note)}")
     return read
 

@@ -98,10 +98,9 @@ def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wis
     """
     may_have_channels = wish == NO_WISH and volume.component in (None, "all")
     asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
-    in_time = replace(volume, time="auto") if volume.time is None else volume
-    found = read(replace(in_time, component=asked) if may_have_channels else in_time)
-    if found.num_times > 1 and in_time.time == "auto":
-        return _suggest_in_time(in_time, found.num_times, read, wish)
+    found = read(replace(volume, component=asked) if may_have_channels else volume)
+    if found.num_times > 1 and volume.time is None:
+        return _suggest_in_time(volume, found.num_times, read, wish)
     raise_problems(volume_problems(volume_extent(found), found.name))
     if may_have_channels and (volume.component == "all" or any(channel.is_light for channel in found.channels)):
         return _channels_suggestion(volume, found, read)

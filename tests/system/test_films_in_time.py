@@ -1,0 +1,161 @@
+"""Films of volumes that change in time: which step a frame shows, and what is said of steps that are wrong."""
+
+from __future__ import annotations
+
+import json
+import weakref
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_scene import small_scene
+
+from hsplat_cli import main
+from renderer.frame import pipeline, preparation
+from renderer.scene import load_scene
+
+NUM_STEPS, NUM_FRAMES = 4, 7
+SCENE = small_scene(frames=NUM_FRAMES, size="32, 24", volume="file: 's_{}.npy', time: auto")
+
+pytestmark = pytest.mark.usefixtures("scene_folder")
+
+
+def ball(radius: float) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    z, y, x = np.indices((16, 16, 16)) - 7.5
+    return np.asarray(np.clip(40 * (radius - np.sqrt(x * x + y * y + z * z)) + 100, 0, 255), np.uint8)
+
+
+@pytest.fixture(autouse=True)
+def steps(scene_folder: None) -> None:
+    for step in range(NUM_STEPS):
+        np.save(f"s_{step}.npy", ball(2 + 1.5 * step))
+
+
+def render(*arguments: str) -> None:
+    assert main.run(["render", *arguments, "--quiet"]) == 0
+
+
+def film(name: str, *changes: str, arguments: tuple[str, ...] = ()) -> list[bytes]:
+    asked = [part for change in changes for part in ("--set", change)]
+    render("scene.yaml", *asked, "--output", f"{name}/{{frame}}.png", *arguments)
+    return [Path(f"{name}/{frame}.png").read_bytes() for frame in range(NUM_FRAMES)]
+
+
+def told(name: str) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(Path(f"{name}/frames.json").read_text("utf-8"))
+    return data
+
+
+def still(frame: int, camera: dict[str, Any], *changes: str) -> bytes:
+    """A frame of a film of one step, which the changes name."""
+    place = f"camera.target={camera['target']}", f"camera.distance={camera['distance']}"
+    asked = [part for change in (*place, *changes) for part in ("--set", change)]
+    render("scene.yaml", *asked, "--frames", str(frame), "--output", "still.png", "--force")
+    return Path("still.png").read_bytes()
+
+
+def test_all_steps_over_the_film() -> None:
+    """By the nearest, framed by what is visible on any."""
+    pictures = film("all")
+    record = told("all")
+    assert record["scene"]["volume"]["time"] == {"0": 0, "6": 3}
+    assert [frame["values"]["volume.time"] for frame in record["frames"]] == [0, 1, 1, 2, 2, 3, 3]
+    for frame, step in ((0, 0), (1, 1), (4, 2), (6, 3)):
+        assert pictures[frame] == still(frame, record["camera"], f"volume.time={step}")
+    largest = film("one", "volume.time=3")
+    assert told("one")["camera"]["distance"] == pytest.approx(record["camera"]["distance"])
+    assert largest[6] == pictures[6]
+
+
+def test_between_steps() -> None:
+    pictures = film("mixed", "volume.interpolate=true")
+    assert len(set(pictures)) == NUM_FRAMES
+    values = [frame["values"]["volume.time"] for frame in told("mixed")["frames"]]
+    assert values == [0.5 * frame for frame in range(NUM_FRAMES)]
+    np.save("between.npy", (np.load("s_0.npy").astype(np.float32) + np.load("s_1.npy").astype(np.float32)) / 2)
+    assert pictures[1] == still(1, told("mixed")["camera"], "volume={file: between.npy}")
+
+
+def test_however_it_is_made() -> None:
+    expected = film("film")
+    assert film("workers", arguments=("--workers", "2")) == expected
+    render("film/frames.json", "--output", "again/{frame}.png", "--no-paths")
+    assert [Path(f"again/{frame}.png").read_bytes() for frame in range(NUM_FRAMES)] == expected
+    assert main.run(["verify", "film/frames.json", "--quiet"]) == 0
+
+
+def test_a_file_of_several_steps(capsys: pytest.CaptureFixture[str]) -> None:
+    import nibabel as nib
+
+    stack = np.stack([np.load(f"s_{step}.npy").T for step in range(NUM_STEPS)], axis=-1)
+    nib.save(nib.Nifti1Image(stack, np.diag([-1.0, -1.0, 1.0, 1.0])), "four.nii.gz")  # type: ignore[attr-defined]
+    assert film("of one file", "volume.file=four.nii.gz") == film("of several")
+    assert main.run(["turntable", "four.nii.gz", "-o", "films", "--frames", "5", "--size", "32"]) == 0
+    scene = load_scene(Path("films/four.yaml"))
+    assert scene.volume.time == "auto"
+    assert "range of 4 that were read" in capsys.readouterr().err
+
+
+def test_another_step_is_another_film(capsys: pytest.CaptureFixture[str]) -> None:
+    before = film("film")
+    np.save("s_2.npy", ball(6.0))
+    assert main.run(["render", "film/frames.json"]) != 0
+    assert "the film was made from another volume" in capsys.readouterr().err
+    assert film("film") != before
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda: np.save("s_2.npy", ball(3.0)[:15]), "the steps of this volume differ"),
+        (lambda: np.save("s_2.npy", ball(3.0).astype(np.float32)), "the steps of this volume differ"),
+        (lambda: Path("s_2.npy").write_bytes(Path("s_2.npy").read_bytes()[:-9]), "s_2.npy"),
+        (lambda: Path("s_2.npy").unlink(), "no step 2 of 0 to 3"),
+    ],
+)
+def test_wrong_steps_are_found_before_anything_is_drawn(
+    change: Any, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change()
+    assert main.run(["render", "scene.yaml", "--output", "out/{frame}.png"]) != 0
+    assert message in capsys.readouterr().err
+    assert not Path("out/0.png").exists()
+
+
+def test_a_step_that_changes_meanwhile(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    expected = film("expected")
+    draw = pipeline.draw_frame
+
+    def draw_and_change(*arguments: Any) -> Any:
+        frame = draw(*arguments)
+        if frame.number == 1:
+            np.save("s_3.npy", ball(4.0))
+        return frame
+
+    original = np.load("s_3.npy")
+    with monkeypatch.context() as patch:
+        patch.setattr(pipeline, "draw_frame", draw_and_change)
+        assert main.run(["render", "scene.yaml", "--output", "out/{frame}.png"]) != 0
+    said = capsys.readouterr().err
+    assert "was changed while its film is made" in said and "resumes there" in said
+    np.save("s_3.npy", original)
+    assert film("out") == expected
+
+
+def test_each_step_is_made_once_and_few_are_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, held = list[int](), list[int]()
+    make = preparation.make_layer
+
+    def count(*arguments: Any, **options: Any) -> Any:
+        layer = make(*arguments, **options)
+        made.append(id(layer))
+        held.append(len(alive := [each for each in layers if each() is not None]) + 1)
+        layers[:] = [*alive, weakref.ref(layer.pyramid)]
+        return layer
+
+    layers: list[Any] = []
+    film("first", "camera.distance=60", "camera.target=[7, 7, 7]")
+    monkeypatch.setattr(preparation, "make_layer", count)
+    film("film", "camera.distance=61", "camera.target=[7, 7, 7]", "error.probes=0")
+    assert len(made) == NUM_STEPS and max(held) <= 3
