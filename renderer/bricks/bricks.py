@@ -49,7 +49,7 @@ BRICKS_PER_RAY = 4
 RAY_ERROR_FACTOR = math.sqrt(BRICKS_PER_RAY * BRICK_SIZE)
 
 # Bricks of one task: enough to hide the dispatch, few enough that their nodes take little memory.
-_BRICKS_PER_TASK = 64
+_BRICKS_PER_TASK = 128
 # The range of texels is at least this share of the range of the control values, or of the volume's if all control
 # values are equal. Interpolated scalars need digits, and clamping to MAX_NORMALIZED_SCALAR moves what lies beyond.
 _MIN_RANGE_SHARE = 1 / 64

@@ -43,17 +43,17 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool, toward_light: Floa
     clamped to +-MAX_NORMALIZED_SCALAR, float32 [n, 18, 18, 18]. Of a volume with voxels without data, the lowest bit
     is set in theirs.
 
-    lit: [n, 18, 18, 18, 4], (u, gx, gy, gz), with the gradient in world axes: central differences at voxel centres,
-    one-sided at the border and 0 along an axis of one voxel; of labels, those of smoothed
-    opacities. It is divided by a number that is the same in the whole volume, such that differences of scalars are at
-    most 1, and so is the largest entry of the transform to the world.
+    lit: [n, 4 * 18^3], of each brick all scalars, which are read more often, and then all gradients (x, y, z) in world
+    axes: central differences at voxel centres, one-sided at the border and 0 along an axis of one voxel; of labels,
+    those of smoothed opacities. They are divided by a number that is the same in the whole volume, such that
+    differences of scalars are at most 1, and so is the largest entry of the transform to the world.
 
     toward_light: float64 [3], a unit vector, to which the normals of labels turn a little; 0 for none.
 
     Raises InputError where the volume's file was changed.
     """
     volume, first = bricks.volume, bricks.scalar_range[0]
-    texels = np.empty((len(cells), *(PADDED_BRICK_SIZE,) * 3, 4 if lit else 1), np.float32)
+    texels = np.empty((len(cells), (4 if lit else 1) * PADDED_BRICK_SIZE**3), np.float32)
     matrix = _world_from_gradient(volume)
     width, factor = range_width(*bricks.scalar_range)
     volume.require_unchanged()
@@ -63,7 +63,7 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool, toward_light: Floa
         opacities=_opacities(bricks), toward_light=toward_light, texels=texels,
     )  # fmt: skip
     volume.require_unchanged()
-    return texels if lit else texels[..., 0]
+    return texels if lit else texels.reshape(-1, *(PADDED_BRICK_SIZE,) * 3)
 
 
 def _opacities(bricks: Bricks) -> Float64:

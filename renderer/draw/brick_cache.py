@@ -30,8 +30,8 @@ from renderer.view import RaySetup, View, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
 
 MAX_ATLAS_BYTES = 256 << 20
-# Bricks whose texels are made at a time before they are written.
-_UPLOAD_BATCH = 256
+# Most bricks whose texels a thread makes at a time before they are written.
+_UPLOAD_BATCH = 64
 # Floats behind the last texel that loads of whole rows touch.
 _READ_BEHIND = 2
 
@@ -40,12 +40,12 @@ class Atlas:
     """A store of bricks of one kind, in slots. The caller gives each brick a key, a number from 0 to `num_keys` - 1.
 
     num_channels: 1 or 4, float32. max_slots: the number of bricks that it may hold.
-    has_gradients: a brick of 4 channels has all its scalars first, which are read more often than their gradients.
+    threads: make texels and write them; None for the calling one.
     texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels], brick after brick.
     """
 
-    def __init__(self, num_channels: int, num_keys: int, *, has_gradients: bool = False) -> None:
-        self._has_gradients, self._brick_floats = has_gradients, PADDED_BRICK_SIZE**3 * num_channels
+    def __init__(self, num_channels: int, num_keys: int, threads: ThreadPool | None = None) -> None:
+        self._threads, self._brick_floats = threads or ThreadPool(), PADDED_BRICK_SIZE**3 * num_channels
         fitting = max(1, MAX_ATLAS_BYTES // (4 * self._brick_floats))
         self.num_channels, self.max_slots = num_channels, min(num_keys, fitting)
         self.texels = np.empty(0, np.float32)
@@ -78,8 +78,8 @@ class Atlas:
         """Upload the bricks that are missing, and return the slots of all: int64 [n].
 
         keys: int64 [n], all different, at most as many as there are slots. make_texels: returns the texels of missing
-        bricks, float32 [m, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE(, 4)], from their indices in `keys`.
-        Where it raises, the bricks that were written before stay, and the others are not in the atlas.
+        bricks, float32 [m, ...], from their indices in `keys`; several threads call it. Where it raises, the bricks
+        that were written before stay, and the others are not in the atlas.
         """
         self._use_counter += 1
         slots = self._slot_from_key[keys]
@@ -90,22 +90,17 @@ class Atlas:
             evicted = self._key_from_slot[free]
             self._slot_from_key[evicted[evicted >= 0]] = -1
             self._key_from_slot[free] = -1
-            for first in range(0, len(missing), _UPLOAD_BATCH):
-                part, into = missing[first : first + _UPLOAD_BATCH], free[first : first + _UPLOAD_BATCH]
-                self._write(into, make_texels(part))
+            bricks = self.texels[:-_READ_BEHIND].reshape(-1, self._brick_floats)
+            num = max(MIN_BRICKS_PER_THREAD, min(-(-len(missing) // self._threads.num), _UPLOAD_BATCH))
+
+            def add(first: int) -> None:
+                part, into = missing[first : first + num], free[first : first + num]
+                bricks[into] = make_texels(part).reshape(len(part), -1)
                 self._slot_from_key[keys[part]], self._key_from_slot[into] = into, keys[part]
                 self._last_used[into] = self._use_counter
-        return self._slot_from_key[keys]
 
-    def _write(self, slots: Int64, texels: Float32) -> None:
-        """Write the texels of bricks to their slots."""
-        bricks = self.texels[:-_READ_BEHIND].reshape(-1, self._brick_floats)
-        if self._has_gradients and self.num_channels > 1:
-            texels = texels.reshape(len(slots), -1, self.num_channels)
-            bricks[slots, : texels.shape[1]] = texels[..., 0]
-            bricks[slots, texels.shape[1] :] = texels[..., 1:].reshape(len(slots), -1)
-        else:
-            bricks[slots] = texels.reshape(len(slots), -1)
+            self._threads.map(add, range(0, len(missing), num))
+        return self._slot_from_key[keys]
 
     def _resize(self, num: int) -> None:
         """Note that there are `num` slots now, all of them free."""
@@ -163,14 +158,12 @@ class BrickCache:
     """
 
     def __init__(self, bricks: BrickLayers, threads: ThreadPool) -> None:
-        self._threads = threads
         num_scalars, *nums = (level.errors.size for level in bricks.levels)
-        colored = [layer.bricks.volume.colors is not None for layer in bricks.layers]
         self.scalars = [
-            Atlas(4 if layer.shading or has_colors else 1, num_scalars, has_gradients=not has_colors)
-            for layer, has_colors in zip(bricks.layers, colored, strict=True)
+            Atlas(4 if layer.shading or layer.bricks.volume.colors is not None else 1, num_scalars, threads)
+            for layer in bricks.layers
         ]
-        self.means = Atlas(4, sum(nums))
+        self.means = Atlas(4, sum(nums))  # threads compute each batch
         self._computed = [MeanCache(threads) for _ in bricks.layers]
         self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
 
@@ -248,7 +241,7 @@ class BrickCache:
             make = partial(make, toward_light=toward_light(layer.shading))
         if layer.bricks.volume.colors is not None:
             make = partial(color_texels, layer.bricks.pyramid)
-        return self._threads.map_concatenated(make, cells[among[chosen]], MIN_BRICKS_PER_THREAD)
+        return make(cells[among[chosen]])
 
     def _mean_texels(self, brick_view: BrickView, cells: Int32, among: Int64, chosen: Int64) -> Float32:
         """Return the sums of all layers' means, times their weights."""

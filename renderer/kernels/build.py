@@ -32,7 +32,7 @@ LEVELS = {
     "aarch64": {0: ("generic", 4)},
 }
 # Compiled for each level; the others for the lowest alone, as higher ones gain nothing.
-_IN_LANES = ("march", "mixture", "extremum")
+_IN_LANES = ("march", "mixture", "extremum", "light_rays")
 # What libraries can be made for, and what zig calls it: for Linux, with any C library since that of 2012.
 TARGETS = {
     "linux-x86_64": "x86_64-linux-gnu.2.17",

@@ -34,6 +34,8 @@ START_CELLS = 2
 # What docs/benchmarks/occlusion.md says suffices.
 _NUM_OCCLUSION_RAYS, _OCCLUSION_GROWTH = 24, 0.35
 _NUM_LIGHT_RAYS, _LIGHT_GROWTH = 14, 0.07
+# As in the kernel `transmit`.
+_CELLS_OF_PART = 16
 _GOLDEN_ANGLE = np.pi * (1 + 5**0.5)
 
 
@@ -111,9 +113,19 @@ def _transmission(
     lengths = (np.diff(ends) / volume.finest_spacing).astype(np.float32)
     border = (np.array(volume.shape_xyz) / 2**level + 0.5).astype(np.float32)
     out = np.empty([num - 2 for num in depths.shape], np.float32)
-    transmit = kernels().transmit.partial(depths=depths, end=border, offsets=offsets, lengths=lengths)
+    filled = _filled_parts(depths)
+    transmit = kernels().transmit.partial(depths=depths, filled=filled, end=border, offsets=offsets, lengths=lengths)
     threads.map(lambda z: transmit(slab=z, out=out[z]), range(len(out)))
     return np.pad(out, 1, mode="edge")
+
+
+def _filled_parts(depths: Float32) -> Bools:
+    """Return in which parts of rows of cells anything is visible, or beside them: `filled` of the kernel `transmit`."""
+    filled = np.logical_or.reduceat(depths > 0, np.arange(0, depths.shape[2], _CELLS_OF_PART), axis=2)
+    for axis in range(3):
+        along = np.moveaxis(filled, axis, 0)
+        along[:-1] |= along[1:]
+    return np.asarray(filled)
 
 
 def _sample_ends(start: float, end: float, width: float, growth: float) -> Float64:

@@ -55,8 +55,8 @@ BLOCK_LEVELS = 3
 
 # Tasks build whole cubes of 64^3 voxels, so that no two of them have nodes in the same brick of levels 0 to 2.
 CUBE_LEVELS = 6
-# Most blocks of a task: enough to hide the dispatch, few enough that their nodes stay in cache.
-BLOCKS_PER_TASK = 1024
+# Most blocks of a task: enough to hide the dispatch, few enough that their nodes take little memory.
+BLOCKS_PER_TASK = 2048
 
 # Framing reads a grid of visible cells that has at most this many along an axis.
 MAX_OCCUPANCY_SIDE = 128

@@ -9,6 +9,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,14 @@ from renderer.bricks import BrickBatch, ScreenSampling
 from renderer.draw import BrickRasterizer
 from renderer.kernels.build import BUILT, LEVELS
 from renderer.kernels.library import LEVEL_VARIABLE, processor_level
+from renderer.lighting import compute_light_grid
 from renderer.scene import ShadingSpec
 from renderer.volume import make_volume
 
 SUPPORT = Path(__file__).resolve().parents[1] / "support"
 
 SHADING = ShadingSpec(light=(1.0, -1.0, 0.5), ambient=0.3, diffuse=0.7)
+OCCLUSION = replace(SHADING, occlusion=0.7, shadow=0.5)
 # More segments than a vector has lanes, steps among them.
 LAYERS = tuple((k / 20, (k % 3 / 2, k % 5 / 4, 1 - k / 20), k % 4 * 1.5) for k in range(20))
 FOG = ((0.2, (0.9, 0.2, 0.1), 0.0), (1.0, (0.1, 0.5, 1.0), 2.0))
@@ -39,12 +42,15 @@ PRECISION = 6e-5
 
 def digest() -> str:
     """Return a digest of pyramids, and of pictures with few and many segments, lit or not, of scalars and of means,
-    with voxels that have no data, and of two volumes that are mixed."""
+    with voxels that have no data, of two volumes that are mixed, and of the light on a grid."""
     total = hashlib.blake2b(digest_size=16)
     values = hills((12, 16, 150), 9.0)
     volume = placed(values, AFFINES["oblique"])
     gaps = np.where(np.random.default_rng(1).random(values.shape) < 0.1, np.float32(np.nan), values)
     patchy = make_volume(gaps, volume.world_from_index, "test", num_absent=int(np.isnan(gaps).sum()))
+    for shading in (OCCLUSION, replace(OCCLUSION, light=(-3.0, 1.0, -0.2))):  # to either side
+        grid = compute_light_grid(volume, transfer_of(*LAYERS), shading)
+        total.update(grid.occlusion.tobytes() + grid.shadow.tobytes())
     before: BrickBatch | None = None
     with BrickRasterizer(num_threads=1) as rasterizer:
         for points, shading, of in (

@@ -94,20 +94,20 @@ void fill_label_gradients(const Voxels& voxels, const Array<const int32_t, 1>& c
 
 }  // namespace
 
-// Write texels [n, 18, 18, 18, c], as `scalar_texels` returns them, of bricks at cells [n, 3] (x, y, z). first, width,
-// factor: of the range, as `range_width` returns them. world_from_gradient: for the gradients of four channels. With
+// Write texels [n, 18^3 or 4 * 18^3], as `scalar_texels` returns them, of bricks at cells [n, 3] (x, y, z). first, width,
+// factor: of the range, as `range_width` returns them. world_from_gradient: for gradients. With
 // the factor `scale`, no difference of two scalars overflows. opacities: of labels, by their numbers. toward_light: a unit
 // vector, or 0.
 Status fill_scalar_texels(const FillScalarTexels* arguments) {
     const auto [voxels, cells, first, width, factor, m, scale, opacities, toward_light, texels] = *arguments;
-    constexpr int64_t size = PADDED_BRICK_SIZE;
-    const bool is_lit = texels.shape[4] == 4, has_absent = voxels.has_absent;
-    if (!fit_together(voxels, cells) || !has_shape(texels, cells.shape[0], size, size, size, is_lit ? 4 : 1))
+    constexpr int64_t size = PADDED_BRICK_SIZE, num = size * size * size;
+    const bool is_lit = texels.shape[1] == 4 * num, has_absent = voxels.has_absent;
+    if (!fit_together(voxels, cells) || !has_shape(texels, cells.shape[0], is_lit ? 4 * num : num))
         return OUT_OF_BOUNDS;
     // Gradients need the voxels next to those of texels, and so does what takes the place of voxels without data.
     int64_t margin = is_lit, side = size + 2 * margin, gradient_side = is_lit * (size + 2 * has_absent);
     Cube field(side), around(side + 2), smoothed(size + 6);
-    Buffer<double> memory(3 * gradient_side * gradient_side * gradient_side), filled(3 * size * size * size);
+    Buffer<double> memory(3 * gradient_side * gradient_side * gradient_side), filled(3 * num);
     if (!field || !around || !smoothed || !memory || !filled) return NO_MEMORY;
     const Array<double, 4> gradients = {memory.data, {3, gradient_side, gradient_side, gradient_side}};
     const Array<double, 4> planes = {has_absent ? filled.data : memory.data, {3, size, size, size}};
@@ -133,10 +133,11 @@ Status fill_scalar_texels(const FillScalarTexels* arguments) {
                         bool is_absent = is_nan(around.field(z + margin + 1, y + margin + 1, x + margin + 1));
                         u = __builtin_bit_cast(float, (__builtin_bit_cast(uint32_t, u) & ~1u) | is_absent);
                     }
-                    texels(i, z, y, x, 0) = u;
+                    int64_t at = (z * size + y) * size + x;
+                    texels(i, at) = u;
                     for (int axis = 0; axis < 3 * is_lit; axis++) {
                         double value = planes(axis, z, y, x);
-                        texels(i, z, y, x, 1 + axis) = is_nan(value) ? 0 : (float)value;
+                        texels(i, num + 3 * at + axis) = is_nan(value) ? 0 : (float)value;
                     }
                 }
     }

@@ -23,14 +23,14 @@ inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& 
                               const int64_t* voxel) {
     bool is_float32 = raw.dtype == 8;  // small differences of these are float32, too
     const int64_t steps[3] = {1, row, row * row};
-    double before[3], after[3], distance[3], g[3], light[5];
+    double before[3], after[3], share[3], g[3], light[5];
     for (int axis = 0; axis < 3; axis++) {
         before[axis] = here[-steps[axis]], after[axis] = here[steps[axis]];
         bool has_before = voxel[axis] > 0 && !is_nan(before[axis]);
         bool has_after = voxel[axis] < raw.shape[2 - axis] - 1 && !is_nan(after[axis]);
         if (is_nan(before[axis])) before[axis] = *here;
         if (is_nan(after[axis])) after[axis] = *here;
-        distance[axis] = has_before && has_after ? 2.0 : 1.0;
+        share[axis] = has_before && has_after ? 0.5 : 1.0;
     }
     // Only the direction counts. Differences of halves do not overflow. Where they are small, the full differences do
     // not overflow either, and halves would round denormals.
@@ -41,11 +41,9 @@ inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& 
             double rise = after[axis] - before[axis];
             g[axis] = 2.0 * (is_float32 ? (double)(float)rise : rise);
         }
-    for (int axis = 0; axis < 3; axis++) g[axis] /= distance[axis];
+    for (int axis = 0; axis < 3; axis++) g[axis] *= share[axis];
     __builtin_memcpy(light, lighting.light, sizeof light);
-    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = lighting.grid;
-    light[3] *= share_at(occlusion, occlusion_strength, cell_size, voxel);
-    light[4] *= share_at(shadow, shadow_strength, cell_size, voxel);
+    shade(lighting.grid, voxel, light);
     double steepest = largest();
     if (steepest == 0.0) return light[3];
     for (double& each : g) each /= steepest;

@@ -173,7 +173,9 @@ struct AverageVoxels {
 KERNEL(average_voxels, AverageVoxels)
 
 struct Transmit {
-    Array<const float, 3> depths, offsets;
+    Array<const float, 3> depths;
+    Array<const bool, 3> filled;
+    Array<const float, 3> offsets;
     Array<const float, 1> lengths;
     float end[3];
     int64_t slab;
@@ -241,7 +243,7 @@ struct FillScalarTexels {
     double first, width, factor, world_from_gradient[9], scale;
     Array<const double, 1> opacities;
     double toward_light[3];
-    Array<float, 5> texels;
+    Array<float, 2> texels;
 };
 KERNEL(fill_scalar_texels, FillScalarTexels)
 

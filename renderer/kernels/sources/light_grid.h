@@ -15,12 +15,18 @@ INLINE float interpolate_cells(const Array<const float, 3>& grid, float x, float
     return near + c * (far - near);
 }
 
-// The share of light that reaches a voxel, by one of the grids.
-INLINE double share_at(const Array<const float, 3>& grid, double strength, double cell_size, const int64_t* voxel) {
-    if (grid.size() == 0) return 1.0;
-    double scale = 1.0 / cell_size, shift = 0.5 / cell_size + 0.5;
+// Multiply the ambient and the diffuse light, the last two of `light`, by the shares of them that reach a voxel.
+INLINE void shade(const LightGrid& grids, const int64_t* voxel, double* light) {
+    bool is_occluded = grids.occlusion.size() > 0, is_shadowed = grids.shadow.size() > 0;
+    if (!is_occluded && !is_shadowed) return;
+    double scale = 1.0 / grids.cell_size, shift = 0.5 / grids.cell_size + 0.5;
+    const auto& shape = is_occluded ? grids.occlusion.shape : grids.shadow.shape;
     float place[3];
     for (int axis = 0; axis < 3; axis++)
-        place[axis] = (float)least(most((double)voxel[axis] * scale + shift, 0.5), (double)grid.shape[2 - axis] - 1.5);
-    return 1.0 - strength + strength * (double)interpolate_cells(grid, place[0], place[1], place[2]);
+        place[axis] = (float)least(most((double)voxel[axis] * scale + shift, 0.5), (double)shape[2 - axis] - 1.5);
+    auto share = [&](const Array<const float, 3>& grid, double strength) {
+        return 1.0 - strength + strength * (double)interpolate_cells(grid, place[0], place[1], place[2]);
+    };
+    if (is_occluded) light[3] *= share(grids.occlusion, grids.occlusion_strength);
+    if (is_shadowed) light[4] *= share(grids.shadow, grids.shadow_strength);
 }

@@ -88,12 +88,16 @@ inline double extreme_exp(double high, double low) {
     return (near + near * share) * times_power_of_two(1.0, half) * times_power_of_two(1.0, exponent - half);
 }
 
-// exp(high + low), of a low that is far smaller.
-INLINE double exp_of_sum(double high, double low) {
-    if (!(__builtin_fabs(high) < 700.0)) return extreme_exp(high, low);
+// exp(high + low), of |high| below 700 and a low that is far smaller; without a branch, so that loops become vector code.
+INLINE double moderate_exp(double high, double low = -0.0) {
     auto [near, share, exponent] = reduce(high, low);
     near = times_power_of_two(near, exponent);
     return near + near * share;
+}
+
+// exp(high + low), of a low that is far smaller.
+INLINE double exp_of_sum(double high, double low) {
+    return __builtin_fabs(high) < 700.0 ? moderate_exp(high, low) : extreme_exp(high, low);
 }
 
 // Intervals of equal numbers of float64 from FIRST to twice that; 1 is in the middle of one. An inverse of each, of 10

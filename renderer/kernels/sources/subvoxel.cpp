@@ -81,6 +81,8 @@ struct Curve {
     }
 
     INLINE Channels operator()(int64_t segment, double scalar) const { return evaluate_segment(rows, segment, scalar); }
+
+    INLINE bool is_flat(int64_t segment) const { return !any_of(mask_of(load<Channels>(&rows(segment, 6), 0) != 0.0)); }
 };
 
 // The dual cells of a brick, nums + 1 along z, y, x, and the smallest and the largest scalar at the corners of each. Dual
@@ -139,14 +141,21 @@ void to_ranges(const DualCells& cells) {
 void find_visible_bounds(const DualCells& cells, const Array<const double, 1>& breakpoints,
                          const Array<float, 2>& bounds) {
     int64_t lowest[3] = {BRICK_SIZE, BRICK_SIZE, BRICK_SIZE}, highest[3] = {};
-    cells.for_each([&](int64_t z, int64_t y, int64_t x, Range range) {
-        if (!(range.low <= range.high && is_range_visible(breakpoints, range.low, range.high))) return;
-        int64_t at[3] = {x, y, z};
-        for (int axis = 0; axis < 3; axis++) {
-            lowest[axis] = least(lowest[axis], at[axis]);
-            highest[axis] = most(highest[axis], at[axis]);
+    for (int64_t z = 0; z <= cells.nums[0]; z++)
+        for (int64_t y = 0; y <= cells.nums[1]; y++) {
+            auto is_visible = [&](int64_t x) {
+                Range range = {cells.low(z, y, x), cells.high(z, y, x)};
+                return range.low <= range.high && is_range_visible(breakpoints, range.low, range.high);
+            };
+            // From both ends of the row, as far as it can widen what was found.
+            bool is_between = lowest[2] <= z && z <= highest[2] && lowest[1] <= y && y <= highest[1];
+            int64_t first = 0, end = cells.nums[2] + 1;
+            while (first < (is_between ? lowest[0] : end) && !is_visible(first)) first++;
+            while (end > (is_between ? highest[0] + 1 : first) && !is_visible(end - 1)) end--;
+            const int64_t low[3] = {first, y, z}, high[3] = {end - 1, y, z};
+            for (int axis = 0; axis < 3 && first < end; axis++)
+                lowest[axis] = least(lowest[axis], low[axis]), highest[axis] = most(highest[axis], high[axis]);
         }
-    });
     for (int axis = 0; axis < 3; axis++) {
         bounds(0, axis) = (float)most((double)lowest[axis] - 0.5, 0.0);
         bounds(1, axis) = (float)least((double)highest[axis] + 0.5, (double)cells.nums[2 - axis]);
@@ -191,12 +200,18 @@ struct Variation {
 Variation variation(const DualCells& cells, const Curve& curve) {
     double largest = 0, total = 0, total_difference = 0;
     int64_t first = 0;
+    Range flat = {INFINITE, -INFINITE};  // the last segment that was seen to be flat
     cells.for_each([&](int64_t z, int64_t y, int64_t x, Range range) {
         Range scaled = {curve.scale * range.low, curve.scale * range.high};
-        if (!(scaled.low < scaled.high)) return;
-        double part = cells.share(z, y, x);
+        if (!(scaled.low < scaled.high) || (flat.low <= scaled.low && scaled.high < flat.high)) return;
         first = curve.num_at_or_below(scaled.low, first);
         int64_t last = curve.num_at_or_below(scaled.high, first);
+        if (last == first && curve.is_flat(first)) {
+            bool is_last = first == curve.rows.shape[0] - 1;
+            flat = {first > 0 ? curve.value(first - 1) : -INFINITE, is_last ? INFINITE : curve.value(first)};
+            return;
+        }
+        double part = cells.share(z, y, x);
         Channels w0 = curve(first, scaled.low), w1 = curve(last, scaled.high);
         if (last > first) {
             auto [square, width] = distance(curve, scaled, first, last, w0, w1);
@@ -292,8 +307,8 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         Range range = range_of(low.field);
         if (!(range.low <= range.high)) continue;
         int64_t first = curve.num_at_or_below(curve.scale * range.low, 0);
-        bool is_varying = !is_whole || shown.exists || curve.num_at_or_below(curve.scale * range.high, first) > first;
-        for (int channel = 6; channel < 10; channel++) is_varying |= table.rows(first, channel) != 0;
+        bool is_varying = !is_whole || shown.exists || !curve.is_flat(first) ||
+                          curve.num_at_or_below(curve.scale * range.high, first) > first;
         bool is_visible = is_range_visible(breakpoints, range.low, range.high);
         if (is_varying || is_visible) to_ranges(of_brick);
         if (is_visible) find_visible_bounds(of_brick, breakpoints, bounds[z][y][x]);
