@@ -129,8 +129,14 @@ class FlightKey:
     frame: Annotated[int | None, schema.FRAME_NUMBER_FIELD] = None
 
 
+def _check_flight_key(node: TreeNode, given: dict[str, Any]) -> None:
+    if given["position"] == given["target"] and INVALID not in (given["position"], *given["position"]):
+        node.child("target", [*given["target"]]).reject("no direction", expected="another place than the eye's")
+
+
 _FLIGHT_KEYS = schema.sequence_field(
-    schema.dataclass_field(FlightKey), "a list of {position: [x, y, z], target: [x, y, z], roll: ...}, one or more"
+    schema.dataclass_field(FlightKey, _check_flight_key),
+    "a list of {position: [x, y, z], target: [x, y, z], roll: ...}, one or more",
 )
 
 
