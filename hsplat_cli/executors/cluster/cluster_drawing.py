@@ -30,7 +30,8 @@ from renderer.system import package_versions
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-T, R = TypeVar("T"), TypeVar("R")
+T = TypeVar("T")
+R = TypeVar("R")
 
 # Workers are looked for when no frame is finished for this long.
 _POLL_INTERVAL_S = 0.5
