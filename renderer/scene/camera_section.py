@@ -130,8 +130,9 @@ class FlightKey:
 
 
 def _check_flight_key(node: TreeNode, given: dict[str, Any]) -> None:
-    if given["position"] == given["target"] and INVALID not in (given["position"], *given["position"]):
-        node.child("target", [*given["target"]]).reject("no direction", expected="another place than the eye's")
+    target = given["target"]
+    if isinstance(target, tuple) and INVALID not in target and given["position"] == target:
+        node.child("target", target).reject("no direction", expected="another place than the eye's")
 
 
 _FLIGHT_KEYS = schema.sequence_field(
