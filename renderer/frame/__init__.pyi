@@ -8,6 +8,7 @@ from .budget import (
 )
 from .frame import Frame as Frame, draw_frame as draw_frame, make_draw_list as make_draw_list
 from .pipeline import (
+    framing_note as framing_note,
     prepare_stage as prepare_stage,
     render_frames as render_frames,
 )

@@ -19,7 +19,7 @@ from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.preparation import StageMaker, points_in_frame, volume_key
 from renderer.frame.stage import Clock, Stage, Stopwatch
-from renderer.layers import Layer, placement_problems, reach_text
+from renderer.layers import Layer, layer_parts, placement_problems, reach_text
 from renderer.scene import (
     CameraSpec,
     ClipSpec,
@@ -27,6 +27,7 @@ from renderer.scene import (
     Vector,
     VolumeSpec,
     camera_problems,
+    changing_frames,
     min_tolerance,
     raise_problems,
     volume_extent,
@@ -187,7 +188,18 @@ def _other_points(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) ->
         yield points_in_frame(sampled, maker.layers_of(sampled, tolerance))
 
 
+def framing_note(scene: Scene) -> str | None:
+    """Return a sentence on the frames by which a film is framed, if its layers change and others may show more."""
+    frames, camera = _sampled(scene, _MOST_SAMPLED_LAYERS), scene.camera
+    is_open = camera.distance is None or not isinstance(camera.target, tuple)
+    changes = any(changing_frames((layer.volume, *layer_parts(layer, scene))) for layer in scene.layers)
+    if not (is_open and changes and len(frames) < scene.num_frames):
+        return None
+    return f"framed by what is visible on {len(frames)} of {scene.num_frames} frames"
+
+
 def _sampled(scene: Scene, num: int) -> list[int]:
     """Return some frames of a film in which something moves: its keys, if these are few, and others between them."""
     frames = sorted({0, *scene.key_frames, *range(0, scene.num_frames, max(1, scene.num_frames // num))})
-    return frames[:: -(-len(frames) // num)]
+    num = min(num, len(frames))
+    return [frames[k * (len(frames) - 1) // max(1, num - 1)] for k in range(num)]

@@ -17,7 +17,7 @@ from typing import Any
 from renderer.accuracy import finer_than_kept
 from renderer.errors import InputError, RenderError
 from renderer.film import film_notes, has_frame_files
-from renderer.frame import FilmVolumes, LODCostEstimator, Stage, prepare_stage, read_film_volumes
+from renderer.frame import FilmVolumes, LODCostEstimator, Stage, framing_note, prepare_stage, read_film_volumes
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor
@@ -76,7 +76,8 @@ def make_film(
             for volume in volumes.first:
                 if volume.note is not None:
                     events.volume_noted(f"{volume.name}: {volume.note}")
-            for note in (*job.scene.import_notes, *placement_notes(job.scene.at(0).layers, volumes.first)):
+            placed = placement_notes(job.scene.at(0).layers, volumes.first)
+            for note in filter(None, (*job.scene.import_notes, *placed, framing_note(job.scene))):
                 events.note(note)
             job, fingerprint = _with_fingerprint(job, volumes.fingerprint, executor.device)
             existing = find_existing_film(output.sidecar, events) if resumes else None
