@@ -199,7 +199,9 @@ def framing_note(scene: Scene) -> str | None:
 
 
 def _sampled(scene: Scene, num: int) -> list[int]:
-    """Return some frames of a film in which something moves: its keys, if these are few, and others between them."""
+    """Return some frames of a film: its keys, if these are few, and others between them; one where nothing moves."""
+    if not scene.moves:
+        return [0]
     frames = sorted({0, *scene.key_frames, *range(0, scene.num_frames, max(1, scene.num_frames // num))})
     num = min(num, len(frames))
     return [frames[k * (len(frames) - 1) // max(1, num - 1)] for k in range(num)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -34,7 +33,6 @@ from renderer.scene import (
     motions_in,
     raise_problems,
     ramp,
-    spec_to_dict,
     values_at,
     volume_extent,
 )
@@ -200,8 +198,7 @@ def read_film_volumes(scene: Scene) -> FilmVolumes:
     moving = dict.fromkeys(spec for layer in scene.layers for spec in layer.volumes.values() if any(motions_in(spec)))
     digest, known = hashlib.blake2b(joint_fingerprint(first).encode(), digest_size=16), dict[VolumeSpec, str]()
     for spec in moving:
-        plain = spec_to_dict(spec)
-        digest.update(json.dumps([plain.get(key) for key in ("time", "crop", "interpolate")]).encode())
+        digest.update(repr([*motions_in(spec)]).encode())
         one = read_volume(values_at(spec, 0))
         for step in _steps_of(spec, scene.num_frames):
             known[step] = read_volume(step, like=one if step.crop == values_at(spec.crop, 0) else None).fingerprint

@@ -109,4 +109,4 @@ def draw_frames(
     """
     for frame in render_frames(stage, numbers, rasterizer, clock=time.perf_counter, controller=controller):
         prober = prober and prober.on(frame.stage)
-        yield DrawnFrame(frame_record(frame, stage.scene), Picture(frame.image), prober)
+        yield DrawnFrame(frame_record(frame, stage), Picture(frame.image), prober)

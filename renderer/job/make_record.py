@@ -11,7 +11,7 @@ import numpy as np
 
 from renderer.accuracy import scalar_ranges
 from renderer.errors import RenderError
-from renderer.frame import Frame, finest_level_at
+from renderer.frame import Frame, Stage, finest_level_at
 from renderer.job.film_accuracy import film_accuracy
 from renderer.job.film_job import OriginalFilm
 from renderer.job.film_visibility import film_visibility, range_record
@@ -29,7 +29,6 @@ from renderer.job.record import (
 from renderer.layers import Layer
 from renderer.scene import (
     ErrorSpec,
-    Scene,
     format_value,
     moving_values,
     scene_to_dict,
@@ -43,8 +42,8 @@ from renderer.volume import Volume
 _MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
 
 
-def frame_record(frame: Frame, scene: Scene) -> FrameRecord:
-    """Return the record of a frame of a scene that was drawn; it has no digest yet."""
+def frame_record(frame: Frame, film: Stage) -> FrameRecord:
+    """Return the record of a frame of a film that was drawn; it has no digest yet."""
     return FrameRecord(
         frame=frame.number,
         tolerance=frame.tolerance,
@@ -53,7 +52,7 @@ def frame_record(frame: Frame, scene: Scene) -> FrameRecord:
         seconds=frame.seconds,
         predicted_seconds=frame.predicted_seconds,
         blank=bool(np.max(frame.radiance[..., 3], initial=0.0) < _MIN_VISIBLE_OPACITY),
-        values=moving_values(scene, frame.number) if scene.moves else None,
+        values=None if film.maker is None else moving_values(film.scene, frame.number),
     )
 
 

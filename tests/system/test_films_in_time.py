@@ -103,6 +103,16 @@ def test_a_file_of_several_steps(capsys: pytest.CaptureFixture[str], monkeypatch
     assert "range of 4 that were read" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("change", ["volume.time.easing=in", "volume.time={0: 0, 3: 3}", "volume.interpolate=true"])
+def test_other_steps_are_another_film(change: str) -> None:
+    """Also where the same ones are read."""
+    digests = []
+    for changes in ([], [], [change]):
+        film("film", "volume.time={0: 0, 6: 3}", *changes)
+        digests.append(told("film")["fingerprint"]["frames_digest"])
+    assert digests[0] == digests[1] != digests[2]
+
+
 def test_another_step_is_another_film(capsys: pytest.CaptureFixture[str]) -> None:
     before = film("film")
     np.save("s_2.npy", ball(6.0))
