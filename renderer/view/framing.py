@@ -75,9 +75,7 @@ def least_distance(
     limit_x, limit_y = (width / 2 - margin_px) * tangent_per_px, (height / 2 - margin_px) * tangent_per_px
     distance = -math.inf
     all_poses = iter_camera_poses(camera.path) if frames is None else [camera_poses(camera.path, frames)]
-    for poses in (each.about_target() for each in all_poses):
-        if not len(poses.zoom):
-            continue
+    for poses in (each.rows(~each.is_free) for each in all_poses if not each.is_free.all()):
         right, up, direction = poses.right / limit_x, poses.up / limit_y, poses.direction
         depth = direction if camera.projection == "perspective" else np.zeros_like(direction)
         for normals in (depth + right, depth - right, depth + up, depth - up):

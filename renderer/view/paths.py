@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -72,9 +72,10 @@ class CameraPoses(NamedTuple):
         """Return the axes as in `View`: float64 [n, 3, 3]."""
         return np.stack([self.right, self.up, self.direction], axis=1)
 
-    def about_target(self) -> CameraPoses:
-        """Return those poses that have no places of their own."""
-        return CameraPoses(*(each[~self.is_free] for each in self))
+    def rows(self, which: Any) -> CameraPoses:
+        """Return some of the poses, by an index of numpy."""
+        parts: Any = (each[which] for each in self)
+        return CameraPoses(*parts)
 
 
 def camera_poses(path: CameraPath, frames: Sequence[int], about: About = ANYWHERE) -> CameraPoses:
@@ -103,7 +104,7 @@ def _piece_poses(pieces: Sequence[PathPiece], number: int, at: Float64, about: A
         if isinstance(path, FlightPath):
             return _flight_poses(path, ends[0] if ends else None, at)
         if ends:
-            return CameraPoses(*(np.repeat(each, len(at), axis=0) for each in ends[0]))
+            return ends[0].rows(np.zeros(len(at), np.int64))
         path, at = TurntablePath(path.frames), np.zeros_like(at)
     if isinstance(path, KeyframePath):
         azimuth, elevation, zoom = _interpolate_keyframes(path, at)

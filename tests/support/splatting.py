@@ -45,7 +45,7 @@ def look(
 def camera_pose(path: CameraPath, frame: int) -> CameraPoses:
     """The pose at one frame: direction, right and up [3], and one zoom."""
     poses = camera_poses(path, [frame])
-    return CameraPoses(*(each[0] for each in poses))
+    return poses.rows(0)
 
 
 def point_at(view: View, column: float, row: float, depth: float) -> Float64:
