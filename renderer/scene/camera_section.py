@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -180,28 +179,6 @@ _OWNERS = {
 }
 
 
-def film_frames(num_frames: int, loop: object) -> int:
-    """Return the number of frames of a film whose path has `num_frames`."""
-    return 2 * num_frames - 2 if loop == "ping-pong" and num_frames > 2 else num_frames
-
-
-def frames_in_tree(path: object, frames_per_second: float) -> int | None:
-    """Return the number of frames of a path as it is written; None where it is not known."""
-    pieces = path if isinstance(path, list) else [path]
-    found = [_frames_of_piece(each, frames_per_second) for each in pieces if isinstance(each, Mapping)]
-    return None if None in found or len(found) < len(pieces) else sum(filter(None, found))
-
-
-def _frames_of_piece(piece: Mapping[str, Any], frames_per_second: float) -> int | None:
-    read = partial(schema.TreeNode, path="", problems=[])
-    if "seconds" not in piece:
-        frames = _NUM_FRAMES.read(read(piece.get("frames")))
-    else:
-        seconds = _SECONDS.read(read(piece["seconds"]))
-        frames = INVALID if seconds is INVALID else max(1, round(seconds * frames_per_second))
-    return frames if isinstance(frames, int) and frames <= schema.MAX_FRAMES else None
-
-
 def _parse_path(node: TreeNode) -> Any:
     if not isinstance(node.value, (list, tuple)):
         return _parse_piece(node)
@@ -229,12 +206,12 @@ def _parse_piece(node: TreeNode) -> Any:
     if "seconds" in given:
         if "frames" in given:
             node.key("seconds").reject("contradicts frames", expected="one of them")
-        rate = node.film.frames_per_second if node.film is not None else 1.0
-        given["frames"] = _frames_of_piece(node.value, rate) or INVALID
-        if given["frames"] is INVALID and given["seconds"] is not INVALID:
-            node.child("seconds", node.value["seconds"]).reject(
-                "too many frames", expected=f"at most {schema.MAX_FRAMES} frames"
-            )
+        given["frames"] = seconds = given["seconds"]
+        if seconds is not INVALID:
+            given["frames"] = max(1, round(seconds * (node.film.frames_per_second if node.film is not None else 1.0)))
+            if given["frames"] > schema.MAX_FRAMES:
+                place, given["frames"] = node.child("seconds", node.value["seconds"]), INVALID
+                place.reject("too many frames", expected=f"at most {schema.MAX_FRAMES} frames")
     if "keys" in given:
         _check_keys(node.child("keys"), given["keys"], given["frames"])
     return _PATHS[name](**{key: value for key, value in given.items() if key not in ("type", "seconds")})
@@ -285,7 +262,8 @@ class CameraSpec:
     @property
     def num_frames(self) -> int:
         """Return the number of frames of a film: with `loop: ping-pong` the camera goes back, too."""
-        return film_frames(self.path.frames, self.loop)
+        num = self.path.frames
+        return 2 * num - 2 if self.loop == "ping-pong" and num > 2 else num
 
     def path_frame(self, frame: int) -> int:
         """Return the frame of the path at a frame of the film."""

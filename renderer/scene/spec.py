@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 
 from renderer.errors import Problem
 from renderer.scene import schema
-from renderer.scene.camera_section import CameraPath, CameraSpec, PathSequence, film_frames, frames_in_tree
+from renderer.scene.camera_section import CameraPath, CameraSpec, PathSequence
 from renderer.scene.clip_section import CLIP_SECTION, ClipSpec, check_what_is_clipped
 from renderer.scene.error_section import (
     ERROR_SECTION,
@@ -178,19 +178,15 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
 
 
 def _film_time(tree: object) -> schema.FilmTime:
-    """Return how many frames a scene has, and their rate, before it is read."""
-
-    def value_of(section: str, key: str) -> Any:
-        found = tree.get(section) if isinstance(tree, Mapping) else None
-        return found.get(key) if isinstance(found, Mapping) else None
-
-    rate = schema.field_table(OutputSpec)["frames_per_second"]
-    frames_per_second = rate.read(schema.TreeNode(value_of("output", "frames_per_second"), "", []))
-    if frames_per_second is INVALID:
-        frames_per_second = OutputSpec.frames_per_second
-    num_frames = frames_in_tree(value_of("camera", "path"), frames_per_second)
-    loop = value_of("camera", "loop")
-    return schema.FilmTime(num_frames and film_frames(num_frames, loop), frames_per_second)
+    """Return how many frames a scene has, and their rate, as far as it gives them."""
+    sections, film = tree if isinstance(tree, Mapping) else {}, schema.FilmTime(None, OutputSpec.frames_per_second)
+    output, camera = (schema.TreeNode(sections.get(key), "", [], film=film) for key in ("output", "camera"))
+    found: Any = _TABLE["output"].read(output)
+    rate = getattr(found, "frames_per_second", INVALID)
+    film = film if rate is INVALID else replace(film, frames_per_second=rate)
+    found = _TABLE["camera"].read(replace(camera, film=film))
+    is_known = isinstance(getattr(getattr(found, "path", None), "frames", None), int)
+    return schema.FilmTime(found.num_frames if is_known else None, film.frames_per_second)
 
 
 def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
