@@ -112,9 +112,6 @@ class HoldPath:
     frames: NumFrames
 
 
-_POINT = schema.sequence_field(schema.COORDINATE_FIELD, "[x, y, z] in world units", count=3)
-
-
 @dataclass(frozen=True)
 class FlightKey:
     """A place of the eye, and what it looks at, in world units. roll: turns the picture clockwise about its middle.
@@ -122,8 +119,8 @@ class FlightKey:
     frame: of the piece, from 0 on; None where the flight passes at its speed.
     """
 
-    position: Annotated[Vector, _POINT]
-    target: Annotated[Vector, _POINT]
+    position: Annotated[Vector, schema.POINT_FIELD]
+    target: Annotated[Vector, schema.POINT_FIELD]
     roll: Angle = 0.0
     frame: Annotated[int | None, schema.FRAME_NUMBER_FIELD] = None
 
@@ -234,10 +231,7 @@ _PATH = schema.FieldType(
     f"a mapping with type: {join_words(_PATHS)}, and frames; or a list of such", _parse_path, table=_PATH_KEYS
 )
 
-_TARGET_WORDS = "[x, y, z] in world units, or visible"
-_TARGET = schema.word_or(
-    {"visible": "visible"}, schema.sequence_field(schema.COORDINATE_FIELD, _TARGET_WORDS, count=3), _TARGET_WORDS
-)
+_TARGET = schema.word_or({"visible": "visible"}, schema.POINT_FIELD, f"{schema.POINT_FIELD.expected}, or visible")
 
 
 @dataclass(frozen=True)

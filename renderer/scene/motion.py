@@ -166,7 +166,7 @@ def _with_numbers(value: Any, numbers: Iterator[float], half: float) -> Any:
 def _parts(value: Any) -> Sequence[Any]:
     if isinstance(value, tuple):
         return value
-    return [getattr(value, each.name) for each in fields(value) if each.init] if _is_spec(value) else ()
+    return [getattr(value, each.name) for each in fields(value) if each.init] if is_dataclass(value) else ()
 
 
 def _with_parts(value: Any, parts: Sequence[Any]) -> Any:
@@ -176,10 +176,6 @@ def _with_parts(value: Any, parts: Sequence[Any]) -> Any:
         return tuple(parts)
     names = [each.name for each in fields(value) if each.init]
     return replace(value, **dict(zip(names, parts, strict=True)))
-
-
-def _is_spec(value: Any) -> bool:
-    return is_dataclass(value) and not isinstance(value, type)
 
 
 # Values that move
