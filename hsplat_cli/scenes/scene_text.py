@@ -215,13 +215,12 @@ def _channel_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
 
 
 def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iterator[str]:
-    source, file = volume.source, volume_file(volume)
-    is_list = isinstance(source, FileSource) and bool(source.steps) and source.collection is None
+    source, written = volume.source, spec_to_dict(volume.source)["file"]
     places = [
-        yaml_string(each if each.is_absolute() else Path(os.path.relpath(each, os.path.realpath(folder))))
-        for each in (source.steps if isinstance(source, FileSource) and is_list else [file])
+        yaml_string(each if os.path.isabs(each) else os.path.relpath(each, os.path.realpath(folder)))
+        for each in (written if isinstance(written, list) else [written])
     ]
-    place = f"[{', '.join(places)}]" if is_list else places[0]
+    place = f"[{', '.join(places)}]" if isinstance(written, list) else places[0]
     if isinstance(source, RawSource):
         yield f"raw: {{file: {place}, shape: {list(source.shape)}, dtype: {yaml_string(source.dtype)},"
         yield f"      byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"

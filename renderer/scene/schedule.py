@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import pairwise, zip_longest
+from itertools import pairwise
 
 from renderer.scene.error_section import ErrorSpec, MetricTarget, TimeBudget
 from renderer.scene.motion import Motion, motion_of, moving, values_at
@@ -59,10 +59,5 @@ def schedule_from_tolerances(tolerances: Mapping[int, float]) -> float:
     frames = list(tolerances)
     starts = frames[:1]
     starts += [frame for before, frame in pairwise(frames) if tolerances[frame] != tolerances[before]]
-    keys: dict[int, float] = {}
-    for start, following in zip_longest(starts, starts[1:]):
-        keys[start] = tolerances[start]
-        if following is not None:  # constant up to there
-            keys[following - 1] = tolerances[start]
-    tolerance: float = moving(Motion(tuple(keys), tuple(keys.values()), kind="ratio"))
+    tolerance: float = moving(Motion(tuple(starts), tuple(map(tolerances.__getitem__, starts)), "hold", "ratio"))
     return tolerance
