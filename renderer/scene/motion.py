@@ -243,19 +243,15 @@ def motions_in(value: Any) -> Iterator[Motion]:
 
 def changing_frames(value: Any) -> list[tuple[int, int]]:
     """Return the runs of frames, first and last, on which something in a value is not as on the frame before."""
-    runs = [
-        (start + 1, end)
+    found = {
+        frame
         for motion in motions_in(value)
         for (start, before), (end, after) in pairwise(zip(motion.frames, motion.values, strict=True))
         if before != after
-    ]
-    joined: list[tuple[int, int]] = []
-    for start, end in sorted(runs):
-        if joined and start <= joined[-1][1] + 1:
-            joined[-1] = joined[-1][0], max(joined[-1][1], end)
-        else:
-            joined.append((start, end))
-    return joined
+        for frame in range(start + 1, end + 1)
+    }
+    starts, ends = (sorted(frame for frame in found if frame + step not in found) for step in (-1, 1))
+    return list(zip(starts, ends, strict=True))
 
 
 def values_at(value: Any, frame: float) -> Any:

@@ -61,11 +61,6 @@ class TreeNode:
     words: Collection[str] = ()
     film: FilmTime | None = None
 
-    @property
-    def has_motion(self) -> bool:
-        """Return whether something that was read so far moves."""
-        return self.film is not None and bool(self.film.keys)
-
     def child(self, key: object, value: object = None) -> TreeNode:
         """Return the node of the value at `key` below this one."""
         return TreeNode(value, join_keys(self.path, key), self.problems, self.base, film=self.film)
