@@ -160,20 +160,19 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     is_single_frame: one frame is drawn, so the output may be a PNG without a number in its name.
     Raises SceneError with every problem.
     """
-    problems: list[Problem] = []
-    film = _film_time(tree)
-    scene = _read_scene(schema.TreeNode(tree, "", problems, base, film=film), is_single_frame=is_single_frame)
-    known = {(problem.path, problem.what) for problem in problems}
+    film, later = _film_time(tree), dict[tuple[str, str], Problem]()
+
+    def read(at: int | None) -> tuple[Scene, list[Problem]]:
+        node = schema.TreeNode(tree, "", [], base, film=replace(film, at=at))
+        return _read_scene(node, is_single_frame=is_single_frame), node.problems
+
+    scene, problems = read(None)
     keys = sorted(film.keys)
     for frame in keys[:: len(keys) // _MOST_CHECKED + 1]:  # values are compared as they are at keys
-        found: list[Problem] = []
-        node = schema.TreeNode(tree, "", found, base, film=replace(film, at=frame))
-        _read_scene(node, is_single_frame=is_single_frame)
-        for problem in found:
-            if (problem.path, problem.what) not in known:
-                known.add((problem.path, problem.what))
-                problems.append(replace(problem, what=f"at frame {frame}: {problem.what}"))
-    raise_problems(problems)
+        for found in read(frame)[1]:
+            later.setdefault((found.path, found.what), replace(found, what=f"at frame {frame}: {found.what}"))
+    known = {(problem.path, problem.what) for problem in problems}
+    raise_problems([*problems, *(problem for key, problem in later.items() if key not in known)])
     return scene
 
 
