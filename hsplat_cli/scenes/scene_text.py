@@ -20,7 +20,6 @@ from renderer.errors import Problem, SceneError
 from renderer.scene import (
     Color,
     ColormapSpec,
-    FileSource,
     LabelsSpec,
     RawSource,
     ShadingSpec,
@@ -226,10 +225,8 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
         yield f"      byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"
     else:
         yield _with_comment(f"file: {place}", "relative to this file", indent=2)
-        if isinstance(source, FileSource) and source.spacing is not None:
-            yield _with_comment(
-                f"spacing: {_list(source.spacing)}", "lengths of a voxel, in place of the file's", indent=2
-            )
+        if (spacing := getattr(source, "spacing", None)) is not None:
+            yield _with_comment(f"spacing: {_list(spacing)}", "lengths of a voxel, in place of the file's", indent=2)
     for key in ("time", "component"):
         if (index := getattr(volume, key)) is not None:
             all_steps = "all steps over the film; or a map from frames to steps: {0: 0, 30: 7}"
