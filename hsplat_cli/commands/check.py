@@ -24,10 +24,8 @@ from renderer.film import (
 )
 from renderer.readers import find_volume
 from renderer.scene import (
-    CameraPath,
     FileSource,
     MetricTarget,
-    PathSequence,
     RawSource,
     Scene,
     SplatBudget,
@@ -80,19 +78,16 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
     rate = "1 frame" if output.frames_per_second == 1 else f"{output.frames_per_second:g} frames"
     film = f", {num_frames / output.frames_per_second:.3g} s at {rate} per second"
     width, height = output.size
+    path = ", ".join(piece.type for piece in getattr(camera.path, "pieces", [camera.path]))
     return [
         *_volumes(scene),
-        ("camera", f"{_path_text(camera.path)}{', to and fro' * (camera.loop == 'ping-pong')}, {frames}"),
+        ("camera", f"{path}{', to and fro' * (camera.loop == 'ping-pong')}, {frames}"),
         *_motion(scene),
         ("error", _schedule(scene)),
         ("output", f"{output.file}, {width} x {height}{'' if has_frame_files(output) else film}"),
         *(("note", note) for note in scene.import_notes),
         *([("note", advice)] if (advice := _advice(scene)) is not None else []),
     ]
-
-
-def _path_text(path: CameraPath) -> str:
-    return ", ".join(piece.type for piece in (path.pieces if isinstance(path, PathSequence) else [path]))
 
 
 def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
@@ -109,14 +104,13 @@ def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
         runs = changing_frames((layer.volume, layer.transform, *layer_parts(layer, scene)))
         if not runs:
             continue
-        num = sum(last - first + 1 for first, last in runs)
-        name = f"{layer.name} " * bool(layer.name)
+        num, shape = sum(last - first + 1 for first, last in runs), getattr(layer.volume.source, "shape", None)
         seconds = seconds_for_layer(plain, scene.at(0), clock=time.perf_counter, num_threads=num_cores())
-        frames = first_few([f"{first} to {last}" if last > first else f"{first}" for first, last in runs], between=", ")
-        shape = getattr(layer.volume.source, "shape", None)
         took = f"{seconds:.1g} s a frame for each million voxels"
         if shape is not None:
             took = f"{num * math.prod(shape) * seconds / 1e6:.2g} s"
+        frames = first_few([f"{first} to {last}" if last > first else f"{first}" for first, last in runs])
+        name = f"{layer.name} " * bool(layer.name)
         yield "layer", f"{name}made anew on {counted(num, 'frame')} ({frames}): about {took} here"
 
 

@@ -20,7 +20,6 @@ from renderer.errors import Problem, SceneError
 from renderer.scene import (
     Color,
     ColormapSpec,
-    FileSource,
     LabelsSpec,
     RawSource,
     ShadingSpec,
@@ -215,22 +214,19 @@ def _channel_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
 
 
 def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iterator[str]:
-    source, file = volume.source, volume_file(volume)
-    is_list = isinstance(source, FileSource) and bool(source.steps) and source.collection is None
+    source, written = volume.source, spec_to_dict(volume.source)["file"]
     places = [
-        yaml_string(each if each.is_absolute() else Path(os.path.relpath(each, os.path.realpath(folder))))
-        for each in (source.steps if isinstance(source, FileSource) and is_list else [file])
+        yaml_string(each if os.path.isabs(each) else os.path.relpath(each, os.path.realpath(folder)))
+        for each in (written if isinstance(written, list) else [written])
     ]
-    place = f"[{', '.join(places)}]" if is_list else places[0]
+    place = f"[{', '.join(places)}]" if isinstance(written, list) else places[0]
     if isinstance(source, RawSource):
         yield f"raw: {{file: {place}, shape: {list(source.shape)}, dtype: {yaml_string(source.dtype)},"
         yield f"      byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"
     else:
         yield _with_comment(f"file: {place}", "relative to this file", indent=2)
-        if isinstance(source, FileSource) and source.spacing is not None:
-            yield _with_comment(
-                f"spacing: {_list(source.spacing)}", "lengths of a voxel, in place of the file's", indent=2
-            )
+        if (spacing := getattr(source, "spacing", None)) is not None:
+            yield _with_comment(f"spacing: {_list(spacing)}", "lengths of a voxel, in place of the file's", indent=2)
     for key in ("time", "component"):
         if (index := getattr(volume, key)) is not None:
             all_steps = "all steps over the film; or a map from frames to steps: {0: 0, 30: 7}"

@@ -24,6 +24,7 @@ from renderer.scene import (
     RawSource,
     TurntablePath,
     VolumeSpec,
+    raise_problems,
     schema,
 )
 from renderer.suggest import PRESET_WORDS, FilmOptions
@@ -182,9 +183,8 @@ def _file_source(volume: Path) -> FileSource:
     if volume.suffix.lower() != ".pvd" and ("{" not in volume.name or volume.exists()):
         return FileSource(volume)
     problems: list[Problem] = []
-    source = SOURCE_FIELD.read(schema.TreeNode(str(volume), "", problems))
-    if problems:
-        raise SceneError([replace(each, location=str(volume)) for each in problems])
+    source: FileSource = schema.read_option(SOURCE_FIELD, str(volume), str(volume), problems)
+    raise_problems(problems)
     return source
 
 

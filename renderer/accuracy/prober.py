@@ -86,8 +86,6 @@ class FrameProber:
 
     def on(self, stage: Stage) -> FrameProber:
         """Return a prober of the stage of another frame, with the same rays where its layers are the same."""
-        if stage is self._stage:
-            return self
         if stage.groups is self._stage.groups:
             prober = copy(self)
             prober._stage = stage

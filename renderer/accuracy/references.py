@@ -67,9 +67,8 @@ class ExactPictures:
         if frame.number not in self._truths:
             truth = self._find_truth(frame.number)
             self._truths[frame.number] = replace(truth, picture=truth.picture.astype(np.float32))
-        picture = (
-            over_background(frame.radiance, frame.stage.scene.output.background).astype(np.float32).astype(np.float64)
-        )
+        background = frame.stage.scene.output.background
+        picture = over_background(frame.radiance, background).astype(np.float32).astype(np.float64)
         return compute_metric(self.want.metric, picture, self._truths[frame.number].picture), 0.0
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -39,8 +39,6 @@ from renderer.readers.steps_in_time import TimeSteps
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
-T = TypeVar("T")
-
 Ranges = Sequence[tuple[int, int]]
 
 
@@ -62,31 +60,11 @@ def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
     return volume if time is None or time == step else mix_steps(volume, _read_step(spec, int(time) + 1), time % 1.0)
 
 
-def time_steps(spec: VolumeSpec) -> TimeSteps:
-    """Return the steps of a volume in time: those that the scene lists, or those of a file, of which one is read."""
-    if not isinstance(spec.source, FileSource):
-        return TimeSteps()
-    if spec.source.steps:
-        return TimeSteps(len(spec.source.steps), spec.source.times)
-    time = None if spec.time is None else 0
-    return _read_as(spec, time, lambda _: _load(spec, time).steps)
-
-
-def num_steps(spec: VolumeSpec) -> int:
-    """Return the number of steps of a volume in time, as `time_steps` finds them."""
-    return time_steps(spec).num_times
-
-
 def _read_step(spec: VolumeSpec, time: int | None) -> Volume:
-    return _read_as(spec, time, lambda name: _read_volume(spec, time, name))
-
-
-def _read_as(spec: VolumeSpec, time: int | None, read: Callable[[str], T]) -> T:
-    """Return what a function reads of one step, whose name it is given; its errors are InputErrors about that."""
     name = _name(spec.source, time)
     with errors_about(name):
         try:
-            return read(name)
+            return _read_volume(spec, time, name)
         except OSError as error:
             raise unreadable_error(error) from error
         except MemoryError as error:
@@ -190,7 +168,7 @@ def _load(spec: VolumeSpec, time: int | None) -> Image:
     """Return the image of one step from the reader of the source, which is imported on first use."""
     source = spec.source
     if isinstance(source, FileSource):
-        return _load_listed(spec, source.steps, time) if source.steps else _load_file(spec, source.file, time)
+        return _load_listed(spec, source, time) if source.steps else _load_file(spec, source.file, time)
     select_index("time", time, 1)
     select_index("component", _component(spec), 1)
     if isinstance(source, ArraySource):
@@ -213,16 +191,17 @@ _MODULES = {"npy": "arrays", "npz": "arrays", "vtk": "vtk_image"}
 _ISOLATED = ("tiff", "dicom", "vtk", "hdf5", "pictures")
 
 
-def _load_listed(spec: VolumeSpec, files: Sequence[Path], time: int | None) -> Image:
+def _load_listed(spec: VolumeSpec, source: FileSource, time: int | None) -> Image:
     """Return the image of one of several files, each of which is one step."""
-    file, shape = files[select_index("time", time, len(files))], (len(files),)
+    steps = TimeSteps(len(source.steps), source.times)
+    file = source.steps[select_index("time", time, steps.num_times)]
     own_time = 0 if spec.component is None else None  # with which axes that are not named are times, or not
     image = _load_file(spec, file, own_time)
     if image.steps.num_times > 1:
         got = f"{image.steps.num_times} time steps in this one"
         hint = "name it alone: `file` without a list or a pattern"
         raise InputError("a step in time is one volume", where=str(file), got=got, expected="one", hint=hint)
-    return replace(image, steps=time_steps(spec), notes=(*image.notes, *choice_notes("t", shape, time, None)))
+    return replace(image, steps=steps, notes=(*image.notes, *choice_notes("t", (steps.num_times,), time, None)))
 
 
 def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> Image:

@@ -6,7 +6,6 @@ OME has a name and a colour for each channel; ImageJ a window, the labels of its
 from __future__ import annotations
 
 import html
-import re
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from renderer.readers.common import MAX_LISTED, plain_channels
 from renderer.readers.text_header import NUMBER
-from renderer.readers.tiff_description import Layout, Page, attribute, is_imagej, is_ome
+from renderer.readers.tiff_description import Layout, Page, attribute, is_imagej, is_ome, ome_elements
 from renderer.volume import Channel
 
 _RGB = 2  # the photometric interpretation
@@ -44,8 +43,7 @@ def sample_names(page: Page) -> str:
 
 
 def _of_ome(description: str, count: int) -> tuple[Channel, ...]:
-    image = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
-    elements = re.findall(r"<(?:\w+:)?Channel\b([^<>]*)>", image)
+    elements = ome_elements(description, "Channel")
     if len(elements) != count:
         return (Channel(),) * count
     colors = [attribute(element, "Color") or "" for element in elements]

@@ -224,6 +224,12 @@ def _tiff_data(description: str) -> list[tuple[str, str, str]]:
     return found
 
 
+def ome_elements(description: str, name: str) -> list[str]:
+    """Return the attributes of the elements of a name in the first image of OME."""
+    image = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
+    return re.findall(rf"<(?:\w+:)?{name}\b([^<>]*)>", image)
+
+
 def attribute(element: str, name: str) -> str | None:
     """Return the text of an attribute of an XML element, in either kind of quotes; None if it is missing."""
     found = re.search(rf"""\b{name}\s*=\s*(?:"([^"]*)"|'([^']*)')""", element)

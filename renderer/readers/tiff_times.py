@@ -8,7 +8,7 @@ import re
 
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at, steps_at
 from renderer.readers.text_header import NUMBER
-from renderer.readers.tiff_description import attribute, is_imagej, is_ome, ome_pixels
+from renderer.readers.tiff_description import attribute, is_imagej, is_ome, ome_elements, ome_pixels
 
 _STEP = re.compile(r"""(?:^finterval=|\bTimeIncrement\s*=\s*["'])([^"'\s]*)""", re.MULTILINE)
 _UNIT = re.compile(r"""(?:^tunit=|\bTimeIncrementUnit\s*=\s*["'])([^"'\n]*)""", re.MULTILINE)
@@ -25,9 +25,8 @@ def find_times(description: str, count: int) -> TimeSteps:
 
 
 def _of_planes(description: str, count: int) -> TimeSteps:
-    image = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
     times, unit = dict[float, float](), "s"
-    for plane in re.findall(r"<(?:\w+:)?Plane\b([^<>]*)>", image):
+    for plane in ome_elements(description, "Plane"):
         number, time = (_number(attribute(plane, name)) for name in ("TheT", "DeltaT"))
         times[number], unit = min(times.get(number, math.inf), time), attribute(plane, "DeltaTUnit") or "s"
     return steps_at(count, [times.get(number, math.nan) for number in range(count)], html.unescape(unit))

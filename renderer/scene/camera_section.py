@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -113,9 +112,6 @@ class HoldPath:
     frames: NumFrames
 
 
-_POINT = schema.sequence_field(schema.COORDINATE_FIELD, "[x, y, z] in world units", count=3)
-
-
 @dataclass(frozen=True)
 class FlightKey:
     """A place of the eye, and what it looks at, in world units. roll: turns the picture clockwise about its middle.
@@ -123,8 +119,8 @@ class FlightKey:
     frame: of the piece, from 0 on; None where the flight passes at its speed.
     """
 
-    position: Annotated[Vector, _POINT]
-    target: Annotated[Vector, _POINT]
+    position: Annotated[Vector, schema.POINT_FIELD]
+    target: Annotated[Vector, schema.POINT_FIELD]
     roll: Angle = 0.0
     frame: Annotated[int | None, schema.FRAME_NUMBER_FIELD] = None
 
@@ -187,28 +183,6 @@ _OWNERS = {
 }
 
 
-def film_frames(num_frames: int, loop: object) -> int:
-    """Return the number of frames of a film whose path has `num_frames`."""
-    return 2 * num_frames - 2 if loop == "ping-pong" and num_frames > 2 else num_frames
-
-
-def frames_in_tree(path: object, frames_per_second: float) -> int | None:
-    """Return the number of frames of a path as it is written; None where it is not known."""
-    pieces = path if isinstance(path, list) else [path]
-    found = [_frames_of_piece(each, frames_per_second) for each in pieces if isinstance(each, Mapping)]
-    return None if None in found or len(found) < len(pieces) else sum(filter(None, found))
-
-
-def _frames_of_piece(piece: Mapping[str, Any], frames_per_second: float) -> int | None:
-    read = partial(schema.TreeNode, path="", problems=[])
-    if "seconds" not in piece:
-        frames = _NUM_FRAMES.read(read(piece.get("frames")))
-    else:
-        seconds = _SECONDS.read(read(piece["seconds"]))
-        frames = INVALID if seconds is INVALID else max(1, round(seconds * frames_per_second))
-    return frames if isinstance(frames, int) and frames <= schema.MAX_FRAMES else None
-
-
 def _parse_path(node: TreeNode) -> Any:
     if not isinstance(node.value, (list, tuple)):
         return _parse_piece(node)
@@ -236,12 +210,12 @@ def _parse_piece(node: TreeNode) -> Any:
     if "seconds" in given:
         if "frames" in given:
             node.key("seconds").reject("contradicts frames", expected="one of them")
-        rate = node.film.frames_per_second if node.film is not None else 1.0
-        given["frames"] = _frames_of_piece(node.value, rate) or INVALID
-        if given["frames"] is INVALID and given["seconds"] is not INVALID:
-            node.child("seconds", node.value["seconds"]).reject(
-                "too many frames", expected=f"at most {schema.MAX_FRAMES} frames"
-            )
+        given["frames"] = seconds = given["seconds"]
+        if seconds is not INVALID:
+            given["frames"] = max(1, round(seconds * (node.film.frames_per_second if node.film is not None else 1.0)))
+            if given["frames"] > schema.MAX_FRAMES:
+                place, given["frames"] = node.child("seconds", node.value["seconds"]), INVALID
+                place.reject("too many frames", expected=f"at most {schema.MAX_FRAMES} frames")
     if "keys" in given:
         _check_keys(node.child("keys"), given["keys"], given["frames"])
     return _PATHS[name](**{key: value for key, value in given.items() if key not in ("type", "seconds")})
@@ -264,10 +238,7 @@ _PATH = schema.FieldType(
     f"a mapping with type: {join_words(_PATHS)}, and frames; or a list of such", _parse_path, table=_PATH_KEYS
 )
 
-_TARGET_WORDS = "[x, y, z] in world units, or visible"
-_TARGET = schema.word_or(
-    {"visible": "visible"}, schema.sequence_field(schema.COORDINATE_FIELD, _TARGET_WORDS, count=3), _TARGET_WORDS
-)
+_TARGET = schema.word_or({"visible": "visible"}, schema.POINT_FIELD, f"{schema.POINT_FIELD.expected}, or visible")
 
 
 @dataclass(frozen=True)
@@ -292,7 +263,8 @@ class CameraSpec:
     @property
     def num_frames(self) -> int:
         """Return the number of frames of a film: with `loop: ping-pong` the camera goes back, too."""
-        return film_frames(self.path.frames, self.loop)
+        num = self.path.frames
+        return 2 * num - 2 if self.loop == "ping-pong" and num > 2 else num
 
     def path_frame(self, frame: int) -> int:
         """Return the frame of the path at a frame of the film."""

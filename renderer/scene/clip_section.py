@@ -14,8 +14,6 @@ from renderer.scene.splat_section import SplatSpec
 
 MAX_CLIPS = 6
 
-_POINT = schema.sequence_field(schema.COORDINATE_FIELD, "[x, y, z] in world units", count=3)
-
 
 def _check_box(node: TreeNode, corners: tuple[Any, ...]) -> Any:
     for axis, (low, high) in enumerate(zip(*corners, strict=True)):
@@ -26,7 +24,10 @@ def _check_box(node: TreeNode, corners: tuple[Any, ...]) -> Any:
 
 
 _BOX = schema.sequence_field(
-    _POINT, "[[x, y, z], [x, y, z]]: the lowest and the highest corner, in world units", count=2, check=_check_box
+    schema.POINT_FIELD,
+    "[[x, y, z], [x, y, z]]: the lowest and the highest corner, in world units",
+    count=2,
+    check=_check_box,
 )
 
 
@@ -34,7 +35,7 @@ _BOX = schema.sequence_field(
 class PlaneSpec:
     """A plane; `normal` points to the side that is clipped away."""
 
-    point: Annotated[Vector, _POINT]
+    point: Annotated[Vector, schema.POINT_FIELD]
     normal: Annotated[Vector, direction_field("[x, y, z], not all 0: to the side that is clipped away")]
 
 

@@ -16,7 +16,6 @@ import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal, get_args
 
@@ -56,37 +55,28 @@ class Motion:
         x = (frame - self.frames[key]) / (self.frames[following] - self.frames[key])
         if self.kind == "direction":
             return _direction_between(before, after, _eased(x, self.easing))
-        numbers = (column.at(key, x, self.easing) for column in self._columns)
+        parts = [self._part(part) for part in (key - 1, key, key + 1)]
+        widths = [width for *_, width in parts]
+        columns = zip(*(numbers_in(value) for *ends, _ in parts for value in ends), strict=True)
+        numbers = (self._number_between(column, widths, x) for column in columns)
         return _with_numbers(before, numbers, _LEAST if self.kind == "ratio" else 0.5)
 
-    @cached_property
-    def _columns(self) -> list[_Column]:
-        """Return the course of each number in the values."""
-        columns = zip(*(numbers_in(value) for value in self.values), strict=True)
-        widths = [end - start for start, end in pairwise(self.frames)]
-        return [_Column(values, widths, is_ratio=self.kind == "ratio", is_closed=self.is_closed) for values in columns]
+    def _part(self, number: int) -> tuple[Any, Any, float]:
+        """Return the values at both ends of a part between keys, and its width; at rest beside a motion's ends."""
+        num = len(self.frames) - 1
+        start, end = (number % num, number % num + 1) if self.is_closed else (max(number, 0), min(number + 1, num))
+        return self.values[start], self.values[end], (self.frames[end] - self.frames[start]) or 1
 
-
-class _Column:
-    """The course of one number through the keys of a motion. widths: numbers of frames between them."""
-
-    def __init__(self, values: Sequence[float], widths: Sequence[float], *, is_ratio: bool, is_closed: bool) -> None:
-        self._values, self._widths, self._is_ratio = values, widths, is_ratio
-        self._rises = [log_rise(*pair) if is_ratio else pair[1] - pair[0] for pair in pairwise(values)]
-        slopes = [rise / width for rise, width in zip(self._rises, widths, strict=True)]
-        inner = map(_velocity, slopes, slopes[1:], widths, widths[1:])
-        end = _velocity(slopes[-1], slopes[0], widths[-1], widths[0]) if is_closed else 0.0
-        self._velocities = [end, *inner, end]
-
-    def at(self, key: int, x: float, easing: Easing) -> float:
-        """Return the value at a share x of the way from a key to the next."""
-        start, end, rise = self._values[key], self._values[key + 1], self._rises[key]
-        tangents = 0.0
-        if easing == "smooth":  # cubic Hermite form, relative to the start, so that a constant stays exactly constant
-            before, after = self._velocities[key : key + 2]
-            tangents = x * self._widths[key] * ((1.0 - x) ** 2 * before - x * (1.0 - x) * after)
-        way = _eased(x, easing) * rise
-        if not self._is_ratio:
+    def _number_between(self, ends: Sequence[float], widths: Sequence[float], x: float) -> float:
+        """Return a number at a share x of a part. ends: of the part before, of this one and of the one after."""
+        pairs = list(zip(ends[::2], ends[1::2], strict=True))
+        rises = [log_rise(*pair) if self.kind == "ratio" else pair[1] - pair[0] for pair in pairs]
+        (start, end), way, tangents = pairs[1], _eased(x, self.easing) * rises[1], 0.0
+        if self.easing == "smooth":  # cubic Hermite form, relative to the start, so that a constant stays constant
+            slopes = [rise / width for rise, width in zip(rises, widths, strict=True)]
+            before, after = map(_velocity, slopes, slopes[1:], widths, widths[1:])
+            tangents = x * widths[1] * ((1.0 - x) ** 2 * before - x * (1.0 - x) * after)
+        if self.kind != "ratio":
             return start + way + tangents
         # Halving the logarithm's rise keeps it finite.
         root = math.exp(0.5 * (way + tangents))
@@ -176,7 +166,7 @@ def _with_numbers(value: Any, numbers: Iterator[float], half: float) -> Any:
 def _parts(value: Any) -> Sequence[Any]:
     if isinstance(value, tuple):
         return value
-    return [getattr(value, each.name) for each in fields(value) if each.init] if _is_spec(value) else ()
+    return [getattr(value, each.name) for each in fields(value) if each.init] if is_dataclass(value) else ()
 
 
 def _with_parts(value: Any, parts: Sequence[Any]) -> Any:
@@ -186,10 +176,6 @@ def _with_parts(value: Any, parts: Sequence[Any]) -> Any:
         return tuple(parts)
     names = [each.name for each in fields(value) if each.init]
     return replace(value, **dict(zip(names, parts, strict=True)))
-
-
-def _is_spec(value: Any) -> bool:
-    return is_dataclass(value) and not isinstance(value, type)
 
 
 # Values that move
@@ -257,19 +243,15 @@ def motions_in(value: Any) -> Iterator[Motion]:
 
 def changing_frames(value: Any) -> list[tuple[int, int]]:
     """Return the runs of frames, first and last, on which something in a value is not as on the frame before."""
-    runs = [
-        (start + 1, end)
+    found = {
+        frame
         for motion in motions_in(value)
         for (start, before), (end, after) in pairwise(zip(motion.frames, motion.values, strict=True))
         if before != after
-    ]
-    joined: list[tuple[int, int]] = []
-    for start, end in sorted(runs):
-        if joined and start <= joined[-1][1] + 1:
-            joined[-1] = joined[-1][0], max(joined[-1][1], end)
-        else:
-            joined.append((start, end))
-    return joined
+        for frame in range(start + 1, end + 1)
+    }
+    starts, ends = (sorted(frame for frame in found if frame + step not in found) for step in (-1, 1))
+    return list(zip(starts, ends, strict=True))
 
 
 def values_at(value: Any, frame: float) -> Any:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import pairwise, zip_longest
+from itertools import groupby
+from operator import itemgetter
 
 from renderer.scene.error_section import ErrorSpec, MetricTarget, TimeBudget
 from renderer.scene.motion import Motion, motion_of, moving, values_at
@@ -56,13 +57,6 @@ def with_tolerances(scene: Scene, tolerances: Mapping[int, float]) -> Scene:
 
 def schedule_from_tolerances(tolerances: Mapping[int, float]) -> float:
     """Return a tolerance that has exactly these values at these frames, which are in ascending order."""
-    frames = list(tolerances)
-    starts = frames[:1]
-    starts += [frame for before, frame in pairwise(frames) if tolerances[frame] != tolerances[before]]
-    keys: dict[int, float] = {}
-    for start, following in zip_longest(starts, starts[1:]):
-        keys[start] = tolerances[start]
-        if following is not None:  # constant up to there
-            keys[following - 1] = tolerances[start]
-    tolerance: float = moving(Motion(tuple(keys), tuple(keys.values()), kind="ratio"))
+    frames, values = zip(*(next(run) for _, run in groupby(tolerances.items(), key=itemgetter(1))), strict=True)
+    tolerance: float = moving(Motion(frames, values, "hold", "ratio"))
     return tolerance

@@ -208,6 +208,9 @@ def sequence_field(
     return FieldType(expected, parse, motion=motion or (item.motion and "linear"), table=item.table)
 
 
+POINT_FIELD = sequence_field(COORDINATE_FIELD, "[x, y, z] in world units", count=3)
+
+
 def pair_field(first: FieldType[Any], second: FieldType[Any], expected: str) -> FieldType[Any]:
     """Return the type of a list of two items of these types."""
 

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 
 from renderer.errors import Problem
 from renderer.scene import schema
-from renderer.scene.camera_section import CameraPath, CameraSpec, PathSequence, film_frames, frames_in_tree
+from renderer.scene.camera_section import CameraPath, CameraSpec, PathSequence
 from renderer.scene.clip_section import CLIP_SECTION, ClipSpec, check_what_is_clipped
 from renderer.scene.error_section import (
     ERROR_SECTION,
@@ -160,37 +160,32 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> S
     is_single_frame: one frame is drawn, so the output may be a PNG without a number in its name.
     Raises SceneError with every problem.
     """
-    problems: list[Problem] = []
-    film = _film_time(tree)
-    scene = _read_scene(schema.TreeNode(tree, "", problems, base, film=film), is_single_frame=is_single_frame)
-    known = {(problem.path, problem.what) for problem in problems}
+    film, later = _film_time(tree), dict[tuple[str, str], Problem]()
+
+    def read(at: int | None) -> tuple[Scene, list[Problem]]:
+        node = schema.TreeNode(tree, "", [], base, film=replace(film, at=at))
+        return _read_scene(node, is_single_frame=is_single_frame), node.problems
+
+    scene, problems = read(None)
     keys = sorted(film.keys)
     for frame in keys[:: len(keys) // _MOST_CHECKED + 1]:  # values are compared as they are at keys
-        found: list[Problem] = []
-        node = schema.TreeNode(tree, "", found, base, film=replace(film, at=frame))
-        _read_scene(node, is_single_frame=is_single_frame)
-        for problem in found:
-            if (problem.path, problem.what) not in known:
-                known.add((problem.path, problem.what))
-                problems.append(replace(problem, what=f"at frame {frame}: {problem.what}"))
-    raise_problems(problems)
+        for found in read(frame)[1]:
+            later.setdefault((found.path, found.what), replace(found, what=f"at frame {frame}: {found.what}"))
+    known = {(problem.path, problem.what) for problem in problems}
+    raise_problems([*problems, *(problem for key, problem in later.items() if key not in known)])
     return scene
 
 
 def _film_time(tree: object) -> schema.FilmTime:
-    """Return how many frames a scene has, and their rate, before it is read."""
-
-    def value_of(section: str, key: str) -> Any:
-        found = tree.get(section) if isinstance(tree, Mapping) else None
-        return found.get(key) if isinstance(found, Mapping) else None
-
-    rate = schema.field_table(OutputSpec)["frames_per_second"]
-    frames_per_second = rate.read(schema.TreeNode(value_of("output", "frames_per_second"), "", []))
-    if frames_per_second is INVALID:
-        frames_per_second = OutputSpec.frames_per_second
-    num_frames = frames_in_tree(value_of("camera", "path"), frames_per_second)
-    loop = value_of("camera", "loop")
-    return schema.FilmTime(num_frames and film_frames(num_frames, loop), frames_per_second)
+    """Return how many frames a scene has, and their rate, as far as it gives them."""
+    sections, film = tree if isinstance(tree, Mapping) else {}, schema.FilmTime(None, OutputSpec.frames_per_second)
+    output, camera = (schema.TreeNode(sections.get(key), "", [], film=film) for key in ("output", "camera"))
+    found: Any = _TABLE["output"].read(output)
+    rate = getattr(found, "frames_per_second", INVALID)
+    film = film if rate is INVALID else replace(film, frames_per_second=rate)
+    found = _TABLE["camera"].read(replace(camera, film=film))
+    is_known = isinstance(getattr(getattr(found, "path", None), "frames", None), int)
+    return schema.FilmTime(found.num_frames if is_known else None, film.frames_per_second)
 
 
 def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:

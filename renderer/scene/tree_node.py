@@ -23,6 +23,9 @@ MAX_FRAMES = 10**6
 
 _FRAME = re.compile(r"-?\d{1,9}|\d{1,9}(\.\d{0,9})?s", re.ASCII)
 
+_WHAT_MOVES = "numbers, colors, points and directions can move: docs/motion.md"
+_MAP_OF_FRAMES = "what moves is a map from frames, such as 0, -1 or 2.5s: docs/motion.md"
+
 INVALID: Any = object()
 
 
@@ -57,11 +60,6 @@ class TreeNode:
     expected: str | None = None
     words: Collection[str] = ()
     film: FilmTime | None = None
-
-    @property
-    def has_motion(self) -> bool:
-        """Return whether something that was read so far moves."""
-        return self.film is not None and bool(self.film.keys)
 
     def child(self, key: object, value: object = None) -> TreeNode:
         """Return the node of the value at `key` below this one."""
@@ -111,15 +109,10 @@ class FieldType(Generic[T]):
         num_problems = len(node.problems)
         value = self.parse(node)
         if value is INVALID and [problem.path for problem in node.problems[num_problems:]] == [node.path]:
-            problem = node.problems.pop()
             if is_by_frame:
-                hint = "numbers, colors, points and directions can move: docs/motion.md"
-                problem = replace(problem, what="cannot move", hint=hint)
+                node.problems[-1] = replace(node.problems[-1], what="cannot move", hint=_WHAT_MOVES)
             elif self.motion is not None:
-                problem = replace(
-                    problem, hint="what moves is a map from frames, such as 0, -1 or 2.5s: docs/motion.md"
-                )
-            node.problems.append(problem)
+                node.problems[-1] = replace(node.problems[-1], hint=_MAP_OF_FRAMES)
         return value
 
     def parse(self, node: TreeNode) -> T:

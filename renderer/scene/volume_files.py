@@ -12,6 +12,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +93,7 @@ def _missing_file_hint(path: Path) -> str | None:
 
 def _parse_source(node: TreeNode) -> Any:
     if isinstance(node.value, (list, tuple)):
-        return _listed(node)
+        return _steps(node, [(number, node.child(number, value)) for number, value in enumerate(node.value)])
     if schema.is_file_name(node.value):
         pattern = node.base / node.value
         if _FIELD.search(pattern.name) and not os.path.lexists(pattern):
@@ -113,13 +114,18 @@ SOURCE_FIELD: schema.FieldType[FileSource] = schema.FieldType(
 )
 
 
-def _listed(node: TreeNode) -> Any:
-    assert isinstance(node.value, (list, tuple))
-    if not 0 < len(node.value) <= MAX_STEPS:
-        return node.reject("wrong number of steps", got=str(len(node.value)), expected=f"1 to {MAX_STEPS} files")
+def _steps(node: TreeNode, numbered: Sequence[tuple[float, TreeNode]]) -> Any:
+    """Return the files at some nodes as steps, in the order of their numbers or times."""
+    if not 0 < len(numbered) <= MAX_STEPS:
+        return node.reject("wrong number of steps", got=str(len(numbered)), expected=f"1 to {MAX_STEPS} files")
+    ordered = sorted(numbered, key=itemgetter(0))
+    for (number, each), (following, other) in pairwise(ordered):
+        if number == following:
+            got = short_text(f"{each.value} and {other.value} at {number:g}")
+            return node.reject("two files of one step", got=got, expected="a file for each", hint="join the parts")
     files = []
-    for number, value in enumerate(node.value):
-        files.append(_ONE_FILE.read(node.child(number, value)))
+    for _, each in ordered:
+        files.append(_ONE_FILE.read(each))
         if files[-1] is INVALID:  # as the others may be, for the same reason
             return INVALID
     return FileSource(files[0], steps=tuple(files))
@@ -163,22 +169,16 @@ def _names_in(folder: Path) -> list[str]:
 
 def _in_order(node: TreeNode, folder: Path, numbered: Sequence[tuple[int, str]]) -> Any:
     """Return the files in a folder as steps in the order of their numbers, which are evenly spaced."""
-    if len(numbered) > MAX_STEPS:
-        return node.reject("too many steps", got=f"{len(numbered)} files", expected=f"at most {MAX_STEPS}")
-    numbers, names = zip(*sorted(numbered), strict=True)
-    for k, (before, number) in enumerate(pairwise(numbers)):
-        if before == number:
-            return node.reject("two files of one step", got=f"{names[k]} and {names[k + 1]}", expected="")
+    numbers = sorted(number for number, _ in numbered)
     every = math.gcd(*(number - before for before, number in pairwise(numbers)))
     num_missing = (numbers[-1] - numbers[0]) // every + 1 - len(numbers) if every else 0
-    if num_missing:
+    if num_missing > 0:
         gaps = (range(before + every, number, every) for before, number in pairwise(numbers))
         first = ", ".join(map(str, islice((number for gap in gaps for number in gap), 3)))
         more = f" and {num_missing - 3} more" * (num_missing > 3)
         what = f"no step{'s' * (num_missing > 1)} {first}{more} of {numbers[0]} to {numbers[-1]}"
         return node.reject(what, expected="", hint="a list of files may leave out steps")
-    files = tuple(folder / name for name in names)
-    return FileSource(files[0], steps=files)
+    return _steps(node, [(number, replace(node, value=name, base=folder)) for number, name in numbered])
 
 
 def _collected(node: TreeNode, path: Path) -> Any:
@@ -189,21 +189,15 @@ def _collected(node: TreeNode, path: Path) -> Any:
     try:
         file = LookFile(path, read_bounded(path, MAX_LOOK_BYTES, kind), kind)
         entries = islice(file.xml().iter("DataSet"), MAX_STEPS + 1)
-        found = sorted((file.number(each.get("timestep", 0.0), "timestep"), each.get("file", "")) for each in entries)
+        found = [(file.number(each.get("timestep", 0.0), "timestep"), each.get("file", "")) for each in entries]
     except InputError as error:
         where, got, expected = error.where or str(path), error.got or "", error.expected or ""
         return node.reject(f"{where}: {error.what}", got=got, expected=expected, hint=error.hint)
-    if not 0 < len(found) <= MAX_STEPS:
-        return node.reject("wrong number of steps", expected=f"1 to {MAX_STEPS} elements DataSet")
-    for (time, name), (other_time, other) in pairwise(found):
-        if time == other_time:
-            got = short_text(f"{name} and {other} at {time:g}")
-            return node.reject("two files of one step", got=got, expected="a file for each time", hint="join the parts")
-    root, files = os.path.realpath(path.parent), []
+    folder = os.path.realpath(path.parent)
     for _, name in found:
-        if not Path(os.path.realpath(path.parent / name)).is_relative_to(root):
-            return node.reject("a step outside of its folder", got=short_text(name), expected=f"a file in {root}")
-        files.append(_ONE_FILE.parse(replace(node, value=name, base=path.parent)))
-        if files[-1] is INVALID:
-            return INVALID
-    return FileSource(files[0], None, tuple(files), tuple(time for time, _ in found), path)
+        if not Path(os.path.realpath(path.parent / name)).is_relative_to(folder):
+            return node.reject("a step outside of its folder", got=short_text(name), expected=f"a file in {folder}")
+    source = _steps(node, [(time, replace(node, value=name, base=path.parent)) for time, name in found])
+    if source is INVALID:
+        return INVALID
+    return replace(source, times=tuple(sorted(time for time, _ in found)), collection=path)

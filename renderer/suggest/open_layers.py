@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from renderer.errors import Problem
-from renderer.scene import LayerSpec, MaskSpec, Motion, Scene, VolumeSpec, moving, raise_problems
+from renderer.scene import LayerSpec, Motion, Scene, VolumeSpec, moving, raise_problems
 from renderer.suggest.channels import channel_layers, with_own_names
 from renderer.suggest.label_choice import with_labels, with_numbers
 from renderer.suggest.volume_suggestion import NO_WISH, read_in_colors, suggest_read
@@ -32,31 +33,21 @@ def resolve_scene(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
     places = [f"volumes.{number}." if is_list else "" for number in range(len(layers))]
     named = zip(with_own_names(layers), places, strict=True)
     found = tuple(with_labels(layer, place, read, problems) for layer, place in named)
-    mask = with_numbers(_with_mask_times(scene.mask, scene.num_frames, read), "mask", read, problems)
+    mask = with_numbers(_with_times(scene.mask, scene.num_frames, read), "mask", read, problems)
     raise_problems(problems)
     first, volumes = found[0], found if is_list else ()
     return replace(scene, volume=first.volume, transfer_function=first.transfer_function, volumes=volumes, mask=mask)
 
 
-def _with_times(layer: LayerSpec, num_frames: int, read: Callable[[VolumeSpec], Volume]) -> LayerSpec:
-    """Return a layer in which `time: auto` is a motion through all steps."""
-    mask = _with_mask_times(layer.mask, num_frames, read)
-    return replace(layer, volume=_through_all_steps(layer.volume, num_frames, read), mask=mask)
-
-
-def _with_mask_times(mask: MaskSpec | None, num_frames: int, read: Callable[[VolumeSpec], Volume]) -> MaskSpec | None:
-    if mask is None or not isinstance(mask.volume, VolumeSpec):
-        return mask
-    return replace(mask, volume=_through_all_steps(mask.volume, num_frames, read))
-
-
-def _through_all_steps(volume: VolumeSpec, num_frames: int, read: Callable[[VolumeSpec], Volume]) -> VolumeSpec:
-    if volume.time != "auto":
-        return volume
-    component = 0 if volume.component == "all" else volume.component
-    last = read(replace(volume, time=0, component=component)).num_times - 1
-    ends = (0.0, float(last)) if volume.interpolate else (0, last)
-    return replace(volume, time=moving(Motion((0, max(1, num_frames - 1)), ends)))
+def _with_times(part: Any, num_frames: int, read: Callable[[VolumeSpec], Volume]) -> Any:
+    """Return a layer or a mask, or None, in which `time: auto` is a motion through all steps."""
+    volume = part and part.volume
+    if isinstance(volume, VolumeSpec) and volume.time == "auto":
+        component = 0 if volume.component == "all" else volume.component
+        last = read(replace(volume, time=0, component=component)).num_times - 1
+        ends = (0.0, float(last)) if volume.interpolate else (0, last)
+        part = replace(part, volume=replace(volume, time=moving(Motion((0, max(1, num_frames - 1)), ends))))
+    return replace(part, mask=_with_times(part.mask, num_frames, read)) if isinstance(part, LayerSpec) else part
 
 
 def _with_colors(layer: LayerSpec, read: Callable[[VolumeSpec], Volume]) -> LayerSpec:

@@ -10,7 +10,7 @@ orthographic projection, where half the frame's height shows d tan(field of view
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -75,9 +75,7 @@ def least_distance(
     limit_x, limit_y = (width / 2 - margin_px) * tangent_per_px, (height / 2 - margin_px) * tangent_per_px
     distance = -math.inf
     all_poses = iter_camera_poses(camera.path) if frames is None else [camera_poses(camera.path, frames)]
-    for poses in (each.about_target() for each in all_poses):
-        if not len(poses.zoom):
-            continue
+    for poses in (each.rows(~each.is_free) for each in all_poses if not each.is_free.all()):
         right, up, direction = poses.right / limit_x, poses.up / limit_y, poses.direction
         depth = direction if camera.projection == "perspective" else np.zeros_like(direction)
         for normals in (depth + right, depth - right, depth + up, depth - up):
@@ -181,7 +179,7 @@ def finest_useful_level(
     diagonal = max(float(np.linalg.norm(edges @ signs)) for signs in ([1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]))
     focal_px = focal_length_px(camera, size)
     widest_px = 0.0
-    for poses in _placed_poses(camera, target, distance):
+    for poses in iter_camera_poses(camera.path, (target, distance)):
         if camera.projection == "orthographic":
             px_per_unit = poses.zoom * (focal_px / poses.distance)
         else:
@@ -203,19 +201,13 @@ def smallest_voxel_px(
     """
     spacing, focal_px = volume.finest_spacing, focal_length_px(camera, size)
     narrowest_px = math.inf
-    for poses in _placed_poses(camera, target, distance):
+    for poses in iter_camera_poses(camera.path, (target, distance)):
         depths = poses.distance
         if camera.projection == "perspective":
             along = _products(poses.direction, volume.centre, poses)
             depths = np.maximum(poses.distance - along, volume.half_diagonal)
         narrowest_px = min(narrowest_px, float((poses.zoom * (spacing / depths)).min()) * focal_px)
     return narrowest_px
-
-
-def _placed_poses(camera: CameraSpec, target: Vector, distance: float) -> Iterator[CameraPoses]:
-    """Yield the poses of a whole path, each with its target and distance."""
-    about = target, distance
-    return (poses.about(*about) for poses in iter_camera_poses(camera.path, about))
 
 
 def _products(directions: Float64, points: Float64, poses: CameraPoses) -> Float64:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,7 +39,7 @@ from renderer.scene import (
     Vector,
 )
 from renderer.view.camera import View
-from renderer.view.flights import FlightPlace, fly
+from renderer.view.flights import EYE, LOG_ZOOM, ROLL, TARGET, fly
 from renderer.volume import Bools, Float64
 
 # Target and distance of a film; anywhere, for those who ask nothing of flights that begin there.
@@ -51,13 +51,12 @@ _LEAST_SINE = 1e-9
 _FRAMES_PER_CHUNK = 1 << 16
 
 
-@dataclass(frozen=True)
-class CameraPoses:
-    """A camera at n frames, up to its distance: orthonormal right-handed frames (right, up, direction) in the world.
+class CameraPoses(NamedTuple):
+    """A camera at n frames: orthonormal right-handed frames (right, up, direction) in the world, and where it is.
 
     direction, right, up: float64 [n, 3]; `direction` points from the target to the eye. zoom: float64 [n],
-    magnifications, > 0. is_free: bool [n], of flights, whose places are target, float64 [n, 3], and distance, [n]; all
-    others are about the film's target.
+    magnifications, > 0. target, distance: float64 [n, 3] and [n]; those of the film, but for flights, which have
+    places of their own: is_free, bool [n].
     """
 
     direction: Float64
@@ -73,55 +72,40 @@ class CameraPoses:
         """Return the axes as in `View`: float64 [n, 3, 3]."""
         return np.stack([self.right, self.up, self.direction], axis=1)
 
-    def about(self, target: Vector, distance: float) -> CameraPoses:
-        """Return the poses with the film's target and distance where they have none of their own."""
-        places = np.where(self.is_free[:, None], self.target, target), np.where(self.is_free, self.distance, distance)
-        return replace(self, target=places[0], distance=places[1])
-
-    def about_target(self) -> CameraPoses:
-        """Return those poses that have no places of their own."""
-        return CameraPoses(*(getattr(self, each.name)[~self.is_free] for each in fields(self)))
+    def rows(self, which: Any) -> CameraPoses:
+        """Return some of the poses, by an index of numpy."""
+        parts: Any = (each[which] for each in self)
+        return CameraPoses(*parts)
 
 
 def camera_poses(path: CameraPath, frames: Sequence[int], about: About = ANYWHERE) -> CameraPoses:
-    """Return the poses at some frames, from 0 on; frame `path.frames` is frame 0 of a path that loops.
+    """Return the poses at some frames, from 0 on, piece by piece; frame `path.frames` is frame 0 of a path that loops.
 
-    about: target and distance of the film, from where flights may begin.
+    about: target and distance of the film.
     """
-    if not isinstance(path, PathSequence):
-        return _piece_poses(path, None, np.asarray(frames, np.float64))
-    ends, found = np.cumsum([piece.frames for piece in path.pieces]), list[CameraPoses]()
-    for frame in frames:
-        number = min(int(np.searchsorted(ends, frame, side="right")), len(ends) - 1)
-        local = frame - (int(ends[number - 1]) if number else 0)
-        found.append(_sequence_pose(path.pieces, number, local, about))
-    return CameraPoses(*(np.concatenate([getattr(each, name.name) for each in found]) for name in fields(CameraPoses)))
+    pieces = path.pieces if isinstance(path, PathSequence) else (path,)
+    ends, at = np.cumsum([piece.frames for piece in pieces]), np.asarray(frames, np.float64)
+    numbers = np.minimum(np.searchsorted(ends, at, side="right"), len(pieces) - 1)
+    found = [
+        _piece_poses(pieces, k, at[numbers == k] - (ends[k] - pieces[k].frames), about) for k in np.unique(numbers)
+    ]
+    return CameraPoses(*map(np.concatenate, zip(*found, strict=True)))
 
 
-def _sequence_pose(pieces: Sequence[PathPiece], number: int, frame: int, about: About) -> CameraPoses:
-    """Return the pose at a frame of a piece, which may begin where the one before it ended."""
-    piece, start = pieces[number], None
-    earlier = [at for at in range(number) if not isinstance(pieces[at], HoldPath)]
-    if isinstance(piece, (FlightPath, HoldPath)) and earlier:
-        end = _sequence_pose(pieces, earlier[-1], pieces[earlier[-1]].frames, about)
-        if isinstance(piece, HoldPath):
-            return end
-        end = end.about(*about)
-        eye = end.target + end.distance[:, None] * end.direction
-        start = FlightPlace.of(eye[0], end.target[0], zoom=float(end.zoom[0]))
-    elif isinstance(piece, HoldPath):
-        later = [at for at in range(number, len(pieces)) if not isinstance(pieces[at], HoldPath)]
-        return _sequence_pose(pieces, later[0], 0, about) if later else _piece_poses(piece, None, np.zeros(1))
-    return _piece_poses(piece, start, np.array([frame], np.float64))
-
-
-def _piece_poses(path: PathPiece, start: FlightPlace | None, at: Float64) -> CameraPoses:
-    """Return the poses of one piece. start: where a flight begins."""
-    if isinstance(path, FlightPath):
-        return _flight_poses(path, start, at)
-    if isinstance(path, HoldPath):
-        path = TurntablePath(path.frames)
-        at = np.zeros_like(at)
+def _piece_poses(pieces: Sequence[PathPiece], number: int, at: Float64, about: About) -> CameraPoses:
+    """Return the poses at frames [n] of a piece, which may begin where the one before it ended."""
+    path = pieces[number]
+    if isinstance(path, (FlightPath, HoldPath)):
+        others = [k for k, each in enumerate(pieces) if not isinstance(each, HoldPath)]
+        stops = [(k, pieces[k].frames) for k in others if k < number][-1:]
+        if isinstance(path, HoldPath) and not stops:  # it is where the first piece begins
+            stops = [(k, 0) for k in others[:1]]
+        ends = [_piece_poses(pieces, k, np.full(1, float(frame)), about) for k, frame in stops]
+        if isinstance(path, FlightPath):
+            return _flight_poses(path, ends[0] if ends else None, at)
+        if ends:
+            return ends[0].rows(np.zeros(len(at), np.int64))
+        path, at = TurntablePath(path.frames), np.zeros_like(at)
     if isinstance(path, KeyframePath):
         azimuth, elevation, zoom = _interpolate_keyframes(path, at)
     else:
@@ -138,15 +122,19 @@ def _piece_poses(path: PathPiece, start: FlightPlace | None, at: Float64) -> Cam
         up=np.column_stack([-sin_e * sin_a, sin_e * cos_a, cos_e]) @ rotation_t,
         zoom=zoom,
         is_free=np.zeros(len(at), np.bool_),
-        target=np.zeros((len(at), 3)),
-        distance=np.zeros(len(at)),
+        target=np.full((len(at), 3), about[0], np.float64),
+        distance=np.full(len(at), about[1], np.float64),
     )
 
 
-def _flight_poses(path: FlightPath, start: FlightPlace | None, at: Float64) -> CameraPoses:
-    """Return the poses of a flight, upright about its axis but for its roll."""
-    places = fly(path, start, at.tolist())
-    offset = places.eye - places.target
+def _flight_poses(path: FlightPath, end: CameraPoses | None, at: Float64) -> CameraPoses:
+    """Return the poses of a flight, upright about its axis but for its roll. end: of the piece before it."""
+    start = None
+    if end is not None:
+        eye = end.target + end.distance[:, None] * end.direction
+        start = np.concatenate([eye[0], end.target[0], [0.0], np.log(end.zoom)])
+    places = fly(path, start, at)
+    offset = places[:, EYE] - places[:, TARGET]
     distance = np.linalg.norm(offset, axis=1)
     direction = offset / distance[:, None]
     right = np.cross(np.array(path.axis) / np.linalg.norm(path.axis), direction)
@@ -154,9 +142,10 @@ def _flight_poses(path: FlightPath, start: FlightPlace | None, at: Float64) -> C
     aside = _rotation_from_z_to(path.axis)[:, 0]  # that of azimuth 0, for a view along the axis
     right = np.where(length > _LEAST_SINE, right / np.maximum(length, _LEAST_SINE), aside)
     up = np.cross(direction, right)
-    sine, cosine = (each[:, None] for each in _sine_and_cosine(places.roll))
+    sine, cosine = (each[:, None] for each in _sine_and_cosine(places[:, ROLL]))
     right, up = cosine * right + sine * up, cosine * up - sine * right
-    return CameraPoses(direction, right, up, places.zoom, np.ones(len(at), np.bool_), places.target, distance)
+    is_free = np.ones(len(at), np.bool_)
+    return CameraPoses(direction, right, up, np.exp(places[:, LOG_ZOOM]), is_free, places[:, TARGET], distance)
 
 
 def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
@@ -194,7 +183,7 @@ def make_view(camera: CameraSpec, frame: int, target: Vector, distance: float, s
             got=f"{distance:g}",
             expected="a length greater than 0",
         )
-    poses = camera_poses(camera.path, [camera.path_frame(frame)], (target, distance)).about(target, distance)
+    poses = camera_poses(camera.path, [camera.path_frame(frame)], (target, distance))
     axes, centre, distance = poses.axes[0], poses.target[0].copy(), float(poses.distance[0])
     axes.flags.writeable = centre.flags.writeable = False
     scale_px = focal_length_px(camera, size) * float(poses.zoom[0])

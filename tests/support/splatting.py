@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields
 
 import numpy as np
 import numpy.typing as npt
@@ -46,7 +45,7 @@ def look(
 def camera_pose(path: CameraPath, frame: int) -> CameraPoses:
     """The pose at one frame: direction, right and up [3], and one zoom."""
     poses = camera_poses(path, [frame])
-    return CameraPoses(*(getattr(poses, each.name)[0] for each in fields(poses)))
+    return poses.rows(0)
 
 
 def point_at(view: View, column: float, row: float, depth: float) -> Float64:

@@ -16,10 +16,12 @@ from renderer.scene import (
     CameraSpec,
     ErrorSpec,
     MetricTarget,
+    Motion,
     SplatBudget,
     TimeBudget,
     TurntablePath,
     min_tolerance,
+    moving,
     parse_scene,
     scene_to_dict,
     tolerance_at,
@@ -100,13 +102,12 @@ def test_every_frame_has_its_tolerance_in_the_scene_and_in_its_json(first: int, 
 
 
 def test_equal_tolerances_are_written_once() -> None:
-    """Runs of them have an entry at both ends, and one for the whole film is a number."""
+    """Runs of them have an entry at their start, and one for the whole film is a number."""
     assert with_tolerances(SCENE, dict.fromkeys(range(3, 99), 0.1)) == with_tolerance(SCENE, 0.1)
     assert scene_to_dict(with_tolerance(SCENE, 0.1))["error"]["tolerance"] == 0.1
     tolerances = dict.fromkeys(range(40), 0.5) | dict.fromkeys(range(40, 60), 0.1) | {60: 0.0}
-    assert with_tolerances(SCENE, tolerances).error.tolerance == scheduled(
-        (0, 0.5), (39, 0.5), (40, 0.1), (59, 0.1), (60, 0.0)
-    )
+    held = moving(Motion((0, 40, 60), (0.5, 0.1, 0.0), "hold", "ratio"))
+    assert with_tolerances(SCENE, tolerances).error.tolerance == held
 
 
 def test_frames_between_those_that_are_drawn_belong_to_the_one_before() -> None:

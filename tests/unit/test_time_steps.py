@@ -18,7 +18,7 @@ from hsplat_cli.commands.init import init
 from renderer.errors import InputError, SceneError
 from renderer.job import scene_files
 from renderer.job.sidecar import without_paths
-from renderer.readers import num_steps, read_volume, time_steps
+from renderer.readers import read_volume
 from renderer.scene import FileSource, Scene, VolumeSpec, motion_of, parse_scene, scene_to_dict
 from renderer.volume import Array
 from tests.support.dicom_files import image_fields
@@ -256,7 +256,7 @@ def test_each_file_is_read_at_its_time(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no such time step") as error:
         read_volume(spec_of(tmp_path, "a_{}.npy", time=3))
     assert error.value.expected == "0 to 2"
-    assert num_steps(spec_of(tmp_path, "a_{}.npy", time="auto")) == 3
+    assert read_volume(spec_of(tmp_path, "a_{}.npy", time="auto")).num_times == 3
 
 
 def test_two_steps_are_mixed_in_their_scalars(tmp_path: Path) -> None:
@@ -268,7 +268,7 @@ def test_two_steps_are_mixed_in_their_scalars(tmp_path: Path) -> None:
     spec = VolumeSpec(FileSource(tmp_path / "b.npy"), 1.5, crop=crop, interpolate=True)
     np.save(tmp_path / "b.npy", np.stack([RAMP, RAMP + 10, RAMP + 30]))
     np.testing.assert_array_equal(read_volume(spec).values, RAMP[:, :, 1:3] + np.float32(20))
-    assert num_steps(spec) == 3
+    assert read_volume(spec).num_times == 3
     with pytest.raises(InputError, match="there is no such time step"):
         read_volume(VolumeSpec(FileSource(tmp_path / "b.npy"), 2.5, interpolate=True))
 
@@ -355,8 +355,10 @@ def test_outputs_overwrite_no_step(tmp_path: Path) -> None:
 
 def times_of(path: Path, **choice: Any) -> tuple[int, Sequence[float], str]:
     volume = read(path, **{"time": 1} | choice)
-    assert time_steps(VolumeSpec(FileSource(path), 1)) == (volume.num_times, volume.times, volume.time_unit)
-    return volume.num_times, volume.times, volume.time_unit
+    first = read_volume(VolumeSpec(FileSource(path), 0))
+    found = volume.num_times, volume.times, volume.time_unit
+    assert (first.num_times, first.times, first.time_unit) == found
+    return found
 
 
 FOUR = np.stack([RAMP] * 3)
