@@ -1,4 +1,4 @@
-"""Write the list of keys that can move into docs/motion.md: `python tests/support/motion_page.py`."""
+"""Write the list of keys that can move into docs/scene.md: `python tests/support/motion_page.py`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 from renderer.scene.schema import FieldTable
 from renderer.scene.spec import SECTIONS
 
-MOTION_PAGE = Path(__file__).resolve().parents[2] / "docs" / "motion.md"
-_HEADING = "## What can move\n"
+MOTION_PAGE = Path(__file__).resolve().parents[2] / "docs" / "scene.md"
+_HEADING = "of all others it is an error.\n"
 _WORDS = {"linear": "", "ratio": " (in even ratios)", "direction": " (on the sphere)"}
 
 
