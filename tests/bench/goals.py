@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
-from measuring import PAGES, THREADS, machine_line, parser_of, section, span, suggested
+from measuring import PAGES, THREADS, machine_line, parser_of, section, span, suggested, write_page
 
 from renderer.accuracy import ExactPixels, ExactRays, FoundTolerances, FrameProber, Trial, find_tolerances, psnr, search
 from renderer.accuracy.tolerances import tolerance_ladder
@@ -34,21 +34,6 @@ RAYS, SEED = 8192, 9  # the search has seed 0
 WARM_TOLERANCE, TURNS = 0.1, 3
 # A film is too good from here on, and a miss is a large one, in dB.
 TOO_GOOD, LARGE_MISS = 3.0, 0.5
-
-HEAD = """# How well are wanted accuracies met?
-
-Footprint: both. Measure again when the search for tolerances, the choice of pixels or the drawing of either footprint
-changes.
-
-`python tests/bench/goals.py DATA` writes this page. Scenes are those of `renderer.suggest_scene`, {width} x {height},
-{frames} frames, some without light and one drawn as Gaussian splats. `find_tolerances` found tolerances for each
-goal (`error: {{psnr: G}}`), and the film was drawn with them. Each of its frames, before rounding, was compared with
-{rays} exact rays that the search did not have, with another seed for each frame. All films of a scene have the same
-rays; their pixels were chosen in the film of the highest goal. The PSNR of a frame is then known to {error:.1f} dB (the
-median of its standard deviations; {largest:.1f} dB at the most).
-
-{machine}
-"""
 
 
 class Subject(NamedTuple):
@@ -159,7 +144,7 @@ def main() -> None:
             measure(arguments.data, name, subject, found)
             if raw:
                 raw.write_text(json.dumps([found.machine, found.films, found.savings]), encoding="utf-8")
-    PAGE.write_text("\n".join(page(found)), encoding="utf-8")
+    write_page(PAGE, page(found))
 
 
 def load(raw: Path) -> Measured:
@@ -249,9 +234,13 @@ def saving_of(room: Room, film: Film) -> Saving:
 def page(found: Measured) -> Iterator[str]:
     """Yield the lines of the page."""
     deviations = np.concatenate([film.deviations for film in found.films])
-    errors = {"error": float(np.median(deviations)), "largest": float(deviations.max())}
-    of_what = {"width": SIZE[0], "height": SIZE[1], "frames": NUM_FRAMES, "rays": RAYS, "machine": found.machine}
-    yield HEAD.format(**of_what, **errors)
+    yield found.machine
+    yield ""
+    yield (
+        f"The PSNR of a frame is known to {np.median(deviations):.1f} dB (the median of its standard deviations; "
+        f"{deviations.max():.1f} dB at the most)."
+    )
+    yield ""
     yield from summary(found.films)
     yield from each_film(found.films)
     yield from too_good([film for film in found.films if film.coarser])

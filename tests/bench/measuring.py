@@ -6,7 +6,7 @@ import argparse
 import os
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "docs" / "benchmarks"
 SCENES = Path(__file__).with_name("scenes")
 THREADS = os.cpu_count() or 1
+MARK = "<!-- The command writes what follows. -->"
 
 
 class Point(NamedTuple):
@@ -40,6 +41,13 @@ def parser_of(description: str | None) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=(description or "").split("\n", maxsplit=1)[0])
     parser.add_argument("data", type=Path, help="the folder with engine.nhdr and bonsai.nhdr")
     return parser
+
+
+def write_page(page: Path, lines: Iterable[str]) -> None:
+    """Replace what follows MARK on a page. Above it stands what is written by hand: change that with the constants."""
+    head, mark, _ = page.read_text("utf-8").partition(MARK)
+    assert mark, f"{page} has no line {MARK}"
+    page.write_text("\n".join([head + mark, "", *lines]).rstrip("\n") + "\n", encoding="utf-8")
 
 
 def machine_line() -> str:

@@ -17,7 +17,7 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
-from measuring import PAGES, THREADS, machine_line, parser_of, section, suggested
+from measuring import PAGES, THREADS, machine_line, parser_of, section, suggested, write_page
 
 from renderer.accuracy import ErrorSamples, FrameProber, pool_samples, psnr
 from renderer.accuracy.estimate import error_samples
@@ -39,20 +39,6 @@ REPEATS = 200
 TIMES = 30
 TIMED_TOLERANCE, TIMED_ROUNDS = 0.1, 5
 STEP = 0.5  # of the truth, in voxels
-
-HEAD = """# How often do intervals hold the truth?
-
-Footprint: both. Measure again when the choice of pixels, the interval or the drawing of either footprint changes.
-
-`python tests/bench/probes.py DATA` writes this page. Scenes are those of `renderer.suggest_scene`, {width} x {height},
-some without light and some drawn as splats. All pixels of frames {frames} were integrated at a step of {step} voxel.
-Each frame was drawn at the tolerances {tolerances}: {cases} cases. In each, {repeats} probes with other seeds chose
-pixels in the drawn picture and took the known errors there, in 8 bits. An interval should hold the true mean squared
-error in 95 % of cases, or more. Half-widths are half the distance of its ends, in decibels.
-The interval was made with most of these scans in view, so the shares may flatter it: none of them is held out.
-
-{machine}
-"""
 
 
 class Subject(NamedTuple):
@@ -109,7 +95,7 @@ def main() -> None:
         for subject in SUBJECTS:
             found.append(measured(data, subject, processes))
             print(_row(found[-1]), flush=True)
-    PAGE.write_text("\n".join(page(found)) + "\n", encoding="utf-8")
+    write_page(PAGE, page(found))
 
 
 def measured(data: Path, subject: Subject, processes: Executor) -> Figures:
@@ -219,10 +205,8 @@ def normal_share(samples: Sequence[tuple[ErrorSamples, float]]) -> float:
 
 def page(found: Sequence[Figures]) -> Iterator[str]:
     """Yield the lines of the page."""
-    listed = ", ".join(f"{tolerance:g}" for tolerance in TOLERANCES)
-    frames, cases = ", ".join(map(str, FRAMES)), len(found) * len(TOLERANCES)
-    of_what = {"width": SIZE[0], "height": SIZE[1], "frames": frames, "tolerances": listed, "cases": cases}
-    yield HEAD.format(**of_what, step=STEP, repeats=REPEATS, machine=machine_line())
+    yield machine_line()
+    yield ""
     yield from scenes(found)
     yield from together([case for each in found for case in each.cases])
     yield from times(found)
