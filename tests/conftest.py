@@ -62,6 +62,19 @@ def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def fake_ffmpeg(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Return what puts a shell script in the place of ffmpeg."""
+
+    def install(script: str) -> None:
+        program = tmp_path_factory.mktemp("bin") / "ffmpeg"
+        program.write_text(f"#!/bin/sh\n{script}\n")
+        program.chmod(0o755)
+        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(program))
+
+    return install
+
+
+@pytest.fixture
 def heeds_interrupts() -> Iterator[None]:
     """Let signals interrupt this process and those that it starts.
 
