@@ -123,12 +123,6 @@ def test_a_film_that_is_cut_off_is_refused(films: Path, tmp_path: Path, suffix: 
         refusal(path)
 
 
-def test_a_damaged_film_is_refused(films: Path) -> None:
-    path = films / "film.mp4"
-    damaged = with_bytes(path, path.read_bytes().index(b"mdat") + 700, bytes(400))
-    assert refusal(damaged).startswith("the film cannot be decoded")
-
-
 def test_a_file_that_refers_to_others_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "list.mp4"
     path.write_bytes(b"\0\0\0\x08ftypffconcat version 1.0\nfile 'film.mp4'\n")

@@ -122,19 +122,6 @@ def test_the_largest_of_many_labels_are_listed(tmp_path):
     assert told == sorted((label["voxels"] for label in table), reverse=True)[:40]
 
 
-@pytest.mark.parametrize(
-    ("dtype", "factor"), [("uint8", 0), ("int64", 1), ("float16", 0), ("float32", 1e-30), ("float64", 1e20)]
-)
-def test_every_kind_of_data_gets_a_suggestion_that_parses(tmp_path, dtype, factor):
-    np.save(tmp_path / "a.npy", (RAMP * factor).astype(dtype))
-    points = suggestion(run(str(tmp_path / "a.npy")))["points"]
-    values = [point["value"] for point in points]
-    assert all(isinstance(value, int | float) for value in values)  # also those with exponents
-    assert values == sorted(set(values))
-    assert max(point["opacity"] for point in points) > 0
-    assert not factor or values[-1] == pytest.approx(50 * factor, rel=0.3)
-
-
 def test_ascii_terminal(ramp):
     assert "#" in run(ramp, charset="ascii")
     assert "█" in run(ramp, charset="utf-8")
