@@ -44,15 +44,6 @@ def refusal(path: Path, size: tuple[int, int] = SIZE, num_frames: int = NUM_FRAM
     return str(caught.value).removeprefix(f"{path}: ")
 
 
-def with_bytes(path: Path, place: int, new: bytes) -> Path:
-    """Write a copy of a file beside it with other bytes at a place, and return its path."""
-    content = bytearray(path.read_bytes())
-    content[place : place + len(new)] = new
-    copy = path.with_name(f"changed{path.suffix}")
-    copy.write_bytes(content)
-    return copy
-
-
 # Root mean square, in steps: seen at 3.4 and, for a GIF with its 256 colours, at 6.5. The next frame is at 12.
 @pytest.mark.parametrize(("suffix", "largest"), [("mp4", 4), ("gif", 8)])
 def test_all_frames_come_back_in_order(films: Path, suffix: str, largest: float) -> None:

@@ -62,7 +62,6 @@ COLLECTED = tuple(COLLECTION.with_name(f"{name}_files.py") for name in ("tiff", 
 NUM_BYTES = HERE.stat().st_size
 SPACING = (0.1, 1 / 3, 2.0)
 AXIS = (1.0, 1e-7, -2.0)
-FLIGHT = (FlightKey(SPACING, (3.0, 2.0, 1.0), 12.5, 0), FlightKey((3.0, 2.0, 1.0), SPACING, frame=9))
 POINTS = (ControlPoint(-0.5, (0.1, 0.2, 0.3), 0.0), ControlPoint(2.0, (1.0, 1.0, 1.0), 1 / 3))
 
 # Together they give every key of a scene a value other than its default.
