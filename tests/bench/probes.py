@@ -17,7 +17,7 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
-from measuring import PAGES, THREADS, machine_line, parser_of, section, suggested, write_page
+from measuring import PAGES, SUBJECTS, THREADS, machine_line, parser_of, section, suggested, write_page
 
 from renderer.accuracy import ErrorSamples, FrameProber, pool_samples, psnr
 from renderer.accuracy.estimate import error_samples
@@ -39,15 +39,6 @@ REPEATS = 200
 TIMES = 30
 TIMED_TOLERANCE, TIMED_ROUNDS = 0.1, 5
 STEP = 0.5  # of the truth, in voxels
-
-
-class Subject(NamedTuple):
-    """A suggested scene."""
-
-    name: str
-    file: str
-    is_lit: bool = True
-    is_splats: bool = False
 
 
 class Case(NamedTuple):
@@ -92,15 +83,15 @@ class Drawn(NamedTuple):
 def main() -> None:
     data, found = parser_of(__doc__).parse_args().data, []
     with ProcessPoolExecutor(THREADS, mp_context=multiprocessing.get_context("spawn")) as processes:
-        for subject in SUBJECTS:
-            found.append(measured(data, subject, processes))
+        for name in SUBJECTS:
+            found.append(measured(data, name, processes))
             print(_row(found[-1]), flush=True)
     write_page(PAGE, page(found))
 
 
-def measured(data: Path, subject: Subject, processes: Executor) -> Figures:
+def measured(data: Path, name: str, processes: Executor) -> Figures:
     """Draw a scene and probe it many times."""
-    scene = suggested(data / subject.file, SIZE, is_lit=subject.is_lit, is_splats=subject.is_splats)
+    scene = suggested(data, name, SIZE)
     with (
         prepare_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
         open_rasterizer(scene) as rasterizer,
@@ -108,7 +99,7 @@ def measured(data: Path, subject: Subject, processes: Executor) -> Figures:
         draw_ms, probe_ms = timed(stage, rasterizer)
         exact = exact_frames(stage)
         cases = [case_of(tolerance, drawn(stage, rasterizer, tolerance, exact), processes) for tolerance in TOLERANCES]
-    return Figures(subject.name, cases, draw_ms, probe_ms)
+    return Figures(name, cases, draw_ms, probe_ms)
 
 
 def timed(stage: Stage, rasterizer: Rasterizer) -> tuple[float, float]:
@@ -282,24 +273,6 @@ def times(found: Sequence[Figures]) -> Iterator[str]:
     for each in found:
         share = each.probe_ms / each.draw_ms
         yield f"| {each.name} | {each.draw_ms:.1f} ms | {each.probe_ms:.1f} ms | {share:.0%} |"
-
-
-SUBJECTS = (
-    Subject("engine, CT", "engine.nhdr"),
-    Subject("bonsai, CT", "bonsai.nhdr"),
-    Subject("fuel, simulation, not lit", "fuel.nhdr", is_lit=False),
-    Subject("hydrogen atom", "hydrogenAtom.nhdr"),
-    Subject("neghip, splats, not lit", "neghip.nhdr", is_lit=False, is_splats=True),
-    Subject("Marschner-Lobb", "marschnerlobb.nhdr"),
-    Subject("head, CT, splats", "medical/headsq_quarter.nrrd", is_splats=True),
-    Subject("head, CT, oblique", "medical/CT_pitch.nii.gz"),
-    Subject("chest, CT, not lit", "medical/LIDC2.mha", is_lit=False),
-    Subject("head, proton density", "medical/chris_PD.nii.gz"),
-    Subject("head, T1 atlas", "medical/PD25_T1.nii.gz"),
-    Subject("head, MR, not lit", "medical/seg3d_MR.nii.gz", is_lit=False),
-    Subject("head, T1 of CIT168", "medical/CIT168_T1w.nii.gz"),
-    Subject("engine, splats, not lit", "engine.nhdr", is_lit=False, is_splats=True),
-)
 
 
 if __name__ == "__main__":
