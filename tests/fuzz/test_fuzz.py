@@ -44,7 +44,7 @@ def test_numbers_of_any_size(rasterizer_for: Callable[[Scene], Rasterizer], tmp_
     verdicts = []
     for index in range(48):
         case, rng = make_case(SEED, 2 * index, DTYPES), random_of(SEED, index)
-        for tree, key in list(places(case.tree)):
+        for tree, key, _ in list(places(case.tree)):
             if isinstance(tree[key], float) and key != "value" and rng.random() < 0.15:  # values stay in their order
                 tree[key] *= 10.0 ** rng.uniform(-15, 0 if 0 <= tree[key] <= 1 else 15)
         case = replace(case, spoilt="numbers of any size", in_memory=False)
