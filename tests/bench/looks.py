@@ -6,7 +6,6 @@ beside it. What is still wrong was seen by eye, and stands on the page above the
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
-from measuring import PAGES, machine_line, write_page
+from measuring import PAGES, machine_line, parser_of, write_page
 
 import renderer
 from renderer.readers import read_volume
@@ -94,8 +93,7 @@ def page(volumes: dict[str, Path]) -> None:
 
 def main() -> None:
     """Write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path)
+    parser = parser_of(__doc__)
     parser.add_argument("volumes", type=Path, nargs="*")
     given = parser.parse_args()
     volumes = {name: given.data / path for name, path in VOLUMES.items()}

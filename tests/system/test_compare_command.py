@@ -25,9 +25,8 @@ WRITE_REPORTS = [word for pair in zip(("--json", "--junit", "--html"), REPORTS, 
 
 
 @pytest.fixture(autouse=True)
-def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def folders(folder: Path) -> None:
     """Write twelve frames to golden/ in the current folder, and the same to actual/."""
-    monkeypatch.chdir(tmp_path)
     write_frames(Path("golden"), [smooth(0.2 * number) for number in range(12)], "frame-{}.png")
     shutil.copytree("golden", "actual")
 

@@ -27,12 +27,11 @@ OTHER = ["--set", "transfer_function.points.2.color=red"]
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make a folder with SCENE the current one; the environment is not that of CI."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("CI", raising=False)
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
-    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder / "temporary"))
+    Path("temporary").mkdir()
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
 
 
