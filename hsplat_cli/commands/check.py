@@ -97,9 +97,11 @@ def _path_text(path: CameraPath) -> str:
 
 def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
     """Yield what moves, and what that makes anew on which frames; how long that takes here, a small layer tells."""
+    in_time = ["all steps in time"] * any(layer.volume.time == "auto" for layer in scene.layers)
+    if scene.moves or in_time:
+        yield "motion", join_some([*in_time, *moving_values(scene, 0)])
     if not scene.moves:
         return
-    yield "motion", join_some([*moving_values(scene, 0)])
     from renderer.frame import seconds_for_layer
     from renderer.layers import layer_parts
 

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import bz2
 import math
+import tempfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any, Literal
 
@@ -97,7 +99,7 @@ def read_stored(
         of `{}`, if it can. The array may be mapped from its file. Raises InputError if `time` or `component` do not
         fit, and for files that are missing, truncated, damaged, or too long.
     """
-    values, num_left = _read_part(layout, chosen_part(axes, layout.shape, time, component))
+    values, num_left = _read_part(layout, chosen_part(axes, layout.shape, time, component), in_time=time is not None)
     note = _left_over_note(layout.parts[0].file, num_left, skip) if num_left else None
     return values if values.ndim == 3 else values[np.newaxis], note
 
@@ -111,11 +113,12 @@ def _left_over_note(file: Path, num_left: int, skip: str | None) -> str:
     return f"the data have {counted(num_left, 'byte')} more than their voxels{hint}"
 
 
-def _read_part(layout: Layout, index: tuple[int | slice, ...]) -> tuple[Array, int]:
+def _read_part(layout: Layout, index: tuple[int | slice, ...], *, in_time: bool) -> tuple[Array, int]:
     """Return `array[index]` of the array that `layout` describes, or a view of it mapped from its file; and what is
     left over.
 
-    index: an item for each axis; slices are whole. Integers for the slowest axes save memory.
+    index: an item for each axis; slices are whole. Integers for the slowest axes save memory. in_time: other steps may
+        be read next, for which what is decoded is kept.
     """
     num_bytes = check_size(layout.shape[::-1], layout.dtype)
     part_shape = layout.shape[layout.num_split :]
@@ -137,12 +140,12 @@ def _read_part(layout: Layout, index: tuple[int | slice, ...]) -> tuple[Array, i
     begin = first * values.nbytes
     for part in layout.parts:
         with errors_about(part.file):
-            num_left += _copy_part(part, values, begin, part_shape[::-1])
+            num_left += _copy_part(part, values, begin, part_shape[::-1], in_time=in_time)
         begin -= num_bytes // len(layout.parts)
     return values[index[num_chosen:]], num_left
 
 
-def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[int, ...]) -> int:
+def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[int, ...], *, in_time: bool) -> int:
     """Copy what `values` has of one part, and return how many bytes are left over after decoding.
 
     begin: the byte of the part at which `values` begins; before or after the part if outside of its range.
@@ -158,16 +161,46 @@ def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[i
             if file.readinto(target) < len(target):
                 raise InputError("the file has become shorter while it was read")
         return 0
-    found = -part.num_skipped
-    for piece in _decoded(part, values.dtype, num_bytes):
-        inside = piece[max(0, low - found) : max(0, high - found)]
-        place = max(found - low, 0)
-        target[place : place + len(inside)] = inside
+    if in_time and values.nbytes < num_bytes:
+        stat = part.file.stat()
+        state = stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns
+        voxels, num_left = _decoded_copy(part, values.dtype, shape_xyz, state)
+        target[:] = voxels[low:high].data
+        return num_left
+    place = 0
+
+    def write(voxels: bytes) -> None:
+        nonlocal place
+        inside = voxels[max(0, low - place) : max(0, high - place)]
+        at = max(place - low, 0)
+        target[at : at + len(inside)] = inside
+        place += len(voxels)
+
+    return _decode(part, values.dtype, shape_xyz, write)
+
+
+def _decode(
+    part: StoredVoxels, dtype: np.dtype[Any], shape_xyz: tuple[int, ...], write: Callable[[bytes], object]
+) -> int:
+    """Decode the voxels of a part in pieces, in their order, and return how many bytes are left over."""
+    num_bytes, found = dtype.itemsize * math.prod(shape_xyz), -part.num_skipped
+    for piece in _decoded(part, dtype, num_bytes):
+        write(piece[max(0, -found) : max(0, num_bytes - found)])
         found += len(piece)
         if found > 2 * num_bytes + _PIECE:  # a small file may decompress to any length
             part = replace(part, has_rest=False)
             break
-    return _check_num_bytes(part, found, shape_xyz, values.dtype)
+    return _check_num_bytes(part, found, shape_xyz, dtype)
+
+
+@lru_cache(maxsize=1)  # steps are read one after the other
+def _decoded_copy(
+    part: StoredVoxels, dtype: np.dtype[Any], shape_xyz: tuple[int, ...], _state: tuple[int, ...]
+) -> tuple[Array, int]:
+    """Return the bytes of all voxels of a part, in a file without a name, and how many are left over after decoding."""
+    with tempfile.TemporaryFile() as file:
+        num_left = _decode(part, dtype, shape_xyz, file.write)
+        return np.memmap(file, np.uint8, "r"), num_left
 
 
 def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> int:

@@ -129,8 +129,15 @@ class FlightKey:
     frame: Annotated[int | None, schema.FRAME_NUMBER_FIELD] = None
 
 
+def _check_flight_key(node: TreeNode, given: dict[str, Any]) -> None:
+    target = given["target"]
+    if isinstance(target, tuple) and INVALID not in target and given["position"] == target:
+        node.child("target", target).reject("no direction", expected="another place than the eye's")
+
+
 _FLIGHT_KEYS = schema.sequence_field(
-    schema.dataclass_field(FlightKey), "a list of {position: [x, y, z], target: [x, y, z], roll: ...}, one or more"
+    schema.dataclass_field(FlightKey, _check_flight_key),
+    "a list of {position: [x, y, z], target: [x, y, z], roll: ...}, one or more",
 )
 
 

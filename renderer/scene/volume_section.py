@@ -23,6 +23,7 @@ PROCEDURAL_NAMES = (
     "cell_nuclei",
     "cell_membranes",
     "atlas",
+    "beating_heart",
 )
 
 ITEM_SIZES = {f"{kind}{8 * size}": size for size in (1, 2, 4, 8) for kind in ("uint", "int")}
@@ -170,13 +171,14 @@ class RawSource:
 
 @dataclass(frozen=True)
 class ProceduralSource:
-    """A volume made from a formula."""
+    """A volume made from a formula. phase: of `beating_heart`, in beats."""
 
     key: ClassVar[str] = "procedural"
     name: Annotated[str, schema.choice_field(*PROCEDURAL_NAMES)]
     shape: Shape
     seed: Annotated[int, schema.integer_field(minimum=0, maximum=2**32 - 1)] = 1
     spacing: Spacing = (1.0, 1.0, 1.0)
+    phase: Annotated[float, schema.number_field(minimum=-1e6, maximum=1e6)] = 0.0
 
 
 @dataclass(frozen=True, eq=False)

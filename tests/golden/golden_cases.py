@@ -176,6 +176,16 @@ CASES = (
     Case("keyframes", "eased keys with zoom",
         ("camera.path={type: keyframes, frames: 20, keys: [{frame: 0, azimuth: 0, elevation: 0},"
         " {frame: 10, azimuth: 100, elevation: 60, zoom: 1.8}]}",), frames="3:16:6"),
+    Case("motion", "a plane, colours, light and a background that move, eased",
+        (_DEFAULT, "shading={light: {0: [1, 0, 0], 8: [0, -1, 1]}, specular: 0.3}",
+        "clip=[{plane: {point: {0: [48, 0, 0], 8: [8, 0, 0], easing: smooth}, normal: [1, 0, 0]}}]",
+        "transfer_function.points.1.color={0: white, 8: red}", "output.background={0: black, 8: '#405060'}"), "::3"),
+    Case("flight", "a path of two pieces, and an eye that rolls",
+        (_DEFAULT, "camera.path=[{type: turntable, frames: 2}, {type: flight, frames: 9, keys: ["
+        "{position: [24, -40, 40], target: [24, 24, 12]}, {position: [10, 10, 20], target: [40, 40, 12], roll: 30}]}]"),
+        "2::4"),
+    Case("beat", "a volume that changes in time",
+        (_DEFAULT, "volume={procedural: {name: beating_heart, shape: [32, 32, 32], phase: {0: 0, 8: 0.5}}}"), "::4"),
     Case("rocker", "the extremes of a swing", ("camera.path={type: rocker, frames: 8, swing: 80}",), frames="2::4"),
     Case("schedule", "tolerances by frame", ("error.tolerance={0: 2, 4: 0.2}",), frames="0:8:4"),
     Case("single_voxel", "one footprint", (_VOXEL,)),

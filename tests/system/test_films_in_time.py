@@ -13,6 +13,7 @@ from small_scene import small_scene
 
 from hsplat_cli import main
 from renderer.frame import pipeline, preparation
+from renderer.readers import stored
 from renderer.scene import load_scene
 
 NUM_STEPS, NUM_FRAMES = 4, 7
@@ -85,12 +86,17 @@ def test_however_it_is_made() -> None:
     assert main.run(["verify", "film/frames.json", "--quiet"]) == 0
 
 
-def test_a_file_of_several_steps(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_of_several_steps(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is decoded once, and `turntable` shows all of them."""
     import nibabel as nib
+
+    decoded, decode = list[object](), stored._decoded
+    monkeypatch.setattr(stored, "_decoded", lambda *arguments: decoded.append(arguments) or decode(*arguments))
 
     stack = np.stack([np.load(f"s_{step}.npy").T for step in range(NUM_STEPS)], axis=-1)
     nib.save(nib.Nifti1Image(stack, np.diag([-1.0, -1.0, 1.0, 1.0])), "four.nii.gz")  # type: ignore[attr-defined]
     assert film("of one file", "volume.file=four.nii.gz") == film("of several")
+    assert len(decoded) == 1
     assert main.run(["turntable", "four.nii.gz", "-o", "films", "--frames", "5", "--size", "32"]) == 0
     scene = load_scene(Path("films/four.yaml"))
     assert scene.volume.time == "auto"

@@ -33,7 +33,7 @@ def test_results_are_in_order_and_few_frames_are_drawn_ahead() -> None:
     with ThreadPoolExecutor(num_workers) as threads:
         num_yielded = 0
         for _ in range(2):
-            drawing = draw_ahead(numbers, draw, threads, check)
+            drawing = draw_ahead(numbers, draw, threads, check, window=4)
             for result, number in zip(drawing, numbers[:-num_workers], strict=False):
                 num_yielded += 1
                 assert result.record.frame == number

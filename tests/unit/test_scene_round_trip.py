@@ -153,7 +153,7 @@ SCENES = {
         output=OutputSpec(Path("a.mp4")),
     ),
     "motion": Scene(
-        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
+        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9), phase=0.25)),
         transfer_function=TransferSpec(
             moving(Motion((0, 90), (POINTS, (POINTS[0], replace(POINTS[1], color=(0.0, 0.5, 1.0)))), "smooth")),
             moving(Motion((3, 7, 9), (1.0, 0.1, 2.0), "hold", "ratio")),

@@ -13,9 +13,10 @@ from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent import futures
 from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from hsplat_cli.executors.cluster.registry import WorkerRegistry
 from hsplat_cli.executors.cluster.worker import SerializedStage, draw_on_worker
@@ -29,6 +30,9 @@ from renderer.system import package_versions
 if TYPE_CHECKING:
     from distributed import Client, Future
 
+T = TypeVar("T")
+R = TypeVar("R")
+
 # Workers are looked for when no frame is finished for this long.
 _POLL_INTERVAL_S = 0.5
 # A picture that does not come within this time makes the client look whether its worker is still there.
@@ -38,6 +42,8 @@ _MAX_THREADS = 1000
 MAX_LOSSES = 3
 # Frames that are drawn, or finished and wait for one before them, for each worker.
 _WINDOW_PER_WORKER = 4
+# Neighbours that one worker draws, one after the other, where something moves: they often have the same layers.
+_RUN_IN_MOTION = 8
 
 
 class ClusterDrawing:
@@ -75,13 +81,21 @@ class ClusterDrawing:
 
         Raises RenderError, or what a frame failed with, once several workers have failed on it, or were lost at it.
         """
-        return draw_ahead(numbers, self._draw, self._threads, self._registry.update_workers)
+        length, window = (1, _WINDOW_PER_WORKER) if self.plan.stage.maker is None else (_RUN_IN_MOTION, 1)
+        runs = [numbers[first : first + length] for first in range(0, len(numbers), length)]
+        check = self._registry.update_workers
+        with closing(draw_ahead(runs, self._draw_run, self._threads, check, window=window)) as drawing:
+            for run in drawing:
+                yield from run
 
     def close(self) -> None:
         """Let the workers free the stage, and the threads end."""
         self._registry.close()
         self._threads.shutdown(wait=False, cancel_futures=True)
         self._stage_data = None
+
+    def _draw_run(self, numbers: Sequence[int]) -> list[DrawnFrame]:
+        return [self._draw(number) for number in numbers]
 
     def _draw(self, number: int) -> DrawnFrame:
         """Draw a frame, in a thread, with one worker after another, until several were lost at it or failed on it."""
@@ -158,18 +172,18 @@ class ClusterDrawing:
 
 
 def draw_ahead(
-    numbers: Sequence[int], draw: Callable[[int], DrawnFrame], threads: ThreadPoolExecutor, check: Callable[[], int]
-) -> Generator[DrawnFrame, None, None]:
-    """Draw a few frames ahead of the one that is waited for, and yield them in order; may be closed before its end.
+    runs: Sequence[T], draw: Callable[[T], R], threads: ThreadPoolExecutor, check: Callable[[], int], *, window: int
+) -> Generator[R, None, None]:
+    """Draw a few runs of frames ahead of the one that is waited for, and yield them in order; may be closed early.
 
-    draw: draws a frame, in one of the threads. check: returns the number of workers; called before each frame, and
-    after every interval without one; what it raises ends the film.
+    draw: draws a run, in one of the threads. check: returns the number of workers; called before each run, and
+    after every interval without one; what it raises ends the film. window: of runs for each worker.
     """
-    waiting, drawing = iter(numbers), deque[futures.Future[DrawnFrame]]()
+    waiting, drawing = iter(runs), deque[futures.Future[R]]()
     try:
         while True:
-            num = _WINDOW_PER_WORKER * max(1, check()) - len(drawing)
-            drawing.extend(threads.submit(draw, number) for number in islice(waiting, max(0, num)))
+            num = window * max(1, check()) - len(drawing)
+            drawing.extend(threads.submit(draw, run) for run in islice(waiting, max(0, num)))
             if not drawing:
                 return
             futures.wait([drawing[0]], _POLL_INTERVAL_S)
