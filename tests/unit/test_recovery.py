@@ -192,17 +192,13 @@ def test_a_picture_beyond_the_limits_of_a_device(
 
 
 def test_a_picture_that_a_device_has_no_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What GL says of the refused picture is not held against the next one."""
     refuse_pictures("renderbuffer", monkeypatch)
     assert re.fullmatch(
         r"device: the device has no room for a picture of this size\n  got: \d+ x \d+ pixels\n"
         r"  hint: choose a smaller output\.size",
         refusal(),
     )
-
-
-def test_a_device_draws_after_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What GL says of the refused picture is not held against the next one."""
-    refuse_pictures("renderbuffer", monkeypatch)
     with SplatRasterizer() as gl:
         with pytest.raises(RenderError):
             draw_splats(gl)
