@@ -7,8 +7,7 @@ from brickwork import batch_of, bricks_of, level_cut, ordered
 
 from renderer.bricks import Bricks
 from renderer.draw import BrickRasterizer
-from renderer.scene import ColormapSpec, TransferSpec
-from renderer.transfer import TransferFunction, make_transfer_function
+from renderer.transfer import TransferFunction
 from renderer.view import View
 from renderer.volume import Float64, make_volume
 
@@ -19,16 +18,6 @@ def seen_along_z(brick_rasterizer: BrickRasterizer, bricks: Bricks, step: float)
     view = View(np.diag([1.0, -1.0, -1.0]), bricks.volume.centre, 100.0, "orthographic", 1.0, (num_x, num_y))
     batch = batch_of(level_cut(bricks, 0), bricks, step=step)
     return brick_rasterizer.rasterize([batch], [ordered(batch.cut, view)], view).astype(np.float64)
-
-
-def test_labels_on_the_step_of_a_colormap(brick_rasterizer: BrickRasterizer) -> None:
-    """Label 0 is invisible, and labels from 1 on are visible: four slabs, 5 voxels deep."""
-    labels = np.broadcast_to(np.repeat(np.arange(4, dtype=np.uint8), 8), (5, 6, 32))
-    opacity = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (3.0, 0.5))
-    transfer = make_transfer_function(TransferSpec(ColormapSpec("viridis", (0.0, 3.0), opacity), None), 1.0)
-    bricks = bricks_of(make_volume(labels.copy(), np.eye(4), "labels"), transfer)
-    alphas = seen_along_z(brick_rasterizer, bricks, 0.5)[3, 4::8, 3]
-    np.testing.assert_allclose(alphas, [0, *3 * [1 - 0.5**5]], atol=1e-6)
 
 
 def test_labels_keep_their_own_color(brick_rasterizer: BrickRasterizer) -> None:

@@ -165,12 +165,6 @@ def test_a_volume_is_lit_by_the_scene_as_by_itself() -> None:
     assert probes[0].tobytes() == probes[1].tobytes()
 
 
-@pytest.mark.parametrize("blend", ["mix", "add"])
-def test_two_copies_of_half_the_weight_are_one(blend: str) -> None:
-    one, half = scene_of([RINGS], blend=blend), RINGS | {"weight": 0.5}
-    np.testing.assert_allclose(draw(scene_of([half, half], blend=blend)), draw(one), rtol=5e-6, atol=1e-6)
-
-
 def test_a_volume_of_which_nothing_shows_changes_nothing() -> None:
     hidden = ENGINE | {
         "transfer_function": {

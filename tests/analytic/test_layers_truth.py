@@ -143,22 +143,6 @@ def test_ramps_against_the_definition(adds: bool) -> None:
         assert 0.2 < found[i, 3] < 0.999
 
 
-def test_moving_layers_is_moving_the_camera() -> None:
-    """Both layers by a shift; and the order of layers does not matter."""
-    shift = np.array([30.0, -20.0, 10.0])
-
-    def moved(layer: TrueLayer) -> TrueLayer:
-        affine = layer.volume.world_from_index.copy()
-        affine[:3, 3] += shift
-        return layer._replace(volume=volume(layer.volume.values, affine))
-
-    expected = rays([ONE, OTHER], view_of())
-    view = look(tuple(np.array((3.5, 1.0, 3.0)) + shift), 14.0, (20, 14))
-    np.testing.assert_allclose(rays([moved(ONE), moved(OTHER)], view), expected, atol=1e-11)
-    np.testing.assert_allclose(rays([OTHER, ONE], view_of()), expected, atol=1e-13)
-    assert np.abs(rays([ONE, OTHER], view) - expected).max() > 0.1
-
-
 @pytest.mark.parametrize("adds", [False, True])
 def test_the_error_falls_with_the_eighth_power_of_the_step(adds: bool) -> None:
     """Two cells of length 8 that overlap partly; 8 is due, 7.5 to 8.1 were seen."""

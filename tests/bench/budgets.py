@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measuring import PAGES, ROOT, THREADS, machine_line, parser_of, section, span
+from measuring import PAGES, ROOT, THREADS, machine_line, parser_of, section, span, write_page
 
 from renderer.bricks.brick_cut import brick_cut_sizes
 from renderer.frame import finest_level_at, make_primitive, prepare_stage
@@ -33,14 +33,6 @@ SECONDS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 FILM_S, FEWEST_FRAMES, MOST_FRAMES = 12.0, 15, 120
 SETTLED, WINDOW = 5, 15
 
-HEAD = """# Are budgets kept?
-
-Footprint: `integrated`, the default. Measure again when the cut, the budget controller or the drawing of bricks change.
-
-`python tests/bench/budgets.py DATA` writes this page. Run it on a machine with nothing else to do. {machine}
-
-"""
-
 
 def main() -> None:
     data = parser_of(__doc__).parse_args().data
@@ -48,7 +40,7 @@ def main() -> None:
     for line in chain(splats(data), seconds(data), progressive(data)):
         print(line, flush=True)
         lines.append(line)
-    PAGE.write_text(HEAD.format(machine=machine_line()) + "\n".join(lines) + "\n")
+    write_page(PAGE, [machine_line(), "", *lines])
 
 
 def splats(data: Path) -> Iterator[str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
-from measuring import PAGES, THREADS, machine_line, parser_of, section, span, suggested
+from measuring import PAGES, SUBJECTS, THREADS, machine_line, parser_of, section, span, suggested, write_page
 
 from renderer.accuracy import ExactPixels, ExactRays, FoundTolerances, FrameProber, Trial, find_tolerances, psnr, search
 from renderer.accuracy.tolerances import tolerance_ladder
@@ -30,35 +30,16 @@ from renderer.volume import Float64
 PAGE = PAGES / "goals.md"
 SIZE, NUM_FRAMES = (512, 512), 24
 GOALS, SPLAT_GOALS = (54.0, 48.0, 42.0, 36.0), (28.0, 25.0)  # the pixels for the rays are chosen at the first one
+# The films of these are drawn at one tolerance, too.
+COMPARED = ("engine, CT", "bonsai, CT", "chest, CT, not lit", "head, CT, oblique")
+NAMES = (
+    *("engine, CT", "bonsai, CT", "fuel, simulation, not lit", "hydrogen atom", "chest, CT, not lit"),
+    *("head, proton density", "head, MR, not lit", "head, CT, oblique", "head, CT, splats"),
+)
 RAYS, SEED = 8192, 9  # the search has seed 0
 WARM_TOLERANCE, TURNS = 0.1, 3
 # A film is too good from here on, and a miss is a large one, in dB.
 TOO_GOOD, LARGE_MISS = 3.0, 0.5
-
-HEAD = """# How well are wanted accuracies met?
-
-Footprint: both. Measure again when the search for tolerances, the choice of pixels or the drawing of either footprint
-changes.
-
-`python tests/bench/goals.py DATA` writes this page. Scenes are those of `renderer.suggest_scene`, {width} x {height},
-{frames} frames, some without light and one drawn as Gaussian splats. `find_tolerances` found tolerances for each
-goal (`error: {{psnr: G}}`), and the film was drawn with them. Each of its frames, before rounding, was compared with
-{rays} exact rays that the search did not have, with another seed for each frame. All films of a scene have the same
-rays; their pixels were chosen in the film of the highest goal. The PSNR of a frame is then known to {error:.1f} dB (the
-median of its standard deviations; {largest:.1f} dB at the most).
-
-{machine}
-"""
-
-
-class Subject(NamedTuple):
-    """A suggested scene with its goals in dB. is_compared: whether its films are drawn at one tolerance, too."""
-
-    file: str
-    is_lit: bool = True
-    is_splats: bool = False
-    goals: Sequence[float] = GOALS
-    is_compared: bool = False
 
 
 class Film(NamedTuple):
@@ -154,12 +135,12 @@ def main() -> None:
     arguments = parser.parse_args()
     raw: Path | None = arguments.raw
     found = load(raw) if raw and raw.exists() else Measured(machine_line(), [], [])
-    for name, subject in SUBJECTS.items():
+    for name in NAMES:
         if all(film.scene != name for film in found.films):
-            measure(arguments.data, name, subject, found)
+            measure(arguments.data, name, found)
             if raw:
                 raw.write_text(json.dumps([found.machine, found.films, found.savings]), encoding="utf-8")
-    PAGE.write_text("\n".join(page(found)), encoding="utf-8")
+    write_page(PAGE, page(found))
 
 
 def load(raw: Path) -> Measured:
@@ -168,21 +149,20 @@ def load(raw: Path) -> Measured:
     return Measured(machine, [Film(*each) for each in films], [Saving(*each) for each in savings])
 
 
-def measure(data: Path, name: str, subject: Subject, found: Measured) -> None:
+def measure(data: Path, name: str, found: Measured) -> None:
     """Find tolerances for each goal of a scene, draw the films, and add their figures."""
-    lit = {"is_lit": subject.is_lit, "is_splats": subject.is_splats}
-    scene = suggested(data / subject.file, SIZE, num_frames=NUM_FRAMES, **lit)
+    scene = suggested(data, name, SIZE, num_frames=NUM_FRAMES)
     with (
         prepare_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
         open_rasterizer(scene) as rasterizer,
     ):
         warm_up(stage, rasterizer)
         room = Room(stage, rasterizer, FrameProber(stage, RAYS, seed=SEED, num_threads=THREADS), {})
-        for goal in subject.goals:
+        for goal in SPLAT_GOALS if SUBJECTS[name].is_splats else GOALS:
             film = film_of(room, name, goal)
             found.films.append(film)
             print(_row(film), flush=True)
-            if subject.is_compared:
+            if name in COMPARED:
                 found.savings.append(saving_of(room, film))
                 print(found.savings[-1], flush=True)
 
@@ -249,9 +229,13 @@ def saving_of(room: Room, film: Film) -> Saving:
 def page(found: Measured) -> Iterator[str]:
     """Yield the lines of the page."""
     deviations = np.concatenate([film.deviations for film in found.films])
-    errors = {"error": float(np.median(deviations)), "largest": float(deviations.max())}
-    of_what = {"width": SIZE[0], "height": SIZE[1], "frames": NUM_FRAMES, "rays": RAYS, "machine": found.machine}
-    yield HEAD.format(**of_what, **errors)
+    yield found.machine
+    yield ""
+    yield (
+        f"The PSNR of a frame is known to {np.median(deviations):.1f} dB (the median of its standard deviations; "
+        f"{deviations.max():.1f} dB at the most)."
+    )
+    yield ""
     yield from summary(found.films)
     yield from each_film(found.films)
     yield from too_good([film for film in found.films if film.coarser])
@@ -312,8 +296,7 @@ def _row(film: Film) -> str:
 
 def by_goal(rows: Sequence[Any]) -> list[Any]:
     """Return rows with each scene's goals in ascending order."""
-    scenes = list(SUBJECTS)
-    return sorted(rows, key=lambda row: (scenes.index(row.scene), row.goal))
+    return sorted(rows, key=lambda row: (NAMES.index(row.scene), row.goal))
 
 
 def too_good(films: Sequence[Film]) -> Iterator[str]:
@@ -370,19 +353,6 @@ def savings(found: Sequence[Saving]) -> Iterator[str]:
 
 def _percent(share: float) -> str:
     return f"{round(100 * share)}%"
-
-
-SUBJECTS: Mapping[str, Subject] = {
-    "engine, CT": Subject("engine.nhdr", is_compared=True),
-    "bonsai, CT": Subject("bonsai.nhdr", is_compared=True),
-    "fuel, simulation, not lit": Subject("fuel.nhdr", is_lit=False),
-    "hydrogen atom": Subject("hydrogenAtom.nhdr"),
-    "chest, CT, not lit": Subject("medical/LIDC2.mha", is_lit=False, is_compared=True),
-    "head, proton density": Subject("medical/chris_PD.nii.gz"),
-    "head, MR, not lit": Subject("medical/seg3d_MR.nii.gz", is_lit=False),
-    "head, CT, oblique": Subject("medical/CT_pitch.nii.gz", is_compared=True),
-    "head, CT, splats": Subject("medical/headsq_quarter.nrrd", is_splats=True, goals=SPLAT_GOALS),
-}
 
 
 if __name__ == "__main__":

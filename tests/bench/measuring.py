@@ -6,7 +6,7 @@ import argparse
 import os
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "docs" / "benchmarks"
 SCENES = Path(__file__).with_name("scenes")
 THREADS = os.cpu_count() or 1
+MARK = "<!-- The command writes what follows. -->"
 
 
 class Point(NamedTuple):
@@ -40,6 +41,13 @@ def parser_of(description: str | None) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=(description or "").split("\n", maxsplit=1)[0])
     parser.add_argument("data", type=Path, help="the folder with engine.nhdr and bonsai.nhdr")
     return parser
+
+
+def write_page(page: Path, lines: Iterable[str]) -> None:
+    """Replace what follows MARK on a page. Above it stands what is written by hand: change that with the constants."""
+    head, mark, _ = page.read_text("utf-8").partition(MARK)
+    assert mark, f"{page} has no line {MARK}"
+    page.write_text("\n".join([head + mark, "", *lines]).rstrip("\n") + "\n", encoding="utf-8")
 
 
 def machine_line() -> str:
@@ -64,16 +72,41 @@ def _taken(work: Callable[[], object], clock: Callable[[], float]) -> float:
     return clock() - begin
 
 
-def suggested(
-    file: Path, size: tuple[int, int], *, num_frames: int = 0, is_lit: bool = True, is_splats: bool = False
-) -> Scene:
-    """Return the suggested scene, with fewer frames, without its light or as splats."""
-    scene = renderer.suggest_scene(file, size=size)
+class Subject(NamedTuple):
+    """A volume whose suggested scene is drawn."""
+
+    file: str
+    is_lit: bool = True
+    is_splats: bool = False
+
+
+SUBJECTS = {
+    "engine, CT": Subject("engine.nhdr"),
+    "bonsai, CT": Subject("bonsai.nhdr"),
+    "fuel, simulation, not lit": Subject("fuel.nhdr", is_lit=False),
+    "hydrogen atom": Subject("hydrogenAtom.nhdr"),
+    "neghip, splats, not lit": Subject("neghip.nhdr", is_lit=False, is_splats=True),
+    "Marschner-Lobb": Subject("marschnerlobb.nhdr"),
+    "head, CT, splats": Subject("medical/headsq_quarter.nrrd", is_splats=True),
+    "head, CT, oblique": Subject("medical/CT_pitch.nii.gz"),
+    "chest, CT, not lit": Subject("medical/LIDC2.mha", is_lit=False),
+    "head, proton density": Subject("medical/chris_PD.nii.gz"),
+    "head, T1 atlas": Subject("medical/PD25_T1.nii.gz"),
+    "head, MR, not lit": Subject("medical/seg3d_MR.nii.gz", is_lit=False),
+    "head, T1 of CIT168": Subject("medical/CIT168_T1w.nii.gz"),
+    "engine, splats, not lit": Subject("engine.nhdr", is_lit=False, is_splats=True),
+}
+
+
+def suggested(data: Path, name: str, size: tuple[int, int], *, num_frames: int = 0) -> Scene:
+    """Return the suggested scene of a subject, with fewer frames, without its light or as splats."""
+    subject = SUBJECTS[name]
+    scene = renderer.suggest_scene(data / subject.file, size=size)
     if num_frames:
         scene = replace(scene, camera=replace(scene.camera, path=replace(scene.camera.path, frames=num_frames)))
-    if is_splats:
+    if subject.is_splats:
         scene = replace(scene, splat=replace(scene.splat, footprint="gaussian"))
-    return scene if is_lit else replace(scene, shading=None)
+    return scene if subject.is_lit else replace(scene, shading=None)
 
 
 def section(title: str, text: str, columns: str) -> Iterator[str]:

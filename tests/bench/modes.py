@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import imageio.v3 as iio
 import numpy as np
-from measuring import PAGES, THREADS, machine_line, parser_of
+from measuring import PAGES, THREADS, machine_line, parser_of, write_page
 
 import renderer
 from renderer.accuracy import psnr
@@ -106,23 +106,6 @@ LOOKS: dict[str, Change] = {
 }
 PICTURED_TOLERANCE = 0.1
 
-HEAD = """# How exact and how fast is each mode, light and clipping?
-
-Footprint: integrated. Measure again when one of them, the drawing of bricks or the choice of pixels changes.
-
-`python tests/bench/modes.py DATA` writes this page and its picture. Frames {frames} of turntables, {width} x {height};
-colours from the smallest scalar to the largest. PSNR is of the colours before they are rounded, against the exact rays
-of all pixels; milliseconds by the clock of frames whose bricks are in memory, medians of {rounds} rounds, {threads}
-threads. Emission and absorption is the suggested scene without light and clipping, which others change. *First* is the
-time to build what all frames share.
-
-{machine}
-
-Each row of the picture is a row of the tables, at tolerance {pictured:g}.
-
-![engine, bonsai, head and Marschner-Lobb in each of them](modes.jpg)
-"""
-
 
 class Figures(NamedTuple):
     """A mode of a volume at one tolerance: decibels, milliseconds, seconds to prepare, and one picture."""
@@ -135,12 +118,7 @@ class Figures(NamedTuple):
 
 def main() -> None:
     data = parser_of(__doc__).parse_args().data
-    lines = [
-        HEAD.format(
-            frames=" and ".join(map(str, FRAMES)), width=SIZE[0], height=SIZE[1], rounds=ROUNDS, threads=THREADS,
-            machine=machine_line(), pictured=PICTURED_TOLERANCE,
-        )
-    ]  # fmt: skip
+    lines = [machine_line(), ""]
     rows: dict[str, list[UInt8]] = {name: [] for name in LOOKS}
     for name, source in VOLUMES.items():
         lines += [f"## {name}", "", "| what | first | " + " | ".join(f"{t:g}" for t in TOLERANCES) + " |"]
@@ -154,7 +132,7 @@ def main() -> None:
             rows[look].append(found[TOLERANCES.index(PICTURED_TOLERANCE)].image)
             print(lines[-1], flush=True)
         lines.append("")
-    PAGE.write_text("\n".join(lines), encoding="utf-8")
+    write_page(PAGE, lines)
     pictures = [np.hstack([image[::3, ::3, :3] for image in row]) for row in rows.values()]
     iio.imwrite(PICTURE, np.vstack(pictures), quality=85)
 

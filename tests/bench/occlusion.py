@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from light_reference import exact_occlusion, exact_shadow, sampled
-from measuring import PAGES, THREADS, machine_line, medians_in_turns, parser_of
+from measuring import PAGES, THREADS, machine_line, medians_in_turns, parser_of, write_page
 from scipy import ndimage
 
 import renderer
@@ -27,29 +27,14 @@ VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "head": "medical/he
 MAX_CELLS = (128, 64)
 NUM_POINTS, LEAST_DEPTH, REPEATS = 1000, 1e-3, 3
 
-HEAD = """# How exact is the light grid?
-
-Footprint: integrated. Measure again when `renderer/lighting/` changes.
-
-`PYTHONPATH=tests/support python tests/bench/occlusion.py DATA` writes this page. Transfer functions, lights: those
-of `renderer.suggest_scene`. At {points} random places, where the extinction times the finest spacing is above {depth},
-the stored factors are compared with 256 rays for occlusion and 64 to the light, in steps of half a voxel through the
-extinctions of voxels, interpolated linearly.
-RMSE is the root of the mean squared difference of factors from 0 to 1.
-Seconds are those of all processors, of {threads} threads together: medians of {repeats} runs.
-
-{machine}
-
-| volume | voxels | cells | voxels a cell | occlusion, RMSE | shadow, RMSE | occlusion, s | shadow, s | both, s |
-| --- | --- | --- | --- | --- | --- | --- | --- | --- |
-"""
-
 
 def main() -> None:
     data = parser_of(__doc__).parse_args().data
-    head = HEAD.format(points=NUM_POINTS, depth=LEAST_DEPTH, repeats=REPEATS, threads=THREADS, machine=machine_line())
+    columns = (
+        "volume | voxels | cells | voxels a cell | occlusion, RMSE | shadow, RMSE | occlusion, s | shadow, s | both, s"
+    )
     lines = [line for name, file in VOLUMES.items() for line in rows(name, data / file)]
-    PAGE.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
+    write_page(PAGE, [machine_line(), "", f"| {columns} |", "| --- " * 9 + "|", *lines])
 
 
 def rows(name: str, file: Path) -> Iterator[str]:

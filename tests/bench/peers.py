@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from measuring import PAGES, SCENES, Point, fastest, parser_of
+from measuring import PAGES, SCENES, Point, fastest, parser_of, write_page
 
 from hsplat_cli.main import run
 
@@ -40,7 +40,7 @@ def main() -> None:
             scene.stem: study_of(scene, arguments.data, (arguments.studies or Path(folder)) / scene.stem)
             for scene in sorted(SCENES.glob("*.yaml"))
         }
-    PAGE.write_text("\n".join(page(studies)) + "\n", "utf-8")
+    write_page(PAGE, page(studies))
 
 
 def study_of(scene: Path, data: Path, folder: Path) -> dict[str, Any]:
@@ -54,36 +54,10 @@ def study_of(scene: Path, data: Path, folder: Path) -> dict[str, Any]:
     return study
 
 
-HEAD = """# Against VTK
-
-Footprint: `integrated`, the default. Measure again when the cut, the CPU loops, screen sampling or the order of bricks
-change, and with a new version of VTK.
-
-`python tests/bench/peers.py DATA` writes this page. It gives milliseconds of a frame of 512 x 512 that the object
-fills, for the fastest setting that reaches an accuracy against the converged ray integral: of hsplat, and of any of
-VTK's mappers. Times are medians of 7, one program after the other on one machine. Goals are parts of VTK's time. VTK's
-frames have 8 bits. Its volumes end half a voxel earlier, so the outermost voxels are made transparent for both.
-
-{processor}, {device}, commit {commit}
-
-Compiled loops draw the bricks, because OpenGL is llvmpipe here, which took 1.3 to 2.4 times as long. Where a goal is
-missed, parts of the CPU loops were left out in turns (two cores, engine_close and bonsai_close). A frame takes 8 to 11
-ms at 30 and 35 dB. The cut, the order, screen sampling, 8 bits and the Python between them take 2 to 3 ms of it; VTK's
-fixed-point caster takes 10 to 17 ms for the whole frame. Two fifths of the rest is waiting for memory. Few rays meet
-each brick there, and its texels, 23 or 93 KB, have left the caches since the last frame. Prefetching the next brick
-while one is drawn took a fifth off; a tile that is drawn twice in a row takes half the time for its bricks at the
-second. The loops themselves take 4 to 5 ms of one core at 30 dB, and 3 to 4 ms on two cores, because one of their tasks
-is shorter than the time it takes to hand it on. At tolerance 0.1, 5 to 12 % of the time is setting up rays and the
-boxes that they miss. A ray has 26 samples. Of these, 37 % (engine) to two thirds (bonsai) find nothing visible. Each
-takes 8 to 12 ns of a core, which is a hundred instructions, a tenth of them for the exponential, and none of them on
-more than one sample at a time. A bit for each of 64 parts of a brick, to skip empty parts, gained nothing: mispredicted
-branches cost as much."""
-
-
 def page(studies: Mapping[str, dict[str, Any]]) -> Iterator[str]:
     """The lines of the page."""
     machine = next(iter(studies.values()))["machine"]
-    yield HEAD.format(**machine)
+    yield "{processor}, {device}, commit {commit}".format(**machine)
     for name, study in studies.items():
         yield from section(name, study)
 

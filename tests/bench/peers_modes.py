@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from measuring import PAGES, THREADS, Point, fastest, machine_line, parser_of
+from measuring import PAGES, THREADS, Point, fastest, machine_line, parser_of, write_page
 from modes import LOOKS, tree_of
 from peers import shown
 
@@ -33,31 +33,7 @@ TOLERANCES = (1.0, 0.5, 0.3, 0.2, 0.15, 0.12, 0.1, 0.07, 0.05, 0.03, 0.01, 0.0)
 VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "head": "medical/CT_pitch.nii.gz"}
 LIGHT = {"light": "camera", "ambient": 0.3, "diffuse": 0.7, "specular": 0.2, "shininess": 32}
 MODES = ("maximum", "minimum", "mean", "light")
-
-HEAD = """# Modes and light against VTK
-
-Footprint: integrated. Measure again when a mode, light at samples or the drawing of bricks changes, and with a new
-version of VTK.
-
-`python tests/bench/peers_modes.py DATA` writes this page: milliseconds of frame {frame} of a turntable, {width} x
-{height}, for the fastest setting that reaches an accuracy against the exact rays, of hsplat and of any of VTK's
-mappers. Projections have grays from the smallest scalar to the largest. All rays of a scan meet air, so the minimum is
-that of negatives, over white. Light is that of the camera ({light}) on the suggested scene. Times are medians of
-{rounds} rounds, in which the programs take turns. *Noise* is the longest of a setting's rounds over its shortest, for
-hsplat and VTK.
-
-Both draw the same: of a maximum, a border of the lowest value over the colour of that; of a minimum and a mean, what
-lies between the centres of the outer voxels, where hsplat clips the volume, which costs it time; in light, a
-transparent border. VTK's mean is drawn by its GPU mapper alone. *Best* is what its finest settings reach, the GPU
-mapper's and the fixed-point mapper's. What is left are frames of 8 bits (about 59 dB), steps of half a voxel and
-tables; the GPU mapper has Phong's highlights in place of Blinn's; the fixed-point mapper blends the edges of the box,
-and interpolates the light between voxels.
-
-{machine} VTK {vtk}.
-
-| volume | mode | accuracy | hsplat | tolerance | VTK | VTK's setting | hsplat / VTK | noise | best |
-|---|---|---|---|---|---|---|---|---|---|
-"""
+COLUMNS = "volume | mode | accuracy | hsplat | tolerance | VTK | VTK's setting | hsplat / VTK | noise | best"
 
 
 class Compared(NamedTuple):
@@ -81,17 +57,13 @@ class Compared(NamedTuple):
 
 def main() -> None:
     data = parser_of(__doc__).parse_args().data
-    text = HEAD.format(
-        frame=FRAME, width=SIZE[0], height=SIZE[1], rounds=ROUNDS, machine=machine_line(),
-        vtk=describe_vtk()["version"],
-        light=", ".join(f"{key} {value}" for key, value in LIGHT.items() if key != "light"),
-    )  # fmt: skip
+    lines = [f"{machine_line()} VTK {describe_vtk()['version']}.", "", f"| {COLUMNS} |", "|---" * 10 + "|"]
     for name, file in VOLUMES.items():
         for mode in MODES:
             for row in rows(lit_scene(data / file) if mode == "light" else projected_scene(data, file, mode)):
-                text += f"| {name} | {mode} {row}\n"
-                print(f"{name} {mode} {row}", flush=True)
-                PAGE.write_text(text, encoding="utf-8")
+                lines.append(f"| {name} | {mode} {row}")
+                print(lines[-1], flush=True)
+                write_page(PAGE, lines)
 
 
 def projected_scene(data: Path, file: str, mode: str) -> Scene:

@@ -17,7 +17,7 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
-from measuring import PAGES, THREADS, machine_line, parser_of, section, suggested
+from measuring import PAGES, SUBJECTS, THREADS, machine_line, parser_of, section, suggested, write_page
 
 from renderer.accuracy import ErrorSamples, FrameProber, pool_samples, psnr
 from renderer.accuracy.estimate import error_samples
@@ -39,29 +39,6 @@ REPEATS = 200
 TIMES = 30
 TIMED_TOLERANCE, TIMED_ROUNDS = 0.1, 5
 STEP = 0.5  # of the truth, in voxels
-
-HEAD = """# How often do intervals hold the truth?
-
-Footprint: both. Measure again when the choice of pixels, the interval or the drawing of either footprint changes.
-
-`python tests/bench/probes.py DATA` writes this page. Scenes are those of `renderer.suggest_scene`, {width} x {height},
-some without light and some drawn as splats. All pixels of frames {frames} were integrated at a step of {step} voxel.
-Each frame was drawn at the tolerances {tolerances}: {cases} cases. In each, {repeats} probes with other seeds chose
-pixels in the drawn picture and took the known errors there, in 8 bits. An interval should hold the true mean squared
-error in 95 % of cases, or more. Half-widths are half the distance of its ends, in decibels.
-The interval was made with most of these scans in view, so the shares may flatter it: none of them is held out.
-
-{machine}
-"""
-
-
-class Subject(NamedTuple):
-    """A suggested scene."""
-
-    name: str
-    file: str
-    is_lit: bool = True
-    is_splats: bool = False
 
 
 class Case(NamedTuple):
@@ -106,15 +83,15 @@ class Drawn(NamedTuple):
 def main() -> None:
     data, found = parser_of(__doc__).parse_args().data, []
     with ProcessPoolExecutor(THREADS, mp_context=multiprocessing.get_context("spawn")) as processes:
-        for subject in SUBJECTS:
-            found.append(measured(data, subject, processes))
+        for name in SUBJECTS:
+            found.append(measured(data, name, processes))
             print(_row(found[-1]), flush=True)
-    PAGE.write_text("\n".join(page(found)) + "\n", encoding="utf-8")
+    write_page(PAGE, page(found))
 
 
-def measured(data: Path, subject: Subject, processes: Executor) -> Figures:
+def measured(data: Path, name: str, processes: Executor) -> Figures:
     """Draw a scene and probe it many times."""
-    scene = suggested(data / subject.file, SIZE, is_lit=subject.is_lit, is_splats=subject.is_splats)
+    scene = suggested(data, name, SIZE)
     with (
         prepare_stage(scene, clock=time.process_time, num_threads=THREADS, any_tolerance=True) as stage,
         open_rasterizer(scene) as rasterizer,
@@ -122,7 +99,7 @@ def measured(data: Path, subject: Subject, processes: Executor) -> Figures:
         draw_ms, probe_ms = timed(stage, rasterizer)
         exact = exact_frames(stage)
         cases = [case_of(tolerance, drawn(stage, rasterizer, tolerance, exact), processes) for tolerance in TOLERANCES]
-    return Figures(subject.name, cases, draw_ms, probe_ms)
+    return Figures(name, cases, draw_ms, probe_ms)
 
 
 def timed(stage: Stage, rasterizer: Rasterizer) -> tuple[float, float]:
@@ -219,10 +196,8 @@ def normal_share(samples: Sequence[tuple[ErrorSamples, float]]) -> float:
 
 def page(found: Sequence[Figures]) -> Iterator[str]:
     """Yield the lines of the page."""
-    listed = ", ".join(f"{tolerance:g}" for tolerance in TOLERANCES)
-    frames, cases = ", ".join(map(str, FRAMES)), len(found) * len(TOLERANCES)
-    of_what = {"width": SIZE[0], "height": SIZE[1], "frames": frames, "tolerances": listed, "cases": cases}
-    yield HEAD.format(**of_what, step=STEP, repeats=REPEATS, machine=machine_line())
+    yield machine_line()
+    yield ""
     yield from scenes(found)
     yield from together([case for each in found for case in each.cases])
     yield from times(found)
@@ -298,24 +273,6 @@ def times(found: Sequence[Figures]) -> Iterator[str]:
     for each in found:
         share = each.probe_ms / each.draw_ms
         yield f"| {each.name} | {each.draw_ms:.1f} ms | {each.probe_ms:.1f} ms | {share:.0%} |"
-
-
-SUBJECTS = (
-    Subject("engine, CT", "engine.nhdr"),
-    Subject("bonsai, CT", "bonsai.nhdr"),
-    Subject("fuel, simulation, not lit", "fuel.nhdr", is_lit=False),
-    Subject("hydrogen atom", "hydrogenAtom.nhdr"),
-    Subject("neghip, splats, not lit", "neghip.nhdr", is_lit=False, is_splats=True),
-    Subject("Marschner-Lobb", "marschnerlobb.nhdr"),
-    Subject("head, CT, splats", "medical/headsq_quarter.nrrd", is_splats=True),
-    Subject("head, CT, oblique", "medical/CT_pitch.nii.gz"),
-    Subject("chest, CT, not lit", "medical/LIDC2.mha", is_lit=False),
-    Subject("head, proton density", "medical/chris_PD.nii.gz"),
-    Subject("head, T1 atlas", "medical/PD25_T1.nii.gz"),
-    Subject("head, MR, not lit", "medical/seg3d_MR.nii.gz", is_lit=False),
-    Subject("head, T1 of CIT168", "medical/CIT168_T1w.nii.gz"),
-    Subject("engine, splats, not lit", "engine.nhdr", is_lit=False, is_splats=True),
-)
 
 
 if __name__ == "__main__":

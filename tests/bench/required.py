@@ -15,7 +15,7 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from measuring import PAGES, ROOT, THREADS, medians_in_turns, parser_of
+from measuring import PAGES, ROOT, THREADS, medians_in_turns, parser_of, section, write_page
 
 from hsplat_cli.terminal import describe_machine
 from renderer.bricks import PADDED_BRICK_SIZE
@@ -29,33 +29,11 @@ PAGE = PAGES / "required.md"
 ENGINE = ROOT / "configs" / "engine.yaml"
 REPEATS = 7
 
-HEAD = """# What a scene does not ask for
+FIRST = f"Medians of {REPEATS} runs that take turns."
+COLUMNS = "the scene | it costs | and with | it costs | factor"
+SECOND = f"In memory are the pyramid, the light grid, and the texels of bricks after {REPEATS + 2} frames."
+KEY_COLUMNS = "the scene | and with | building, ms | a frame, ms | in memory, MB | kernels"
 
-Footprint: `integrated`, the default, drawn by kernels. Measure again when the pyramid, the cut, bricks or the
-start of a command change.
-
-`python tests/bench/required.py DATA` writes this page. Each row does the same work twice: for a scene that does not ask
-for something, and for one that does. Times are CPU milliseconds of all threads, of commands wall milliseconds, medians
-of {repeats} runs that take turns.
-
-Commit {commit}; {processor}, {cores} cores.
-
-## Visible voxels, lighting, fine levels, commands
-
-| the scene | it costs | and with | it costs | factor |
-| --- | --- | --- | --- | --- |
-"""
-
-KEYS_HEAD = """
-## Ways of seeing, light and clipping
-
-Engine at `tolerance: 0.1`. Each cell has what it costs without the key, then with it. *In memory*: the pyramid, the
-light grid, and the texels of bricks after {frames} frames. *Kernels*: how many a process calls for one frame; below
-the table are those that only the scene with the key calls.
-
-| the scene | and with | building, ms | a frame, ms | in memory, MB | kernels |
-| --- | --- | --- | --- | --- | --- |
-"""
 
 # The camera must not move where an overlay is framed, too.
 COMMON = ("error.tolerance=0.1", "camera.distance=700")
@@ -91,11 +69,11 @@ print(*(name for name in vars(kernels()) if not name.startswith("_")))
 
 def main() -> None:
     arguments = parser_of(__doc__).parse_args()
-    rows = [*little_visible(), *sections(arguments.data), *start()]
-    rows += [KEYS_HEAD.format(frames=REPEATS + 2).rstrip("\n"), *keys(arguments.data)]
+    rows = list(section("Visible voxels, lighting, fine levels, commands", FIRST, COLUMNS))
+    rows += [*little_visible(), *sections(arguments.data), *start(), ""]
+    rows += [*section("Ways of seeing, light and clipping", SECOND, KEY_COLUMNS), *keys(arguments.data)]
     print(*rows, sep="\n")
-    head = HEAD.format(repeats=REPEATS, **describe_machine("kernels"))
-    PAGE.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
+    write_page(PAGE, ["Commit {commit}; {processor}, {cores} cores.".format(**describe_machine("kernels")), "", *rows])
 
 
 def row(scene: str, costs: tuple[float, float], demand: str, unit: str) -> str:

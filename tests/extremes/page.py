@@ -1,6 +1,6 @@
 """Write docs/benchmarks/numerics.md, every extreme with the worst error measured.
 
-Run it as `python tests/extremes/page.py [FILE]`.
+Run it as `python tests/extremes/page.py`.
 """
 
 from __future__ import annotations
@@ -13,40 +13,28 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+sys.path[:0] = [str(ROOT), *(str(ROOT / "tests" / name) for name in ("support", "bench"))]
 
 from extremes import CASES_ON_PAGE, Extreme, Section  # noqa: E402
+from measuring import PAGES, write_page  # noqa: E402
 
 from renderer.draw import SplatRasterizer  # noqa: E402
 from renderer.system import commit  # noqa: E402
 
-INTRODUCTION = """# Numerics: what happens at the extremes
-
-Footprint: splats, and the truth; the last section is of bricks. Measure again when a formula, a precision or a bound
-of the scene file changes.
-
-Each row is an input at the edge of what is legal, the method that makes it safe, the worst error seen on it, and the
-bound that the tests hold it to. References are exact arithmetic (fractions, mpmath), closed forms, or float64 where its
-own error is far below the bound. Float32 has `u = 2^-24 = 6e-8`, half precision `2^-11 = 5e-4`.
-"""
-
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("file", nargs="?", type=Path, default=ROOT / "docs" / "benchmarks" / "numerics.md")
     parser.add_argument("--cases", type=int, default=CASES_ON_PAGE, help="random cases of each extreme")
     arguments = parser.parse_args()
     with SplatRasterizer() as rasterizer:
         device = rasterizer.device
-    lines = [INTRODUCTION]
+    lines = [f"{arguments.cases} random cases a row, at commit {commit()} on {device}.", ""]
     with np.errstate(over="raise", divide="raise", invalid="raise"):
         for section in sections():
             lines += [f"## {section.title}", "", "| extreme | what makes it safe | measured | worst | bound |"]
             lines += ["|---|---|---|---|---|", *(_row(extreme, arguments.cases) for extreme in section.extremes), ""]
             lines += [section.notes, ""] if section.notes else []
-    how = f"{arguments.cases} random cases a row, at commit {commit()} on {device}"
-    lines.append(f"`python tests/extremes/page.py` writes this page: {how}.")
-    arguments.file.write_text("\n".join(lines) + "\n")
+    write_page(PAGES / "numerics.md", lines)
 
 
 def sections() -> list[Section]:

@@ -54,18 +54,6 @@ def equal_layers(num: int, depth: float, size: int) -> float:
     return float(np.abs(image - expected).max())
 
 
-def one_pixel_of_many(num: int, size: int) -> float:
-    """As `equal_layers` of depth 1, with two splats in the corners, so that the whole picture counts as covered."""
-    batch, view, depths = pile(np.full(num, 1.0 / num), np.array([0.9, 0.5, 0.2]), size)
-    corners = batch.vertices[:2].copy()
-    corners[:, :2] = [[8 - size / 2] * 2, [size / 2 - 8] * 2]
-    batch = replace(batch, vertices=np.concatenate([corners, batch.vertices]))
-    with SplatRasterizer() as rasterizer:
-        image = rasterizer.rasterize([batch], [np.arange(num + 2, dtype=np.uint32)], view)
-    expected = -math.expm1(-float(depths.sum())) * np.array([0.9, 0.5, 0.2, 1.0])
-    return float(np.abs(image[size // 2 - 1, size // 2] - expected).max())
-
-
 def bound(num: int) -> float:
     """6 u B, see renderer.draw.compositing."""
     return 6 * U * min(num, MIN_CHUNK_SPLATS)
@@ -122,9 +110,6 @@ SECTION = Section(
         Extreme("optical depths from 1e-12 to 1e6, Gouraud", "the same, at the vertices",
             "relative error of alpha as drawn", 1e-6, depth_as_drawn("gouraud")),
         *(layers_row(exponent) for exponent in range(1, 7)),
-        Extreme("1e5 equal thin layers on one pixel of 512 x 512",
-            "none: the mean number of layers is small, and they are one chunk", "error of a channel", 6 * U * 1e5,
-            lambda _: one_pixel_of_many(10**5, 512)),
         Extreme("a bright layer behind a transmittance of 1e-6",
             "premultiplied float32; the error is that of 1 - alpha", "error of a channel", 2 * U,
             worst_of(thin_behind_opaque)),

@@ -1,38 +1,22 @@
-"""Splats of any size, shape and place, and orders that change while the camera turns."""
+"""Splats of any size, shape and place."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import pairwise
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_drawn
 from splat_reference import rasterize_reference
-from splatting import look, optical_depth, place_splats, point_at, volume_of
+from splatting import look, optical_depth, place_splats, point_at
 
 from renderer.draw import SplatRasterizer
-from renderer.pyramid import Cut, build_pyramid, cut_pyramid
-from renderer.scene import (
-    CameraSpec,
-    ControlPoint,
-    ErrorSpec,
-    KeyframePath,
-    PyramidSpec,
-    SplatSpec,
-    TransferSpec,
-    TurntablePath,
-    Vector,
-)
-from renderer.scene.camera_section import Keyframe
-from renderer.splats import SplatBatch, make_splats
-from renderer.transfer import make_transfer_function
-from renderer.view import OrderBlending, View, blended_orders, make_order_blending, make_view
-from renderer.volume import Float32, Float64
+from renderer.scene import SplatSpec
+from renderer.splats import SplatBatch
+from renderer.view import View
+from renderer.volume import Float64
 
 FIRST = np.zeros(1, np.uint32)
 DISTANCE = 4.0
@@ -135,99 +119,6 @@ def ranges(spec: SplatSpec, most_px: float = math.inf) -> Measure:
     return lambda cases: worst_drawn(error)(5 * cases)
 
 
-def opaque_noise(size: int, edges: Float64) -> Cut:
-    """Voxels of three opaque colours, half of them empty; edges: float64 [3, 3], those of a voxel as columns."""
-    colors = ((128, (1.0, 0.1, 0.1)), (192, (0.1, 1.0, 0.1)), (255, (0.1, 0.1, 1.0)))
-    points = (ControlPoint(127, (0.0, 0.0, 0.0), 0.0), *(ControlPoint(v, color, 0.9) for v, color in colors))
-    affine = np.eye(4)
-    affine[:3, :3] = edges
-    volume = volume_of(np.random.default_rng(1).integers(0, 256, (size,) * 3, np.uint8), affine)
-    transfer = make_transfer_function(TransferSpec(points, 1.0), 1.0)
-    return cut_pyramid(build_pyramid(volume, transfer, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1), 0.0)
-
-
-@dataclass(frozen=True)
-class Turn:
-    """A path of 0.01 degrees a frame around splats."""
-
-    gl: SplatRasterizer
-    cut: Cut
-    camera: CameraSpec
-
-    def changes(self, first: int, num: int = 1) -> float:
-        """The largest change of any channel of any pixel from one frame to the next, of `num` from `first` on."""
-        pictures = [self._picture(frame) for frame in range(first, first + num + 1)]
-        return max(float(np.abs(after - before).max()) for before, after in pairwise(pictures))
-
-    def _picture(self, frame: int) -> Float32:
-        view = make_view(self.camera, frame % self.camera.path.frames, self.target, self.distance, (128, 128))
-        orders = blended_orders(self.splats, view, self.turning)
-        return np.sum([share * self.gl.rasterize([self.splats], [order], view) for share, order in orders], axis=0)
-
-    @cached_property
-    def splats(self) -> SplatBatch:
-        return make_splats(self.cut, SplatSpec())
-
-    @cached_property
-    def turning(self) -> OrderBlending:
-        return make_order_blending(self.cut.volume.world_from_index, self.camera.path)
-
-    @property
-    def target(self) -> Vector:
-        x, y, z = self.cut.volume.centre.tolist()
-        return x, y, z
-
-    @property
-    def distance(self) -> float:
-        return 4.5 * self.splats.model_unit
-
-
-def turntable(elevation: float) -> TurntablePath:
-    return TurntablePath(36000, elevation=elevation)
-
-
-def over_the_poles(azimuth: float) -> KeyframePath:
-    """From one pole to the other."""
-    keys = (Keyframe(0, azimuth, -90.0), Keyframe(18000, azimuth, 90.0))
-    return KeyframePath(18001, keys, loop=False, easing="linear")
-
-
-SHEARED = np.array([[1.0, math.sin(math.radians(20)), 0.0], [0.0, math.cos(math.radians(20)), 0.0], [0.0, 0.0, 1.0]])
-
-# Paths, and frames next to which neighbours change their order: azimuths, or elevations from -90, times 100.
-EIGHTHS = range(0, 36000, 4500)
-TURNS: tuple[tuple[TurntablePath | KeyframePath, Float64, Sequence[int]], ...] = (
-    (turntable(20.0), np.eye(3), EIGHTHS),
-    (turntable(0.0), np.eye(3), EIGHTHS),
-    (turntable(-0.7), np.eye(3), EIGHTHS),
-    (turntable(45.0), np.eye(3), EIGHTHS),
-    (turntable(88.0), np.eye(3), EIGHTHS),
-    (turntable(90.0), np.eye(3), EIGHTHS),
-    (turntable(20.0), SHEARED, (0, 9000, 18000, 20000, 29000)),
-    (over_the_poles(0.0), np.eye(3), (4500, 9000, 13500)),
-    (over_the_poles(45.0), np.eye(3), (9000, 9000 + 3526)),
-)
-
-
-def popping(cases: int) -> float:
-    """Largest change where neighbours change their order over the largest elsewhere; the worst of all paths."""
-    rng = np.random.default_rng(9)
-    is_short = cases < 100
-    ratios = []
-    with SplatRasterizer() as gl:
-        for number, (path, edges, crossings) in enumerate(TURNS[:2] if is_short else TURNS):
-            cut = opaque_noise(12, edges)
-            projection: Any = ("perspective", "orthographic")[number % 2]
-            turn = Turn(gl, cut, CameraSpec(path, projection=projection))
-            usual = max(turn.changes(int(frame)) for frame in rng.integers(0, path.frames - 1, cases // 2))
-            worst = 0.0
-            for crossing in crossings[1:3] if is_short else crossings:
-                fading = np.arange(-120, 120, 80 if is_short else 15) + crossing
-                worst = max(worst, turn.changes(crossing - 3, 5), *(turn.changes(int(frame)) for frame in fading))
-            ratios.append(worst / usual)
-    return max(ratios)
-
-
 GOURAUD = SplatSpec("gouraud")
 
 # Of larger triangles devices drop pixels when they clip them.
@@ -253,9 +144,6 @@ SECTION = Section(
             "footprints in units of their longest side", "error of a channel", 2e-4, ranges(SplatSpec())),
         Extreme("1e-12 to 1e7 pixels a unit, eyes up to 1e12 units away, Gouraud", "as above", "error of a channel",
             2e-4, ranges(GOURAUD, LARGEST_FAN_PX)),
-        Extreme("turning past 45 and 90 degrees by 0.01, and past other lattice planes: opaque noise, 128 pixels",
-            "near such a view, a mixture of the orders before and after",
-            "largest change of a pixel, over that elsewhere", 2.0, popping),
     ),
 )  # fmt: skip
 

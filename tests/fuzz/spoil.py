@@ -12,6 +12,8 @@ import numpy as np
 import yaml
 from scenes import Case, Random
 
+from tests.support.spoiling import places
+
 NAN, INF = float("nan"), float("inf")
 
 # None of these is a number of frames, pixels or voxels that would keep a machine busy.
@@ -32,24 +34,9 @@ def spoil(case: Case, rng: Random) -> Case:
     return case
 
 
-def _places(tree: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Paths of everything in a tree."""
-    items = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
-    found = [path] if path else []
-    for key, value in items:
-        found += _places(value, (*path, key))
-    return found
-
-
-def _parent(tree: Any, path: tuple[Any, ...]) -> Any:
-    for key in path[:-1]:
-        tree = tree[key]
-    return tree
-
-
-def _any_place(case: Case, rng: Random) -> tuple[Any, ...]:
-    places = _places(case.tree)
-    return places[int(rng.integers(len(places)))]
+def _any_place(case: Case, rng: Random) -> tuple[Any, Any, tuple[Any, ...]]:
+    every = list(places(case.tree))
+    return every[int(rng.integers(len(every)))]
 
 
 def _wrong_value(rng: Random) -> Any:
@@ -57,36 +44,33 @@ def _wrong_value(rng: Random) -> Any:
 
 
 def _value(case: Case, rng: Random) -> None:
-    path = _any_place(case, rng)
-    _parent(case.tree, path)[path[-1]] = _wrong_value(rng)
+    container, key, _ = _any_place(case, rng)
+    container[key] = _wrong_value(rng)
 
 
 def _number(case: Case, rng: Random) -> None:
     """By a factor: out of all proportion, or next to it."""
-    places = [path for path in _places(case.tree) if isinstance(_parent(case.tree, path)[path[-1]], float)]
-    if not places:
+    numbers = [(container, key) for container, key, _ in places(case.tree) if isinstance(container[key], float)]
+    if not numbers:
         _value(case, rng)
         return
-    path = places[int(rng.integers(len(places)))]
-    value = _parent(case.tree, path)[path[-1]]
+    container, key = numbers[int(rng.integers(len(numbers)))]
     factors = [-1.0, *(10.0**power for power in (-300, -30, -20, -12, -6, 6, 12, 20, 29, 30, 300))]
-    _parent(case.tree, path)[path[-1]] = float(value * factors[int(rng.integers(len(factors)))])
+    container[key] = float(container[key] * factors[int(rng.integers(len(factors)))])
 
 
 def _missing_key(case: Case, rng: Random) -> None:
-    path = _any_place(case, rng)
-    parent = _parent(case.tree, path)
-    del parent[path[-1]]
+    container, key, _ = _any_place(case, rng)
+    del container[key]
 
 
 def _unknown_key(case: Case, rng: Random) -> None:
-    path = _any_place(case, rng)
-    parent = _parent(case.tree, path)
-    if isinstance(parent, dict):
+    container, *_ = _any_place(case, rng)
+    if isinstance(container, dict):
         name = ["tolernace", "x", 7, None, 1.5, True, "a.b", "\n", "fovy"][int(rng.integers(9))]
-        parent[name] = _wrong_value(rng)
+        container[name] = _wrong_value(rng)
     else:
-        parent.append(_wrong_value(rng))
+        container.append(_wrong_value(rng))
 
 
 def _text(case: Case, rng: Random) -> None:
@@ -148,7 +132,7 @@ def _file(case: Case, rng: Random) -> None:
 
 def _option(case: Case, rng: Random) -> None:
     """Of the command line."""
-    path = ".".join(map(str, _any_place(case, rng)))
+    path = ".".join(map(str, _any_place(case, rng)[2]))
     value = yaml.safe_dump(_wrong_value(rng), default_flow_style=True).strip().removesuffix("...").strip()
     options = [
         ["--set", f"{path}={value}"],

@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from judge import judge, make_case, write_case
+from scenes import random_of
 
 from renderer.draw import Rasterizer, SplatRasterizer
 from renderer.draw.gl import raster as raster_gl
 from renderer.scene import Scene
 from renderer.splats import SplatBatch
+from tests.support.spoiling import places
 
 SEED = 2
 # Kernels are compiled for every type of voxel, which takes longer than all scenes here; the whole run has them all.
@@ -21,6 +23,7 @@ DTYPES = ("uint8", "int16", "float32")
 SCENES = 64
 AT_ONCE = 16
 CHUNK = 7  # splats
+ANGLES = ("azimuth", "elevation", "start", "swing", "field_of_view")
 
 
 @pytest.mark.parametrize("first", range(0, SCENES, AT_ONCE))
@@ -35,6 +38,20 @@ def test_right_pictures_or_clear_errors(
     assert not wrong, "\n".join(wrong)
     assert any(verdict.outcome == "picture" for verdict in verdicts)
     assert any(verdict.outcome == "refused" for verdict in verdicts)
+
+
+def test_numbers_of_any_size(rasterizer_for: Callable[[Scene], Rasterizer], tmp_path: Path) -> None:
+    """Far beyond those of `scenes.py`, several at once, there is a right picture or an error with its place, too."""
+    verdicts = []
+    for index in range(48):
+        case, rng = make_case(SEED, 2 * index, DTYPES), random_of(SEED, index)
+        for tree, key, _ in list(places(case.tree)):
+            if isinstance(tree[key], float) and key != "value" and rng.random() < 0.15:  # values stay in their order
+                tree[key] *= 10.0 ** rng.uniform(-15, 0 if key in ANGLES or 0 <= tree[key] <= 1 else 15)
+        case = replace(case, spoilt="numbers of any size", in_memory=False)
+        verdicts.append(judge(case, tmp_path / str(index), rasterizer_for))
+    assert [f"{v.index}: {v.why}" for v in verdicts if v.outcome == "wrong"] == []
+    assert sum(verdict.outcome == "picture" for verdict in verdicts) > 30
 
 
 def test_pictures_in_chunks(

@@ -46,11 +46,12 @@ def main() -> None:
 
 
 def replace_part(page: str, primitive: str, text: str) -> str:
-    """Return the page with another text of a part, which extends to the next heading of its level."""
-    title = f"## {PARTS[primitive].title}\n"
+    """Return the page with other figures of a part, from its first heading to the next one of its level."""
+    title = f"\n## {primitive.capitalize()}\n"
     before, after = page.split(title)
+    introduction = after.partition("### ")[0]
     _, mark, rest = after.partition("\n## ")
-    return f"{before}{title}\n{text}{mark}{rest}"
+    return f"{before}{title}{introduction}{text}{mark}{rest}"
 
 
 def _measure(primitive: str, drivers: Sequence[Machine]) -> tuple[list[Measured], dict[str, str]]:
@@ -85,12 +86,11 @@ def _print(row: Measured) -> None:
 
 
 def part(primitive: str, rows: Sequence[Measured], drawn_by: dict[str, str], measured_at: str) -> str:
-    """Return the text of one part of docs/benchmarks/goldens.md."""
+    """Return the figures of one part of docs/benchmarks/goldens.md."""
     return "\n".join(
         [
-            PARTS[primitive].introduction,
             *_limits(rows),
-            *_harmless(rows, drawn_by, PARTS[primitive]),
+            *_harmless(rows, drawn_by),
             *_defects(rows),
             *_unseen(rows),
             f"`python tests/golden/separation.py {primitive}` measured this at commit {measured_at} on "
@@ -102,11 +102,8 @@ def part(primitive: str, rows: Sequence[Measured], drawn_by: dict[str, str], mea
 
 @dataclass(frozen=True)
 class Part:
-    """The part of the page on one primitive. harmless: how other machines are simulated."""
+    """What is drawn for the part of the page on one primitive."""
 
-    title: str
-    introduction: str
-    harmless: str
     subjects: Sequence[Subject]
     machines: Sequence[Machine]
 
@@ -140,7 +137,7 @@ def _worst(name: str, rows: Sequence[Measured]) -> Measured:
     return (min if COMPARISON_METRICS[name].higher_is_better else max)(rows, key=lambda row: row.figures[name])
 
 
-def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str], of_part: Part) -> list[str]:
+def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str]) -> list[str]:
     lines = []
     for change, group in _by_change(row for row in rows if not row.is_defect):
         worst = [_figure(_worst(name, group), name) for name in COMPARISON_METRICS]
@@ -153,7 +150,7 @@ def _harmless(rows: Sequence[Measured], drawn_by: dict[str, str], of_part: Part)
         *(f"worst `{name}`" for name in COMPARISON_METRICS),
         *(f"pass `{x}`" for x in STRICTNESSES),
     ]
-    return ["### What must pass", "", of_part.harmless, "", *_table(header, lines)]
+    return ["### What must pass", "", *_table(header, lines)]
 
 
 def _defects(rows: Sequence[Measured]) -> list[str]:
@@ -224,34 +221,7 @@ def _figure(row: Measured, name: str) -> str:
     return f"{value:.5f}" if COMPARISON_METRICS[name].higher_is_better and value < 1 else f"{value:.3g}"
 
 
-PARTS = {
-    "bricks": Part(
-        "Bricks",
-        """The default footprint, drawn on the processor.
-
-From a tolerance of 0.15 on, a subsampled pixel grid is drawn first, and pixels between its nodes only where these
-differ. Where they differ by nearly the threshold, another rounding draws pixels that were interpolated, or the other
-way round. In float64 that happens to one block of `bricks_coarse`: 4 x 4 pixels change by up to 4 steps, with a
-`densest` of 1.03, over the limit of `cross-driver`. No driver that was tried does it, nor do rays that are moved by a
-ten-thousandth of a pixel, so no limit allows for it; where it happens, `densest` can be given another limit.
-""",
-        """Another number of threads, and a processor without AVX and fused multiplication and addition, are
-simulated by child processes. Other rounding is simulated: random values move up or down by a step. The reference
-draws only small frames.""",
-        BRICKS,
-        BRICK_MACHINES,
-    ),
-    "splats": Part(
-        "Splats",
-        "",
-        """Machines other than this one are simulated by child processes with another environment:
-`LP_NUM_THREADS`, `LP_NATIVE_VECTOR_WIDTH`, `GALLIUM_OVERRIDE_CPU_CAPS`, `GALLIUM_DRIVER`, or the libraries of another
-Mesa, as Linux distributions package it, unpacked to a folder. Other rounding is simulated: random values move up or
-down by a step. The reference draws only frames with few splats.""",
-        SPLATS,
-        SPLAT_MACHINES,
-    ),
-}
+PARTS = {"bricks": Part(BRICKS, BRICK_MACHINES), "splats": Part(SPLATS, SPLAT_MACHINES)}
 
 
 if __name__ == "__main__":

@@ -6,30 +6,7 @@ from pathlib import Path
 
 import pytest
 
-SCENE = """\
-version: 1
-volume:
-  procedural: {name: engine_block, shape: [64, 64, 32]}
-transfer_function:
-  unit: 1.0
-  points:
-    - {value: 0, color: "#000000", opacity: 0.0}
-    - {value: 90, color: "#6680e6", opacity: 0.01}
-    - {value: 255, color: white, opacity: 0.5}
-camera:
-  projection: perspective
-  distance: 300
-  path: {type: turntable, frames: 120, elevation: 20}
-error:
-  measure: optical
-  tolerance: 0.1
-shading:
-  ambient: 0.3
-output:
-  file: engine.mp4
-  size: [512, 512]
-  background: "#000000"
-"""
+SCENE = Path(__file__).with_name("scene.yaml").read_text("utf-8")
 
 
 def small_scene(num_frames: int) -> str:

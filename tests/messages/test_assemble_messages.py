@@ -18,15 +18,12 @@ from tests.support.transcripts import Case, cases
 
 
 @pytest.fixture(scope="module")
-def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def template(module_folder: Path) -> Path:
     """Draw three parts of a small film of nine frames once for all cases, into parts/ of a folder."""
-    folder = tmp_path_factory.mktemp("template")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        Path("scene.yaml").write_text(small_scene(9), encoding="utf-8")
-        for frames in ("0:3", "3:6", "6:9"):
-            draw("--frames", frames, "--output", "parts/{frame:04}.png")
-    return folder
+    Path("scene.yaml").write_text(small_scene(9), encoding="utf-8")
+    for frames in ("0:3", "3:6", "6:9"):
+        draw("--frames", frames, "--output", "parts/{frame:04}.png")
+    return module_folder
 
 
 def draw(*arguments: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pty
+import shutil
 import sys
 from pathlib import Path
 
@@ -12,26 +13,6 @@ from hsplat_cli import main
 from tests.messages.conftest import small_scene
 from tests.support.transcripts import Case, cases
 
-DIGEST = "0" * 32
-GOLDEN_JSON = f"""\
-{{
-  "format": "hsplat golden 2",
-  "volume": {{
-    "name": "engine_block",
-    "fingerprint": "{DIGEST}",
-    "shape": [8, 8, 8],
-    "dtype": "uint8"
-  }},
-  "device": "llvmpipe",
-  "scene": {{"error": {{"tolerance": 0.1}}}},
-  "versions": {{"numpy": "2.1.0"}},
-  "frames": [
-    {{"frame": 0, "file": "frame-0000.png", "digest": "{DIGEST}"}},
-    {{"frame": 1, "file": "frame-0001.png", "digest": "{DIGEST}"}}
-  ]
-}}
-"""
-
 
 @pytest.fixture(autouse=True)
 def folder(scene_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,7 +20,7 @@ def folder(scene_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("scene.yaml").write_text(small_scene(2), "utf-8")
     for name in ("goldens", "frames", "cut"):
         Path(name).mkdir()
-    Path("goldens/golden.json").write_text(GOLDEN_JSON, "utf-8")
+    shutil.copy(Path(__file__).with_name("golden.json"), "goldens")
     for name in ("frame-0000.png", "frame-0001.png", "notes.txt"):
         Path("frames", name).touch()
     monkeypatch.setenv("CI", "true")

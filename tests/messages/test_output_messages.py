@@ -2,7 +2,6 @@
 
 import errno
 import os
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 from renderer.errors import HsplatError
 from renderer.film import open_film, quantize, require_writable, require_writable_dry_run
 from renderer.film.atomic import output_error
-from renderer.film.encode import open_encoder
 from renderer.scene import OutputSpec
 
 
@@ -35,38 +33,6 @@ def test_the_file_that_stands_for_a_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(HsplatError) as caught:
         require_writable(path)
     assert str(caught.value) == f"{path}: the output folder is a file\n  got: {tmp_path / 'file'}"
-
-
-def fail_with(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The message when `script` stands in for ffmpeg."""
-    program = tmp_path / "ffmpeg"
-    program.write_text(script)
-    program.chmod(0o755)
-    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(program))
-    with (
-        pytest.raises(HsplatError) as caught,
-        open_encoder((8, 8), Fraction(30), [], tmp_path / "temporary", Path("film.mp4")) as encode,
-    ):
-        encode(np.zeros((8, 8, 3), np.uint8))
-    return str(caught.value)
-
-
-FAILED = "film.mp4: ffmpeg could not complete the film\n  got: "
-SILENT = "#!/bin/sh\ncat > /dev/null\n"
-
-
-@pytest.mark.parametrize(
-    ("script", "message"),
-    [
-        (f"{SILENT}echo '[libx264] first' >&2\necho 'Conversion failed!' >&2\nexit 1\n",
-         f"{FAILED}[libx264] first\n    Conversion failed!"),
-        (f"{SILENT}exit 9\n", f"{FAILED}exit status 9 and no message"),
-        (f"{SILENT}kill -9 $$\n", f"{FAILED}signal SIGKILL and no message"),
-        ("#!/absent\n", "film.mp4: ffmpeg cannot be started\n  got: [Errno 2] No such file or directory: 'PROGRAM'"),
-    ],
-)  # fmt: skip
-def test_ffmpeg_fails(script: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert fail_with(script, tmp_path, monkeypatch) == message.replace("PROGRAM", str(tmp_path / "ffmpeg"))
 
 
 def test_ffmpeg_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

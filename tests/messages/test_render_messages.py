@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import errno
 import json
 import os
-import re
 import shutil
 import time
 from collections.abc import Callable
@@ -19,11 +17,8 @@ import pytest
 
 from hsplat_cli import main
 from renderer.film import bytes_digest, join_png_chunks, png_chunks
-from renderer.frame import stage as stages
 from renderer.job import describe_differences
-from renderer.view import View, make_view
 from tests.messages.conftest import small_scene
-from tests.support.machines import set_device
 from tests.support.resuming import on_each_frame
 from tests.support.transcripts import Case, cases
 
@@ -93,11 +88,8 @@ def test_a_disk_that_is_full(output: str, suffix: str, monkeypatch, capsys) -> N
 
 
 @pytest.mark.parametrize("output", ["film.mp4", "film.gif"])
-def test_a_disk_that_is_full_while_a_film_is_encoded(output: str, monkeypatch, tmp_path_factory, capsys) -> None:
-    program = tmp_path_factory.mktemp("bin") / "ffmpeg"
-    program.write_text("#!/bin/sh\ncat > /dev/null\necho 'No space left on device' >&2\nexit 1\n")
-    program.chmod(0o755)
-    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(program))
+def test_a_disk_that_is_full_while_a_film_is_encoded(output: str, fake_ffmpeg, capsys) -> None:
+    fake_ffmpeg("cat > /dev/null; echo 'No space left on device' >&2; exit 1")
     before = {*Path().rglob("*.*")}
     kept = "6 of 6 frames are kept; the same command resumes there\n"
     assert render(capsys, "--output", output) == (1, f"{kept}{output}: {FULL}")
@@ -163,23 +155,6 @@ def test_no_opengl(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
         "  expected: an EGL library and a driver: a GPU's, or Mesa's software renderer\n"
         "  hint: on Debian or Ubuntu: apt-get install libegl1 libgl1 libgl1-mesa-dri; "
         "the footprint integrated needs none\n",
-    )
-
-
-def test_a_picture_too_large_for_the_device(monkeypatch, capsys) -> None:
-    def huge(*arguments: Any) -> View:  # beyond what a scene may ask for, so that every device refuses it
-        return dataclasses.replace(make_view(*arguments), size=(10**6, 8))
-
-    monkeypatch.setattr(stages, "make_view", huge)
-    set_device(monkeypatch, "llvmpipe")
-    splats = ["--set", "volume.procedural.name=constant", "--set", "splat={footprint: gaussian}"]
-    code, printed = render(capsys, *splats)
-    assert (code, re.sub(r"at most \d+", "at most N", printed)) == (
-        1,
-        "llvmpipe: this device cannot draw a picture of this size\n"
-        "  got: 1000000 x 8 pixels\n"
-        "  expected: at most N pixels a side\n"
-        "  hint: choose a smaller output.size\n",
     )
 
 

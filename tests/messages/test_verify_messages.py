@@ -16,17 +16,14 @@ from tests.support.transcripts import Case, cases
 
 
 @pytest.fixture(scope="module")
-def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def template(module_folder: Path) -> Path:
     """Draw a film and its frames once for all cases."""
-    folder = tmp_path_factory.mktemp("template")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        Path("scene.yaml").write_text(small_scene(6), encoding="utf-8")
-        for output in ("film.gif", "frames/{frame}.png"):
-            assert main.run(["render", "scene.yaml", "--quiet", "--output", output]) == 0
-        np.save("other.npy", np.arange(512, dtype=np.uint8).reshape(8, 8, 8))
-        Path("other.json").write_text("{}", encoding="utf-8")
-    return folder
+    Path("scene.yaml").write_text(small_scene(6), encoding="utf-8")
+    for output in ("film.gif", "frames/{frame}.png"):
+        assert main.run(["render", "scene.yaml", "--quiet", "--output", output]) == 0
+    np.save("other.npy", np.arange(512, dtype=np.uint8).reshape(8, 8, 8))
+    Path("other.json").write_text("{}", encoding="utf-8")
+    return module_folder
 
 
 def damage_pictures() -> None:

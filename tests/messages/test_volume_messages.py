@@ -85,23 +85,20 @@ EXCESSIVE = {
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def files(module_folder: Path) -> Path:
     """A folder of volumes, most of them with one fault."""
-    folder = tmp_path_factory.mktemp("volumes")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        Path("scene.yaml").write_text(SCAN_SCENE, "utf-8")
-        os.mkfifo("pipe.npy")
-        for name in ("empty.nrrd", "empty.nii", "empty.tif", "empty.npy", "empty.mha"):
-            Path(name).touch()
-        Path("text.vol").write_bytes(b"hello")
-        Path("piece").write_bytes(b"1")
-        for name, content in EXCESSIVE.items():
-            Path(name).write_bytes(content)
-        write_arrays()
-        write_images()
-        write_headers()
-    return folder
+    Path("scene.yaml").write_text(SCAN_SCENE, "utf-8")
+    os.mkfifo("pipe.npy")
+    for name in ("empty.nrrd", "empty.nii", "empty.tif", "empty.npy", "empty.mha"):
+        Path(name).touch()
+    Path("text.vol").write_bytes(b"hello")
+    Path("piece").write_bytes(b"1")
+    for name, content in EXCESSIVE.items():
+        Path(name).write_bytes(content)
+    write_arrays()
+    write_images()
+    write_headers()
+    return module_folder
 
 
 def write_arrays() -> None:

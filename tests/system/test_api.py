@@ -25,8 +25,7 @@ ERRORS = [(None, None), (None, "psnr: 30"), ("gaussian", "splats: 200")]
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _folder(folder: Path) -> None:
     write_scene()
 
 

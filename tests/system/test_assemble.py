@@ -28,14 +28,11 @@ OWN = ("seconds", "digest", "parts")
 
 
 @pytest.fixture(scope="module")
-def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def template(module_folder: Path) -> Path:
     """Return a folder with the film of SCENE and its three parts."""
-    folder = tmp_path_factory.mktemp("template")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
-        draw_parts()
-    return folder
+    Path("scene.yaml").write_text(SCENE, encoding="utf-8")
+    draw_parts()
+    return module_folder
 
 
 @pytest.fixture

@@ -1,4 +1,7 @@
-"""A Dask cluster, here of two processes of this machine, draws the same bytes as this process, also when they die."""
+"""A Dask cluster, here of two processes of this machine, draws the same bytes as this process, also when they die.
+
+That the stage of every kind of scene survives its way to workers is shown in `test_transport.py`.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +10,20 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import faulty_cluster_worker as faulty
 import pytest
 from distributed import Client, LocalCluster
-from film_stages import plan_of
+from film_stages import plan_of, stage_of_kind
 from small_scene import small_tree
 
 from hsplat_cli.executors.cluster import cluster_drawing, registry
 from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
 from hsplat_cli.executors.cluster.connection import connect_locally
 from hsplat_cli.terminal import Reporter
+from renderer.accuracy import open_prober
 from renderer.draw import Rasterizer
 from renderer.errors import HsplatError, InputError
 from renderer.frame import Stage, prepare_stage
@@ -27,6 +32,7 @@ from renderer.scene import Scene, parse_scene
 from renderer.system import num_cores
 
 NUM_FRAMES = 24
+NUMBERS = [*range(8), 2]
 SCENE = small_tree(
     frames=NUM_FRAMES,
     error={"tolerance": {0: 0.5, NUM_FRAMES - 1: 0.02}},
@@ -70,7 +76,23 @@ def worker_pids(client: Client) -> list[int]:
     return list(client.run(os.getpid, on_error="ignore").values())  # some may be dying
 
 
-def test_the_same_bytes_and_nothing_left(client: Client, stage: Stage, expected: list[bytes]) -> None:
+@pytest.mark.parametrize("kind", ["plain", "transparent", "float32, splats, shading", "overlay"])
+def test_the_same_bytes(rasterizer_for: Callable[[Scene], Rasterizer], client: Client, kind: str) -> None:
+    plan = plan_of(stage_of_kind(kind))
+    rasterizer = rasterizer_for(plan.stage.scene)
+    frames = draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage, 2))
+    expected = [frame.measured() for frame in frames]
+    assert all((frame.record.accuracy is None) == (kind == "overlay") for frame in expected)
+    with closing(ClusterDrawing(client, "--workers 2", plan, Reporter())) as drawing:
+        found = list(drawing.draw(NUMBERS))
+    assert [result.record.frame for result in found] == NUMBERS
+    for one, other in zip(found, expected, strict=True):
+        assert one.picture.png == other.picture.png
+        device = rasterizer.device
+        assert replace(one.record, seconds={}) == replace(other.record, seconds={}, device=device)
+
+
+def test_nothing_is_left(client: Client, stage: Stage, expected: list[bytes]) -> None:
     def hsplat_threads() -> list[str]:
         """Return the threads of hsplat in a worker. It is sent by value, because workers do not find this file."""
         import threading

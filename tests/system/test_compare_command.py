@@ -25,9 +25,8 @@ WRITE_REPORTS = [word for pair in zip(("--json", "--junit", "--html"), REPORTS, 
 
 
 @pytest.fixture(autouse=True)
-def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def folders(folder: Path) -> None:
     """Write twelve frames to golden/ in the current folder, and the same to actual/."""
-    monkeypatch.chdir(tmp_path)
     write_frames(Path("golden"), [smooth(0.2 * number) for number in range(12)], "frame-{}.png")
     shutil.copytree("golden", "actual")
 
@@ -161,7 +160,7 @@ def test_reports_that_cannot_be_written_are_found_first(monkeypatch: pytest.Monk
 def test_an_interrupt_leaves_no_report_and_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
     mark = new_mark()
     monkeypatch.setenv(MARK, mark)
-    film = write_film(Path("film.mp4"), [smooth(), smooth(1)])
+    film = write_film(Path("film.mp4"), [smooth(0, 256), smooth(1, 256)])  # which a pipe does not hold
     shutil.copy(film, "copy.mp4")
 
     def interrupt(*_: object) -> None:

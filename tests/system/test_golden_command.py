@@ -27,12 +27,11 @@ OTHER = ["--set", "transfer_function.points.2.color=red"]
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make a folder with SCENE the current one; the environment is not that of CI."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("CI", raising=False)
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
-    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder / "temporary"))
+    Path("temporary").mkdir()
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
 
 
@@ -176,15 +175,6 @@ def test_the_next_update_repairs_what_a_kill_leaves(num_done: int, monkeypatch: 
     assert {name: content for name, (content, _) in files().items()} == repaired
 
 
-@pytest.mark.parametrize("num_done", [0, 1])
-def test_an_update_completes_the_first_goldens_after_a_kill(num_done: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert killed_after(num_done, monkeypatch) == ["golden.json", *NAMES][:num_done]
-    assert golden() == (2 if num_done else 0), "it refuses goldens, and starts where there is nothing"
-    assert golden("--update", "--yes", "--quiet") == 0
-    assert [name for name in NAMES if not (FOLDER / name).is_file()] == []
-    assert golden("--update") == 0, "nothing changes, so that nobody is asked"
-
-
 KILLED = """
 import os, signal, sys
 from pathlib import Path
@@ -203,15 +193,17 @@ main.run(sys.argv[1:])
 """
 
 
-def test_an_update_cleans_up_after_a_real_kill() -> None:
+def test_an_update_completes_the_first_goldens_after_a_real_kill() -> None:
     command_line = ("-c", KILLED, "golden", "scene.yaml", "goldens", "--quiet")
     done = python(*command_line, TMPDIR=str(Path("temporary").absolute()))
     assert done.returncode == -signal.SIGKILL
     assert sorted(path.name for path in FOLDER.glob("*.*")) == ["frame-0000.png", "golden.json", "golden.unfinished"]
     shutil.rmtree("temporary")  # as the system does in time
     Path("temporary").mkdir()
+    assert golden() == 2, "it refuses goldens"
     assert golden("--update", "--yes", "--quiet") == 0
     assert sorted(files()) == [*NAMES, "golden.json"]
+    assert golden("--update") == 0, "nothing changes, so that nobody is asked"
 
 
 def test_two_commands_do_not_write_one_folder(capsys: pytest.CaptureFixture[str]) -> None:

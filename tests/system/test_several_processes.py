@@ -86,14 +86,6 @@ def unmapped(names: set[str]) -> set[str]:
     return {name for name in names if f"/dev/shm/{name}\n" not in maps and Path("/dev/shm", name).exists()}
 
 
-def test_a_killed_process_is_replaced() -> None:
-    with connect_locally(1) as client:
-        before = client.run(os.getpid)
-        os.kill(*before.values(), signal.SIGKILL)
-        assert wait_until(lambda: not client.nthreads().keys() <= before.keys(), SOON_S)
-        assert not set(client.run(os.getpid).values()) & set(before.values())
-
-
 @pytest.mark.parametrize("module", ["no_such_module", "this"])  # ends early, with and without an error
 def test_processes_that_do_not_start(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(local_cluster, "_WORKER_MODULE", module)

@@ -25,18 +25,15 @@ def waves() -> Any:
 
 
 @pytest.fixture(scope="module")
-def originals(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def originals(module_folder: Path) -> Path:
     """Draw the films, of which each test has copies, and the volume, which stays in its place."""
-    folder = tmp_path_factory.mktemp("films")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        np.save("scan.npy", waves())
-        scene = small_scene(frames=NUM_FRAMES, size="64, 48", volume="file: scan.npy")
-        Path("scene.yaml").write_text(scene, encoding="utf-8")
-        for film in (*FILMS, TEMPLATE):
-            frames = ("--frames", "4") if film == "still.png" else ()
-            assert main.run(["render", "scene.yaml", "--quiet", "--output", film, *frames]) == 0
-    return folder
+    np.save("scan.npy", waves())
+    scene = small_scene(frames=NUM_FRAMES, size="64, 48", volume="file: scan.npy")
+    Path("scene.yaml").write_text(scene, encoding="utf-8")
+    for film in (*FILMS, TEMPLATE):
+        frames = ("--frames", "4") if film == "still.png" else ()
+        assert main.run(["render", "scene.yaml", "--quiet", "--output", film, *frames]) == 0
+    return module_folder
 
 
 @pytest.fixture(autouse=True)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from png_files import noise, smooth, write_film, write_frames
-from processes import MARK, marked, new_mark
 
 from hsplat_cli.compare.file_pairs import natural_sort_key, open_pairs
 from renderer.errors import InputError
@@ -154,15 +153,3 @@ def test_films_are_paired_by_index(films: Path, suffix: str) -> None:
             errors.append(np.abs(pair.golden.astype(int) - pair.actual).mean())
     assert errors.index(max(errors)) == 3
     assert max(errors) > 5 * sorted(errors)[-2]
-
-
-def test_no_process_is_left(films: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    mark = new_mark()
-    monkeypatch.setenv(MARK, mark)
-    with open_pairs(films / "film.mp4", films / "other.mp4") as pairs:
-        next(pairs.pairs)
-        assert len(marked(mark)) <= 2
-    assert marked(mark) == set()
-    with pytest.raises(ZeroDivisionError), open_pairs(films / "film.gif", films / "other.gif") as pairs:
-        [1 / 0 for _ in pairs.pairs]
-    assert marked(mark) == set()

@@ -92,14 +92,6 @@ def test_the_coarsest_tolerance_that_passes_on_all_frames_is_found(stage: Stage)
     assert len({(trial.tolerance, trial.frame) for trial in trials}) == len(trials), "a picture was drawn twice"
 
 
-def test_an_accuracy_beyond_full_resolution_is_not_found(stage: Stage) -> None:
-    found = search(stage, MetricTarget("psnr", 150.0))
-    assert not found.is_reachable
-    assert found.by_frame == dict.fromkeys(range(NUM_FRAMES), 0.0)
-    assert found.worst.tolerance == 0
-    assert found.worst.num_cells == make_primitive(stage).work(0.0)
-
-
 @pytest.mark.parametrize("frames", [range(6, 12), [1, 5, 20], [7]])
 def test_only_frames_of_the_film_are_tried(stage: Stage, frames: Sequence[int]) -> None:
     truths = Truths()

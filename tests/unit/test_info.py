@@ -13,6 +13,7 @@ from hsplat_cli.commands.check import check
 from hsplat_cli.commands.info import describe_direction, info
 from renderer.errors import InputError, SceneError
 from renderer.readers import common
+from tests.support.transcripts import cases
 from tests.support.volume_files import write_image
 
 RAMP = np.arange(60).reshape(3, 4, 5)
@@ -42,52 +43,13 @@ def labels_of(output: str) -> dict:
     return yaml.safe_load(output[output.index("\nlabels:") :])["labels"]
 
 
-def test_whole_output(tmp_path):
+@cases("info.txt")
+def test_whole_output(case, folder, capsys):
     values = np.zeros((4, 4, 4), np.uint8)
     values[1, 1] = 100
     values[2, 2, :2] = 200
-    np.save(tmp_path / "a.npy", values)
-    output = run(str(tmp_path / "a.npy"))
-    assert output == EXPECTED.format(path=tmp_path / "a.npy")
-
-
-EXPECTED = """{path}
-  shape        4 x 4 x 4 voxels (x, y, z)
-  type         uint8, 64 bytes in memory
-  spacing      1 x 1 x 1
-  world size   4 x 4 x 4
-  origin       0, 0, 0 (centre of the first voxel)
-  direction    axis-aligned
-  values       0 to 200, mean 12.5
-  percentiles  1%: 0   5%: 0   25%: 0   50%: 0   75%: 0   95%: 100   99%: 200
-  fingerprint  5cbf838e29bb625bd47f88655bcde3f3
-
-  voxels by value, logarithmic
-    58 █
-       █
-       █
-       █
-       █                        ▂
-       █                        █                        ▂
-       █                        █                        █
-     1 █                        █                        █
-       0                       100                     200
-
-  looks like   labels: there are 3 values, and 0 is the background
-
-  labels
-    label  voxels  volume  picture
-      100       4       4  62 %
-      200       2       2  38 %
-
-labels:
-  unit: 0.05
-  show: [100, 200]
-  opacity: 0.987
-  colors:
-    100: "#e6784a"
-    200: "#4a8fd9"
-"""
+    np.save("a.npy", values)
+    case.check(capsys)
 
 
 def test_labels_are_listed_with_their_amounts(tmp_path):
@@ -120,19 +82,6 @@ def test_the_largest_of_many_labels_are_listed(tmp_path):
     assert len(output) == 42 and output[-1] == f"    and {len(table) - 40} more"
     told = [int(line.split()[1]) for line in output[1:-1]]
     assert told == sorted((label["voxels"] for label in table), reverse=True)[:40]
-
-
-@pytest.mark.parametrize(
-    ("dtype", "factor"), [("uint8", 0), ("int64", 1), ("float16", 0), ("float32", 1e-30), ("float64", 1e20)]
-)
-def test_every_kind_of_data_gets_a_suggestion_that_parses(tmp_path, dtype, factor):
-    np.save(tmp_path / "a.npy", (RAMP * factor).astype(dtype))
-    points = suggestion(run(str(tmp_path / "a.npy")))["points"]
-    values = [point["value"] for point in points]
-    assert all(isinstance(value, int | float) for value in values)  # also those with exponents
-    assert values == sorted(set(values))
-    assert max(point["opacity"] for point in points) > 0
-    assert not factor or values[-1] == pytest.approx(50 * factor, rel=0.3)
 
 
 def test_ascii_terminal(ramp):

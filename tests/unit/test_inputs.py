@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import sys
 from pathlib import Path
 from unittest import mock
 
+import nibabel
+import numpy as np
 import pytest
 from small_scene import small_tree
 
@@ -69,6 +72,15 @@ def test_files_of_volumes() -> None:
     for suffix in ("nrrd", "nhdr"):
         Path(f"v.{suffix}").write_text(f"{NRRD}data file: a.raw\n", encoding="ascii")
         assert names_of(f"v.{suffix}") == ["a.raw", f"v.{suffix}"]
+    Path("v.nhdr").rename("v.txt")  # the content shows the format
+    assert names_of("v.txt") == ["a.raw", "v.txt"]
+    Path("b.raw").write_bytes(b"a line\n" + gzip.compress(bytes(8)))
+    packed = NRRD.replace("raw", "gzip\nline skip: 1\ndata file: b.raw")
+    Path("packed.nhdr").write_text(packed, encoding="ascii")
+    assert names_of("packed.nhdr") == ["b.raw", "packed.nhdr"]
+    for end in ("", ".gz"):
+        nibabel.Nifti1Pair(np.zeros((2, 2, 2), np.uint8), np.eye(4)).to_filename(f"pair.hdr{end}")
+        assert names_of(f"pair.img{end}") == [f"pair.hdr{end}", f"pair.img{end}"]
     Path("list.nhdr").write_text(f"{NRRD}data file: LIST\na.raw\nb.raw\n", encoding="ascii")
     assert names_of("list.nhdr") == ["a.raw", "b.raw", "list.nhdr"]
     Path("v.mhd").write_text(

@@ -62,7 +62,6 @@ COLLECTED = tuple(COLLECTION.with_name(f"{name}_files.py") for name in ("tiff", 
 NUM_BYTES = HERE.stat().st_size
 SPACING = (0.1, 1 / 3, 2.0)
 AXIS = (1.0, 1e-7, -2.0)
-FLIGHT = (FlightKey(SPACING, (3.0, 2.0, 1.0), 12.5, 0), FlightKey((3.0, 2.0, 1.0), SPACING, frame=9))
 POINTS = (ControlPoint(-0.5, (0.1, 0.2, 0.3), 0.0), ControlPoint(2.0, (1.0, 1.0, 1.0), 1 / 3))
 
 # Together they give every key of a scene a value other than its default.
@@ -79,6 +78,12 @@ LAYERS = (
         color=(1.0, 0.0, 0.0), range=(1.5, 9.0),
     ),
 )  # fmt: skip
+PLAIN = Scene(
+    volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
+    transfer_function=TransferSpec(POINTS),
+    camera=CameraSpec(TurntablePath(9)),
+    output=OutputSpec(Path("a.mp4")),
+)
 SCENES = {
     "file": Scene(
         volume=VolumeSpec(FileSource(HERE, SPACING), 1, 2, ((0, 1), (0, 2), (1, 3)), (0.1,), "a/b"),
@@ -115,30 +120,21 @@ SCENES = {
         clip=(ClipSpec(PlaneSpec(SPACING, AXIS), None, "camera", True), ClipSpec(None, (AXIS, (2.0, 1e-6, 1 / 3)))),
         output=OutputSpec(Path("b/c.gif"), record_paths=False),
     ),
-    "attenuation": Scene(
-        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
+    "attenuation": replace(
+        PLAIN,
         transfer_function=TransferSpec(ColormapSpec("gray", (0.5, 1.0), ((0.5, 1.0),), "log")),
-        camera=CameraSpec(TurntablePath(9)),
         mode=ModeSpec("attenuation", 0.1, -1000.0),
-        output=OutputSpec(Path("a.mp4")),
     ),
-    "depth": Scene(
-        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
-        transfer_function=TransferSpec(POINTS),
-        camera=CameraSpec(TurntablePath(9)),
-        mode=ModeSpec("maximum", color_by="depth"),
-        output=OutputSpec(Path("a.mp4")),
-    ),
-    "volumes": Scene(
+    "depth": replace(PLAIN, mode=ModeSpec("maximum", color_by="depth")),
+    "volumes": replace(
+        PLAIN,
         volume=LAYERS[0].volume,
         transfer_function=LAYERS[0].transfer_function,
-        camera=CameraSpec(TurntablePath(9)),
         volumes=LAYERS,
         blend="add",
-        output=OutputSpec(Path("a.mp4")),
     ),
-    "labels": Scene(
-        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
+    "labels": replace(
+        PLAIN,
         transfer_function=TransferSpec(
             LabelsSpec(
                 ((3, (1.0, 0.0, 0.5)), ("a b", (0.0, 0.0, 0.0))),
@@ -149,9 +145,7 @@ SCENES = {
             ),
             2.5,
         ),
-        camera=CameraSpec(TurntablePath(9)),
         mask=MaskSpec(VolumeSpec(FileSource(HERE)), transform=LAYERS[0].transform),
-        output=OutputSpec(Path("a.mp4")),
     ),
     "motion": Scene(
         volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9), phase=0.25)),
@@ -176,38 +170,26 @@ SCENES = {
         shading=ShadingSpec(light=moving(Motion((0, 91), ((1.0, 0.0, 0.0), AXIS), kind="direction"))),
         output=OutputSpec(Path("a.mp4"), background=moving(Motion((0, 181), ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), "in"))),
     ),
-    "labels in a list": Scene(
+    "labels in a list": replace(
+        PLAIN,
         volume=LAYERS[1].volume,
         transfer_function=TransferSpec(LabelsSpec("table", 0.5)),
-        camera=CameraSpec(TurntablePath(9)),
         volumes=(LayerSpec(LAYERS[1].volume, TransferSpec(LabelsSpec("table", 0.5))), LAYERS[0]),
-        output=OutputSpec(Path("a.mp4")),
     ),
-    "steps": Scene(
+    "steps": replace(
+        PLAIN,
         volume=VolumeSpec(FileSource(HERE, SPACING, (HERE, HERE)), "auto"),
-        transfer_function=TransferSpec(POINTS),
-        camera=CameraSpec(TurntablePath(9)),
         mask=MaskSpec(VolumeSpec(FileSource(HERE, steps=(HERE,)), 0)),
-        output=OutputSpec(Path("a.mp4")),
     ),
-    "collection": Scene(
+    "collection": replace(
+        PLAIN,
         volume=VolumeSpec(
             FileSource(COLLECTION.with_name("tiff_files.py"), None, COLLECTED, (0.5, 2.5), COLLECTION),
             moving(Motion((0, 8), (0.0, 1.0))),
             interpolate=True,
         ),
-        transfer_function=TransferSpec(POINTS),
-        camera=CameraSpec(TurntablePath(9)),
-        output=OutputSpec(Path("a.mp4")),
     ),
-    "time budget": Scene(
-        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
-        transfer_function=TransferSpec(POINTS),
-        camera=CameraSpec(TurntablePath(9)),
-        error=ErrorSpec(goal=TimeBudget(0.1)),
-        splat=SplatSpec(order="unmixed"),
-        output=OutputSpec(Path("a.mp4")),
-    ),
+    "time budget": replace(PLAIN, error=ErrorSpec(goal=TimeBudget(0.1)), splat=SplatSpec(order="unmixed")),
 }
 
 

@@ -53,15 +53,6 @@ def test_0_is_held_and_left_at_once() -> None:
     assert [values_at(tolerance, frame) for frame in range(12)] == [0, 0, 0, 0, 0, 0, 0.5, 0.5, 0.5, 0, 0, 0]
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
-@given(ends=st.tuples(TOLERANCE, TOLERANCE), length=st.integers(1, 60))
-def test_over_all_of_float64_values_go_from_one_end_to_the_other(ends: tuple[float, float], length: int) -> None:
-    tolerance = scheduled((7, ends[0]), (7 + length, ends[1]))
-    values = [values_at(tolerance, frame) for frame in range(7, 8 + length)]
-    assert (values[0], values[-1]) == ends
-    assert values == sorted(values, reverse=ends[0] > ends[1])
-
-
 def test_the_least_tolerance() -> None:
     assert min_tolerance(ErrorSpec(scheduled((0, 0.5), (8, 0.02), (9, 0.1)))) == 0.02
     assert min_tolerance(ErrorSpec(scheduled((0, 0.5), (1, 0.0)))) == 0.0

@@ -169,15 +169,6 @@ def test_bricks_have_a_stage_and_tolerances_of_their_own(stage: Stage) -> None:
     assert len({p.picture_key() for p in measures}) == 2  # steps depend on the measure
 
 
-def test_a_measurement_of_bricks_counts_bricks(stage: Stage) -> None:
-    found = measure_setting(integrated(stage), truths(), Grey(), clock=ticking(1e-3), repeats=1)
-    assert found.setting.series == "integrated, optical" and found.setting.label == "tolerance 0.1"
-    assert "opacity_correction" not in found.setting.options
-    assert found.num_cells == 8 and 0 < found.num_primitives <= 8
-    assert all(0 < sample.num_primitives <= 8 for sample in found.frames)
-    assert set(found.seconds) == {"cut", "primitives"}
-
-
 def test_chosen_tolerances_include_that_of_the_scene(stage: Stage) -> None:
     """A goal replaces the tolerance, so that the field has only its default."""
     own = ErrorSpec(tolerance=0.123)
