@@ -16,15 +16,13 @@ from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
 from renderer.scene import (
     COLORMAP_FIELD,
-    SOURCE_FIELD,
     SUBSET_INDEX_FIELD,
     TOLERANCE_FIELD,
-    FileSource,
     OutputSpec,
     RawSource,
     TurntablePath,
     VolumeSpec,
-    raise_problems,
+    file_source,
     schema,
 )
 from renderer.suggest import PRESET_WORDS, FilmOptions
@@ -174,18 +172,8 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
             hint="leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
             "--dtype",
         )
-    source = replace(_file_source(volume), spacing=spacing)
+    source = replace(file_source(volume), spacing=spacing)
     return VolumeSpec(source, time, component, nodata=options["nodata"], dataset=options["dataset"])
-
-
-def _file_source(volume: Path) -> FileSource:
-    """Return the source of a file or a folder, or of the steps that a pattern or a collection of ParaView names."""
-    if volume.suffix.lower() != ".pvd" and ("{" not in volume.name or volume.exists()):
-        return FileSource(volume)
-    problems: list[Problem] = []
-    source: FileSource = schema.read_option(SOURCE_FIELD, str(volume), str(volume), problems)
-    raise_problems(problems)
-    return source
 
 
 def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool = False) -> Volume:

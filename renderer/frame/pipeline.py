@@ -29,6 +29,7 @@ from renderer.scene import (
     camera_problems,
     changing_frames,
     min_tolerance,
+    motions_in,
     raise_problems,
     volume_extent,
     volume_problems,
@@ -82,8 +83,7 @@ def prepare_stage(
     watch.lap("read")
     layers = maker.layers_of(first, min_tolerance(scene.error), watch.lap)
     target, distance = _framing(scene, maker, layers)
-    if not scene.moves:
-        raise_problems(_clip_problems(scene, volumes))
+    raise_problems(_clip_problems(scene, volumes))
     stage = maker.stage_of(first, layers, target, distance)
     watch.lap("framing")
     return replace(stage, scene=scene, seconds=watch.seconds, maker=maker if scene.moves else None)
@@ -117,11 +117,11 @@ def render_frames(
 def _clip_problems(scene: Scene, volumes: Sequence[Volume]) -> Iterator[Problem]:
     """Yield the planes and boxes, fixed to the object, that leave nothing of any volume, or nothing of their own."""
     for number, each in enumerate(scene.clip):
-        if all(_leaves_nothing(each, volume) for volume in volumes):
+        if not any(motions_in(each)) and all(_leaves_nothing(each, volume) for volume in volumes):
             yield _clip_problem(f"clip.{number}", volumes[0])
     for layer, (spec, volume) in enumerate(zip(scene.layers, volumes, strict=True)):
         for number, each in enumerate(spec.clip):
-            if _leaves_nothing(each, volume):
+            if not any(motions_in(each)) and _leaves_nothing(each, volume):
                 yield _clip_problem(f"volumes.{layer}.clip.{number}", volume)
 
 

@@ -33,6 +33,7 @@ from renderer.scene import (
     motions_in,
     raise_problems,
     ramp,
+    steps_in_time,
     values_at,
     volume_extent,
 )
@@ -155,11 +156,15 @@ class StageMaker:
             raise_problems(camera_problems(camera, scene.output.size, volume_extent(layer.volume)))
         has_groups = last is not None and _have_same_groups(last.scene, last.layers, scene, layers)
         groups = last.groups if last is not None and has_groups else group_layers(layers, scene)
-        if last is not None and has_groups and last.camera == camera:
-            resolutions, order_blending = last.resolutions, last.order_blending
+        has_camera, placed = last is not None and last.camera == camera, layers[0].volume.world_from_index
+        if last is not None and has_camera and has_groups:
+            resolutions = last.resolutions
         else:
             resolutions = tuple(_resolution(group, camera, scene.output.size) for group in groups)
-            order_blending = make_order_blending(layers[0].volume.world_from_index, camera.path, (target, distance))
+        if last is not None and has_camera and np.array_equal(placed, last.layers[0].volume.world_from_index):
+            order_blending = last.order_blending
+        else:
+            order_blending = make_order_blending(placed, camera.path, (target, distance))
         self.last = Stage(scene, layers, target, distance, groups, resolutions, order_blending, {})
         return self.last
 
@@ -200,22 +205,18 @@ def read_film_volumes(scene: Scene) -> FilmVolumes:
     for spec in moving:
         digest.update(repr([*motions_in(spec)]).encode())
         one = read_volume(values_at(spec, 0))
-        for step in _steps_of(spec, scene.num_frames):
+        for step in _steps_of(spec):
             known[step] = read_volume(step, like=one if step.crop == values_at(spec.crop, 0) else None).fingerprint
             digest.update(known[step].encode())
     return FilmVolumes(first, digest.hexdigest() if moving else joint_fingerprint(first), known)
 
 
-def _steps_of(spec: VolumeSpec, num_frames: int) -> Sequence[VolumeSpec]:
-    """Return what must be read of a volume for the frames of a film: steps, which are mixed, and crops at keys."""
+def _steps_of(spec: VolumeSpec) -> Sequence[VolumeSpec]:
+    """Return what is read of a volume for a film: its steps in time, or what it is at the keys of another motion."""
+    if motion_of(spec.time) is not None:
+        return steps_in_time(spec)
     keys = sorted({frame for motion in motions_in(spec) for frame in motion.frames})
-    found: dict[VolumeSpec, None] = {}
-    for frame in range(num_frames) if motion_of(spec.time) else keys:
-        at_frame: VolumeSpec = values_at(spec, frame)
-        time = at_frame.time
-        around = (math.floor(time), math.ceil(time)) if isinstance(time, float) else (time,)
-        found |= {replace(at_frame, time=each): None for each in around}
-    return [*found]
+    return [values_at(spec, frame) for frame in keys]
 
 
 def volume_key(layer: LayerSpec) -> VolumeKey:

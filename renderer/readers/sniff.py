@@ -12,7 +12,7 @@ from typing import Literal
 
 from renderer.errors import InputError
 from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_name, refuse_zarr
-from renderer.scene import VOLUME_SUFFIXES, join_some, short_text
+from renderer.scene import VOLUME_SUFFIXES, is_pattern, join_some, short_text
 
 Format = Literal[
     "nrrd", "metaimage", "nifti", "mgh", "tiff", "npy", "npz", "vtk", "cube", "dicom", "mrc", "hdf5", "pictures"
@@ -159,7 +159,9 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
 
 
 def is_volume_name(name: str | os.PathLike[str]) -> bool:
-    """Return whether this is the name of a folder, or of a file in a known format."""
+    """Return whether this is the name of a folder, of a file in a known format, or a pattern of such files."""
+    if is_pattern(name):
+        return True
     with suppress(InputError):
         return os.path.isdir(name) or (os.path.isfile(name) and bool(find_format(Path(name))))
     return False

@@ -1,5 +1,6 @@
 from . import schema as schema
 from .camera_section import (
+    CAMERA_FIELD as CAMERA_FIELD,
     CameraPath as CameraPath,
     CameraSpec as CameraSpec,
     FlightKey as FlightKey,
@@ -139,6 +140,8 @@ from .volume_files import (
     SOURCE_FIELD as SOURCE_FIELD,
     VOLUME_SUFFIXES as VOLUME_SUFFIXES,
     FileSource as FileSource,
+    file_source as file_source,
+    is_pattern as is_pattern,
 )
 from .volume_section import (
     PROCEDURAL_NAMES as PROCEDURAL_NAMES,
@@ -147,6 +150,7 @@ from .volume_section import (
     ProceduralSource as ProceduralSource,
     RawSource as RawSource,
     VolumeSpec as VolumeSpec,
+    steps_in_time as steps_in_time,
 )
 from .yaml_tree import (
     MAX_DEPTH as MAX_DEPTH,

@@ -32,7 +32,7 @@ AXES: dict[str, Vector] = {
 
 def direction_field(expected: str) -> schema.FieldType[Any]:
     """Return the type of three coordinates that are not all (nearly) 0."""
-    coordinate = schema.COORDINATE_FIELD
+    coordinate = schema.still(schema.COORDINATE_FIELD)  # a direction moves as a whole, on the sphere
     return schema.sequence_field(coordinate, expected, count=3, check=_check_direction, motion="direction")
 
 
@@ -269,3 +269,16 @@ class CameraSpec:
     def path_frame(self, frame: int) -> int:
         """Return the frame of the path at a frame of the film."""
         return frame if frame < self.path.frames else 2 * self.path.frames - 2 - frame
+
+
+def _check_camera(node: TreeNode, given: dict[str, Any]) -> None:
+    """Check the length of the film, and that only what is found anew follows."""
+    path, loop = given["path"], given.get("loop")
+    frames = getattr(path, "frames", INVALID)
+    if isinstance(frames, int) and CameraSpec(path, loop=loop or "restart").num_frames > schema.MAX_FRAMES:
+        node.key("loop").reject("too many frames", expected=f"at most {schema.MAX_FRAMES}, there and back")
+    if given.get("follow") is True and given.get("target") not in ("visible", INVALID):
+        node.key("follow").reject("needs target: visible", hint="else the target is where it is said to be")
+
+
+CAMERA_FIELD = schema.dataclass_field(CameraSpec, _check_camera)

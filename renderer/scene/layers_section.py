@@ -88,7 +88,7 @@ _OWN_TABLE: schema.FieldTable = {
     "color": COLOR_FIELD,
     "range": VALUE_RANGE_FIELD,
     "transform": TRANSFORM_FIELD,
-    "weight": schema.number_field(above=0, maximum=MAX_WEIGHT, zero_hint="take this volume out of the list"),
+    "weight": schema.number_field(minimum=0, maximum=MAX_WEIGHT),
     "shading": schema.dataclass_field(ShadingSpec),
     "clip": CLIP_SECTION,
     "mask": MASK_SECTION,

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 
 from renderer.errors import Problem
 from renderer.scene import schema
-from renderer.scene.camera_section import CameraPath, CameraSpec, PathSequence
+from renderer.scene.camera_section import CAMERA_FIELD, CameraPath, CameraSpec, PathSequence
 from renderer.scene.clip_section import CLIP_SECTION, ClipSpec, check_what_is_clipped
 from renderer.scene.error_section import (
     ERROR_SECTION,
@@ -72,7 +72,7 @@ class Scene:
 
     volume: Annotated[VolumeSpec, VOLUME_SECTION]
     transfer_function: Annotated[TransferSpec, TRANSFER_FUNCTION_SECTION]
-    camera: CameraSpec
+    camera: Annotated[CameraSpec, CAMERA_FIELD]
     output: Annotated[OutputSpec, OUTPUT_SECTION]
     error: Annotated[ErrorSpec, ERROR_SECTION] = field(default=ErrorSpec())
     splat: Annotated[SplatSpec, SPLAT_SECTION] = field(default=SplatSpec("integrated"))
@@ -289,7 +289,9 @@ def spec_to_dict(value: Any) -> dict[str, Any]:
 
 
 def _of_scene(scene: Scene, plain: dict[str, Any]) -> dict[str, Any]:
-    left_out = (*_OF_ONE_VOLUME, "labels") if scene.volumes else ("volumes", "blend")
+    left_out = [*_OF_ONE_VOLUME, "labels"] if scene.volumes else ["volumes"]
+    if not scene.volumes and scene.volume.component != "all":
+        left_out.append("blend")
     return {key: item for key, item in _with_look(scene, plain).items() if key not in left_out}
 
 

@@ -20,6 +20,10 @@ from renderer.scene.motion import EASINGS, Motion, MotionKind, moving, shape_of
 T = TypeVar("T")
 
 MAX_FRAMES = 10**6
+# About the most frames at which a motion of several numbers is checked.
+_MOST_BETWEEN = 100
+# More mistakes in one map are of one kind.
+_MOST_PROBLEMS = 20
 
 _FRAME = re.compile(r"-?\d{1,9}|\d{1,9}(\.\d{0,9})?s", re.ASCII)
 
@@ -153,6 +157,8 @@ def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
                 hint = did_you_mean(written, EASINGS)
                 easing = place.reject("unknown easing", expected=join_words(EASINGS), hint=hint)
             continue
+        if len(node.problems) > num_problems + _MOST_PROBLEMS:
+            return INVALID
         frame, item = _read_frame(node.key(key, key), film), field.read(replace(node.child(key, written), film=None))
         check_frames_ascend(node.key(key), found[-1][0] if found else -1, frame)
         if len(node.problems) == num_problems and found and shape_of(item) != shape_of(found[0][1]):
@@ -166,7 +172,22 @@ def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
     motion = Motion(frames, values, easing, field.motion)
     if motion.kind == "ratio":
         _check_ratios(node, motion)
+    elif motion.kind == "linear" and isinstance(values[0], tuple) and film.at is None:
+        _check_between_keys(field, node, motion)
     return moving(motion) if film.at is None else motion.at(film.at)
+
+
+def _check_between_keys(field: FieldType[Any], node: TreeNode, motion: Motion) -> None:
+    """Check what a list or a matrix is on the way from one key to the next, such as one that has no inverse."""
+    if any(True for part in motion.values[0] if not isinstance(part, (int, float, tuple))):
+        return
+    first, last = motion.frames[0], motion.frames[-1]
+    for frame in range(first, last, max(1, (last - first) // _MOST_BETWEEN)):
+        problems: list[Problem] = []
+        field.parser(replace(node, value=motion.at(frame), problems=problems, film=None, expected=field.expected))
+        if problems:
+            node.problems.append(replace(problems[0], path=node.path, what=f"at frame {frame}: {problems[0].what}"))
+            return
 
 
 def _read_frame(node: TreeNode, film: FilmTime) -> Any:

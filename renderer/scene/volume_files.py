@@ -16,7 +16,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from renderer.errors import InputError
+from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import schema
 from renderer.scene.input_file import read_bounded
 from renderer.scene.message_text import did_you_mean, short_text
@@ -52,6 +52,11 @@ class FileSource:
     steps: tuple[Path, ...] = ()
     times: tuple[float, ...] = ()
     collection: Path | None = None
+
+
+def is_pattern(name: str | os.PathLike[str]) -> bool:
+    """Return whether this is a pattern of the files of several steps, and no file."""
+    return _FIELD.search(os.path.basename(name)) is not None and not os.path.lexists(name)
 
 
 def file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
@@ -96,7 +101,7 @@ def _parse_source(node: TreeNode) -> Any:
         return _steps(node, [(number, node.child(number, value)) for number, value in enumerate(node.value)])
     if schema.is_file_name(node.value):
         pattern = node.base / node.value
-        if _FIELD.search(pattern.name) and not os.path.lexists(pattern):
+        if is_pattern(pattern):
             return _matched(node, pattern)
     path = _ONE_FILE.parse(node)
     if path is INVALID:
@@ -201,3 +206,17 @@ def _collected(node: TreeNode, path: Path) -> Any:
     if source is INVALID:
         return INVALID
     return replace(source, times=tuple(sorted(time for time, _ in found)), collection=path)
+
+
+def file_source(volume: Path) -> FileSource:
+    """Return the source of a file or a folder, or of the steps that a pattern or a collection of ParaView names.
+
+    Raises SceneError for steps that cannot be, with the name as the place.
+    """
+    if volume.suffix.lower() != ".pvd" and not is_pattern(volume):
+        return FileSource(volume)
+    problems: list[Problem] = []
+    source = schema.read_option(SOURCE_FIELD, str(volume), str(volume), problems)
+    if problems:
+        raise SceneError(problems)
+    return source

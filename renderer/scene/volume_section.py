@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from renderer.scene import schema
 from renderer.scene.message_text import format_value
-from renderer.scene.motion import motion_of, moving_result
+from renderer.scene.motion import motion_of, moving_result, values_at
 from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.volume_files import SOURCE_FIELD, FileSource, file_field
 
@@ -99,6 +99,7 @@ _RANGE = schema.sequence_field(
     "[first, end]: whole numbers with first less than end",
     count=2,
     check=_check_pair,
+    motion="linear",
 )
 _CROP_WORDS = "[[x first, x end], [y first, y end], [z first, z end]]: voxel numbers from 0, each end one past the last"
 _RANGES = schema.sequence_field(_RANGE, _CROP_WORDS, count=3)
@@ -143,10 +144,11 @@ def _check_transform(node: TreeNode, rows: tuple[Any, ...]) -> Any:
 
 
 TRANSFORM_FIELD = schema.sequence_field(
-    schema.sequence_field(schema.COORDINATE_FIELD, "four numbers", count=4),
+    schema.sequence_field(schema.still(schema.COORDINATE_FIELD), "four numbers", count=4),
     "a matrix of 4 x 4 numbers, row by row, whose last row is [0, 0, 0, 1]",
     count=4,
     check=_check_transform,
+    motion="linear",
 )
 
 
@@ -218,6 +220,23 @@ class VolumeSpec:
     def has_colors(self) -> bool:
         """Return whether voxels are drawn in colours of their own."""
         return self.component in ("color", "color_alpha")
+
+
+def steps_in_time(spec: VolumeSpec) -> list[VolumeSpec]:
+    """Return the steps that a film shows, or mixes, of a volume whose time moves, ascending; else itself.
+
+    What else moves is as on frame 0.
+    """
+    plain, motion = values_at(spec, 0), motion_of(spec.time)
+    if motion is None:
+        return [plain]
+    times: Sequence[float] = motion.values
+    if motion.easing != "hold":
+        times = [motion.at(frame) for frame in range(motion.frames[0], motion.frames[-1] + 1)]
+        if len(times) > max(times) - min(times):  # slow enough to meet all
+            times = range(math.floor(min(times)), math.ceil(max(times)) + 1)
+    steps = sorted({whole for time in times for whole in (math.floor(time), math.ceil(time))})
+    return [replace(plain, time=step) for step in steps]
 
 
 def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:

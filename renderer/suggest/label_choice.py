@@ -24,6 +24,7 @@ from renderer.scene import (
     VolumeSpec,
     colormap_points,
     format_value,
+    steps_in_time,
 )
 from renderer.suggest.palette import distinct_colors, in_8_bits
 from renderer.volume import Label, Volume, iter_slabs
@@ -84,7 +85,7 @@ def with_labels(layer: LayerSpec, place: str, read: Callable[[VolumeSpec], Volum
     """
     look, labels = layer.transfer_function, layer.transfer_function.labels
     if labels is not None and not labels.has_colors:
-        known = known_labels(layer.volume, read(layer.volume), labels)
+        known = known_labels(layer.volume, read, labels)
         look = replace(look, mapping=choose_labels(labels, known, f"{place}labels", problems))
     return replace(layer, transfer_function=look, mask=with_numbers(layer.mask, f"{place}mask", read, problems))
 
@@ -95,20 +96,23 @@ def with_numbers(
     """Return a mask in which all labels that are shown have their number; as `with_labels`."""
     if mask is None or mask.labels.has_numbers or not isinstance(mask.volume, VolumeSpec):
         return mask
-    known = known_labels(mask.volume, read(mask.volume), mask.labels)
+    known = known_labels(mask.volume, read, mask.labels)
     return replace(mask, labels=LabelsSpec(show=choose_labels(mask.labels, known, place, problems).show))
 
 
-def known_labels(spec: VolumeSpec, volume: Volume, labels: LabelsSpec) -> KnownLabels:
-    """Return what is known of the labels of a volume, whose values they are.
+def known_labels(spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], labels: LabelsSpec) -> KnownLabels:
+    """Return what is known of the labels of a volume, which are the values of any of its steps in time.
 
     labels: whose names go before those of a table. Raises InputError for a volume that is no labels.
     """
+    steps = steps_in_time(spec)
+    volume = read(steps[0])
     found = read_label_table(labels.names) if isinstance(labels.names, Path) else table_of(spec, volume)
     table = {label.value: label for label in found}
     if isinstance(labels.names, tuple):
         table |= {value: replace(table.get(value, Label(value)), name=name) for value, name in labels.names}
-    return KnownLabels(count_labels(volume).keys(), table)
+    present = {*count_labels(volume)}.union(*(count_labels(read(step)) for step in steps[1:]))
+    return KnownLabels(sorted(present), table)
 
 
 def table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:

@@ -65,6 +65,8 @@ def _suggest(
     """Return what is suggested for a volume and holds beside another one, too; and a sample of what it shows."""
     volume = read(spec)
     raise_problems(volume_problems(volume_extent(volume), volume.name))
+    if volume.num_times > 1 and spec.time is None:
+        spec = replace(spec, time="auto")
     spec, volume, statistics = read_in_colors(spec, volume, read, wish)
     found = suggest_read(spec, volume, statistics, wish)
     if statistics.minimum == statistics.maximum:  # a sample needs a range

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from renderer.scene import FileSource, OutputSpec, VolumeSpec
+from renderer.scene import OutputSpec, VolumeSpec, file_source
 
 # What a suggestion can be steered by; `wishes.py` has what each does. Here, so that options are declared without numpy.
 PRESET_WORDS = ("bone", "vessels", "skin", "brain", "xray", "surface", "glow", "labels")
@@ -35,7 +35,7 @@ class FilmOptions:
     @property
     def under(self) -> VolumeSpec | None:
         """Return the volume underneath."""
-        return None if self.over is None else VolumeSpec(FileSource(self.over))
+        return None if self.over is None else VolumeSpec(file_source(self.over))
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> FilmOptions:

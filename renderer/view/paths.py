@@ -136,6 +136,9 @@ def _flight_poses(path: FlightPath, end: CameraPoses | None, at: Float64) -> Cam
     places = fly(path, start, at)
     offset = places[:, EYE] - places[:, TARGET]
     distance = np.linalg.norm(offset, axis=1)
+    if not distance.all():
+        got = f"frame {at[distance == 0.0][0]:g} of a flight"
+        raise InputError("the eye is at the place that it looks at", where="camera.path", got=got)
     direction = offset / distance[:, None]
     right = np.cross(np.array(path.axis) / np.linalg.norm(path.axis), direction)
     length = np.linalg.norm(right, axis=1, keepdims=True)

@@ -12,7 +12,7 @@ from renderer.errors import InputError, Problem, SceneError
 from renderer.film import film_path_of_sidecar, frame_path
 from renderer.job.inputs import expand_pattern
 from renderer.job.record import FilmRecord, late_frame_problems, parse_film_record
-from renderer.scene import MAX_FRAMES, OUTPUT_FILE_FIELD, raise_problems, read_content, schema
+from renderer.scene import CAMERA_FIELD, OUTPUT_FILE_FIELD, raise_problems, read_content, schema
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 
@@ -31,7 +31,8 @@ class Part:
     @property
     def num_frames(self) -> int:
         """Return the number of frames of the whole path."""
-        return int(self.record.scene["camera"]["path"]["frames"])
+        camera = schema.TreeNode(self.record.scene["camera"], "camera", [], film=schema.FilmTime(None, 1.0))
+        return CAMERA_FIELD.read(camera).num_frames
 
     @property
     def has_goal(self) -> bool:
@@ -122,10 +123,10 @@ def _digest_problems(record: FilmRecord, path: Path) -> Iterator[Problem]:
 def _scene_problems(record: FilmRecord) -> list[Problem]:
     """Return what is wrong with what a film of parts takes from the recorded scene."""
     problems: list[Problem] = []
-    path = _known({"path": _known({"frames": schema.integer_field(minimum=1, maximum=MAX_FRAMES)})})
-    table = {"output": _known({"file": OUTPUT_FILE_FIELD}), "camera": path, "error": schema.MAPPING_FIELD}
-    found = _known(table).read(schema.TreeNode(record.scene, "scene", problems))
-    return problems or late_frame_problems(record, found["camera"]["path"]["frames"])
+    node = schema.TreeNode(record.scene, "scene", problems, film=schema.FilmTime(None, 1.0))
+    table = {"output": _known({"file": OUTPUT_FILE_FIELD}), "camera": CAMERA_FIELD, "error": schema.MAPPING_FIELD}
+    found = _known(table).read(node)
+    return problems or late_frame_problems(record, found["camera"].num_frames)
 
 
 def _known(table: schema.FieldTable) -> schema.FieldType[Any]:
