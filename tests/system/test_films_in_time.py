@@ -103,6 +103,17 @@ def test_a_file_of_several_steps(capsys: pytest.CaptureFixture[str], monkeypatch
     assert "range of 4 that were read" in capsys.readouterr().err
 
 
+def test_labels_of_all_steps() -> None:
+    """Of which a step may lack some; a map may begin at the last step."""
+    for step in range(NUM_STEPS):
+        np.save(f"s_{step}.npy", np.where(ball(6.0) > 100, 1 + step % 2, 0).astype(np.uint8))
+    labels = "transfer_function=null", "labels={opacity: 0.9}"
+    film("labels", *labels, "volume.time={0: 3, 6: 0}")
+    assert told("labels")["scene"]["labels"]["show"] == [1, 2]
+    film("mask", "mask={file: 's_{}.npy', time: {0: 3, 6: 0}}")
+    assert told("mask")["scene"]["mask"]["show"] == [1, 2]
+
+
 @pytest.mark.parametrize("change", ["volume.time.easing=in", "volume.time={0: 0, 3: 3}", "volume.interpolate=true"])
 def test_other_steps_are_another_film(change: str) -> None:
     """Also where the same ones are read."""

@@ -87,6 +87,15 @@ def test_however_it_is_made(folder: Path) -> None:
     assert moved["clip.0.plane.point"] == [10, 0, 0] and moved["camera.field_of_view"] == 60
 
 
+@pytest.mark.parametrize("change", [*MOTIONS["a flight"], "camera.loop=ping-pong"])
+def test_parts_of_a_longer_path(change: str, folder: Path) -> None:
+    """The number of frames is that of all pieces, or of the way there and back."""
+    for part in ("0:4", "4:"):
+        render("scene.yaml", "--set", change, "--frames", part, "--output", str(folder / "{frame}.png"))
+    parts = sorted(map(str, folder.glob("*.json")))
+    assert main.run(["assemble", *parts, "--output", str(folder / "film.gif"), "--quiet"]) == 0
+
+
 def test_what_is_visible_does_not_jump(folder: Path) -> None:
     """The target is the centre of all that is visible on any frame, unless the camera follows."""
     targets = []
