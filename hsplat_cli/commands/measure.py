@@ -19,11 +19,10 @@ from renderer.job import require_no_input
 # Options of a sweep and its report, which a search for one tolerance does not have.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
 _WANT_HINT = "--want searches with the scene's own footprint and error measure; change those with --set"
-# What a quick study does not have.
-_WHOLE_OPTIONS = ("want", "footprints", "measures", "corrections", "repeats", "peer")
-_QUICK_HINT = (
-    "--quick draws with the scene's own footprint and error measure, once, and estimates psnr and rmse; "
-    "change those with --set, or leave out --quick"
+# What needs whole exact pictures and several passes.
+_THOROUGH_OPTIONS = ("footprints", "measures", "corrections", "repeats", "peer")
+_THOROUGH_HINT = (
+    "add --thorough; without it the scene's own footprint and error measure are drawn once, and judged by rays"
 )
 
 
@@ -48,7 +47,7 @@ _QUICK_HINT = (
     help="How well the truth converges.",
 )
 @click.option("--peer", type=click.Choice(["vtk"]), help="Measure this program too, where it is installed.")
-@click.option("--quick", is_flag=True, help="Estimate PSNR and RMSE from a few exact rays, at the scene's settings.")
+@click.option("--thorough", is_flag=True, help="Compare with whole exact pictures, and not with a few exact rays.")
 @click.option("--want", metavar="METRIC=VALUE", help="Only find the tolerance for psnr=38 (or rmse, ssim, flip).")
 @quiet_option(help="Print only the result.")
 def measure(
@@ -58,7 +57,7 @@ def measure(
     repeats: int,
     truth_tolerance: float,
     peer: str | None,
-    quick: bool,
+    thorough: bool,
     want: str | None,
     reporter: Reporter,
     **sweep_options: Any,
@@ -70,16 +69,16 @@ def measure(
     given = load_job(request, "nothing")
     job, numbers = replace(given.scene, overlay="none"), given.frames  # lines are no error
     sweep = parse_sweep(job, **sweep_options)
-    if quick:
-        _reject_options("--quick", _WHOLE_OPTIONS, _QUICK_HINT)
-        sweep, repeats = replace(sweep, errors=(job.error,), splats=(job.splat,)), 0  # the first pass is timed
     if want is not None:
         # Imported here to keep --help fast.
         from hsplat_cli.studies import print_tolerance
 
-        _reject_options("--want", _SWEEP_OPTIONS, _WANT_HINT)
-        print_tolerance(job, parse_want(want), numbers, truth_tolerance, reporter)
+        _reject_options("has no use beside --want", _SWEEP_OPTIONS, _WANT_HINT)
+        print_tolerance(job, parse_want(want), numbers, truth_tolerance if thorough else None, reporter)
         return
+    if not thorough:
+        _reject_options("needs --thorough", _THOROUGH_OPTIONS, _THOROUGH_HINT)
+        sweep, repeats = replace(sweep, errors=(job.error,), splats=(job.splat,)), 0  # the first pass is timed
     from hsplat_cli.reports import REPORT_FILES
     from hsplat_cli.studies import StudyRequest, run_study
 
@@ -87,12 +86,13 @@ def measure(
     folder = output or Path(f"{name}.measured")
     require_no_input([folder / name for name in REPORT_FILES], given.input_files())
     picked = list(numbers) if request.frames else None
-    run_study(StudyRequest(name, job, sweep, picked, repeats, peer, truth_tolerance, folder, quick), reporter)
+    request_ = StudyRequest(name, job, sweep, picked, repeats, peer, truth_tolerance, folder, not thorough)
+    run_study(request_, reporter)
 
 
-def _reject_options(mode: str, names: Sequence[str], hint: str) -> None:
-    """Raise InputError for an option that would have no effect beside the option of a mode."""
+def _reject_options(why: str, names: Sequence[str], hint: str) -> None:
+    """Raise InputError for an option that would have no effect."""
     source = click.get_current_context().get_parameter_source
     given = [name for name in names if source(name) == click.core.ParameterSource.COMMANDLINE]
     if given:
-        raise InputError(f"has no use beside {mode}: --{given[0]}", where="hsplat measure", hint=hint)
+        raise InputError(f"{why}: --{given[0]}", where="hsplat measure", hint=hint)

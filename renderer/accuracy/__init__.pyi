@@ -36,6 +36,7 @@ from .prober import (
 from .references import (
     ExactPictures as ExactPictures,
     ExactRays as ExactRays,
+    Reference as Reference,
 )
 from .search import (
     FoundTolerances as FoundTolerances,

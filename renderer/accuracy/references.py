@@ -33,9 +33,11 @@ class ExactRays:
     def __init__(self, stage: Stage, want: MetricTarget, *, num_threads: int) -> None:
         self.want, self._prober = want, FrameProber(stage, NUM_SAMPLED_PIXELS, num_threads=num_threads)
         self._exact: dict[int, ExactPixels] = {}  # by frame
+        self.shows_volume = False  # any of the pictures
 
     def compare(self, frame: Frame) -> tuple[float, float]:
         """Estimate the metric from the rays."""
+        self.shows_volume |= bool(frame.radiance[..., 3].any())
         if frame.number not in self._exact:
             self._exact[frame.number] = self._prober.on(frame.stage).exact_pixels(frame.number, frame.image)
         samples = self._exact[frame.number].compare_radiance(frame.radiance).samples

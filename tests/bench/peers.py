@@ -48,7 +48,7 @@ def study_of(scene: Path, data: Path, folder: Path) -> dict[str, Any]:
     path = folder / "measure.json"
     if not path.exists():
         volume = data / f"{scene.stem.partition('_')[0]}.nhdr"
-        arguments = ["measure", str(scene), "--output", str(folder), "--volume", str(volume)]
+        arguments = ["measure", str(scene), "--thorough", "--output", str(folder), "--volume", str(volume)]
         assert run([*arguments, "--frames", "0:1", "--tolerances", TOLERANCES, *OPTIONS]) == 0
     study: dict[str, Any] = json.loads(path.read_text("utf-8"))
     return study

@@ -53,7 +53,7 @@ def test_vtk_that_is_missing_is_reported(monkeypatch: pytest.MonkeyPatch, capsys
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *rest: None if name.startswith("vtk") else find_spec(name, *rest)
     )
-    assert main.run(["measure", "scene.yaml", "--quiet", "--peer", "vtk"]) == 2
+    assert main.run(["measure", "scene.yaml", "--quiet", "--thorough", "--peer", "vtk"]) == 2
     assert capsys.readouterr().err == "the package vtk is not installed\n  hint: pip install 'hsplat[vtk]'\n"
 
 

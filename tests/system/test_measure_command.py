@@ -22,7 +22,7 @@ from renderer.scene import ModeSpec, Scene
 from renderer.study import Measurement
 
 SCENE = small_scene(shape="32, 32, 16", frames=8, size="48, 32", error="tolerance: 0.1")
-QUICK = ("--repeats", "1", "--frames", "0:8:4")
+FEW = ("--thorough", "--repeats", "1", "--frames", "0:8:4")
 
 
 @pytest.fixture(autouse=True)
@@ -42,7 +42,7 @@ def rows(folder: str = "scene.measured") -> list[dict[str, str]]:
 
 def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
     lists = ("--tolerances", "1,0.5", "--footprints", "gaussian,gouraud:6x2", "--measures", "rms:scalar")
-    measure(*QUICK, *lists, "--output", "out")
+    measure(*FEW, *lists, "--output", "out")
     found = {(row["series"], float(row["tolerance"]), int(row["frame"])) for row in rows("out")}
     series = {
         f"{footprint}, rms of scalar{correction}"
@@ -58,7 +58,7 @@ def test_the_sweep_is_the_product_of_its_lists(folder: Path) -> None:
 
 def test_bricks_are_measured_beside_splats() -> None:
     """They are measured once, as they have no correction, at tolerances of their own, from coarse to exact."""
-    measure(*QUICK, "--measures", "optical")
+    measure(*FEW, "--measures", "optical")
     found = {name: [row for row in rows() if row["series"] == name] for name in {row["series"] for row in rows()}}
     assert set(found) == {"integrated, optical", "gaussian, optical", "gaussian, optical, uncorrected"}
     bricks, splats = found["integrated, optical"], found["gaussian, optical"]
@@ -83,7 +83,7 @@ def test_single_voxels_are_drawn_once_for_all_measures_and_corrections(monkeypat
 
     measure_setting = study.measure_setting
     monkeypatch.setattr(study, "measure_setting", remember)
-    measure(*QUICK, "--tolerances", "0", "--footprints", "gaussian")
+    measure(*FEW, "--tolerances", "0", "--footprints", "gaussian")
     assert len(drawn) == 1
     assert len({row["series"] for row in rows()}) == 4
     assert len({row["psnr_db"] for row in rows() if row["frame"] == "0"}) == 1
@@ -93,7 +93,7 @@ def test_a_peer_is_measured_and_described(monkeypatch: pytest.MonkeyPatch, capsy
     settings = vtk_settings(ModeSpec())[3:4]
     monkeypatch.setattr(vtk_peer, "vtk_settings", lambda mode: settings)
     only = ("--tolerances", "0.5", "--footprints", "integrated", "--measures", "optical")
-    measure(*QUICK, *only, "--peer", "vtk")
+    measure(*FEW, *only, "--peer", "vtk")
     data = json.loads((Path("scene.measured") / "measure.json").read_text("utf-8"))
     assert [measurement["series"] for measurement in data["measurements"]] == ["integrated, optical", "vtk gpu"]
     own, peer = (measurement["pyramid_seconds"] for measurement in data["measurements"])
@@ -129,7 +129,7 @@ def test_measurements_before_the_end_are_kept(monkeypatch, capsys, end, num_befo
 
     measure_setting = study.measure_setting
     monkeypatch.setattr(study, "measure_setting", ending)
-    arguments = ["measure", "scene.yaml", "--quiet", *QUICK, "--tolerances", "1,0.5,0.2,0.1"]
+    arguments = ["measure", "scene.yaml", "--quiet", *FEW, "--tolerances", "1,0.5,0.2,0.1"]
     assert main.run(arguments) == code
     assert len({row["tolerance"] for row in rows()}) == num_before
     assert note in capsys.readouterr().out
@@ -138,10 +138,10 @@ def test_measurements_before_the_end_are_kept(monkeypatch, capsys, end, num_befo
 def test_a_quick_study_agrees_with_a_whole_one(capsys: pytest.CaptureFixture[str]) -> None:
     """Its intervals, of nearly every setting, hold what all pixels say; the files have both ends."""
     lit = ("--set", "shading={ambient: 0.4, diffuse: 0.6}", "--frames", "0:8:4", "--tolerances", "2,1,0.5,0.2,0.05,0")
-    measure("--quick", *lit, "--output", "quick")
+    measure(*lit, "--output", "quick")
     printed = capsys.readouterr().out
     assert "note: errors are estimates from 1024 exact rays of each frame" in printed and "95 %" in printed
-    measure("--repeats", "1", "--footprints", "integrated", "--measures", "optical", *lit)
+    measure("--thorough", "--repeats", "1", "--footprints", "integrated", "--measures", "optical", *lit)
     found, whole = rows("quick"), rows()
     keys = ("series", "tolerance", "frame", "num_cells")
     assert [[row[key] for key in keys] for row in found] == [[row[key] for key in keys] for row in whole]
@@ -173,7 +173,7 @@ def test_a_quick_study_chooses_frames_and_tolerances_as_a_whole_one(monkeypatch:
     open_at_any_tolerance = study.open_at_any_tolerance
     monkeypatch.setattr(study, "require_measuring_packages", refuse)
     monkeypatch.setattr(study, "open_at_any_tolerance", remember)
-    measure("--quick", "--set", "splat.footprint=gaussian")
+    measure("--set", "splat.footprint=gaussian")
     assert len(prepared) == 1
     found = rows()
     assert {row["series"] for row in found} == {"gaussian, optical"}
@@ -186,12 +186,22 @@ def test_a_quick_study_chooses_frames_and_tolerances_as_a_whole_one(monkeypatch:
 def test_the_line_for_the_scene_file_reaches_the_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     few = ("--set", "camera.path.frames=4")
     measure("--want", "flip=0.11", "--set", "splat.footprint=gaussian", *few)
-    line, comment = capsys.readouterr().out.splitlines()
+    comment, line = capsys.readouterr().out.splitlines()
     tolerance = yaml.safe_load(line)["error"]["tolerance"]
     assert tolerance > 0
     assert comment.startswith("# ")
     every = ("--repeats", "1", "--frames", ":", "--footprints", "gaussian", "--measures", "optical")
-    measure(*every, "--corrections", "on", "--tolerances", f"{tolerance},{2.5 * tolerance}", "--output", "all", *few)
+    measure(
+        "--thorough",
+        *every,
+        "--corrections",
+        "on",
+        "--tolerances",
+        f"{tolerance},{2.5 * tolerance}",
+        "--output",
+        "all",
+        *few,
+    )
 
     def errors(at: float) -> list[float]:
         return [float(row["flip"]) for row in rows("all") if math.isclose(float(row["tolerance"]), at)]

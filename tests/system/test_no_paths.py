@@ -150,7 +150,7 @@ def test_an_assembled_film_has_the_paths_of_neither_volume_nor_parts(capsys: pyt
 
 
 def test_a_study_without_paths() -> None:
-    quick = ("--repeats", "1", "--frames", "0", "--tolerances", "1", "--footprints", "integrated")
+    quick = ("--thorough", "--repeats", "1", "--frames", "0", "--tolerances", "1", "--footprints", "integrated")
     run("measure", "scene.yaml", *quick, "--measures", "optical", "--no-paths", "--output", "study")
     assert_no_secret(*Path("study").iterdir())
     assert len(list(Path("study").iterdir())) == 3

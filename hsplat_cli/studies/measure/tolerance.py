@@ -10,8 +10,11 @@ from functools import partial
 from hsplat_cli.terminal import FilmEvents, Reporter
 from renderer.accuracy import (
     SSIM_WINDOW_PX,
+    TRUTH_TOLERANCE,
     ExactPictures,
+    ExactRays,
     FoundTolerances,
+    Reference,
     Trial,
     Truth,
     compute_truth,
@@ -32,9 +35,13 @@ def open_at_any_tolerance(scene: Scene, volumes: Sequence[Volume]) -> Stage:
 
 
 def print_tolerance(
-    scene: Scene, want: MetricTarget, numbers: Sequence[int], truth_tolerance: float, reporter: Reporter
+    scene: Scene, want: MetricTarget, numbers: Sequence[int], truth_tolerance: float | None, reporter: Reporter
 ) -> None:
-    """Search, and print a line for the scene file. Raises RenderError if full resolution is not accurate enough."""
+    """Search, and print as the last line one for the scene file.
+
+    truth_tolerance: of whole exact pictures; None for a few exact rays of each frame, where these tell the metric.
+    Raises RenderError if full resolution is not accurate enough.
+    """
     _require_measurable(scene, want)
     noun = scene.splat.primitive_name
     with (
@@ -42,7 +49,11 @@ def print_tolerance(
         open_at_any_tolerance(scene, read_film_volumes(scene).first) as stage,
         FilmEvents(reporter, noun) as events,
     ):
-        exact = ExactPictures(want, partial(find_truth, stage, truth_tolerance, events))
+        exact: Reference
+        if truth_tolerance is None and want.metric in ("psnr", "rmse"):
+            exact = ExactRays(stage, want, num_threads=num_cores())
+        else:
+            exact = ExactPictures(want, partial(find_truth, stage, truth_tolerance or TRUTH_TOLERANCE, events))
 
         def tell(trial: Trial) -> None:
             events.note(trial.text(want, noun))
@@ -53,8 +64,8 @@ def print_tolerance(
         raise nothing_visible_error(len(found.tried))
     if not found.is_reachable:
         raise found.shortfall(scene, where=f"--want {want.metric}={want.value:g}", hint="want less")
-    reporter.result(_line(scene, found.worst.tolerance))
     reporter.result(f"# {_comment(found, noun)}")
+    reporter.result(_line(scene, found.worst.tolerance))
 
 
 def find_truth(stage: Stage, tolerance: float, events: FilmEvents, frame: int) -> Truth:
