@@ -99,3 +99,11 @@ def test_a_signal_after_the_end_changes_no_exit_code(late: str) -> None:
     code = f"{imports}; exit_on_signals(7); {late}; sys.exit(7)"
     run = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, check=False)
     assert (run.returncode, run.stderr) == (7, b"")
+
+
+def test_the_exit_code_where_an_import_was_interrupted(tmp_path: Path) -> None:
+    interrupted = 'try:\n    exec("raise KeyboardInterrupt")\nexcept KeyboardInterrupt:\n    pass\n'
+    end = "import sys\nfrom renderer.system import exit_on_signals\nexit_on_signals(7)\nsys.exit(7)"
+    (tmp_path / "runs.py").write_text(interrupted + end)
+    run = subprocess.run([sys.executable, "-m", "runs"], env=environment(), cwd=tmp_path, check=False)
+    assert run.returncode == 7
