@@ -44,8 +44,11 @@ from renderer.scene import (
     Scene,
     TransferSpec,
     accuracy_of,
+    format_of,
     format_value,
     load_scene as load_scene_file,
+    only_output,
+    output_suffix,
     parse_scene,
     scene_to_dict,
     short_text,
@@ -111,15 +114,14 @@ class Film:
 
     def _repr_html_(self) -> str:
         """Return the film, or its first picture, with a caption."""
-        first = frame_path(self.path, self.frames[0])
-        kind = {".mp4": "video/mp4", ".gif": "image/gif", ".png": "image/png"}[first.suffix.lower()]
+        first, kind = frame_path(self.path, self.frames[0]), format_of(self.path).media_type
         data = f"data:{kind};base64,{base64.b64encode(first.read_bytes()).decode()}"
-        shown = f'<img src="{data}">' if kind != "video/mp4" else f'<video controls loop muted src="{data}"></video>'
+        element = '<img src="{}">' if kind.startswith("image/") else '<video controls loop muted src="{}"></video>'
         count = f"{len(self.frames)} frame{'s' * (len(self.frames) != 1)}"
         exact = [] if self.accuracy is None else [accuracy_text(self.accuracy)]
         lines = [f"{self.path}: {count}; how it was made: {self.sidecar}", *exact, *self.notes]
         caption = "<br>".join(html.escape(printable(line)) for line in lines)
-        return f"<figure>{shown}<figcaption>{caption}</figcaption></figure>"
+        return f"<figure>{element.format(data)}<figcaption>{caption}</figcaption></figure>"
 
 
 def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -> Scene:
@@ -220,7 +222,8 @@ def render_frame(
     with open_local_executor(made) as executor, _open_stage(made) as stage:
         plan = make_plan(LODCostEstimator(stage), numbers, lambda: executor.rasterizer, JobEvents())
         (drawn,) = executor.draw(plan, numbers)
-    return drawn.picture.pixels.view(FrameImage)
+    image: FrameImage = drawn.pictures[0].pixels.view(FrameImage)
+    return image
 
 
 def render(
@@ -418,7 +421,10 @@ def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, A
         rest = {key: value for key, value in tree["error"].items() if key in ("measure", "of", "finest_level")}
         tree["error"] = rest | {"tolerance": given["tolerance"]}
     names = {"output": "file", "size": "size", "background": "background"}
-    tree["output"] |= {key: given[name] for name, key in names.items() if name in given}
+    if "output" in given:
+        tree["output"] = only_output(tree["output"], output_suffix(str(given["output"])))
+    first = tree["output"][0] if isinstance(tree["output"], list) else tree["output"]
+    first |= {key: given[name] for name, key in names.items() if name in given}
     if "transfer_function" in given:
         tree.pop("labels", None)
     match given.get("transfer_function"):

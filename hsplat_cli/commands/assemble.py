@@ -11,8 +11,16 @@ import click
 from hsplat_cli.commands.options import quiet_option
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames, report_film
 from renderer.errors import Problem, SceneError
-from renderer.film import has_frame_files
-from renderer.scene import FRAME_FIELD, OUTPUT_SECTION, OutputSpec, format_value, schema
+from renderer.scene import (
+    FRAME_FIELD,
+    FRAME_SUFFIXES,
+    OUTPUT_SECTION,
+    OutputSpec,
+    first_output,
+    format_value,
+    output_suffix,
+    schema,
+)
 
 if TYPE_CHECKING:
     from renderer.job import Part
@@ -20,7 +28,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("parts", nargs=-1, required=True)
-@click.option("--output", required=True, metavar="FILE", help="Write to this .mp4, .gif or {frame}.png.")
+@click.option("--output", required=True, metavar="FILE", help="Write to this film, or to {frame}.png.")
 @click.option("--frames", metavar="A:B:STEP", help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @click.option("--frames-per-second", metavar="RATE", help="Another rate than that of the scene.")
 @click.option("--quality", metavar="0-10", help="Another quality of an MP4 than that of the scene.")
@@ -61,10 +69,12 @@ def assemble(
 def _output_spec(part: Part, options: Mapping[str, tuple[Any, str]], numbers: Sequence[int]) -> OutputSpec:
     """Return the recorded output, changed by options: each a value and its text. Raises SceneError."""
     problems: list[Problem] = []
-    tree = {**part.record.scene["output"], **{key: value for key, (value, _) in options.items()}}
+    tree = {**first_output(part.record.scene), **{key: value for key, (value, _) in options.items()}}
+    if output_suffix(options["file"][0]) not in FRAME_SUFFIXES:
+        tree.pop("pixel_format", None)
     spec = OUTPUT_SECTION.read(schema.TreeNode(tree, "output", problems, film=schema.FilmTime(None, 1.0)))
-    if not problems and has_frame_files(spec) and len(numbers) > 1 and not FRAME_FIELD.search(spec.file.name):
-        hint, got = f"write {spec.file.stem}-{{frame:04}}.png", format_value(str(spec.file))
+    if not problems and spec.is_frames and len(numbers) > 1 and not FRAME_FIELD.search(spec.file.name):
+        hint, got = f"write {spec.file.stem}-{{frame:04}}{spec.file.suffix}", format_value(str(spec.file))
         problems.append(Problem("output.file", "frames need a number in their names", got, hint=hint))
     if problems:
         places = {f"output.{key}": option for key, (_, option) in options.items()}

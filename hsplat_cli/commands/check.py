@@ -15,7 +15,6 @@ from hsplat_cli.terminal import Reporter
 from renderer.accuracy import finer_than_kept, psnr, typical_kept_psnr, typical_psnr, wanted_error
 from renderer.film import (
     frame_path,
-    has_frame_files,
     require_own_folder,
     require_writable_dry_run,
     sidecar_path,
@@ -26,6 +25,7 @@ from renderer.readers import find_volume
 from renderer.scene import (
     FileSource,
     MetricTarget,
+    OutputFile,
     RawSource,
     Scene,
     SplatBudget,
@@ -57,7 +57,8 @@ def check(request: SceneRequest, output: str | None) -> None:
     full disk.
     """
     job = load_job(replace(request, output=output), reads=False)
-    for file in (frame_path(job.scene.output.file, job.frames[0]), sidecar_path(job.scene, job.frames)):
+    outputs = [frame_path(each.file, job.frames[0]) for each in job.scene.output.files]
+    for file in (*outputs, sidecar_path(job.scene, job.frames)):
         require_writable_dry_run(file)
     with translate_os_errors(job.scene.output.file):
         require_own_folder(unfinished_folder(job.scene.output))
@@ -75,19 +76,26 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
     frames = counted(camera.num_frames, "frame")
     if num_frames < camera.num_frames:
         frames = f"{num_frames} of {frames}"
-    rate = "1 frame" if output.frames_per_second == 1 else f"{output.frames_per_second:g} frames"
-    film = f", {num_frames / output.frames_per_second:.3g} s at {rate} per second"
-    width, height = output.size
     path = ", ".join(piece.type for piece in getattr(camera.path, "pieces", [camera.path]))
     return [
         *_volumes(scene),
         ("camera", f"{path}{', to and fro' * (camera.loop == 'ping-pong')}, {frames}"),
         *_motion(scene),
         ("error", _schedule(scene)),
-        ("output", f"{output.file}, {width} x {height}{'' if has_frame_files(output) else film}"),
+        *(("output", _output_text(each, num_frames)) for each in output.files),
         *(("note", note) for note in scene.import_notes),
         *([("note", advice)] if (advice := _advice(scene)) is not None else []),
     ]
+
+
+def _output_text(output: OutputFile, num_frames: int) -> str:
+    width, height = output.size
+    text = f"{output.file}, {width} x {height}"
+    if output.frame is not None:
+        return f"{text}, frame {output.frame}"
+    rate = "1 frame" if output.frames_per_second == 1 else f"{output.frames_per_second:g} frames"
+    seconds = -(-num_frames // output.every) / output.frames_per_second
+    return text if output.is_frames else f"{text}, {seconds:.3g} s at {rate} per second"
 
 
 def _motion(scene: Scene) -> Iterator[tuple[str, str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import click
 
@@ -13,6 +13,7 @@ from hsplat_cli.scenes import expand_volumes, film_options, name_volumes, volume
 from hsplat_cli.terminal import OutputPath, Reporter
 from hsplat_cli.turntable import FilmRequest, make_film, print_film_record, require_inputs_kept, run_batch
 from renderer.errors import InputError
+from renderer.scene import FORMATS
 from renderer.suggest import FilmOptions
 
 
@@ -27,7 +28,9 @@ from renderer.suggest import FilmOptions
     metavar="FOLDER",
     help="Where scenes and films go.",
 )
-@click.option("--format", "kind", type=click.Choice(["mp4", "gif", "png"]), default="mp4", show_default=True)
+@click.option(
+    "--format", "kind", type=click.Choice([suffix[1:] for suffix in FORMATS]), default="mp4", show_default=True
+)
 @film_options
 @volume_options()
 @executor_options
@@ -38,7 +41,7 @@ def turntable(
     *,
     volumes: tuple[str, ...],
     folder: Path,
-    kind: Literal["mp4", "gif", "png"],
+    kind: str,
     workers: int | None,
     scheduler: str | None,
     force: bool,
@@ -55,20 +58,18 @@ def turntable(
     """
     executor = ExecutorSpec(workers, scheduler)
     require_executor(executor)
-    if options["background"] == "transparent" and kind != "png":
-        raise InputError(
-            f"a transparent background in .{kind}",
-            where="--background",
-            expected="a color",
-            hint="only PNG frames can be transparent: --format png",
-        )
+    if options["background"] == "transparent" and not FORMATS[f".{kind}"].has_alpha:
+        hint = f"--format {', '.join(suffix[1:] for suffix, each in FORMATS.items() if each.has_alpha)}"
+        raise InputError(f"a transparent background in .{kind}", where="--background", expected="a color", hint=hint)
     film = FilmOptions.of(options)
     requests = [
         FilmRequest(
             volume=volume_spec(volume, options),
             film=film,
             scene=folder / f"{film_name}.yaml",
-            output=folder / film_name / "{frame:04}.png" if kind == "png" else folder / f"{film_name}.{kind}",
+            output=folder / film_name / f"{{frame:04}}.{kind}"
+            if FORMATS[f".{kind}"].is_frames
+            else folder / f"{film_name}.{kind}",
             executor=executor,
             force=force,
         )

@@ -13,13 +13,20 @@ from hsplat_cli.compare.picture_file import MAX_PIXELS, decode_picture, file_con
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import ANY_FRAME_FIELD, Pixels, count_film_frames, decode_film, frame_path, sidecar_path_of_file
 from renderer.job import accuracy_text, folder_files, parse_film_record
-from renderer.scene import FRAME_FIELD, counted, first_few, is_same_file, missing_file_error, nearest_file_hint
+from renderer.scene import (
+    FILM_SUFFIXES,
+    FRAME_FIELD,
+    counted,
+    first_few,
+    is_same_file,
+    missing_file_error,
+    nearest_file_hint,
+)
 
-_FILM_SUFFIXES = (".mp4", ".gif")
 _OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 
 _FOLDER, _TEMPLATE, _PICTURE = "a folder", "a template of frames", "a PNG picture"
-_EXPECTED = "two folders or templates of PNG files, two PNG pictures, or two films in one format, MP4 or GIF"
+_EXPECTED = "two folders or templates of PNG files, two PNG pictures, or two films in one format"
 _MAX_ERRORS_SHOWN = 10
 
 
@@ -60,7 +67,7 @@ def _kind(path: Path) -> str:
     suffix = path.suffix.lower()
     if not is_there:
         raise missing_file_error(path, "no such file or folder")
-    if suffix in _FILM_SUFFIXES:
+    if suffix in FILM_SUFFIXES:
         return f"a film in {suffix}"
     if suffix == ".png":
         return _PICTURE

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError, SceneError
@@ -20,6 +20,7 @@ from renderer.scene import (
     is_film_wide_goal,
     is_same_file,
     may_be_json,
+    output_suffix,
     raise_problems,
     read_content,
     tolerance_at,
@@ -98,7 +99,7 @@ def load_film(film: Path, volume: Path | None) -> FilmJob:
     """
     from renderer.job import parse_film_record
 
-    is_sidecar = film.suffix.lower() == ".json"
+    is_sidecar = output_suffix(film) == ".json"
     path = film if is_sidecar else sidecar_path_of_file(film, (), 0)
     if not is_sidecar and not path.exists():
         hint = "name the film, its frames as frames/{frame:04}.png, or the .json file beside them"
@@ -138,6 +139,12 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Literal["fi
     return replace(job, requested=requested)
 
 
+def _moved_output(output: Mapping[str, Any], first: Path, sidecar: Path) -> dict[str, Any]:
+    """Return a further output beside the sidecar, if it was beside the first one."""
+    file = Path(str(output.get("file")))
+    return {**output, "file": str(sidecar.with_name(file.name) if file.parent == first.parent else file)}
+
+
 def _has_recorded_tolerances(record: FilmRecord, scene: Scene) -> bool:
     """Return whether the recorded scene has the tolerances at which the frames were drawn, unchanged by hand."""
     return scene.error.goal is None and all(
@@ -155,10 +162,13 @@ def _editor(record: FilmRecord, path: Path) -> TreeEditor:
     """Return an editor of the recorded scene; its output is the film beside the sidecar, wherever they are now."""
     scene = {**record.scene}
     output, has_paths = scene.get("output"), True
-    if isinstance(output, dict):
-        has_paths = output.get("record_paths", True)
-        if isinstance(output.get("file"), str):
-            scene["output"] = {**output, "file": str(film_path_of_sidecar(path, Path(output["file"])))}
+    if isinstance(output, (dict, list)) and output:
+        first, *others = output if isinstance(output, list) else [output]
+        has_paths = first.get("record_paths", True)
+        if isinstance(first.get("file"), str):
+            moved = [{**first, "file": str(film_path_of_sidecar(path, Path(first["file"])))}]
+            moved += [_moved_output(each, Path(first["file"]), path) for each in others]
+            scene["output"] = moved if others else moved[0]
     why = "if it was moved," if has_paths else "the sidecar was written without paths:"
     options = {**_VOLUME_OPTIONS, "volume.file.0": "--volume"}  # of a list, the first of the files that are missing
     hints = {key: f"{why} {option} names it" for key, option in options.items()}

@@ -10,14 +10,13 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from renderer.film import has_frame_files
-from renderer.scene import OutputSpec
+from renderer.scene import OutputFile
 
 if TYPE_CHECKING:
     from renderer.film import Pixels
 
-# Decibels. A step of an MP4's quality is 3 of its constant rate factor.
-_GIF_DB, _MP4_DB, _MP4_QUALITY, _DB_PER_QUALITY = 49.0, 44.5, 8.0, 1.4
+# To which typical losses of the table of formats belong.
+_USUAL_QUALITY = 8.0
 # Bricks have about this PSNR at this tolerance.
 _TOLERANCE, _TOLERANCE_DB, _DB_PER_DECADE = 0.1, 53.0, 17.0
 # Frames that are better by the first than what the file keeps are worth a word. With the second, the error of the film
@@ -25,17 +24,19 @@ _TOLERANCE, _TOLERANCE_DB, _DB_PER_DECADE = 0.1, 53.0, 17.0
 _TOO_GOOD_DB, _GOOD_ENOUGH_DB = 16.0, 8.0
 
 
-def encoding_loss(output: OutputSpec, num_frames: int, first_frames: Sequence[Pixels]) -> float:
-    """Return the mean squared error of the first frames of a film as they are decoded, in [0, 1]."""
+def encoding_loss(output: OutputFile, num_frames: int, first_frames: Sequence[Pixels]) -> float:
+    """Return the mean squared error of the first frames of a film as they are decoded, over black, in [0, 1].
+
+    Of transparent ones the error of alpha counts, too: it is that over any background in the end.
+    """
     # Imported here: `hsplat check` needs the rest of this file alone.
     import numpy as np
 
-    from renderer.film import decode_known_film
+    from renderer.film import decode_known_film, over_black
 
-    with decode_known_film(output.file, output.size, num_frames) as decoded:
+    with decode_known_film(output, num_frames) as decoded:
         pairs = zip(first_frames, decoded, strict=False)
-        differences = (drawn.astype(np.int16) - kept for drawn, kept in pairs)
-        return float(np.mean([np.mean(np.square(each, dtype=np.float32)) for each in differences])) / 255**2
+        return float(np.mean([np.mean((over_black(drawn) - over_black(kept)) ** 2) for drawn, kept in pairs]))
 
 
 def typical_psnr(tolerance: float) -> float:
@@ -48,12 +49,12 @@ def typical_tolerance(decibels: float) -> float:
     return float(_TOLERANCE * 10 ** ((_TOLERANCE_DB - decibels) / _DB_PER_DECADE))
 
 
-def typical_kept_psnr(output: OutputSpec) -> float:
-    """Return about which PSNR a decoded film has from its frames; infinity for PNG files."""
-    if has_frame_files(output):
+def typical_kept_psnr(output: OutputFile) -> float:
+    """Return about which PSNR a decoded film has from its frames; infinity for frames in files."""
+    if output.is_frames:
         return math.inf
-    is_gif = output.file.suffix.lower() == ".gif"
-    return _GIF_DB if is_gif else _MP4_DB + _DB_PER_QUALITY * (output.quality - _MP4_QUALITY)
+    usual, per_step = output.chosen_codec.kept_psnr
+    return usual + per_step * (output.quality - _USUAL_QUALITY)
 
 
 def finer_than_kept(psnr: float, kept: float) -> str | None:

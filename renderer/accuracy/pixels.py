@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.film import Pixels
 from renderer.volume import Float64, Int64, UInt8
 
 _BLOCK = 8
@@ -34,7 +33,7 @@ class ChosenPixels(NamedTuple):
     factors: Float64
 
 
-def choose_pixels(image: Pixels, num: int, seed: tuple[int, ...]) -> ChosenPixels:
+def choose_pixels(image: UInt8, num: int, seed: tuple[int, ...]) -> ChosenPixels:
     """Choose pixels of a picture, uint8 [h, w, channels]: one for each of `num` equal parts of the blocks' weight."""
     height, width, _ = image.shape
     random, each = np.random.default_rng(seed), np.arange(num)
@@ -57,7 +56,7 @@ def choose_pixels(image: Pixels, num: int, seed: tuple[int, ...]) -> ChosenPixel
     return ChosenPixels(rows[each, row] * width + columns[each, column], 1 / (chances * (height * width)))
 
 
-def _largest_differences(image: Pixels) -> UInt8:
+def _largest_differences(image: UInt8) -> UInt8:
     """Return for each block the largest difference of a channel from the next pixel to the right or below."""
     height, width, num_channels = image.shape
     num_rows, num_columns = -(-height // _BLOCK), -(-width // _BLOCK)
@@ -74,7 +73,7 @@ def _largest_differences(image: Pixels) -> UInt8:
     return found
 
 
-def _differences_in_blocks(image: Pixels, rows: Int64, columns: Int64) -> UInt8:
+def _differences_in_blocks(image: UInt8, rows: Int64, columns: Int64) -> UInt8:
     """Return the differences of all pixels in some blocks, uint8 [n, _BLOCK, _BLOCK].
 
     rows, columns: int64 [n, _BLOCK + 1], those of the blocks and the next one.

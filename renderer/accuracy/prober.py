@@ -10,9 +10,8 @@ import numpy as np
 from renderer.accuracy.estimate import ErrorSamples, error_samples
 from renderer.accuracy.pixels import ChosenPixels, choose_pixels
 from renderer.accuracy.visibility import scalar_ranges, sum_ranges
-from renderer.film import Pixels, over_background
+from renderer.film import Pixels, behind_rows, over_black, over_rows
 from renderer.frame import Stage, view_of
-from renderer.scene import Color
 from renderer.truth import SceneRays
 from renderer.volume import Float32, Float64
 
@@ -38,24 +37,23 @@ class Probe:
 
 @dataclass(frozen=True)
 class ExactPixels:
-    """A set of exact colours of some pixels of a frame, over its background: float64 [n, 3] in [0, 1].
+    """A set of exact colours of some pixels of a frame, over what is behind them: float64 [n, 3] in [0, 1].
 
     visible: as in Probe; empty of rays that converge.
     """
 
     chosen: ChosenPixels
     colors: Float64
-    background: Color | None
+    behind: Float64
     visible: tuple[float, ...] = ()
 
     def compare_image(self, image: Pixels) -> Probe:
-        """Measure the error of a picture, uint8 [h, w, 3], or 4 with straight alpha, which is compared over black."""
-        values = image.reshape(-1, image.shape[2])[self.chosen.numbers] / 255
-        return self._compare(values[:, :3] * values[:, 3:] if values.shape[1] == 4 else values)
+        """Measure the error of a picture of any depth; a transparent one is compared over black."""
+        return self._compare(over_black(image.reshape(-1, image.shape[2])[self.chosen.numbers])[:, :3])
 
     def compare_radiance(self, radiance: Float32) -> Probe:
         """Measure the error of a picture before it is rounded: premultiplied RGBA, [h, w, 4]."""
-        return self._compare(over_background(radiance.reshape(-1, 1, 4)[self.chosen.numbers], self.background)[:, 0])
+        return self._compare(over_rows(radiance.reshape(-1, 1, 4)[self.chosen.numbers], self.behind)[:, 0])
 
     def compare_picture(self, picture: Float64) -> Probe:
         """Measure the error of a picture over its background, in [0, 1]: [h, w, 3]."""
@@ -94,9 +92,10 @@ class FrameProber:
         return FrameProber(stage, self._num_rays, tolerance=self._tolerance, **options)
 
     def exact_pixels(self, number: int, image: Pixels) -> ExactPixels:
-        """Choose pixels of a frame by its picture, uint8 [h, w, channels], and compute their exact colours."""
-        background = self._stage.scene.output.background
-        chosen = choose_pixels(image, self._num_rays, (self._seed, number))
+        """Choose pixels of a frame by its picture, [h, w, channels], and compute their exact colours."""
+        coarse = image if image.dtype == np.uint8 else (over_black(image) * 255).astype(np.uint8)
+        chosen = choose_pixels(coarse, self._num_rays, (self._seed, number))
+        behind = behind_rows(self._stage.scene.output.background, len(image))[chosen.numbers // image.shape[1]]
         view = view_of(self._stage, number)
         visible: tuple[float, ...] = ()
         if self._tolerance is None:
@@ -104,7 +103,7 @@ class FrameProber:
             visible = sum_ranges(np.einsum("i,ij->j", chosen.factors, by_interval) / self._num_rays, self._ranges)
         else:
             exact, _ = self._rays.converge(view, chosen.numbers, self._tolerance)
-        return ExactPixels(chosen, over_background(exact[:, None], background)[:, 0], background, visible)
+        return ExactPixels(chosen, over_rows(exact[:, None], behind)[:, 0], behind, visible)
 
     def probe(self, number: int, image: Pixels) -> Probe:
         """Measure the error of a frame's picture; parameters as in `exact_pixels`."""

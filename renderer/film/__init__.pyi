@@ -27,25 +27,29 @@ from .names import (
     ANY_FRAME_FIELD as ANY_FRAME_FIELD,
     film_path_of_sidecar as film_path_of_sidecar,
     frame_path as frame_path,
-    has_frame_files as has_frame_files,
-    is_numbered as is_numbered,
     picture_files as picture_files,
-    picture_shape as picture_shape,
     sidecar_path as sidecar_path,
     sidecar_path_of_file as sidecar_path_of_file,
     unfinished_folder as unfinished_folder,
 )
-from .picture import Picture as Picture, Pixels as Pixels
+from .picture import (
+    Picture as Picture,
+    Pixels as Pixels,
+    over_black as over_black,
+    picture_layout as picture_layout,
+)
 from .png import (
     decode_png as decode_png,
     encode_png as encode_png,
     join_png_chunks as join_png_chunks,
     png_chunks as png_chunks,
-    png_shape as png_shape,
 )
 from .quantization import (
+    behind_rows as behind_rows,
     over_background as over_background,
+    over_rows as over_rows,
     quantize as quantize,
+    reduce_radiance as reduce_radiance,
     require_finite as require_finite,
 )
 from .runs import consecutive_ranges as consecutive_ranges
@@ -53,6 +57,6 @@ from .stream_tail import StreamTail as StreamTail
 from .writer import (
     WriteFrame as WriteFrame,
     film_notes as film_notes,
-    open_film as open_film,
+    open_films as open_films,
     require_encoder as require_encoder,
 )

@@ -17,18 +17,20 @@ from renderer.errors import HsplatError, InputError, RenderError
 def staging(folder: Path | None = None, *, is_durable: bool = True) -> Iterator[Callable[[Path], Path]]:
     """Yield a function that makes a temporary file for a path. After the block, all are renamed, one by one.
 
-    folder: where temporary files lie, on the same disk as the paths; None for beside each path. Missing folders of the
-    paths are made, but not `folder`. is_durable: the files are on the disk before they are renamed. Without it a power
-    failure may leave a file empty under its final name. If the block raises, KeyboardInterrupt included, temporary
-    files are removed and nothing else changes. Refusals of the operating system become InputError or RenderError, as in
-    `translate_os_errors`; an OSError that the block itself raises passes unchanged.
+    folder: where temporary files lie of paths beside it or below; others lie beside their paths, as all do for None.
+    Missing folders of the paths are made, but not `folder`. is_durable: the files are on the disk before they are
+    renamed. Without it a power failure may leave a file empty under its final name. If the block raises,
+    KeyboardInterrupt included, temporary files are removed and nothing else changes. Refusals of the operating system
+    become InputError or RenderError, as in `translate_os_errors`; an OSError that the block raises passes unchanged.
     """
     staged: list[tuple[Path, Path]] = []
 
     def stage(path: Path) -> Path:
-        temporary = _temporary_path(path, folder)
+        is_beside = folder is not None and folder.parent in path.parents  # others may be on other disks
+        own = folder if is_beside else None
+        temporary = _temporary_path(path, own)
         staged.append((temporary, path))  # before the file exists: an interrupt may come at any time
-        _create(temporary, path, folder)
+        _create(temporary, path, own)
         return temporary
 
     try:

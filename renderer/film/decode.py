@@ -1,4 +1,4 @@
-"""Decode an MP4 or a GIF, frame by frame, with the ffmpeg that imageio-ffmpeg contains.
+"""Decode a film, frame by frame, with the ffmpeg that imageio-ffmpeg contains.
 
 The file may come from anywhere: its format and protocol are fixed, and ffmpeg is a process of its own. PyAV and imageio
 could not replace the pipe: they offer no exact, processor-independent conversion of colours.
@@ -12,7 +12,7 @@ import os
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
@@ -20,39 +20,43 @@ from renderer.errors import InputError
 from renderer.film.encode import start_ffmpeg
 from renderer.film.picture import Pixels
 from renderer.film.stream_tail import StreamTail
-from renderer.scene import counted, require_file
+from renderer.scene import OutputFile, counted, format_of, require_file
 from renderer.system import join_lines
 
 # ffmpeg's most exact conversion, the same on every processor; its fast one makes all pixels about one step darker. The
-# chroma position is H.264's default, left, as in encode.py. A GIF may be transparent.
-_RGB_FILTER = "scale=in_h_chr_pos=0:flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format=rgb24"
-_RGBA_FILTER = "format=rgba"
+# chroma position is H.264's default, left, as in encode.py.
+_TO_RGB = "scale=in_h_chr_pos=0:flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format={0}"
+_HEADER_BYTES = 2**14
 _PADDING_PX = 64  # decoders may fill up each side to blocks and vectors
 
 
 @contextlib.contextmanager
-def decode_known_film(path: Path, size: tuple[int, int], num_frames: int) -> Iterator[Iterator[Pixels]]:
-    """Decode a film of a known size (width, height) and number of frames, in order: uint8 [h, w, 3].
+def decode_known_film(output: OutputFile, num_frames: int) -> Iterator[Iterator[Pixels]]:
+    """Decode a film whose pictures and their number are known, in order: pictures of its kind.
 
     Read it to the end, which says whether frames are missing. Raises InputError as `decode_film`, and for another size
     or number of frames.
     """
-    width, height = size
-    with decode_film(path, (width + _PADDING_PX) * (height + _PADDING_PX)) as frames:
-        yield _known_frames(frames, (height, width), num_frames, path)
+    width, height = output.size
+    depth = output.kind.depth
+    with decode_film(
+        output.file, (width + _PADDING_PX) * (height + _PADDING_PX), codec=output.codec, depth=depth
+    ) as frames:
+        yield _known_frames(frames, output, num_frames)
 
 
-def _known_frames(frames: Iterator[Pixels], shape: tuple[int, int], num_frames: int, path: Path) -> Iterator[Pixels]:
-    number, expected = 0, counted(num_frames, "frame")
+def _known_frames(frames: Iterator[Pixels], output: OutputFile, num_frames: int) -> Iterator[Pixels]:
+    number, expected, where = 0, counted(num_frames, "frame"), str(output.file)
+    shape = output.kind.shape
     for number, frame in enumerate(frames, 1):
-        if frame.shape[:2] != shape:
+        if frame.shape[:2] != shape[:2]:
             got, right = ("{1} x {0} pixels".format(*lengths) for lengths in (frame.shape, shape))
-            raise InputError("a film of another size", where=str(path), got=got, expected=right)
+            raise InputError("a film of another size", where=where, got=got, expected=right)
         if number > num_frames:
-            raise InputError("a film with more frames", where=str(path), expected=expected)
-        yield frame[..., :3]
+            raise InputError("a film with more frames", where=where, expected=expected)
+        yield frame[..., : shape[2]]
     if number < num_frames:
-        raise InputError("a film with fewer frames", where=str(path), got=counted(number, "frame"), expected=expected)
+        raise InputError("a film with fewer frames", where=where, got=counted(number, "frame"), expected=expected)
 
 
 def count_film_frames(path: Path, max_pixels: int) -> int:
@@ -62,15 +66,18 @@ def count_film_frames(path: Path, max_pixels: int) -> int:
 
 
 @contextlib.contextmanager
-def decode_film(path: Path, max_pixels: int) -> Iterator[Iterator[Pixels]]:
-    """Decode the frames of a film in order: uint8 [h, w, 3], of a GIF [h, w, 4]. ffmpeg ends with the block.
+def decode_film(path: Path, max_pixels: int, *, codec: str | None = None, depth: int = 8) -> Iterator[Iterator[Pixels]]:
+    """Decode the frames of a film in order: [h, w, 4], or [h, w, 3] of codecs without alpha.
 
-    Raises InputError if the file is no MP4 or GIF, is cut off, cannot be decoded to its end, or has larger frames than
-    `max_pixels`, which ffmpeg refuses before it allocates them; RenderError without ffmpeg. A file that ends between
-    two frames is a shorter film, and H.264 has no checksum: some damage shows in the pictures alone.
+    codec: by its name in scenes; None is the first of the format. depth: of the pictures, 8 or 16 bits. ffmpeg ends
+        with the block.
+    Raises InputError if the file is not what its suffix says, is cut off, cannot be decoded to its end, or has larger
+    frames than `max_pixels`, which ffmpeg refuses before it allocates them; RenderError without ffmpeg. A file that
+    ends between two frames is a shorter film, and video has no checksum: some damage shows in the pictures alone.
     """
     _require_film(path)
-    process = start_ffmpeg(_arguments(path, max_pixels), path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
+    arguments = _arguments(path, max_pixels, codec, depth)
+    process = start_ffmpeg(arguments, path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
     assert process.stdout is not None and process.stderr is not None
     with process.stdout as pictures:
         try:
@@ -80,25 +87,55 @@ def decode_film(path: Path, max_pixels: int) -> Iterator[Iterator[Pixels]]:
             process.wait()
 
 
-def _arguments(path: Path, max_pixels: int) -> list[str]:
-    is_gif = path.suffix.lower() == ".gif"
+def _arguments(path: Path, max_pixels: int, codec: str | None, depth: int) -> list[str]:
+    file_format = format_of(path)
+    chosen = file_format.codecs[codec or next(iter(file_format.codecs))]
     # The format is fixed, because other formats may refer to further files. PAM has the size of each picture.
-    source = ["-protocol_whitelist", "file", "-f", "gif" if is_gif else "mov", "-max_pixels", str(max_pixels)]
-    colors = _RGBA_FILTER if is_gif else _RGB_FILTER
-    sink = ["-map", "0:v:0", "-vf", colors, "-fps_mode", "passthrough", "-f", "image2pipe", "-c:v", "pam", "pipe:1"]
+    demuxer = "webp_pipe" if file_format.demuxer == "webp_anim" and _is_still_webp(path) else file_format.demuxer
+    source = ["-protocol_whitelist", "file", "-f", demuxer, "-max_pixels", str(max_pixels)]
+    source += [] if chosen.decoder is None else ["-c:v", chosen.decoder]
+    has_alpha = bool(chosen.with_alpha) or file_format.filters == "palette"
+    to_rgb = _TO_RGB.format({8: "rgba", 16: "rgba64be"}[depth] if has_alpha else {8: "rgb24", 16: "rgb48be"}[depth])
+    picked = ["-map", "0:v:0", "-vf", to_rgb]
+    if file_format.has_alpha_plane:
+        colors, alpha = _avif_streams(path)
+        merged = f"[0:v:{colors}]{to_rgb}" if alpha is None else f"[0:v:{colors}][0:v:{alpha}]alphamerge,{to_rgb}"
+        picked = ["-filter_complex", f"{merged}[pictures]", "-map", "[pictures]"]
+    sink = [*picked, "-fps_mode", "passthrough", "-f", "image2pipe", "-c:v", "pam", "pipe:1"]
     general = ["-hide_banner", "-nostdin", "-loglevel", "error", "-xerror", "-err_detect", "explode"]
     return [*general, *source, "-i", f"file:{path}", *sink]
+
+
+def _is_still_webp(path: Path) -> bool:
+    """Return whether a WebP is no animation: one has an extended header (VP8X), in which a bit says so."""
+    with path.open("rb") as file:
+        begin = file.read(21)
+    return begin[12:16] != b"VP8X" or not begin[-1] & 2
+
+
+def _avif_streams(path: Path) -> tuple[int, int | None]:
+    """Return which of ffmpeg's streams has the colours of an AVIF, and which the alpha, if there is one.
+
+    The first frame comes first, as a still picture, and then the film: brand `avis` of ISO/IEC 23000-22.
+    """
+    with path.open("rb") as file:
+        begin = file.read(_HEADER_BYTES)
+    has_alpha, is_film = b"auxid:1" in begin or b"auxiliary:alpha" in begin, begin[8:12] == b"avis"
+    first = (1 + has_alpha) * is_film
+    return first, first + 1 if has_alpha else None
 
 
 def _frames(
     process: subprocess.Popen[bytes], pictures: IO[bytes], stderr_tail: StreamTail, path: Path
 ) -> Iterator[Pixels]:
     is_whole = True
-    while is_whole and (shape := _read_pam_header(pictures)) is not None:
-        content = pictures.read(math.prod(shape))
-        is_whole = len(content) == math.prod(shape)
+    while is_whole and (found := _read_pam_header(pictures)) is not None:
+        shape, dtype = found
+        num_bytes = math.prod(shape) * dtype.itemsize
+        content = pictures.read(num_bytes)
+        is_whole = len(content) == num_bytes
         if is_whole:
-            yield np.frombuffer(content, np.uint8).reshape(shape)
+            yield np.frombuffer(content, dtype).astype(dtype.newbyteorder("="), copy=False).reshape(shape)
     status = process.wait()
     messages = stderr_tail.lines()
     if status != 0 or messages or not is_whole:  # some errors leave the exit status at 0
@@ -106,29 +143,30 @@ def _frames(
         raise InputError("the film cannot be decoded", where=str(path), got=got)
 
 
-def _read_pam_header(stream: IO[bytes]) -> tuple[int, int, int] | None:
-    """Return (height, width, channels) of the next picture; None at the end."""
+def _read_pam_header(stream: IO[bytes]) -> tuple[tuple[int, int, int], np.dtype[Any]] | None:
+    """Return (height, width, channels) and the type of the next picture; None at the end."""
     fields: dict[bytes, bytes] = {}
     while (line := stream.readline()).strip() != b"ENDHDR":
         if not line:
             return None
         name, _, value = line.strip().partition(b" ")
         fields[name] = value
-    return int(fields[b"HEIGHT"]), int(fields[b"WIDTH"]), int(fields[b"DEPTH"])
+    shape = int(fields[b"HEIGHT"]), int(fields[b"WIDTH"]), int(fields[b"DEPTH"])
+    return shape, np.dtype("u1" if int(fields[b"MAXVAL"]) < 256 else ">u2")
 
 
 def _require_film(path: Path) -> None:
-    is_gif = path.suffix.lower() == ".gif"
-    kind = "a GIF file" if is_gif else "an MP4 file"
+    file_format = format_of(path)
+    kind = f"{file_format.name} file"
     require_file(path, kind)
     try:
         with path.open("rb") as file:
-            begin = file.read(8)
+            begin = file.read(16)
             file.seek(-min(len(begin), 1), os.SEEK_END)
             end = file.read()
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
-    if not (begin.startswith((b"GIF87a", b"GIF89a")) if is_gif else begin.endswith(b"ftyp")):
+    if not file_format.begins.match(begin):
         raise InputError(f"not {kind}", where=str(path), got=None if begin else "an empty file")
-    if is_gif and end != b";":
+    if file_format.ends and end != file_format.ends:
         raise InputError(f"{kind} that is cut off, or followed by other data", where=str(path))

@@ -7,8 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from renderer.film.names import picture_shape
-from renderer.scene import OutputSpec
+from renderer.scene import PictureKind
 
 _BLOCK_BYTES = 2**20
 
@@ -40,12 +39,12 @@ def file_matches_digest(path: Path, expected: str | None) -> bool:
         return False
 
 
-def frame_matches_digest(path: Path, expected: str | None, output: OutputSpec) -> bool:
-    """Return whether a PNG file exists and has this digest, and the size and channels of the output's pictures."""
-    from renderer.film.png import png_shape  # imports numpy, which digests alone do not need
+def frame_matches_digest(path: Path, expected: str | None, kind: PictureKind) -> bool:
+    """Return whether a frame's file exists and has this digest, and a picture of this kind."""
+    from renderer.film.picture import picture_layout  # imports numpy, which digests alone do not need
 
     try:
         content = path.read_bytes() if path.is_file() else b""
-        return bytes_digest(content) == expected and png_shape(content) == picture_shape(output)
+        return bytes_digest(content) == expected and picture_layout(content) == (kind.shape, kind.depth)
     except (OSError, ValueError):
         return False

@@ -1,4 +1,4 @@
-"""Encode raw pictures as MP4 or GIF, with the ffmpeg that imageio-ffmpeg contains."""
+"""Encode raw pictures as a film, with the ffmpeg that imageio-ffmpeg contains."""
 
 from __future__ import annotations
 
@@ -11,28 +11,20 @@ from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from renderer.errors import HsplatError, RenderError
 from renderer.film.atomic import output_error
+from renderer.film.picture import Pixels
 from renderer.film.stream_tail import StreamTail
+from renderer.scene import OutputFile
 from renderer.system import address_space_hint, join_lines
 
 # Without out_color_matrix, ffmpeg converts RGB with the BT.601 matrix, whatever the tags say. The chroma position is
 # H.264's default, left; `accurate_rnd` and `bitexact` give the same result on every processor.
 _TO_YUV = (
-    "scale=out_color_matrix=bt709:out_range=limited:out_h_chr_pos=0:out_v_chr_pos=128"
-    ":flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format=yuv420p,"
-    "setparams=color_primaries=bt709:color_trc=bt709:colorspace=bt709:range=limited"
+    "scale=out_color_matrix=bt709:out_range={0}:out_h_chr_pos=0:out_v_chr_pos=128"
+    ":flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format={1},"
+    "setparams=color_primaries=bt709:color_trc=bt709:colorspace=bt709:range={0}"
 )
-# x264's defaults keep the look of grain, which renderings do not have, at the cost of exact pixels. With these, films
-# are some 0.5 dB closer to their frames at equal size (docs/benchmarks/encoding.md). Without any adaptive quantisation
-# (AQ) it would be more, but black backgrounds would be lit in places at a low quality.
-_X264_PARAMS = "psy=0:aq-strength=0.7:chroma-qp-offset=-4"
-# x264's output depends on the number of threads, which by default is the number of cores.
-_NUM_ENCODER_THREADS = 4
-
 # One palette for each frame keeps memory independent of the length of the film. Of ffmpeg's ditherings this one kept
 # local averages best on renderings of the engine CT: 52.8 dB after a 3 x 3 mean, against 51.2 without dithering and
 # 50.8 with Bayer's.
@@ -40,26 +32,29 @@ _TO_PALETTE = (
     "split[pictures][samples];[samples]palettegen=stats_mode=single:reserve_transparent=0[palettes];"
     "[pictures][palettes]paletteuse=new=1:dither=sierra2_4a"
 )
+# AVIF has alpha as a second, grey film.
+_TO_PLANES = "[0:v]split[all][same];[all]{0}[colors];[same]alphaextract,format=gray,setparams=range=full:{1}[alpha]"
+_GREY_COLORS = "color_primaries=bt709:color_trc=bt709:colorspace=bt709"
 _SHORTEST_GIF_DELAY_CS = 2  # browsers show shorter delays as 10
 _LONGEST_GIF_DELAY_CS = 65535  # 16 bits
 
 
-def mp4_options(quality: float) -> list[str]:
-    """Return ffmpeg's options for H.264 that plays everywhere, at `quality` 0 to 10.
-
-    The constant rate factor (CRF) is `40 - 3 quality`. Quality 8 has CRF 16, which is visually lossless; two steps of
-    quality lower the CRF by 6, which doubles the size of the file.
-    """
-    assert 0 <= quality <= 10, quality
-    options = {"-vf": _TO_YUV, "-c:v": "libx264", "-preset": "medium", "-profile:v": "high"}
-    options |= {"-crf": f"{40 - 3 * quality:g}", "-threads": str(_NUM_ENCODER_THREADS), "-x264-params": _X264_PARAMS}
-    options |= {"-flags:v": "+bitexact", "-fflags": "+bitexact", "-movflags": "+faststart", "-f": "mp4"}
-    return [word for option in options.items() for word in option]
-
-
-def gif_options() -> list[str]:
-    """Return ffmpeg's options for a GIF that loops forever."""
-    return ["-vf", _TO_PALETTE, "-fflags", "+bitexact", "-loop", "0", "-f", "gif"]
+def encoder_options(output: OutputFile) -> list[str]:
+    """Return ffmpeg's options for a film: filters, encoder and container."""
+    codec, pixel_format, kind = output.chosen_codec, output.chosen_pixel_format, output.format.filters
+    yuv = _TO_YUV.format(kind, pixel_format.replace("yuva444p", "yuv444p").replace("yuva420p", "yuv420p"))
+    if output.format.has_alpha_plane and output.background is None:
+        planes = _TO_PLANES.format(yuv, _GREY_COLORS)
+        filters = ["-filter_complex", planes, "-map", "[colors]", "-map", "[alpha]"]
+    else:
+        direct = {"palette": _TO_PALETTE, "": f"format={pixel_format}"}
+        filters = ["-vf", direct.get(kind, _TO_YUV.format(kind, pixel_format))]
+    crf = output.chosen_crf
+    rate = [] if crf is None else ["-crf", f"{crf:g}"]
+    if codec.has_percent_quality:
+        rate = ["-quality", f"{10 * output.quality:g}"]
+    exact = ["-flags:v", "+bitexact", "-fflags", "+bitexact"]
+    return [*filters, "-c:v", codec.encoder, *rate, *codec.options, *exact, *output.format.muxer]
 
 
 def gif_delay_cs(frames_per_second: float) -> int:
@@ -69,34 +64,33 @@ def gif_delay_cs(frames_per_second: float) -> int:
 
 
 @contextlib.contextmanager
-def open_encoder(
-    size: tuple[int, int], frames_per_second: Fraction, options: Sequence[str], file: Path, output: Path
-) -> Iterator[Callable[[npt.NDArray[np.uint8]], None]]:
-    """Run ffmpeg, and yield a function that encodes a picture, uint8 [h, w, 3]; `file` is complete after the block.
+def open_encoder(output: OutputFile, frames_per_second: Fraction, file: Path) -> Iterator[Callable[[Pixels], None]]:
+    """Run ffmpeg, and yield a function that encodes a picture of the output's kind; `file` is complete after the block.
 
-    size: (width, height) of the pictures. output: the final name of the file, for messages.
+    output: its `file` is the final name, for messages.
 
     Raises RenderError with the end of ffmpeg's messages if it cannot start, stops early or fails. However the block
     ends, ffmpeg has ended too.
     """
-    arguments = _arguments(size, frames_per_second, options, file)
-    process = start_ffmpeg(arguments, output, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
+    arguments, name = _arguments(output, frames_per_second, file), output.file
+    process = start_ffmpeg(arguments, name, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
     assert process.stdin is not None and process.stderr is not None
     pictures, stderr_tail = process.stdin, StreamTail(process.stderr)
 
-    def write(image: npt.NDArray[np.uint8]) -> None:
+    def write(image: Pixels) -> None:
+        assert (image.shape, 8 * image.itemsize) == (output.kind.shape, output.kind.depth), (image.shape, output.kind)
         try:
             pictures.write(image.tobytes())
             pictures.flush()
         except OSError as error:
             what = "ffmpeg stopped before the film was complete"
-            raise _failure(what, process.wait(), stderr_tail.lines(), output) from error
+            raise _failure(what, process.wait(), stderr_tail.lines(), name) from error
 
     try:
         yield write
         pictures.close()
         if status := process.wait():
-            raise _failure("ffmpeg could not complete the film", status, stderr_tail.lines(), output)
+            raise _failure("ffmpeg could not complete the film", status, stderr_tail.lines(), name)
     finally:
         process.kill()
         process.wait()
@@ -113,12 +107,15 @@ def _failure(what: str, status: int, lines: Sequence[str], output: Path) -> Hspl
     return RenderError(what, where=str(output), got=words or f"{exit_text} and no message", hint=address_space_hint())
 
 
-def _arguments(size: tuple[int, int], rate: Fraction, options: Sequence[str], file: Path) -> list[str]:
-    width, height = size
-    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", f"{width}x{height}", "-framerate", str(rate)]
+def _arguments(output: OutputFile, rate: Fraction, file: Path) -> list[str]:
+    width, height = output.size
+    channels = "rgba" if output.background is None else "rgb"
+    deep = {"rgb": "rgb48le", "rgba": "rgba64le"}[channels]
+    raw = {"rgb": "rgb24", "rgba": "rgba"}[channels] if output.kind.depth == 8 else deep
+    source = ["-f", "rawvideo", "-pix_fmt", raw, "-video_size", f"{width}x{height}", "-framerate", str(rate)]
     # `file:` protects names with a colon or a leading dash.
     general = ["-hide_banner", "-nostdin", "-loglevel", "error", "-y", "-filter_threads", "1"]
-    return [*general, *source, "-i", "pipe:0", *options, f"file:{file}"]
+    return [*general, *source, "-i", "pipe:0", *encoder_options(output), f"file:{file}"]
 
 
 def start_ffmpeg(arguments: Sequence[str], file: Path, *, stdin: int, stdout: int) -> subprocess.Popen[bytes]:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from renderer.errors import InputError, OutputLockedError
 from renderer.film.atomic import remove_temporaries, require_writable, sync_to_disk, translate_os_errors
-from renderer.film.names import frame_path, is_numbered, unfinished_folder
+from renderer.film.names import frame_path, unfinished_folder
 from renderer.film.runs import consecutive_ranges
 from renderer.scene import OutputSpec
 
@@ -42,7 +42,9 @@ def locked_output(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> I
     be written.
     """
     folder = unfinished_folder(output)
-    with lock_slots(folder, frames if is_numbered(output) else [0], output.file):
+    with lock_slots(folder, frames if output.is_numbered else [0], output.file):
+        for each in output.others:  # which may be on another disk
+            require_writable(frame_path(each.file, frames[0]))
         for file in (frame_path(output.file, frames[0]), sidecar):
             require_writable(file, folder)
         yield folder

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.scene import FRAME_FIELD, OutputSpec, Scene
+from renderer.scene import FRAME_FIELD, OutputFile, Scene
 
 # What is meant as FRAME_FIELD, well-formed or not, in names that are not checked yet.
 ANY_FRAME_FIELD = re.compile(r"\{frame(:[^{}]*)?\}")
@@ -60,28 +60,12 @@ def _part_name(frames: Sequence[int]) -> str:
     return f"{first}-{last}-some-{digest}"
 
 
-def unfinished_folder(output: OutputSpec) -> Path:
+def unfinished_folder(output: OutputFile) -> Path:
     """Return the folder of a film's checkpoint: `engine.mp4.unfinished`, `frames/frames.unfinished`.
 
     All parts of a path with numbered files share it.
     """
     return _sidecar_path_of_whole_film(output.file).with_suffix(".unfinished")
-
-
-def has_frame_files(output: OutputSpec) -> bool:
-    """Return whether each frame is a separate file, which exists as soon as it is drawn."""
-    return output.file.suffix.lower() == ".png"
-
-
-def picture_shape(output: OutputSpec) -> tuple[int, int, int]:
-    """Return (height, width, channels) of the pictures: RGB, with a transparent background RGBA."""
-    width, height = output.size
-    return height, width, 4 if output.background is None else 3
-
-
-def is_numbered(output: OutputSpec) -> bool:
-    """Return whether frames have separate names, so that jobs may share them; a still has not."""
-    return FRAME_FIELD.search(str(output.file)) is not None
 
 
 def film_path_of_sidecar(sidecar: Path, recorded: Path) -> Path:
@@ -95,6 +79,7 @@ def film_path_of_sidecar(sidecar: Path, recorded: Path) -> Path:
     return film if film.suffix.lower() == recorded.suffix.lower() else film.with_name(f"{film.name}{recorded.suffix}")
 
 
-def picture_files(output: OutputSpec, frames: Sequence[int]) -> Iterator[Path]:
-    """Yield the film, or the picture of each of these frames."""
-    return (frame_path(output.file, frame) for frame in (frames if is_numbered(output) else frames[:1]))
+def picture_files(output: OutputFile, frames: Sequence[int]) -> Iterator[Path]:
+    """Yield the film, or the picture of each of these frames that it shows."""
+    shown = [frame for frame in frames if output.shows(frame)]
+    return (frame_path(output.file, frame) for frame in (shown if output.is_numbered else shown[:1]))

@@ -1,47 +1,66 @@
-"""A finished frame as pixels and as a PNG file, each made from the other on demand."""
+"""A finished frame as pixels and as a PNG or EXR file, each made from the other on demand."""
 
 from __future__ import annotations
 
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError
 from renderer.film.atomic import translate_os_errors
-from renderer.film.png import decode_png, encode_png
+from renderer.film.exr import EXR_BEGIN, decode_exr, encode_exr
+from renderer.film.png import decode_png, encode_png, png_layout
 
-Pixels = npt.NDArray[np.uint8]
+# uint8, uint16 or float32, [h, w, 3] or [h, w, 4]: with straight alpha, but for floats, which are premultiplied.
+Pixels = npt.NDArray[Any]
 
 
 class Picture:
-    """A read-only picture, made from its pixels or from a PNG file by `encode_png`.
+    """A read-only picture, made from its pixels or from a file: EXR for floats, else PNG.
 
-    pixels: uint8 [h, w, 3], with a transparent background [h, w, 4] with straight alpha.
-    png: the content of the file. file: where it is; read on demand.
+    pixels: as `quantize` returns them. content: of the file. file: where it is; read on demand.
     """
 
-    def __init__(self, pixels: Pixels | None = None, *, png: bytes | None = None, file: Path | None = None) -> None:
+    def __init__(self, pixels: Pixels | None = None, *, content: bytes | None = None, file: Path | None = None) -> None:
         self._file = file
         if pixels is not None:
             self.__dict__["pixels"] = pixels
-        if png is not None:
-            self.__dict__["png"] = png
+        if content is not None:
+            self.__dict__["content"] = content
 
     @cached_property
     def pixels(self) -> Pixels:
         """Return the picture as an array. Raises InputError if the file is damaged."""
         try:
-            return decode_png(self.png)
+            return decode_exr(self.content) if self.content.startswith(EXR_BEGIN) else decode_png(self.content)
         except ValueError as error:
             hint = "remove it, and the command that drew it draws it again"
             raise InputError("a frame that cannot be decoded", where=str(self._file), hint=hint) from error
 
     @cached_property
-    def png(self) -> bytes:
-        """Return the content of the PNG file. Raises RenderError where it cannot be read."""
+    def content(self) -> bytes:
+        """Return the content of the file. Raises RenderError where it cannot be read."""
         if self._file is None:
-            return encode_png(self.pixels)
+            return encode_exr(self.pixels) if self.pixels.dtype == np.float32 else encode_png(self.pixels)
         with translate_os_errors(self._file):
             return self._file.read_bytes()
+
+
+def picture_layout(content: bytes) -> tuple[tuple[int, int, int], int]:
+    """Return (height, width, channels) and depth of the picture in a file; raises ValueError with the reason."""
+    if content.startswith(EXR_BEGIN):
+        return decode_exr(content).shape, 32
+    return png_layout(content)
+
+
+def over_black(pixels: Pixels) -> npt.NDArray[np.float64]:
+    """Return pixels of any depth, [..., 3] or with alpha [..., 4], over black in [0, 1], with their alpha: float64."""
+    if pixels.dtype == np.float32:
+        return np.clip(pixels, 0.0, 1.0).astype(np.float64)
+    values: npt.NDArray[np.float64] = pixels / np.float64(np.iinfo(pixels.dtype).max)
+    if values.shape[-1] == 4:
+        values[..., :3] *= values[..., 3:]
+    return values

@@ -1,4 +1,4 @@
-"""Put float images over their background, and round them to 8 bits: the only place where a picture loses precision."""
+"""Put float images over their background, and round them: the only place where a picture loses precision."""
 
 from __future__ import annotations
 
@@ -8,40 +8,78 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import RenderError
+from renderer.film.picture import Pixels
 from renderer.kernels import kernels
-from renderer.scene import Color
+from renderer.scene import Background
 
 _BLACK = (0.0, 0.0, 0.0)
 
 
-def quantize(image: npt.NDArray[np.float32], background: Color | None) -> npt.NDArray[np.uint8]:
-    """Composite over `background`, clip to [0, 1], scale to 255 and round half up.
+def quantize(image: npt.NDArray[np.float32], background: Background, depth: int = 8) -> Pixels:
+    """Composite over `background`, clip to [0, 1], scale to 255, or 65535, and round half up.
 
     image: float32 [h, w, 4], premultiplied RGBA.
-    background: the colour behind it, or None for a transparent picture.
+    background: what is behind it, or None for a transparent picture. depth: as of a PictureKind.
 
-    Returns uint8 [h, w, 3]; without a background [h, w, 4] with straight (not premultiplied) alpha, and colour 0 where
-    the rounded alpha is 0. Raises RenderError for a value that is not finite.
+    Returns uint8 or uint16 [h, w, 3]; without a background [h, w, 4] with straight (not premultiplied) alpha, and
+    colour 0 where the rounded alpha is 0. With a depth of 32, float32, neither clipped nor rounded, with premultiplied
+    alpha. Raises RenderError for a value that is not finite.
     """
     require_finite(image)
-    result = np.empty((*image.shape[:2], 4 if background is None else 3), np.uint8)
-    kernels().quantize(image=np.ascontiguousarray(image), background=background or _BLACK, result=result)
-    return result
+    rows = behind_rows(background, len(image)).astype(np.float32)
+    if depth == 8:
+        result = np.empty((*image.shape[:2], 4 if background is None else 3), np.uint8)
+        kernels().quantize(image=np.ascontiguousarray(image), background=rows, result=result)
+        return result
+    if background is not None:
+        image = image[..., :3] + (1 - image[..., 3:]) * rows[:, None]
+    if depth == 32:
+        return np.ascontiguousarray(image)
+    levels = np.floor(image.astype(np.float64) * 65535 + 0.5)
+    if background is None:
+        alpha = image[..., 3:].astype(np.float64)
+        is_seen = levels[..., 3:] > 0
+        straight = np.divide(image[..., :3], alpha, out=np.zeros((*alpha.shape[:2], 3)), where=is_seen)
+        levels[..., :3] = np.floor(straight * 65535 + 0.5)
+    return np.clip(levels, 0, 65535).astype(np.uint16)
 
 
-def over_background(radiance: npt.NDArray[np.floating[Any]], background: Color | None) -> npt.NDArray[np.float64]:
+def behind_rows(background: Background, height: int) -> npt.NDArray[np.float64]:
+    """Return what is behind each row of a picture, float64 [height, 3]; black behind a transparent one."""
+    top, bottom = background if background is not None and len(background) == 2 else (background or _BLACK,) * 2
+    share = (np.arange(height)[:, None] + 0.5) / height
+    return np.asarray(top + share * np.subtract(bottom, top))
+
+
+def over_background(radiance: npt.NDArray[np.floating[Any]], background: Background) -> npt.NDArray[np.float64]:
     """Return the picture before it is rounded, which metrics compare: `c + (1 - a) b`, clipped to [0, 1].
 
     radiance: [h, w, 4], premultiplied RGBA. background: None, for a transparent film, counts as black.
 
     Returns float64 [h, w, 3]. Raises RenderError for a value that is not finite.
     """
+    return over_rows(radiance, behind_rows(background, len(radiance)))
+
+
+def over_rows(
+    radiance: npt.NDArray[np.floating[Any]], behind: npt.NDArray[np.floating[Any]]
+) -> npt.NDArray[np.float64]:
+    """Return `over_background` of rows of pixels, [n, w, 4], with a colour behind each: [n, 3]."""
     require_finite(radiance)
     picture = np.empty((*radiance.shape[:2], 3))
     transparency = 1 - radiance[..., 3].astype(np.float64)
-    for channel, behind in enumerate(background or _BLACK):
-        picture[..., channel] = radiance[..., channel] + transparency * behind
+    for channel in range(3):
+        picture[..., channel] = radiance[..., channel] + transparency * behind[:, None, channel]
     return np.clip(picture, 0, 1, out=picture)
+
+
+def reduce_radiance(image: npt.NDArray[np.float32], factor: int) -> npt.NDArray[np.float32]:
+    """Return means of factor x factor pixels of an image [h, w, channels], whose sides are multiples of it."""
+    if factor == 1:
+        return image
+    parts = [image[row::factor, column::factor] for row in range(factor) for column in range(factor)]
+    total = sum(parts[1:], parts[0])  # in one order, on every processor
+    return np.asarray(total * np.float32(1 / factor**2), np.float32)
 
 
 def require_finite(image: npt.NDArray[np.floating[Any]]) -> None:

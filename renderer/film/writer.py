@@ -1,101 +1,99 @@
-"""Write finished frames to an MP4, a GIF or numbered PNGs, each complete or not there at all."""
+"""Write finished frames to films and numbered files, each complete or not there at all."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 
 from renderer.film.atomic import staging, translate_os_errors
-from renderer.film.encode import find_ffmpeg, gif_delay_cs, gif_options, mp4_options, open_encoder
-from renderer.film.names import frame_path, has_frame_files, picture_shape
+from renderer.film.encode import find_ffmpeg, gif_delay_cs, open_encoder
+from renderer.film.exr import require_openexr
+from renderer.film.names import frame_path
 from renderer.film.picture import Picture
-from renderer.scene import OutputSpec
+from renderer.scene import OutputFile, OutputSpec, PictureKind
 
-WriteFrame = Callable[[int, Picture], None]
+# Takes the number of a frame, and its pictures by the numbers of their kinds.
+WriteFrame = Callable[[int, Mapping[int, Picture]], None]
 
 
 def require_encoder(output: OutputSpec) -> None:
-    """Raise RenderError if the output needs an encoder that is missing."""
-    if not has_frame_files(output):
-        find_ffmpeg(output.file)
+    """Raise RenderError, or InputError, if an output needs an encoder that is missing."""
+    for each in output.files:
+        if not each.is_frames:
+            find_ffmpeg(each.file)
+        elif each.kind.depth == 32:
+            require_openexr()
 
 
 @contextlib.contextmanager
-def open_film(
-    output: OutputSpec,
-    frames: Sequence[int],
+def open_films(
+    outputs: Sequence[OutputFile],
+    kinds: Sequence[PictureKind],
     *,
     staging_folder: Path | None = None,
     before_rename: Callable[[], None] = lambda: None,
 ) -> Iterator[WriteFrame]:
-    """Yield a function that writes the next frame; it takes the frame's number and picture.
+    """Yield a function that writes the next frame to each of the outputs that shows it.
 
-    All frames must be written, in this order. Files get their final names at the end of the block, one by one, when all
-    are complete. If the block raises, KeyboardInterrupt included, nothing is left. Raises InputError if the name of
-    the output cannot be a file, RenderError if it cannot be written or the encoder fails. A power failure may damage
-    frames in files, which are known by their digests.
+    kinds: as of an OutputSpec. Files get their final names at the end of the block, one by one, when all are written.
+    If the block raises, nothing is written. Films wait for the disk before they are renamed; frames in files do not:
+    they are known by their digests.
 
-    staging_folder: on the same disk, for incomplete files; None for beside the output.
+    staging_folder: on the same disk, for incomplete files; None for beside the outputs.
     before_rename: called when everything is written, before files get their final names.
     """
-    open_writer = _open_pngs if has_frame_files(output) else _open_video
-    remaining = iter(frames)
-    with staging(staging_folder, is_durable=not has_frame_files(output)) as stage:
-        with open_writer(output, stage) as write:
+    is_durable = not all(each.is_frames for each in outputs)
+    with staging(staging_folder, is_durable=is_durable) as stage:
+        with contextlib.ExitStack() as stack:
+            writers = []
+            for each in outputs:
+                opened = _open_frames(each, stage) if each.is_frames else _open_film(each, stage)
+                writers.append((each, kinds.index(each.kind), stack.enter_context(opened)))
 
-            def write_next(frame: int, picture: Picture) -> None:
-                assert frame == next(remaining, None), f"frame {frame} is not the next one"
-                write(frame, picture)
+            def write(frame: int, pictures: Mapping[int, Picture]) -> None:
+                for each, kind, write_picture in writers:
+                    if each.shows(frame):
+                        write_picture(frame, pictures[kind])
 
-            yield write_next
-            assert next(remaining, None) is None, "frames are missing"
+            yield write
         before_rename()
 
 
 @contextlib.contextmanager
-def _open_pngs(output: OutputSpec, stage: Callable[[Path], Path]) -> Iterator[WriteFrame]:
+def _open_frames(output: OutputFile, stage: Callable[[Path], Path]) -> Iterator[Callable[[int, Picture], None]]:
     def write(frame: int, picture: Picture) -> None:
         path = frame_path(output.file, frame)
         with translate_os_errors(path):
-            stage(path).write_bytes(picture.png)
+            stage(path).write_bytes(picture.content)
 
     yield write
 
 
 @contextlib.contextmanager
-def _open_video(output: OutputSpec, stage: Callable[[Path], Path]) -> Iterator[WriteFrame]:
-    assert output.background is not None, "only PNG can be transparent"
-    if _is_gif(output):
-        options = gif_options()
-    else:
-        assert all(length % 2 == 0 for length in output.size), f"{output.size}: yuv420p needs even sizes"
-        options = mp4_options(output.quality)
-    with open_encoder(output.size, _frame_rate(output), options, stage(output.file), output.file) as encode:
-
-        def write(_: int, picture: Picture) -> None:
-            assert picture.pixels.shape == picture_shape(output), f"{picture.pixels.shape}, not {picture_shape(output)}"
-            encode(picture.pixels)
-
-        yield write
+def _open_film(output: OutputFile, stage: Callable[[Path], Path]) -> Iterator[Callable[[int, Picture], None]]:
+    with open_encoder(output, _frame_rate(output), stage(output.file)) as encode:
+        yield lambda _, picture: encode(picture.pixels)
 
 
 def film_notes(output: OutputSpec) -> list[str]:
-    """Return a note where a GIF cannot have the frame rate that was requested."""
-    rate = _frame_rate(output)
-    if not _is_gif(output) or abs(rate - output.frames_per_second) < 0.005:
-        return []
-    shown = f"{float(rate):.2f} frames per second, not {output.frames_per_second:g}"
-    return [f"a GIF shows each frame for whole hundredths of a second: {shown}"]
+    """Return notes where a format cannot have the frame rate that was requested, and where pixels are means."""
+    notes = []
+    for each in output.files:
+        rate = _frame_rate(each)
+        if each.format.ticks_per_second and abs(rate - each.frames_per_second) >= 0.005:
+            shown = f"{float(rate):.2f} frames per second, not {each.frames_per_second:g}"
+            notes.append(f"a GIF shows each frame for whole hundredths of a second: {shown}")
+    for each in output.others:
+        if each.size != output.size:
+            factor = output.size[0] // each.size[0]
+            notes.append(f"{each.file}: each pixel is the mean of {factor} x {factor} pixels")
+    return notes
 
 
-def _is_gif(output: OutputSpec) -> bool:
-    return output.file.suffix.lower() == ".gif"
-
-
-def _frame_rate(output: OutputSpec) -> Fraction:
-    if _is_gif(output):
+def _frame_rate(output: OutputFile) -> Fraction:
+    if output.format.ticks_per_second:
         return Fraction(100, gif_delay_cs(output.frames_per_second))
     # A few decimals are enough to find television's fractions of 1001; rates with two decimals stay exact.
     return Fraction(output.frames_per_second).limit_denominator(1001)

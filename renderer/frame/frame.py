@@ -43,7 +43,7 @@ class DrawList:
 class Frame:
     """One finished frame.
 
-    image: uint8 [height, width, 3], or 4 with straight alpha if the background is transparent.
+    image: of the kind of the first output, as `quantize` returns it.
     radiance: float32 [height, width, 4], premultiplied RGBA over nothing, from which the image was made.
     num_cells: cells, or bricks, in the cut. num_primitives: those of them that the frame can show.
     seconds: the time that each step took. stage: what it was drawn from.
@@ -79,7 +79,8 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     for lines in lod.lines:
         draw_lines(lines, draw_list.view, image)
         watch.lap("overlay")
-    pixels = quantize(image, stage.scene.output.background)
+    kind = stage.scene.output.kind
+    pixels = quantize(image, kind.background, kind.depth)
     stage.require_unchanged()  # while it was drawn, too
     watch.lap("quantize")
     num_primitives = sum(map(len, draw_list.orders[0][1]))

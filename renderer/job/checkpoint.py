@@ -1,4 +1,4 @@
-"""Keep the finished frames of an unfinished film: each a PNG file, with a JSON record beside it.
+"""Keep the finished frames of an unfinished film: each a file a kind of pictures, with a JSON record beside them.
 
 A record is written after its picture has its final name, so that a job may be killed at any moment: a frame without a
 record, or whose file does not match its record, is drawn again. Every frame has its own record, so that jobs which draw
@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,15 +20,13 @@ from renderer.film import (
     bytes_digest,
     frame_matches_digest,
     frame_path,
-    has_frame_files,
-    is_numbered,
     write_staged,
 )
 from renderer.job.executor import DrawnFrame
 from renderer.job.record import FilmFingerprint, FrameRecord, read_frame_record, record_to_json
-from renderer.scene import OutputSpec, read_json_object
+from renderer.scene import OutputSpec, PictureKind, read_json_object
 
-_FILE_PATTERN = re.compile(r"([0-9]{6,9})\.(json|png)")
+_FILE_PATTERN = re.compile(r"([0-9]{6,9})\.(?:[0-9]{1,3}\.)?(json|png|exr)")
 _FINGERPRINT_PATTERN = re.compile(r"fingerprint-[0-9a-f]{32}\.json")
 _DIGEST_PATTERN = re.compile(r"[0-9a-f]{32}")
 _MAX_JSON_BYTES = 2**26  # of a record or a fingerprint; some kilobytes are usual
@@ -37,25 +35,28 @@ _MAX_JSON_BYTES = 2**26  # of a record or a fingerprint; some kilobytes are usua
 class FrameStore:
     """A store of finished frames, which keeps no others: those of parts, or none at all.
 
-    records: of the finished frames, by number. file: returns where the picture of one is.
-    is_output: the pictures are the files of the output, so that no film is written of them.
+    records: of the finished frames, by number. file: returns where a frame's picture of a kind is.
+    is_output: the pictures are the files of the first output, so that no film is written of them.
     """
 
     is_output = False
 
-    def __init__(self, output: OutputSpec, records: Mapping[int, FrameRecord], file: Callable[[int], Path]) -> None:
+    def __init__(
+        self, output: OutputSpec, records: Mapping[int, FrameRecord], file: Callable[[int, int], Path]
+    ) -> None:
         self._output, self._file = output, file
         self.records = dict(records)
 
     def finished_frame(self, number: int) -> DrawnFrame:
-        """Return a finished frame, whose picture is read on demand."""
-        return DrawnFrame(self.records[number], Picture(file=self._file(number)))
+        """Return a finished frame, whose pictures are read on demand."""
+        kinds = self._output.kinds_at(number)
+        return DrawnFrame(self.records[number], {kind: Picture(file=self._file(number, kind)) for kind in kinds})
 
     def save(self, frame: DrawnFrame) -> FrameRecord:
-        """Return the record of a frame that was drawn, with its digest if it will have a file."""
-        if not has_frame_files(self._output):
-            return frame.record
-        return replace(frame.record, digest=bytes_digest(frame.picture.png))
+        """Return the record of a frame that was drawn, with the digests of pictures that will have a file."""
+        kinds = self._output.kinds
+        in_files = {kinds.index(each.kind) for each in self._output.files if each.is_frames}
+        return _with_digests(frame, kinds, in_files)
 
 
 class FrameCheckpoint(FrameStore):
@@ -76,7 +77,7 @@ class FrameCheckpoint(FrameStore):
         self.former: Mapping[str, Any] | None = None
         self.num_outdated = 0
         # Frames in files are those of the output.
-        self.is_output = has_frame_files(output)
+        self.is_output = output.is_frames
         for number in numbers:
             self._find(number)
         if self.former is not None and not self.records:
@@ -94,21 +95,24 @@ class FrameCheckpoint(FrameStore):
             self.former = read_json_object(_fingerprint_path(self._folder, fingerprint_digest), _MAX_JSON_BYTES) or {}
         self.num_outdated += 1
         with contextlib.suppress(OSError):
-            for suffix in ("json", "png"):
-                self._checkpoint_path(number, suffix).unlink(missing_ok=True)
+            for path in self._folder.glob(f"{number:06}.*"):
+                path.unlink(missing_ok=True)
 
     def adopt_records(self, records: Iterable[FrameRecord]) -> None:
         """Add records from elsewhere, with the same fingerprint, of frames whose files exist and match."""
+        kinds = self._output.kinds
         for record in records:
-            is_own = record.frame in self._numbers
-            if is_own and frame_matches_digest(self._picture_path(record.frame), record.digest, self._output):
+            if record.frame in self._numbers and all(
+                frame_matches_digest(self._picture_path(record.frame, kind), record.digest_of(kinds[kind]), kinds[kind])
+                for kind in self._output.kinds_at(record.frame)
+            ):
                 self.records[record.frame] = record
 
     def save(self, frame: DrawnFrame) -> FrameRecord:
-        """Write a frame's picture, then its record. Return the record with its digest."""
-        number, png = frame.record.frame, frame.picture.png
-        record = replace(frame.record, digest=bytes_digest(png))
-        self._write(self._picture_path(number), png)
+        """Write a frame's pictures, then its record. Return the record with their digests."""
+        number, record = frame.record.frame, _with_digests(frame, self._output.kinds, frame.pictures)
+        for kind, picture in frame.pictures.items():
+            self._write(self._picture_path(number, kind), picture.content)
         digest = self._fingerprint.frames_digest
         path = _fingerprint_path(self._folder, digest)
         if not path.exists():
@@ -122,8 +126,11 @@ class FrameCheckpoint(FrameStore):
         # No frame waits for the disk: one that a power failure damages does not match its record, and is drawn again.
         write_staged(path, content, self._folder, is_durable=False)
 
-    def _picture_path(self, number: int) -> Path:
-        return frame_path(self._output.file, number) if self.is_output else self._checkpoint_path(number, "png")
+    def _picture_path(self, number: int, kind: int) -> Path:
+        if self.is_output and kind == 0:
+            return frame_path(self._output.file, number)
+        suffix = "exr" if self._output.kinds[kind].depth == 32 else "png"
+        return self._checkpoint_path(number, f"{kind}.{suffix}" if kind else suffix)
 
     def _checkpoint_path(self, number: int, suffix: str) -> Path:
         return self._folder / f"{number:06}.{suffix}"
@@ -136,7 +143,7 @@ def remove_checkpoint_frames(
 
     Other frames of an output with numbered files may be those of another job. of: frames of other fingerprints stay.
     """
-    own = frozenset(numbers) if is_numbered(output) else None
+    own = frozenset(numbers) if output.is_numbered else None
 
     def is_unwanted(number: str) -> bool:
         if own is not None and int(number) not in own:
@@ -156,6 +163,13 @@ def remove_checkpoint_frames(
             for path in folder.glob("fingerprint-*.json"):
                 if _FINGERPRINT_PATTERN.fullmatch(path.name):
                     path.unlink(missing_ok=True)
+
+
+def _with_digests(frame: DrawnFrame, kinds: Sequence[PictureKind], numbers: Collection[int]) -> FrameRecord:
+    """Return the record of a frame with the digests of its pictures of the kinds with these numbers."""
+    found = {kind: bytes_digest(picture.content) for kind, picture in frame.pictures.items() if kind in numbers}
+    others = {kinds[kind].name: digest for kind, digest in found.items() if kind}
+    return replace(frame.record, digest=found.get(0), digests=others or None)
 
 
 def _fingerprint_path(folder: Path, fingerprint_digest: str) -> Path:

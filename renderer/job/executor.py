@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.film import Picture
-from renderer.frame import Stage, ToleranceController, render_frames
+from renderer.frame import Frame, Stage, ToleranceController, render_frames
 from renderer.job.film_accuracy import frame_accuracy
 from renderer.job.make_record import frame_record
+from renderer.job.pictures import PictureMaker
 from renderer.job.plan import FilmPlan
 from renderer.job.record import FrameRecord
 from renderer.scene import Scene
@@ -27,21 +29,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DrawnFrame:
-    """A frame that is drawn: its picture, and its record. prober: measures its accuracy, where that is wanted."""
+    """A frame that is drawn: its record, and its pictures by the numbers of their kinds.
+
+    finish: returns it with all pictures, and with its accuracy in its record; None for one that has them.
+    """
 
     record: FrameRecord
-    picture: Picture
-    prober: FrameProber | None = None
+    pictures: Mapping[int, Picture]
+    finish: Callable[[], DrawnFrame] | None = None
 
-    def measured(self) -> DrawnFrame:
-        """Return the frame with its accuracy in its record; the rays take a while."""
-        if self.prober is None:
-            return self
-        start, record = time.perf_counter(), self.record
-        probe = self.prober.probe(record.frame, self.picture.pixels)
-        accuracy, seconds = frame_accuracy(probe), {**record.seconds, "probe": time.perf_counter() - start}
-        record = replace(record, accuracy=accuracy, visible=probe.visible, seconds=seconds)
-        return DrawnFrame(record, self.picture)
+    def finished(self) -> DrawnFrame:
+        """Return the frame with all that belongs to it; exact rays, and more pictures, take a while."""
+        return self if self.finish is None else self.finish()
 
 
 class Executor(Protocol):
@@ -105,8 +104,20 @@ def draw_frames(
 ) -> Generator[DrawnFrame, None, None]:
     """Draw these frames in this process, one after the other.
 
-    prober: for `DrawnFrame.measured`. Other parameters are those of `render_frames`.
+    prober: measures their accuracy. Other parameters are those of `render_frames`.
     """
+    maker = PictureMaker(stage)
     for frame in render_frames(stage, numbers, rasterizer, clock=time.perf_counter, controller=controller):
         prober = prober and prober.on(frame.stage)
-        yield DrawnFrame(frame_record(frame, stage), Picture(frame.image), prober)
+        record = frame_record(frame, stage)
+        yield DrawnFrame(record, {0: Picture(frame.image)}, partial(_finish, frame, record, maker, prober))
+
+
+def _finish(frame: Frame, record: FrameRecord, maker: PictureMaker, prober: FrameProber | None) -> DrawnFrame:
+    """Measure the accuracy of a frame, and make its pictures."""
+    if prober is not None:
+        start = time.perf_counter()
+        probe = prober.probe(frame.number, frame.image)
+        seconds = {**record.seconds, "probe": time.perf_counter() - start}
+        record = replace(record, accuracy=frame_accuracy(probe), visible=probe.visible, seconds=seconds)
+    return DrawnFrame(record, maker.pictures(frame))

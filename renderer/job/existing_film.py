@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from renderer.errors import SceneError
-from renderer.film import file_matches_digest, frame_matches_digest, frame_path, has_frame_files
+from renderer.film import file_matches_digest, frame_matches_digest, frame_path
 from renderer.job.events import JobEvents
 from renderer.job.film_output import FilmOutput
 from renderer.job.fingerprint import describe_differences, describe_mismatch
 from renderer.job.record import FilmFingerprint, FilmRecord, record_from_json, record_to_json
-from renderer.job.sidecar import without_paths
-from renderer.scene import MAX_SIDECAR_BYTES, OutputSpec, read_json_object
+from renderer.job.sidecar import without_paths, write_sidecar
+from renderer.scene import MAX_SIDECAR_BYTES, OutputFile, OutputSpec, first_output, read_json_object
 
 
 @dataclass(frozen=True)
@@ -38,15 +38,16 @@ class ExistingFilm:
         It is empty for numbered frames of the same fingerprint, which are kept or redrawn one by one.
         """
         change = self._change(fingerprint, frames)
-        if has_frame_files(output):
+        if output.is_frames:
             is_kept = self.fingerprint.frames_digest == fingerprint.frames_digest
             return "" if is_kept else f"is another film and is drawn again: {change}"
         if not output.file.exists():
             return f"does not exist, and its sidecar describes another film: {change}" if change else ""
         if change:
             return f"is another film and is drawn again: {change}"
+        gone = next((each.file for each in output.others if not (each.is_numbered or each.file.exists())), None)
         why = "is not the file that its sidecar describes" if self.is_complete else "is less than what was requested"
-        return f"{why} and is drawn again"
+        return f"{f'has no {gone} beside it' if gone and self.is_complete else why} and is drawn again"
 
     def _change(self, fingerprint: FilmFingerprint, frames: Sequence[int]) -> str:
         """Return what distinguishes the requested film from this one; empty if nothing does."""
@@ -58,19 +59,27 @@ class ExistingFilm:
         return ""
 
     def _is_unchanged(self, output: OutputSpec) -> bool:
-        if not has_frame_files(output):
-            return file_matches_digest(output.file, self.record.digest)
+        digests = [self.record.digest, *(each.digest for each in self.record.outputs)]
+        return len(digests) == len(output.files) and all(
+            self._has_frames(each) if each.is_frames else file_matches_digest(each.file, digest)
+            for each, digest in zip(output.files, digests, strict=True)
+        )
+
+    def _has_frames(self, output: OutputFile) -> bool:
+        """Return whether the files of an output's frames are those that were written."""
         return all(
-            frame_matches_digest(frame_path(output.file, each.frame), each.digest, output)
+            frame_matches_digest(frame_path(output.file, each.frame), each.digest_of(output.kind), output.kind)
             for each in self.record.frames
+            if output.shows(each.frame)
         )
 
     def keep(self, output: FilmOutput) -> FilmRecord:
         """Return the record of this film, which is up to date; take the paths from it that it should not have."""
-        if output.spec.record_paths or not self.record.scene["output"].get("record_paths", True):
+        if output.spec.record_paths or not first_output(self.record.scene).get("record_paths", True):
             return self.record
         record = record_from_json(without_paths(record_to_json(self.record)), output.sidecar)
-        return output.write_record(record, self.fingerprint)
+        write_sidecar(output.sidecar, record, output.folder)
+        return record
 
 
 def find_existing_film(sidecar: Path, events: JobEvents) -> ExistingFilm | None:

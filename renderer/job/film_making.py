@@ -16,7 +16,7 @@ from typing import Any
 
 from renderer.accuracy import finer_than_kept
 from renderer.errors import InputError, RenderError
-from renderer.film import film_notes, has_frame_files
+from renderer.film import film_notes
 from renderer.frame import FilmVolumes, LODCostEstimator, Stage, framing_note, prepare_stage, read_film_volumes
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
@@ -250,7 +250,7 @@ def _resume_checkpoint(film: FilmInProgress, plan: FilmPlan) -> FrameCheckpoint:
     output, events, fingerprint, existing = film.output, film.events, film.fingerprint, film.existing
     checkpoint = FrameCheckpoint(output.folder, output.spec, output.frames, fingerprint)
     is_same = existing is not None and existing.fingerprint.frames_digest == fingerprint.frames_digest
-    if existing is not None and is_same and has_frame_files(output.spec):
+    if existing is not None and is_same and output.spec.is_frames:
         checkpoint.adopt_records(existing.record.frames)
     dropped = [number for number, record in checkpoint.records.items() if not _matches_plan(plan, record)]
     for number in dropped:
@@ -278,7 +278,7 @@ def _tell_resumable(film: FilmInProgress, checkpoint: FrameCheckpoint) -> None:
     file, output = film.output.spec.file, film.output
     if checkpoint.records and output.folder.is_dir():
         command = "the same command" + " without --force" * (not film.resumes)
-        if not film.resumes and not has_frame_files(output.spec) and file.exists():  # it may be up to date
+        if not film.resumes and not output.spec.is_frames and file.exists():  # it may be up to date
             command += f", once {file} is removed,"
         film.events.note(f"{_finished_text(film, checkpoint)} kept; {command} resumes there")
 

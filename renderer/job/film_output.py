@@ -5,23 +5,21 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
-from renderer.accuracy import encoding_loss
+from renderer.accuracy import MOST_DB, encoding_loss, psnr
 from renderer.errors import RenderError
 from renderer.film import (
     Picture,
     Pixels,
     WriteFrame,
     file_digest,
-    has_frame_files,
     locked_output,
-    open_film,
-    picture_shape,
+    open_films,
     require_encoder,
     translate_os_errors,
 )
@@ -29,9 +27,9 @@ from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
 from renderer.job.film_accuracy import with_encoding_loss
-from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord
+from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, OutputRecord
 from renderer.job.sidecar import write_sidecar
-from renderer.scene import OutputSpec
+from renderer.scene import OutputFile, OutputSpec
 
 # Of the frames, and their memory, that are compared with what the file keeps of them: a decoder takes as long for the
 # rest as an encoder for a tenth of it.
@@ -46,8 +44,8 @@ class FilmOutput:
     frames: Sequence[int]
     sidecar: Path
     folder: Path
-    # The first frames of the film that was written last, to compare with what the file keeps of them.
-    _first_frames: list[Pixels] = field(default_factory=list)
+    # The first frames of each film that was written last, to compare with what the file keeps of them.
+    _first_frames: dict[Path, list[Pixels]] = field(default_factory=dict)
 
     def write_frames(
         self,
@@ -96,19 +94,24 @@ class FilmOutput:
     @contextlib.contextmanager
     def _open_film(self, store: FrameStore, defer_interrupts: Callable[[], None]) -> Iterator[WriteFrame]:
         """Yield what writes a picture to the film; nothing, where the store's pictures are the output."""
-        if not store.is_output:
-            film = open_film(self.spec, self.frames, staging_folder=self.folder, before_rename=defer_interrupts)
-            with film as write:
-                yield partial(self._write_and_remember, write)
-            return
-        yield lambda _number, _picture: None
-        defer_interrupts()
+        files = self.shown[1:] if store.is_output else self.shown
+        films = open_films(files, self.spec.kinds, staging_folder=self.folder, before_rename=defer_interrupts)
+        with films as write:
+            yield partial(self._write_and_remember, write)
 
-    def _write_and_remember(self, write: WriteFrame, number: int, picture: Picture) -> None:
-        write(number, picture)
-        num = min(_MAX_COMPARED, max(1, _MAX_COMPARED_BYTES // math.prod(picture_shape(self.spec))))
-        if len(self._first_frames) < num and not has_frame_files(self.spec):
-            self._first_frames.append(picture.pixels)
+    @property
+    def shown(self) -> list[OutputFile]:
+        """Return the files that have any of the frames."""
+        return [each for each in self.spec.files if any(map(each.shows, self.frames))]
+
+    def _write_and_remember(self, write: WriteFrame, number: int, pictures: Mapping[int, Picture]) -> None:
+        write(number, pictures)
+        kinds = self.spec.kinds
+        for each in (each for each in self.spec.files if not each.is_frames and each.shows(number)):
+            first, kind = self._first_frames.setdefault(each.file, []), each.kind
+            num_bytes = math.prod(kind.shape) * kind.depth // 8
+            if len(first) < min(_MAX_COMPARED, max(1, _MAX_COMPARED_BYTES // num_bytes)):
+                first.append(pictures[kinds.index(kind)].pixels)
 
     def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
         """Write the sidecar of a film, and return its record.
@@ -117,14 +120,27 @@ class FilmOutput:
         record has the digest of a film in one file, too; frames in files have digests in their records.
         """
         record = replace(record, fingerprint=fingerprint)
-        if record.accuracy is not None and self._first_frames:
-            loss = encoding_loss(self.spec, len(self.frames), self._first_frames)
-            record = replace(record, accuracy=with_encoding_loss(record.accuracy, loss, len(self._first_frames)))
-        if fingerprint is not None and not has_frame_files(self.spec):
-            with translate_os_errors(self.spec.file):
-                record = replace(record, digest=file_digest(self.spec.file))
+        accuracy = record.accuracy
+        losses = {} if accuracy is None else {each.file: self._loss(each) for each in self.shown if not each.is_frames}
+        loss = losses.get(self.spec.file)
+        if accuracy is not None and loss is not None:
+            accuracy = with_encoding_loss(accuracy, loss, len(self._first_frames[self.spec.file]))
+        digests = {} if fingerprint is None else {each.file: _digest(each) for each in self.shown}
+        outputs = tuple(
+            OutputRecord(
+                str(each.file),
+                sum(map(each.shows, self.frames)),
+                digests.get(each.file),
+                None if losses.get(each.file) is None else min(psnr(losses[each.file]), MOST_DB),
+            )
+            for each in self.spec.others
+        )
+        record = replace(record, accuracy=accuracy, digest=digests.get(self.spec.file), outputs=outputs)
         write_sidecar(self.sidecar, record, self.folder)
         return record
+
+    def _loss(self, output: OutputFile) -> float:
+        return encoding_loss(output, sum(map(output.shows, self.frames)), self._first_frames[output.file])
 
 
 @contextlib.contextmanager
@@ -133,6 +149,14 @@ def locked_film_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path) -
     with locked_output(spec, frames, sidecar) as folder:
         require_encoder(spec)
         yield FilmOutput(spec, frames, sidecar, folder)
+
+
+def _digest(output: OutputFile) -> str | None:
+    """Return the digest of a film in one file; frames in files have theirs in their records."""
+    if output.is_frames:
+        return None
+    with translate_os_errors(output.file):
+        return file_digest(output.file)
 
 
 def _next_frame(drawn: Iterator[DrawnFrame], number: int) -> DrawnFrame:
@@ -148,9 +172,10 @@ def _next_frame(drawn: Iterator[DrawnFrame], number: int) -> DrawnFrame:
 
 def _store_frame(frame: DrawnFrame, store: FrameStore, write: WriteFrame, *, is_new: bool) -> FrameRecord:
     """Save a frame that was drawn, and write it to the film; return its record with the time of that."""
-    if store.is_output and not is_new:
-        return frame.record
     before = time.perf_counter()
-    record = store.save(frame.measured()) if is_new else frame.record
-    write(record.frame, frame.picture)
+    frame = frame.finished()
+    record = store.save(frame) if is_new else frame.record
+    write(record.frame, frame.pictures)
+    if store.is_output and not is_new:  # its picture is where it belongs
+        return record
     return replace(record, seconds={**record.seconds, "encode": time.perf_counter() - before})

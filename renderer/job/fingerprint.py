@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from renderer.film import data_digest
@@ -13,17 +14,20 @@ from renderer.scene import (
     OutputSpec,
     Scene,
     first_few,
+    first_output,
     format_value,
     join_keys,
     scene_to_dict,
     schedule_to_dict,
+    spec_to_dict,
     with_draw_order,
     without_sources,
 )
 from renderer.system import package_versions, sources_digest
 
-# These keys say how frames become a film and what is told of it, not what is in them.
-_ENCODING_KEYS = ("file", "frames_per_second", "quality", "record_paths")
+# These keys say what is in the frames; others say how they become a film, and what is told of it.
+_DRAWN_KEYS = ("size", "background")
+_NOT_ENCODED = ("file", "record_paths")
 
 
 def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str, device: str) -> FilmFingerprint:
@@ -35,7 +39,7 @@ def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str
     tree = without_sources(scene_to_dict(with_draw_order(scene)))
     left_out = {*schedule_to_dict(scene.error), "probes"}
     rest = {key: value for key, value in tree["error"].items() if key not in left_out}
-    output = {key: value for key, value in tree["output"].items() if key not in _ENCODING_KEYS}
+    output = {key: first_output(tree)[key] for key in _DRAWN_KEYS}
     depends_on = {
         "scene": tree | {"output": output, "error": {**schedule_to_dict(requested), **rest}},
         "volume": {"fingerprint": volume_fingerprint},
@@ -48,8 +52,13 @@ def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str
 
 def fingerprint_of(depends_on: Mapping[str, Any], output: OutputSpec) -> FilmFingerprint:
     """Return the fingerprint of a film whose frames depend on this plain data."""
-    encoding = {"frames_per_second": output.frames_per_second, "quality": output.quality}
-    return FilmFingerprint(data_digest(depends_on), {"output": encoding}, depends_on)
+    first, *others = (
+        {key: value for key, value in spec_to_dict(each).items() if key not in _NOT_ENCODED}
+        for each in (replace(output, others=()), *output.others)
+    )
+    first = {key: value for key, value in first.items() if key not in _DRAWN_KEYS}
+    encoding = json.loads(json.dumps({"output": [first, *others] if others else first}))
+    return FilmFingerprint(data_digest(depends_on), encoding, depends_on)
 
 
 def describe_differences(before: Any, now: Any) -> str:

@@ -35,7 +35,8 @@ def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
 
 def film_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[Path]:
     """Yield all files that a job may replace or remove: pictures, sidecar, and what is in the unfinished folder."""
-    yield from picture_files(output, frames)
+    for each in output.files:
+        yield from picture_files(each, frames)
     yield sidecar
     yield from folder_files(unfinished_folder(output))
 

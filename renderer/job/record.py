@@ -18,6 +18,7 @@ from renderer.scene import (
     MAX_FRAMES,
     MAX_SIDECAR_BYTES,
     ErrorSpec,
+    PictureKind,
     check_frame_in_path,
     check_frames_ascend,
     decode_utf8,
@@ -67,7 +68,8 @@ def _parse_scene(node: schema.TreeNode) -> Any:
     if scene is schema.INVALID:
         return scene
     of_volumes = {"volumes": _MAPPINGS} if "volumes" in scene else {"volume": schema.MAPPING_FIELD}
-    for section, field in {**of_volumes, "output": schema.MAPPING_FIELD}.items():
+    of_outputs = _MAPPINGS if isinstance(scene.get("output"), list) else schema.MAPPING_FIELD
+    for section, field in {**of_volumes, "output": of_outputs}.items():
         if section in scene:
             field.read(node.child(section, scene[section]))
         else:
@@ -83,6 +85,7 @@ _AMOUNT = _number(f"a number from 0 to {_MAX_AMOUNT:g}", (int, float), 0, _MAX_A
 _COORDINATE = _number("a number", (int, float), -_MAX_AMOUNT, _MAX_AMOUNT)
 _COUNT = _number("a whole number of at least 0", (int,), 0, 2**63 - 1)
 _FRAME_NUMBER = _number(f"a whole number from 0 to {MAX_FRAMES - 1}", (int,), 0, MAX_FRAMES - 1)
+_DIGESTS = schema.mapping_field(DIGEST_FIELD)
 _AMOUNTS, _TEXTS = schema.mapping_field(_AMOUNT), schema.mapping_field(schema.TEXT_FIELD)
 _RANGE = schema.sequence_field(_AMOUNT, "[smallest, largest]", count=2)
 _INTERVAL = schema.sequence_field(_COORDINATE, "[low, high]", count=2)
@@ -122,7 +125,8 @@ class FrameRecord:
     cells: Annotated[int, _COUNT, "The cells of the cut, each a brick or a splat."]
     primitives: Annotated[int, _COUNT, "Those cells that the view can show, which are drawn."]
     seconds: Annotated[Amounts, _AMOUNTS, "The time of each step; `encode` is to write and encode the picture."]
-    digest: Annotated[str | None, DIGEST_FIELD, "The digest of its PNG file."] = None
+    digest: Annotated[str | None, DIGEST_FIELD, "The digest of its file."] = None
+    digests: Annotated[Mapping[str, str] | None, _DIGESTS, "Those of its pictures for other outputs."] = None
     predicted_seconds: Annotated[float | None, _AMOUNT, "The time predicted for it, on a budget of time."] = None
     device: Annotated[str | None, "What drew it, where that was on a cluster."] = None
     blank: Annotated[bool, "True where nothing of the volume shows."] = False
@@ -131,6 +135,10 @@ class FrameRecord:
     visible: Annotated[
         tuple[float, ...], _SHARES, "What each of the film's ranges of scalars adds to its mean opacity."
     ] = ()
+
+    def digest_of(self, kind: PictureKind) -> str | None:
+        """Return the digest of its picture of a kind; of one that is not recorded, that of the first."""
+        return (self.digests or {}).get(kind.name, self.digest)
 
     @property
     def total_seconds(self) -> float:
@@ -268,6 +276,18 @@ class VisibleRange:
 
 
 @dataclass(frozen=True)
+class OutputRecord:
+    """A record of a further file of the same drawing."""
+
+    file: Annotated[str, "Its name, or the template of its frames."]
+    frames: Annotated[int, _COUNT, "Its frames."]
+    digest: Annotated[str | None, DIGEST_FIELD, "The digest of a film in one file."] = None
+    psnr_of_encoding: Annotated[
+        float | None, _COORDINATE, "In decibels, of its first frames as they are decoded from those as they were drawn."
+    ] = None
+
+
+@dataclass(frozen=True)
 class FilmVisibility:
     """A record of which scalars the pictures of a film show: its visibility histogram, by the rays of its accuracy."""
 
@@ -340,6 +360,7 @@ class FilmRecord:
     parts: Annotated[tuple[PartRecord, ...], "Parts of an assembled film."] = ()
     fingerprint: Annotated[FilmFingerprint | None, "Left out where one pass would not have made this film."] = None
     digest: Annotated[str | None, DIGEST_FIELD, "The digest of a film in one file."] = None
+    outputs: Annotated[tuple[OutputRecord, ...], "Further files of the same drawing."] = ()
     format: Annotated[str, _FORMAT, "The version of this format."] = FORMAT
 
     @property

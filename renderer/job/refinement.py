@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.accuracy import spread_evenly
-from renderer.film import picture_shape
+from renderer.film import over_black
 from renderer.frame import (
     BudgetController,
     LODCostEstimator,
@@ -298,17 +298,17 @@ class ComparedFrames(FrameStore):
     """A store that keeps no frames, and compares some with those of the pass before, spread over the film."""
 
     def __init__(self, output: OutputSpec, frames: Sequence[int]) -> None:
-        super().__init__(output, {}, lambda _: output.file)
-        most = max(1, _MAX_COMPARED_BYTES // math.prod(picture_shape(output)))
+        super().__init__(output, {}, lambda _number, _kind: output.file)
+        most = max(1, _MAX_COMPARED_BYTES // 4 // math.prod(output.kind.shape))
         self._compared_frames = {*spread_evenly(frames, most, is_loop=True)}
-        self._before: dict[int, npt.NDArray[np.uint8]] = {}
+        self._before: dict[int, npt.NDArray[np.float32]] = {}
         self._squares: list[float] = []
 
     def save(self, frame: DrawnFrame) -> FrameRecord:
         """Compare a frame that was drawn with that of the pass before, and return its record."""
-        number, image = frame.record.frame, frame.picture.pixels
+        number, image = frame.record.frame, over_black(frame.pictures[0].pixels).astype(np.float32)
         if number in self._before:
-            change = (image.astype(np.float32) - self._before[number]) / 255
+            change = image - self._before[number]
             self._squares.append(float(np.mean(change * change, dtype=np.float64)))
         if number in self._compared_frames:
             self._before[number] = image

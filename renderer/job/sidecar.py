@@ -9,6 +9,7 @@ from typing import Any
 
 from renderer.film import write_staged
 from renderer.job.record import FilmRecord, record_to_json
+from renderer.scene import first_output
 
 
 def write_sidecar(path: Path, record: FilmRecord, folder: Path | None = None) -> None:
@@ -23,7 +24,7 @@ def write_sidecar(path: Path, record: FilmRecord, folder: Path | None = None) ->
 def sidecar_content(record: FilmRecord) -> bytes:
     """Return the content of the sidecar of a film, as `write_sidecar` writes it."""
     data = record_to_json(record)
-    if not record.scene["output"].get("record_paths", True):
+    if not first_output(record.scene).get("record_paths", True):
         data = without_paths(data)
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
     # File names that are not UTF-8 have surrogates in Python, which become escapes in JSON.
@@ -37,10 +38,13 @@ def without_paths(record: Mapping[str, Any]) -> dict[str, Any]:
     volumes, masks, the film and the sidecars of its parts stand in the record, and are shortened in its notes, too.
     What frames depend on has no paths, and stays as its digest needs it.
     """
-    scene = {**record["scene"], "output": {**record["scene"]["output"], "record_paths": False}}
+    written = record["scene"]["output"]
+    first, *others = written if isinstance(written, list) else [written]
+    outputs = [{**first, "record_paths": False}, *others]
+    scene = {**record["scene"], "output": outputs if others else outputs[0]}
     volumes = [*scene.get("volumes", [scene.get("volume", {})])]
     volumes += [entry["mask"] for entry in (scene, *volumes) if "mask" in entry]
-    sections = [*volumes, *(volume["raw"] for volume in volumes if "raw" in volume), scene["output"]]
+    sections = [*volumes, *(volume["raw"] for volume in volumes if "raw" in volume), *outputs]
     paths = [section.get("file") for section in sections] + [part["sidecar"] for part in record.get("parts", ())]
     found = {each for path in paths if path for each in (path if isinstance(path, list) else [path])}
     return {

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 from renderer.errors import HsplatError, InputError, Problem
 from renderer.film import (
@@ -11,9 +12,8 @@ from renderer.film import (
     data_digest,
     decode_known_film,
     file_matches_digest,
+    frame_matches_digest,
     frame_path,
-    has_frame_files,
-    picture_shape,
 )
 from renderer.frame import read_film_volumes
 from renderer.job.assemble.agreement import PickedFrame, file_problems
@@ -25,8 +25,10 @@ from renderer.job.fingerprint import describe_mismatch, film_fingerprint
 from renderer.job.make_record import changed_tools
 from renderer.job.record import FrameRecord
 from renderer.job.verified_accuracy import MOST_RAYS, MeasuredFilm, RayOptions, measure_film
-from renderer.scene import OutputSpec, counted
+from renderer.scene import OutputFile, OutputSpec, counted
 from renderer.system import package_versions, sources_digest
+
+_CHANGED = "not the file that its sidecar describes"
 
 
 @dataclass(frozen=True)
@@ -52,36 +54,64 @@ class VerifiedFilm:
 
 def verify_files(original: OriginalFilm, output: OutputSpec) -> FilmFiles:
     """Look at all files of a film, wherever it is now, and decode them. Raises RenderError where ffmpeg is missing."""
+    found = _verify_first(original, output)
+    problems = [*found.problems]
+    for each, record in zip_longest(output.others, original.record.outputs):
+        if each is None or record is None:
+            problems.append(Problem("outputs", "not those of its scene", location=str(original.path)))
+            break
+        problems += _other_problems(original, each, record.digest)
+    return replace(found, problems=problems)
+
+
+def _other_problems(original: OriginalFilm, output: OutputFile, digest: str | None) -> Iterator[Problem]:
+    """Yield what is wrong with the files of a further output. digest: that of a film."""
+    frames = [frame for frame in original.record.frames if output.shows(frame.frame)]
+    if not output.is_frames and frames:
+        yield from _film_problems(output, digest, len(frames))
+        return
+    for frame in frames:
+        file = frame_path(output.file, frame.frame)
+        if not frame_matches_digest(file, frame.digest_of(output.kind), output.kind):
+            yield Problem("", f"not the picture of frame {frame.frame} that was recorded", location=str(file))
+
+
+def _film_problems(output: OutputFile, digest: str | None, num_frames: int) -> Iterator[Problem]:
+    """Yield what is wrong with a film in one file. digest: None for one that is not known."""
+    where = str(output.file)
+    if digest is not None and output.file.is_file() and not file_matches_digest(output.file, digest):
+        yield Problem("", _CHANGED, location=where)
+    try:
+        with decode_known_film(output, num_frames) as images:
+            for _ in images:
+                pass
+    except InputError as error:
+        yield problem_of(error, where)
+
+
+def _verify_first(original: OriginalFilm, output: OutputSpec) -> FilmFiles:
     frames, notes = original.record.frames, list[str]()
-    if has_frame_files(output):
+    if output.is_frames:
         known = [frame for frame in frames if frame.digest is not None]
         if len(known) < len(frames):
             notes.append(f"{counted(len(frames) - len(known), 'frame')} of unknown digest may have been changed")
         part = Part(original.path, original.record, output.file)
-        problems = [*file_problems([PickedFrame(each.frame, part, each) for each in known], picture_shape(output))]
+        problems = [*file_problems([PickedFrame(each.frame, part, each) for each in known], output.kind)]
         readable = [frame for frame in frames if _has_picture(frame, output)]
         if len(readable) < len(frames) and not problems:
             what = f"{counted(len(frames) - len(readable), 'frame')} cannot be decoded"
             problems.append(Problem("", what, location=str(output.file)))
         return FilmFiles(problems, readable, notes)
-    problems = []
     if original.record.digest is None:
         notes.append("the digest of the film is not recorded: the file may have been changed")
-    elif output.file.is_file() and not file_matches_digest(output.file, original.record.digest):
-        problems.append(Problem("", "not the file that its sidecar describes", location=str(output.file)))
-    try:
-        with decode_known_film(output.file, output.size, len(frames)) as images:
-            for _ in images:
-                pass
-    except InputError as error:
-        problems.append(problem_of(error, str(output.file)))
-        frames = ()
-    return FilmFiles(problems, frames, notes)
+    problems = [*_film_problems(output, original.record.digest, len(frames))]
+    is_whole = all(problem.what == _CHANGED for problem in problems)
+    return FilmFiles(problems, frames if is_whole else (), notes)
 
 
 def _has_picture(frame: FrameRecord, output: OutputSpec) -> bool:
     try:
-        return Picture(file=frame_path(output.file, frame.frame)).pixels.shape == picture_shape(output)
+        return bool(Picture(file=frame_path(output.file, frame.frame)).pixels.shape == output.kind.shape)
     except HsplatError:
         return False
 

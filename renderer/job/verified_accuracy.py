@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, spread_evenly, squared_error
 from renderer.errors import Problem
-from renderer.film import Picture, Pixels, decode_known_film, frame_path, has_frame_files
+from renderer.film import Picture, Pixels, decode_known_film, frame_path
 from renderer.frame import Stage
 from renderer.job.events import JobEvents
 from renderer.job.film_accuracy import film_accuracy, frame_accuracy
 from renderer.job.record import FilmAccuracy, FrameAccuracy, FrameRecord
-from renderer.scene import OutputSpec
+from renderer.scene import OutputFile
 from renderer.system import num_cores
 
 # The rays of a frame are at least doubled until the film is known well enough. Of a long film some frames are measured.
@@ -58,7 +58,7 @@ class MeasuredFilm:
 
 
 def measure_film(
-    stage: Stage, output: OutputSpec, frames: Sequence[FrameRecord], options: RayOptions, events: JobEvents
+    stage: Stage, output: OutputFile, frames: Sequence[FrameRecord], options: RayOptions, events: JobEvents
 ) -> MeasuredFilm:
     """Measure these frames, which have pictures; of a long film some that are evenly spread."""
     rays, chosen = _Rays(stage, output, frames, events), spread_evenly(frames, _MOST_FRAMES, is_loop=True)
@@ -72,7 +72,7 @@ def measure_film(
         if is_precise or num_rays == MOST_RAYS:
             break
         num_rays = min(MOST_RAYS, 2 * num_rays * max(1, round((width / options.precision_db) ** 2 / 2)))
-    is_recorded = has_frame_files(output) and all(frame.accuracy is not None for frame in chosen)
+    is_recorded = output.is_frames and all(frame.accuracy is not None for frame in chosen)
     limits = (_least_as_recorded if is_recorded else _least_usual)(chosen, [_psnr(frame) for frame in measured])
     problems = [*_film_problems(chosen, accuracy, output)]
     # Suspects are measured again: few rays are often wrong about one of many frames.
@@ -88,7 +88,7 @@ class _Rays:
     """Exact rays through the pictures of a film. frames: all that have pictures, in their order."""
 
     stage: Stage
-    output: OutputSpec
+    output: OutputFile
     frames: Sequence[FrameRecord]
     events: JobEvents
 
@@ -106,26 +106,26 @@ class _Rays:
 
     def _pictures(self, numbers: set[int]) -> Iterator[tuple[FrameRecord, Pixels]]:
         """Yield the frames of these numbers with their pictures."""
-        if has_frame_files(self.output):
+        if self.output.is_frames:
             for frame in (each for each in self.frames if each.frame in numbers):
                 yield frame, Picture(file=frame_path(self.output.file, frame.frame)).pixels
             return
-        with decode_known_film(self.output.file, self.output.size, len(self.frames)) as images:
+        with decode_known_film(self.output, len(self.frames)) as images:
             pairs = zip(self.frames, images, strict=True)
             yield from ((frame, image) for frame, image in pairs if frame.frame in numbers)
 
 
-def _film_problems(frames: Sequence[FrameRecord], found: FilmAccuracy, output: OutputSpec) -> Iterator[Problem]:
+def _film_problems(frames: Sequence[FrameRecord], found: FilmAccuracy, output: OutputFile) -> Iterator[Problem]:
     """Yield a problem where a film is far less exact than recorded, by more than what encoding may do to it."""
     recorded = film_accuracy(frames)
     if recorded is not None:
-        may_lose = 0.0 if has_frame_files(output) else _MOST_OF_ENCODING
+        may_lose = 0.0 if output.is_frames else _MOST_OF_ENCODING
         least = psnr(_HARDLY_WORSE * squared_error(recorded.interval[0]) + may_lose)
         yield from _problems("far less exact than recorded", found, least, output)
 
 
 def _problems(
-    what: str, found: FilmAccuracy | FrameAccuracy | None, least: float, output: OutputSpec, frame: int = 0
+    what: str, found: FilmAccuracy | FrameAccuracy | None, least: float, output: OutputFile, frame: int = 0
 ) -> Iterator[Problem]:
     """Yield a problem where a whole interval lies below the least PSNR. frame: in whose file it is."""
     if found is not None and found.interval[1] < least:

@@ -83,11 +83,24 @@ from .motion import (
     moving as moving,
     values_at as values_at,
 )
+from .output_formats import (
+    FILM_SUFFIXES as FILM_SUFFIXES,
+    FORMATS as FORMATS,
+    FRAME_SUFFIXES as FRAME_SUFFIXES,
+    format_of as format_of,
+    output_suffix as output_suffix,
+    suffix_words as suffix_words,
+)
 from .output_section import (
     FRAME_FIELD as FRAME_FIELD,
     OUTPUT_FILE_FIELD as OUTPUT_FILE_FIELD,
     OUTPUT_SECTION as OUTPUT_SECTION,
+    Background as Background,
+    OutputFile as OutputFile,
     OutputSpec as OutputSpec,
+    PictureKind as PictureKind,
+    first_output as first_output,
+    only_output as only_output,
 )
 from .scene_file import (
     TreeEditor as TreeEditor,

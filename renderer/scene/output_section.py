@@ -1,27 +1,38 @@
-"""The scene's `output`: the file, its size, and what each format allows."""
+"""The scene's `output`: one file or several of the same drawing, their sizes, and what each format allows."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path, PurePath
-from typing import Annotated, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
 
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
+from renderer.scene.message_text import did_you_mean, format_value, join_words
+from renderer.scene.motion import Motion, motion_of
+from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
 from renderer.scene.schema import INVALID, Color, TreeNode
 
 # The frame number in file names, padded with zeros to at most nine digits, so that names sort in frame order.
 FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 
 MAX_SIDE = 16384
+# They belong to one format's encoder.
+_ENCODER_KEYS = ("codec", "crf", "pixel_format")
+# The coarsest constant rate factor of any encoder.
+_MAX_CRF = 63
 
-# A GIF's delay is a whole number of centiseconds, and browsers show a delay of 1 as 10.
-MAX_GIF_RATE = 50
+_FILE_WORDS = (
+    f"a {', '.join(FILM_SUFFIXES[:-1])} or {FILM_SUFFIXES[-1]}, frames such as frames/{{frame:04}}.png or .exr or, for "
+    "one frame (--frames 7), still.png"
+)
 
-_FILE_WORDS = "a .mp4 or .gif, frames such as frames/{frame:04}.png or, for one frame (--frames 7), still.png"
+# A colour, or that at the top and that at the bottom; None is transparent.
+Gradient = tuple[Color, Color]
+Background = Color | Gradient | None
 
 
 def _parse_file(node: TreeNode) -> Any:
@@ -31,72 +42,314 @@ def _parse_file(node: TreeNode) -> Any:
         return node.reject("a folder named ~", hint=schema.TILDE_HINT)
     if os.path.basename(node.value) in ("", ".", ".."):  # which a Path would leave out
         return node.reject("the output is a folder")
-    name = PurePath(node.value).name
-    suffix = PurePath(name).suffix.lower()
-    if suffix not in _SUFFIXES:
+    path = Path(node.value)
+    if output_suffix(path) not in FORMATS:
         return node.reject("unknown output format")
     rest, num_fields = FRAME_FIELD.subn("", node.value)
-    if num_fields > 1 or "{" in rest or "}" in rest or (num_fields and not FRAME_FIELD.search(name)):
+    if num_fields > 1 or "{" in rest or "}" in rest or (num_fields and not FRAME_FIELD.search(path.name)):
         expected = "one {frame} or {frame:04}, in the name of the file, and no other braces"
         return node.reject("not a valid template", expected=expected)
-    if suffix != ".png" and num_fields:
-        return node.reject(f"a film and frames at once: {suffix} with a frame number")
-    return Path(node.value)
+    if num_fields and not format_of(path).is_frames:
+        return node.reject(f"a film and frames at once: {output_suffix(path)} with a frame number")
+    return path
 
 
-_SUFFIXES = (".mp4", ".gif", ".png")
+def _parse_background(node: TreeNode) -> Any:
+    if isinstance(node.value, tuple) and len(node.value) == 2:  # between keys of a gradient that moves
+        return node.value
+    if not isinstance(node.value, Mapping):
+        return _COLOR_OR_NONE.parser(node)
+    ends = schema.read_fields(node, _GRADIENT, required=_GRADIENT)
+    return INVALID if INVALID in ends.values() else (ends["top"], ends["bottom"])
+
+
 OUTPUT_FILE_FIELD = schema.FieldType(_FILE_WORDS, _parse_file)
 _SIZE = schema.sequence_field(
     schema.integer_field(minimum=1, maximum=MAX_SIDE),
     f"[width, height]: two whole numbers from 1 to {MAX_SIDE}",
     count=2,
 )
-_BACKGROUND = schema.word_or({"transparent": None}, COLOR_FIELD, COLOR_FIELD.expected + ", or transparent")
+_BACKGROUND_WORDS = f"{COLOR_FIELD.expected}, transparent, or {{top, bottom}} with two colors"
+_COLOR_OR_NONE = schema.word_or({"transparent": None}, COLOR_FIELD, _BACKGROUND_WORDS)
+_GRADIENT = dict.fromkeys(("top", "bottom"), COLOR_FIELD)
+_BACKGROUND = replace(_COLOR_OR_NONE, parser=_parse_background)
+_CRF = schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)
+
+
+class PictureKind(NamedTuple):
+    """A kind of pictures that files are made of: (width, height), background, and how numbers are stored.
+
+    depth: bits of a channel, 8 or 16; 32 for floats. motion: of a background that moves.
+    """
+
+    size: tuple[int, int]
+    background: Background
+    depth: int
+    motion: Motion | None = None
+
+    @property
+    def name(self) -> str:
+        """Return words that tell it from other kinds: `256 x 256, transparent, 8 bits`."""
+        width, height = self.size
+        behind = "transparent" if self.background is None else f"background {self.motion or self.background}"
+        return f"{width} x {height}, {behind}, {self.depth} bits"
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Return (height, width, channels) of the pictures: RGB, with a transparent background RGBA."""
+        width, height = self.size
+        return height, width, 4 if self.background is None else 3
 
 
 @dataclass(frozen=True)
-class OutputSpec:
-    """An output: the file that is written, the size of its frames, and its encoding.
+class OutputFile:
+    """An output file, or frames in files: the size of its pictures, and its encoding.
 
-    file: ends in .mp4 or .gif, or is a template of PNG frames such as `frames/{frame:04}.png` or, for one frame, a PNG.
-        background: None is transparent (PNG, straight alpha). quality: 0 (smallest) to 10 (best), for MP4.
-    record_paths: whether sidecars and reports say in which folders the volume and the film are.
+    file: its suffix says the format; frames in files have a template such as `frames/{frame:04}.png`, a single one a
+        name. background: None is transparent (straight alpha), two colours are those at the top and the bottom.
+    quality: 0 (smallest) to 10 (best), where the encoder has a choice. codec, crf, pixel_format: None leaves them to
+        the format and the quality; names are ffmpeg's. every: of the frames, those whose numbers are multiples of it.
+    frame: the only one that it shows, of all. record_paths: whether sidecars and reports say in which folders the
+        volume and the film are.
     """
 
     file: Annotated[Path, OUTPUT_FILE_FIELD]
     size: Annotated[tuple[int, int], _SIZE] = (512, 512)
     frames_per_second: Annotated[float, schema.number_field(minimum=0.01, maximum=1000, motion=None)] = 30.0
-    background: Annotated[Color | None, _BACKGROUND] = (0.0, 0.0, 0.0)
+    background: Annotated[Background, _BACKGROUND] = (0.0, 0.0, 0.0)
     quality: Annotated[float, schema.number_field(minimum=0, maximum=10, motion=None)] = 8.0
+    codec: Annotated[str | None, schema.TEXT_FIELD] = None
+    crf: Annotated[float | None, _CRF] = None
+    pixel_format: Annotated[str | None, schema.TEXT_FIELD] = None
+    every: Annotated[int, schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)] = 1
+    frame: Annotated[int | None, schema.FRAME_NUMBER_FIELD] = None
     record_paths: bool = True
 
+    @property
+    def format(self) -> OutputFormat:
+        """Return the format of the file."""
+        return format_of(self.file)
 
-def _check_output(node: TreeNode, given: dict[str, Any]) -> None:
-    file, size = given["file"], given.get("size", OutputSpec.size)
-    suffix = file.suffix.lower() if isinstance(file, Path) else None
-    if suffix in (".mp4", ".gif") and given.get("background", INVALID) is None:
-        hint = "only PNG frames can be transparent: file: frames/{frame:04}.png"
-        node.child("background").reject(f"a transparent background in {suffix}", expected="a color", hint=hint)
-    if suffix == ".mp4" and size is not INVALID and INVALID not in size and any(side % 2 for side in size):
+    @property
+    def is_frames(self) -> bool:
+        """Return whether each frame is a separate file, which exists as soon as it is drawn."""
+        return self.format.is_frames
+
+    @property
+    def is_numbered(self) -> bool:
+        """Return whether frames have separate names, so that jobs may share them; a still has not."""
+        return FRAME_FIELD.search(str(self.file)) is not None
+
+    @property
+    def chosen_codec(self) -> Codec:
+        """Return the encoder of a film: the one that is named, or the first of the format."""
+        codecs = self.format.codecs
+        return codecs[self.codec or next(iter(codecs))]
+
+    @property
+    def chosen_pixel_format(self) -> str:
+        """Return the one that is named, or the first of the encoder."""
+        return self.pixel_format or _pixel_formats(self)[0]
+
+    @property
+    def chosen_crf(self) -> float | None:
+        """Return the constant rate factor of the encoder; None where it has none."""
+        of_quality = self.chosen_codec.crf
+        if of_quality is None or self.crf is not None:
+            return self.crf
+        at_zero, per_step = of_quality
+        return at_zero - per_step * self.quality
+
+    @property
+    def kind(self) -> PictureKind:
+        """Return which pictures it is made of."""
+        pixel_format = self.chosen_pixel_format
+        depth = 32 if pixel_format == "float" else 16 if pixel_format.endswith(("10", "48")) else 8
+        return PictureKind(self.size, self.background, depth, motion_of(self.background))
+
+    def shows(self, frame: int) -> bool:
+        """Return whether a frame of the film is in this file."""
+        return frame % self.every == 0 and self.frame in (None, frame)
+
+
+@dataclass(frozen=True)
+class OutputSpec(OutputFile):
+    """All that a drawing makes: the first file, which has every frame, and the others."""
+
+    others: tuple[OutputFile, ...] = ()
+
+    @property
+    def files(self) -> tuple[OutputFile, ...]:
+        """Return all files, the first one first."""
+        return (self, *self.others)
+
+    @property
+    def kinds(self) -> tuple[PictureKind, ...]:
+        """Return the kinds of pictures that the files are made of, each once; that of the first file first."""
+        return tuple(dict.fromkeys(each.kind for each in self.files))
+
+    def kinds_at(self, frame: int) -> tuple[int, ...]:
+        """Return the numbers of those kinds of which a frame needs a picture."""
+        kinds = self.kinds
+        return tuple(sorted({kinds.index(each.kind) for each in self.files if each.shows(frame)}))
+
+
+def _pixel_formats(output: OutputFile) -> tuple[str, ...]:
+    if output.is_frames:
+        return output.format.pixel_formats
+    return output.chosen_codec.pixel_formats_of(is_transparent=output.background is None)
+
+
+def _check_file(node: TreeNode, given: dict[str, Any]) -> None:
+    """Refuse what the format of a file cannot have."""
+    if not isinstance(given["file"], Path):
+        return
+    file_format, rate = format_of(given["file"]), given.get("frames_per_second", INVALID)
+    if file_format.max_rate is not None and rate is not INVALID and rate > file_format.max_rate:
+        expected = f"at most {file_format.max_rate:g}: viewers slow down faster ones"
+        node.child("frames_per_second", rate).reject(f"too fast for {file_format.name}", expected=expected)
+    if _check_codec(node, given, file_format):
+        _check_pixels(node, given, file_format)
+
+
+def _check_codec(node: TreeNode, given: dict[str, Any], file_format: OutputFormat) -> bool:
+    """Refuse an encoder that a format lacks; return whether it has it, or none is named."""
+    named = [key for key in ("codec", "crf") if key in given]
+    if file_format.is_frames and named:
+        node.key(named[0]).reject(f"{file_format.name} have no encoder", expected="")
+        return False
+    name, known = given.get("codec"), tuple(file_format.codecs)
+    if name is None or name in known:
+        return True
+    if name is not INVALID:
+        what, hint = f"not an encoder of {output_suffix(given['file'])}", did_you_mean(name, known)
+        node.child("codec", name).reject(what, expected=join_words(known), hint=hint)
+    return False
+
+
+def _check_pixels(node: TreeNode, given: dict[str, Any], file_format: OutputFormat) -> None:
+    """Refuse a transparent background, a rate factor, a pixel format or a size that an encoder does not take."""
+    codec_name, suffix = given.get("codec"), output_suffix(given["file"])
+    is_transparent = given.get("background", INVALID) is None
+    output = OutputFile(given["file"], codec=codec_name, background=None if is_transparent else (0.0, 0.0, 0.0))
+    formats = _pixel_formats(output)
+    if not formats:
+        what = f"a transparent background in {suffix}" + (f" with codec: {codec_name}" if codec_name else "")
+        can = [each for each, other in FORMATS.items() if other.has_alpha]
+        hint = f"formats that can: {', '.join(can)}" if codec_name is None else "leave codec out"
+        node.child("background").reject(what, expected="a color", hint=hint)
+        return
+    if "crf" in given and output.chosen_codec.crf is None:
+        node.key("crf").reject(f"{file_format.name} has no constant rate factor", expected="")
+    pixel_format = given.get("pixel_format", formats[0])
+    if pixel_format is not INVALID and pixel_format not in formats:
+        what = f"not a pixel format of {suffix}{' with alpha' if is_transparent else ''}"
+        node.child("pixel_format", pixel_format).reject(what, expected=join_words(formats))
+    size = given.get("size", OutputFile.size)
+    is_halved = pixel_format is not INVALID and "420" in pixel_format and file_format.filters
+    if is_halved and size is not INVALID and INVALID not in size and any(side % 2 for side in size):
         hint = f"the nearest is {[side + side % 2 for side in size]}"
-        node.child("size", size).reject("odd sizes cannot be encoded as MP4", expected="even numbers", hint=hint)
-    rate = given.get("frames_per_second", INVALID)
-    if suffix == ".gif" and rate is not INVALID and rate > MAX_GIF_RATE:
-        expected = f"at most {MAX_GIF_RATE}: viewers slow down faster ones"
-        node.child("frames_per_second", rate).reject("too fast for a GIF", expected=expected)
+        what = f"odd sizes cannot be encoded as {file_format.name.split()[-1]}"
+        node.child("size", size).reject(what, expected="even numbers", hint=hint)
 
 
-OUTPUT_SECTION = schema.dataclass_field(OutputSpec, _check_output)
+_FILE = schema.dataclass_field(OutputFile, _check_file)
+# What other files have in common with the first, unless they say something else.
+_SHARED_KEYS = ("size", "background")
+
+
+def _parse_output(node: TreeNode) -> Any:
+    """Parse one file, or a list of them, of which the first one has all frames."""
+    if not isinstance(node.value, (list, tuple)):
+        return _with_others(node, node.value, ())
+    if not node.value:
+        return node.reject("an empty list", got="", expected="one file or more")
+    first, *others = node.value
+    return _with_others(node.child(0, first), first, [node.child(k, each) for k, each in enumerate(others, start=1)])
+
+
+def _with_others(node: TreeNode, written: object, nodes: Sequence[TreeNode]) -> Any:
+    """Read the first file, at `node`, and the others."""
+    num_problems = len(node.problems)
+    first: Any = _FILE.read(node)
+    for key in ("every", "frame") if isinstance(written, Mapping) else ():
+        if key in written:
+            node.key(key).reject("not for the first output", got="", expected="", hint="it has all frames")
+    others = [_read_other(each, written) for each in nodes]
+    if len(node.problems) > num_problems:
+        return first
+    others = [_beside(first, other, each) for other, each in zip(others, nodes, strict=True)]
+    _check_names([node, *nodes], [first, *others])
+    return OutputSpec(**{each.name: getattr(first, each.name) for each in fields(OutputFile)}, others=tuple(others))
+
+
+def _read_other(node: TreeNode, first: Any) -> Any:
+    """Read a further file, which has what the first one, as it is written, has, unless it says something else."""
+    if not isinstance(node.value, Mapping) or not isinstance(first, Mapping):
+        return _FILE.read(node)
+    if "record_paths" in node.value:
+        node.key("record_paths").reject("only for the first output", expected="")
+    shared = {key: first[key] for key in _SHARED_KEYS if key in first}
+    return _FILE.read(replace(node, value={**shared, **node.value}))
+
+
+def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
+    """Return a further file with the rate that follows from the first one's; refuse a size that does not divide."""
+    factor = first.size[0] // other.size[0]
+    if factor < 1 or tuple(factor * side for side in other.size) != first.size:
+        smaller = [[side // k for side in first.size] for k in range(1, 9) if not any(side % k for side in first.size)]
+        node.child("size", list(other.size)).reject(
+            "not a whole divisor of the first output's size",
+            expected=f"{format_value(list(first.size))}, or both divided by one whole number",
+            hint=f"such as {', '.join(map(format_value, smaller))}",
+        )
+    if isinstance(node.value, Mapping) and "frames_per_second" in node.value:
+        return other
+    slower = first.frames_per_second / other.every
+    return replace(other, frames_per_second=min(slower, other.format.max_rate or slower))
+
+
+def _check_names(nodes: Sequence[TreeNode], files: Sequence[OutputFile]) -> None:
+    known = set[str]()
+    for node, each in zip(nodes, files, strict=True):
+        name = os.path.abspath(each.file)
+        if name in known:
+            node.child("file", str(each.file)).reject("the name of two outputs", expected="another name")
+        known.add(name)
+
+
+OUTPUT_SECTION = schema.FieldType("a mapping with file, or a list of such", _parse_output, table=_FILE.table)
 
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
     """Check that the name of several frames has a number; `given` holds the sections of the whole scene."""
     camera = given["camera"]
     num_frames = getattr(getattr(camera, "path", None), "frames", INVALID)
-    file = getattr(given["output"], "file", INVALID)
-    if INVALID in (num_frames, file) or camera.num_frames == 1:
+    output = given["output"]
+    if INVALID in (num_frames, output) or not isinstance(output, OutputFile) or output.file is INVALID:
         return
-    if file.suffix.lower() == ".png" and not FRAME_FIELD.search(file.name):
-        node.child("file", str(file)).reject(
-            "frames need a number in their names", expected=_FILE_WORDS, hint=f"write {file.stem}-{{frame:04}}.png"
-        )
+    files = output.files if isinstance(output, OutputSpec) else (output,)
+    for k, each in enumerate(files):
+        place = node.child(k) if len(files) > 1 else node
+        schema.check_frame_in_path(place.child("frame"), each.frame, camera.num_frames)
+        is_one = camera.num_frames <= each.every or each.frame is not None
+        if each.is_frames and not each.is_numbered and not is_one:
+            hint = f"write {each.file.stem}-{{frame:04}}{each.file.suffix}"
+            place.child("file", str(each.file)).reject(
+                "frames need a number in their names", expected=_FILE_WORDS, hint=hint
+            )
+
+
+def first_output(scene: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the first output of a scene in plain data, which was read as one."""
+    output: Any = scene["output"]
+    first: Mapping[str, Any] = output[0] if isinstance(output, (list, tuple)) else output
+    return first
+
+
+def only_output(section: Any, suffix: str) -> Any:
+    """Return a scene's `output`, as it is written, for one file of a format: the first one, as far as it fits that."""
+    first = section[0] if isinstance(section, list) and section else section
+    if not isinstance(first, dict) or output_suffix(str(first.get("file"))) == suffix:
+        return first
+    return {key: value for key, value in first.items() if key not in _ENCODER_KEYS}

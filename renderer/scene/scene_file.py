@@ -16,6 +16,8 @@ from renderer.scene import yaml_tree
 from renderer.scene.input_file import MAX_SCENE_BYTES, read_content, reject_volume_header
 from renderer.scene.limits import raise_problems
 from renderer.scene.message_text import format_value, join_keys
+from renderer.scene.output_formats import output_suffix
+from renderer.scene.output_section import only_output
 from renderer.scene.spec import Scene, parse_scene
 
 
@@ -112,6 +114,7 @@ class TreeEditor:
             self.tree.data["volume"] = {key: value for key, value in others if key not in _SOURCES}
             self._set(["volume", "file"], str(volume.absolute()), self._option(f"--volume {volume}"))
         if output is not None:
+            self.tree.data["output"] = only_output(self.tree.data.get("output"), output_suffix(output))
             self._set(["output", "file"], str(output), self._option(f"--output {output}"))
 
     @property

@@ -32,7 +32,7 @@ from renderer.scene.limits import proportion_problems, raise_problems
 from renderer.scene.message_text import format_value, join_keys
 from renderer.scene.mode_section import MODE_SECTION, ModeSpec
 from renderer.scene.motion import motion_of, motion_to_dict, motions_in, values_at
-from renderer.scene.output_section import OUTPUT_SECTION, OutputSpec, check_frame_field
+from renderer.scene.output_section import OUTPUT_SECTION, OutputFile, OutputSpec, check_frame_field
 from renderer.scene.schema import INVALID
 from renderer.scene.shading_section import ShadingSpec
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec, unused_splat_keys
@@ -351,6 +351,28 @@ def _of_error(error: ErrorSpec, plain: dict[str, Any]) -> dict[str, Any]:
     return schedule_to_dict(error) | {key: plain[key] for key in plain if key not in ("tolerance", "goal")}
 
 
+def _of_outputs(output: OutputSpec, plain: dict[str, Any]) -> Any:
+    others: list[dict[str, Any]] = plain.pop("others")
+    for each in others:
+        del each["record_paths"]
+    first = _of_output(output, plain)
+    return [first, *others] if others else first
+
+
+def _of_output(output: OutputFile, plain: dict[str, Any]) -> dict[str, Any]:
+    if output.every == 1:
+        del plain["every"]
+    return plain | {"background": _of_background(plain.get("background", "transparent"))}
+
+
+def _of_background(plain: Any) -> Any:
+    """Return a background with the keys of the ends of a gradient, which may move."""
+    if isinstance(plain, dict):
+        return {key: _of_background(item) for key, item in plain.items()}
+    is_gradient = isinstance(plain, list) and not isinstance(plain[0], (int, float))
+    return dict(zip(("top", "bottom"), plain, strict=True)) if is_gradient else plain
+
+
 def _of_splat(splat: SplatSpec, plain: dict[str, Any]) -> dict[str, Any]:
     return {key: item for key, item in plain.items() if key not in unused_splat_keys(splat.footprint)}
 
@@ -366,7 +388,8 @@ _CHANGES: dict[Any, Callable[[Any, dict[str, Any]], dict[str, Any]]] = {
     TransferSpec: _of_transfer,
     ErrorSpec: _of_error,
     SplatSpec: _of_splat,
-    OutputSpec: lambda _, plain: plain | {"background": plain.get("background", "transparent")},
+    OutputSpec: _of_outputs,
+    OutputFile: _of_output,
     CameraPath: lambda path, plain: {"type": path.type} | plain,
 }
 

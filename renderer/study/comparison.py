@@ -110,7 +110,7 @@ COMPARISON_METRICS = {metric.name: metric for metric in _FUNCTIONS}
 
 def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> Int32:
     """Return actual minus golden, [h, w, 3 or 4], in 255ths of a step, which are exact."""
-    errors = actual.astype(np.int32) - golden
+    errors: Int32 = actual.astype(np.int32) - golden
     if golden.shape[2] == 4:
         errors[..., :3] *= np.maximum(golden[..., 3:], actual[..., 3:])
         errors[..., 3] *= _UNITS_PER_STEP

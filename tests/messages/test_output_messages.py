@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from png_files import open_film
 
 from renderer.errors import HsplatError
-from renderer.film import open_film, quantize, require_writable, require_writable_dry_run
+from renderer.film import quantize, require_writable, require_writable_dry_run
 from renderer.film.atomic import output_error
 from renderer.scene import OutputSpec
 
@@ -41,7 +42,7 @@ def test_ffmpeg_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr("imageio_ffmpeg.get_ffmpeg_exe", absent)
     path = tmp_path / "film.mp4"
-    with pytest.raises(HsplatError) as caught, open_film(OutputSpec(path), [0]):
+    with pytest.raises(HsplatError) as caught, open_film(OutputSpec(path)):
         pytest.fail("found out too late")
     assert str(caught.value) == (
         f"{path}: ffmpeg is missing\n"

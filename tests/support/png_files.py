@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.film import Picture, encode_png, open_film
+from renderer.film import Picture, encode_png, open_films
 from renderer.scene import OutputSpec
 from renderer.volume import UInt8
 
@@ -65,8 +66,16 @@ def write_frames(folder: Path, pictures: Sequence[Pixels], name: str = "frame-{:
 
 
 def write_film(path: Path, pictures: Sequence[Pixels]) -> Path:
-    height, width = pictures[0].shape[:2]
-    with open_film(OutputSpec(path, size=(width, height)), range(len(pictures))) as write:
+    height, width, channels = pictures[0].shape
+    background = (0.0, 0.0, 0.0) if channels == 3 else None
+    with open_film(OutputSpec(path, size=(width, height), background=background)) as write:
         for number, pixels in enumerate(pictures):
-            write(number, Picture(pixels))
+            write(number, pixels)
     return path
+
+
+@contextlib.contextmanager
+def open_film(output: OutputSpec) -> Iterator[Callable[[int, Pixels], None]]:
+    """Yield what writes a frame to an output, whose pictures are of one kind."""
+    with open_films(output.files, output.kinds) as write:
+        yield lambda number, pixels: write(number, {0: Picture(pixels)})

@@ -56,7 +56,7 @@ def client() -> Iterator[Client]:
 def expected(stage: Stage, rasterizer_for: Callable[[Scene], Rasterizer]) -> list[bytes]:
     """Return the files of all frames."""
     frames = draw_frames(stage, range(NUM_FRAMES), rasterizer_for(stage.scene), plan_of(stage).controller)
-    return [result.picture.png for result in frames]
+    return [result.pictures[0].content for result in frames]
 
 
 def draw(
@@ -67,7 +67,7 @@ def draw(
         files = []
         for number, result in enumerate(executor.draw(range(NUM_FRAMES))):
             assert (result.record.frame, result.record.device is None) == (number, False)
-            files.append(result.picture.png)
+            files.append(result.pictures[0].content)
             on_frame(number)
         return files, executor.notes
 
@@ -81,13 +81,13 @@ def test_the_same_bytes(rasterizer_for: Callable[[Scene], Rasterizer], client: C
     plan = plan_of(stage_of_kind(kind))
     rasterizer = rasterizer_for(plan.stage.scene)
     frames = draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage, 2))
-    expected = [frame.measured() for frame in frames]
+    expected = [frame.finished() for frame in frames]
     assert all((frame.record.accuracy is None) == (kind == "overlay") for frame in expected)
     with closing(ClusterDrawing(client, "--workers 2", plan, Reporter())) as drawing:
         found = list(drawing.draw(NUMBERS))
     assert [result.record.frame for result in found] == NUMBERS
     for one, other in zip(found, expected, strict=True):
-        assert one.picture.png == other.picture.png
+        assert one.pictures[0].content == other.pictures[0].content
         device = rasterizer.device
         assert replace(one.record, seconds={}) == replace(other.record, seconds={}, device=device)
 

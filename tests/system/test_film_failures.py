@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from png_files import open_film
 
 from renderer.errors import RenderError
-from renderer.film import Picture, open_film, write_staged
+from renderer.film import write_staged
 from renderer.film.atomic import staging
-from renderer.film.encode import gif_options, mp4_options, open_encoder
+from renderer.film.encode import open_encoder
 from renderer.scene import OutputSpec
 
 PICTURE = np.zeros((64, 64, 3), np.uint8)
@@ -20,9 +21,9 @@ FAILED = "film.mp4: ffmpeg could not complete the film\n  got: "
 
 
 def write_film(path: Path, num_frames: int = 3, stop: BaseException | None = None) -> None:
-    with open_film(OutputSpec(path, size=(64, 64)), range(num_frames)) as write:
+    with open_film(OutputSpec(path, size=(64, 64))) as write:
         for frame in range(num_frames):
-            write(frame, Picture(PICTURE))
+            write(frame, PICTURE)
             if stop:
                 raise stop
 
@@ -85,10 +86,12 @@ def test_an_encoder_that_hangs_is_ended(tmp_path: Path, fake_ffmpeg: Callable[[s
     assert_no_child_process()
 
 
-@pytest.mark.parametrize("options", [mp4_options(8), gif_options()], ids=["mp4", "gif"])
-def test_a_full_disk_under_ffmpeg(options: list[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize("suffix", ["mp4", "gif", "webm"])
+def test_a_full_disk_under_ffmpeg(suffix: str, tmp_path: Path) -> None:
+    output = OutputSpec(tmp_path / f"film.{suffix}", size=(64, 64))
+
     def encode() -> None:
-        with open_encoder((64, 64), Fraction(30), options, Path("/dev/full"), tmp_path / "film") as encode_picture:
+        with open_encoder(output, Fraction(30), Path("/dev/full")) as encode_picture:
             for _ in range(30):
                 encode_picture(PICTURE)
 
@@ -120,7 +123,7 @@ def test_a_folder_that_takes_no_files_is_told_at_once(tmp_path: Path, monkeypatc
         raise PermissionError(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr(Path, "touch", refuse)
-    with pytest.raises(RenderError), open_film(OutputSpec(tmp_path / "film.mp4"), range(3)):
+    with pytest.raises(RenderError), open_film(OutputSpec(tmp_path / "film.mp4")):
         pytest.fail("found out too late")
 
 

@@ -10,8 +10,9 @@ import imageio_ffmpeg
 import numpy as np
 import numpy.typing as npt
 import pytest
+from png_files import open_film
 
-from renderer.film import Picture, film_notes, open_film
+from renderer.film import film_notes
 from renderer.film.encode import gif_delay_cs
 from renderer.scene import OutputSpec
 
@@ -41,9 +42,9 @@ def moving() -> Pictures:
 def write(path: Path, pictures: Pictures, frames_per_second: float = 30, quality: float = 8) -> Path:
     height, width = pictures.shape[1:3]
     output = OutputSpec(path, size=(width, height), frames_per_second=frames_per_second, quality=quality)
-    with open_film(output, range(len(pictures))) as write_frame:
+    with open_film(output) as write_frame:
         for frame, pixels in enumerate(pictures):
-            write_frame(frame, Picture(pixels))
+            write_frame(frame, pixels)
     assert path.is_file()
     assert list(path.parent.glob(".*")) == []
     return path

@@ -42,7 +42,7 @@ def test_what_the_notebook_shows(outputs: list[dict[str, Any]]) -> None:
     array, image, shape, chosen, film, paths, truth, errors = outputs
     assert array["text/plain"] == "((48, 48, 48), dtype('float32'))"
     for output in (image, chosen):
-        pixels = Picture(png=base64.b64decode(output["image/png"])).pixels
+        pixels = Picture(content=base64.b64decode(output["image/png"])).pixels
         assert pixels.shape == (256, 256, 3)
         assert np.ptp(pixels, axis=(0, 1)).max() > 100
     assert shape["text/plain"].startswith("((256, 256, 3), dtype('uint8'), ")

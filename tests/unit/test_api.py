@@ -56,7 +56,7 @@ def test_all_mistakes_are_told_at_once_by_the_names_of_the_parameters() -> None:
         "background: not a color\n"
         "  got: 'blu'\n"
         '  expected: a color: "#rrggbb", "#rgb", [red, green, blue] from 0 to 1, or a name such as white, '
-        "or transparent\n"
+        "transparent, or {top, bottom} with two colors\n"
         "  hint: did you mean blue?\n"
         "spacing.1: out of range\n"
         "  got: 0\n"

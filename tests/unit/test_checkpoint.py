@@ -38,7 +38,7 @@ def record(number: int, digest: str | None = None) -> FrameRecord:
 
 
 def save(checkpoint: FrameCheckpoint, number: int) -> None:
-    checkpoint.save(DrawnFrame(record(number), Picture(png=png(number))))
+    checkpoint.save(DrawnFrame(record(number), {0: Picture(content=png(number))}))
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ def test_a_checkpoint_is_read_again(folder: Path, output: OutputSpec) -> None:
     first = keep(folder, output, 0, 2)
     second = reopened(folder, output)
     assert second.records == first.records == {i: record(i, bytes_digest(png(i))) for i in (0, 2)}
-    np.testing.assert_array_equal(second.finished_frame(2).picture.pixels, Picture(png=png(2)).pixels)
+    np.testing.assert_array_equal(second.finished_frame(2).pictures[0].pixels, Picture(content=png(2)).pixels)
     assert (second.former, second.num_outdated) == (None, 0)
 
 
@@ -278,7 +278,7 @@ def test_a_kill_between_any_two_steps(folder, output: OutputSpec, monkeypatch, s
     checkpoint = reopened(folder, output)
     assert 0 in checkpoint.records
     for number in checkpoint.records:
-        assert checkpoint.finished_frame(number).picture.png == png(number)
+        assert checkpoint.finished_frame(number).pictures[0].content == png(number)
     staging.remove_temporaries(folder)
     remove_checkpoint_frames(folder, output, NUMBERS)
     assert list(folder.iterdir()) == []

@@ -50,7 +50,7 @@ class Future:
     def result(self, timeout: float) -> Any:
         if self.error is not None:
             raise self.error
-        return b"", FrameRecord(self.number, 0.0, 1, 1, {}), {"device": "a device"}
+        return {0: b""}, FrameRecord(self.number, 0.0, 1, 1, {}), {"device": "a device"}
 
 
 class Cluster:

@@ -12,6 +12,7 @@ from processes import MARK, marked, new_mark
 
 from renderer.errors import HsplatError, InputError
 from renderer.film import Pixels, count_film_frames, decode_film, decode_known_film
+from renderer.scene import OutputSpec
 
 SIZE, NUM_FRAMES = (48, 32), 6
 COLORS = [(255, 0, 0), (0, 255, 0), (0, 0, 255), (200, 30, 90), (255, 255, 255), (128, 128, 128)]
@@ -33,7 +34,7 @@ def films(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def decode(path: Path, size: tuple[int, int] = SIZE, num_frames: int = NUM_FRAMES) -> Pixels:
     """Return all frames, [frame, h, w, 3]."""
-    with decode_known_film(path, size, num_frames) as frames:
+    with decode_known_film(OutputSpec(path, size), num_frames) as frames:
         return np.stack(list(frames))
 
 
@@ -152,6 +153,7 @@ def test_ffmpeg_ends_with_the_block(films: Path, monkeypatch: pytest.MonkeyPatch
         next(frames)
         assert len(marked(mark)) <= 1
     assert marked(mark) == set()
-    with pytest.raises(ZeroDivisionError), decode_known_film(films / f"film.{suffix}", SIZE, NUM_FRAMES) as frames:
+    output = OutputSpec(films / f"film.{suffix}", SIZE)
+    with pytest.raises(ZeroDivisionError), decode_known_film(output, NUM_FRAMES) as frames:
         [1 / 0 for _ in frames]
     assert marked(mark) == set()

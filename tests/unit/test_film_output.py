@@ -44,7 +44,7 @@ class WaitingStore(FrameStore):
             begins.set()
             if error is not None and number == NUM_FRAMES - 1:
                 raise error
-            yield DrawnFrame(FrameRecord(number, 0.0, 1, 1, {}), Picture(png=b""))
+            yield DrawnFrame(FrameRecord(number, 0.0, 1, 1, {}), {0: Picture(content=b"")})
 
 
 def write(folder: Path, error: BaseException | None = None, *, is_overlapped: bool) -> list[str]:

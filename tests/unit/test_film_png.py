@@ -5,9 +5,9 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 import pytest
-from png_files import noise
+from png_files import noise, open_film
 
-from renderer.film import Picture, encode_png, frame_path, open_film, png_chunks
+from renderer.film import encode_png, frame_path, png_chunks
 from renderer.scene import OutputSpec
 
 
@@ -20,9 +20,9 @@ def test_all_frames_get_their_names_together(tmp_path: Path) -> None:
     images = [noise(seed, 4, 6, 4) for seed in range(3)]
     frames = [2, 5, 11]
     paths = [tmp_path / "new" / "folder" / name for name in ("0002.png", "0005.png", "0011.png")]
-    with open_film(output, frames) as write:
+    with open_film(output) as write:
         for frame, image in zip(frames, images, strict=True):
-            write(frame, Picture(image))
+            write(frame, image)
             assert not any(path.exists() for path in paths)
     assert sorted(paths[0].parent.iterdir()) == paths
     for path, image in zip(paths, images, strict=True):

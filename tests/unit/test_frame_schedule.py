@@ -22,7 +22,7 @@ def test_results_are_in_order_and_few_frames_are_drawn_ahead() -> None:
         if len(started) == 1:
             assert first_ends.wait(60)
         time.sleep(0.002 * seconds())
-        return DrawnFrame(FrameRecord(number, 0.0, 1, 1, {}), Picture(png=b""))
+        return DrawnFrame(FrameRecord(number, 0.0, 1, 1, {}), {0: Picture(content=b"")})
 
     def check() -> int:
         assert len(started) <= num_yielded + 4 * num_workers

@@ -65,7 +65,7 @@ def stage() -> Stage:
 
 
 def pngs(stage: Stage, rasterizer: SplatRasterizer | RecoveringRasterizer) -> list[bytes]:
-    return [drawn.picture.png for drawn in draw_frames(stage, range(8), rasterizer, ScheduleController(stage))]
+    return [drawn.pictures[0].content for drawn in draw_frames(stage, range(8), rasterizer, ScheduleController(stage))]
 
 
 def test_the_film_is_the_same(stage: Stage, rasterizer: SplatRasterizer) -> None:

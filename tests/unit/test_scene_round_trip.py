@@ -36,6 +36,7 @@ from renderer.scene import (
     MetricTarget,
     ModeSpec,
     Motion,
+    OutputFile,
     OutputSpec,
     PathSequence,
     PlaneSpec,
@@ -109,7 +110,9 @@ SCENES = {
         camera=CameraSpec(RockerPath(9, 33.3, 0.1, -10.5, AXIS), target=(1.0, 2.0, 1 / 3)),
         error=ErrorSpec(goal=SplatBudget(scheduled((0, 1000), (8, 10_000)))),
         shading=ShadingSpec(occlusion=0.7, shadow=1 / 3, occlusion_radius=12.5),
-        output=OutputSpec(Path("a.mp4"), frames_per_second=12.5, background=(0.1, 0.2, 0.3), quality=3.3),
+        output=OutputSpec(
+            Path("a.mp4"), (512, 512), 12.5, (0.1, 0.2, 0.3), 3.3, codec="hevc", crf=9.5, pixel_format="yuv420p10"
+        ),
     ),
     "procedural": Scene(
         volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9), 7, SPACING), crop=(None, (1, 8), None)),
@@ -118,7 +121,14 @@ SCENES = {
         error=ErrorSpec(goal=MetricTarget("psnr", 30.1), probes=64),
         shading=ShadingSpec(0.1, 0.2, "camera", 0.3, 1000.0, True, ((0.0, 1 / 3), (1e9, 1.0))),
         clip=(ClipSpec(PlaneSpec(SPACING, AXIS), None, "camera", True), ClipSpec(None, (AXIS, (2.0, 1e-6, 1 / 3)))),
-        output=OutputSpec(Path("b/c.gif"), record_paths=False),
+        output=OutputSpec(
+            Path("b/c.gif"),
+            record_paths=False,
+            others=(
+                OutputFile(Path("a.webm"), (256, 256), 10.0, None, 3.0, "vp9", 12.0, "yuva420p", every=2),
+                OutputFile(Path("p.png"), background=((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), frame=1),
+            ),
+        ),
     ),
     "attenuation": replace(
         PLAIN,
@@ -212,7 +222,12 @@ def test_these_scenes_change_every_key() -> None:
             values = [getattr(part, field.name) for part in found if type(part) is cls]
             is_varied = field.default is MISSING or any(value != field.default for value in values)
             # An imported transfer function is read as control points, and recorded as these.
-            assert is_varied or field.name in ("version", "imported"), f"{cls.__name__}.{field.name}"
+            is_of_others = (cls, field.name) in _OF_OTHERS
+            assert is_varied or is_of_others or field.name in ("version", "imported"), f"{cls.__name__}.{field.name}"
+
+
+# The first output has every frame, and says for all whether paths are recorded.
+_OF_OTHERS = {(OutputSpec, "every"), (OutputSpec, "frame"), (OutputFile, "record_paths")}
 
 
 def spec_types(hint: Any) -> Iterator[type[Any]]:

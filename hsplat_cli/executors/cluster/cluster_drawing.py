@@ -104,10 +104,11 @@ class ClusterDrawing:
             worker, future, error = self._run(number)
             result = self._fetch(worker, future) if future and error is None else None
             if result is not None:
-                png, record, versions = result
+                contents, record, versions = result
                 if versions not in self._worker_versions:
                     self._worker_versions.append(versions)
-                return DrawnFrame(replace(record, device=versions["device"]), Picture(png=png))
+                pictures = {kind: Picture(content=content) for kind, content in contents.items()}
+                return DrawnFrame(replace(record, device=versions["device"]), pictures)
             losses.append(worker)
             self._redrawn.append(number)
             if error is None and len(losses) >= MAX_LOSSES:

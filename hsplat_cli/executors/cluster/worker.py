@@ -43,14 +43,14 @@ class SerializedStage:
     def __sizeof__(self) -> int:
         return self._content.nbytes
 
-    def draw(self, number: int, num_threads: int) -> tuple[bytes, FrameRecord, dict[str, Any]]:
+    def draw(self, number: int, num_threads: int) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
         """Draw a frame, after those that other threads have requested; returns what `draw_on_worker` does.
 
         num_threads: that draw it, unless LP_NUM_THREADS is set.
         """
         return self._thread.submit(self._draw, number, num_threads).result()
 
-    def _draw(self, number: int, num_threads: int) -> tuple[bytes, FrameRecord, dict[str, Any]]:
+    def _draw(self, number: int, num_threads: int) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
         if not self._rasterizers:
             os.environ.setdefault("LP_NUM_THREADS", str(num_threads))
             content = self._content if self._content.flags.writeable else self._content.copy()
@@ -63,8 +63,9 @@ class SerializedStage:
         except ContextLostError:
             self._rasterizers.pop().release()
             raise
-        drawn = drawn.measured()
-        return drawn.picture.png, drawn.record, self._versions
+        drawn = drawn.finished()
+        pictures = {kind: picture.content for kind, picture in drawn.pictures.items()}
+        return pictures, drawn.record, self._versions
 
 
 def _close(thread: ThreadPoolExecutor, rasterizers: list[Rasterizer]) -> None:
@@ -83,8 +84,8 @@ def describe_worker() -> dict[str, Any]:
 _sources_digest = functools.cache(sources_digest)
 
 
-def draw_on_worker(stage_data: SerializedStage, number: int) -> tuple[bytes, FrameRecord, dict[str, Any]]:
-    """Draw a frame; return its PNG file, its record for the sidecar, and by name the versions that made it."""
+def draw_on_worker(stage_data: SerializedStage, number: int) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
+    """Draw a frame; return its pictures' files, its record for the sidecar, and by name the versions that made it."""
     from distributed import get_worker
 
     return stage_data.draw(number, get_worker().state.nthreads)

@@ -26,7 +26,7 @@ import numpy as np
 
 from renderer.accuracy import FloatImage
 from renderer.errors import InputError, RenderError, require_package
-from renderer.scene import ClipSpec, Color, ModeSpec, PlaneSpec, Scene, ShadingSpec
+from renderer.scene import Background, ClipSpec, ModeSpec, PlaneSpec, Scene, ShadingSpec
 from renderer.study import FirstPass, Measurement, Setting, Truths
 from renderer.system import ChildProcesses, join_lines
 from renderer.transfer import TransferFunction, make_transfer_function
@@ -109,6 +109,8 @@ def _what_vtk_lacks(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "shading.gradient_opacity", "it multiplies opacities by factors, hsplat extinctions"
     if shading is not None and shading.has_light_grid:
         yield "shading", "it has neither this occlusion nor these shadows"
+    if len(scene.output.background or ()) == 2:
+        yield "output.background", "it has one colour"
     if scene.volumes:
         yield "volumes", "it would draw the first alone"
     if scene.volume.has_colors:
@@ -232,7 +234,7 @@ class Look:
     """A look that VTK draws a volume with. background: None is black. mode, shading: that `check_vtk` accepts."""
 
     transfer: TransferFunction
-    background: Color | None
+    background: Background
     mode: ModeSpec = field(default_factory=ModeSpec)
     shading: ShadingSpec | None = None
 

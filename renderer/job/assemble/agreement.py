@@ -11,11 +11,19 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import Problem
-from renderer.film import bytes_digest, consecutive_ranges, png_shape
+from renderer.film import bytes_digest, consecutive_ranges, picture_layout
 from renderer.job.assemble.parts import Part
 from renderer.job.fingerprint import differences
 from renderer.job.record import FrameRecord
-from renderer.scene import FRAME_FIELD, first_few, format_value, schedule_to_dict, without_sources
+from renderer.scene import (
+    FRAME_FIELD,
+    PictureKind,
+    first_few,
+    first_output,
+    format_value,
+    schedule_to_dict,
+    without_sources,
+)
 from renderer.system import join_lines
 
 _MAX_SHOWN = 4
@@ -56,7 +64,7 @@ def _film_identity(part: Part) -> dict[str, Any]:
     """Return what all parts of a film share: what pixels depend on, except the machine, and the encoding."""
     recorded = part.record.scene
     scene = without_sources(recorded)
-    output = {key: value for key, value in recorded["output"].items() if key not in ("file", "record_paths")}
+    output = {key: value for key, value in first_output(recorded).items() if key not in ("file", "record_paths")}
     left_out = ("tolerance", "probes") if part.has_goal else ("probes",)
     error = {key: value for key, value in recorded["error"].items() if key not in left_out}
     return {
@@ -121,23 +129,20 @@ def _command(part: Part, start: int, stop: int) -> str:
         words += ["--set", "error.tolerance=null", "--set", f"error.{name}={json.dumps(value)}"]
     template = part.template
     if not FRAME_FIELD.search(template.name):
-        template = template.with_name(f"{template.stem}-{{frame:04}}.png")
+        template = template.with_name(f"{template.stem}-{{frame:04}}{template.suffix}")
     return shlex.join([*words, "--frames", f"{start}:{stop}", "--output", str(template)])
 
 
 # Unchanged
 
 
-def file_problems(picked: Sequence[PickedFrame], shape: tuple[int, int, int]) -> Iterator[Problem]:
-    """Yield a problem for each picture that is missing or was changed since it was drawn.
-
-    shape: the expected (height, width, channels).
-    """
+def file_problems(picked: Sequence[PickedFrame], kind: PictureKind) -> Iterator[Problem]:
+    """Yield a problem for each picture that is missing, or was changed since it was drawn. kind: as expected."""
     missing: dict[Path, list[PickedFrame]] = {}
     by_digest = {frame.record.digest: frame.number for frame in picked}
     for frame in picked:
         try:
-            why = _picture_problem(frame.file.read_bytes(), frame, shape, by_digest)
+            why = _picture_problem(frame.file.read_bytes(), frame, kind, by_digest)
         except OSError:
             missing.setdefault(frame.part.path, []).append(frame)
             continue
@@ -155,15 +160,17 @@ def file_problems(picked: Sequence[PickedFrame], shape: tuple[int, int, int]) ->
 
 
 def _picture_problem(
-    content: bytes, frame: PickedFrame, shape: tuple[int, int, int], by_digest: Mapping[str | None, int]
+    content: bytes, frame: PickedFrame, kind: PictureKind, by_digest: Mapping[str | None, int]
 ) -> str | None:
     """Return what is wrong with a picture, or None."""
     try:
-        found = png_shape(content)
+        found, depth = picture_layout(content)
     except ValueError as error:
         return f"a file that is {error}"
-    if found != shape:
-        return f"{_size(found)}, not {_size(shape)}"
+    if found != kind.shape:
+        return f"{_size(found)}, not {_size(kind.shape)}"
+    if depth != kind.depth:
+        return f"{depth} bits a channel, not {kind.depth}"
     digest = bytes_digest(content)
     if frame.record.digest == digest:
         return None

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.film import picture_shape, sidecar_path_of_file
+from renderer.film import sidecar_path_of_file
 from renderer.job.assemble.agreement import PickedFrame, file_problems, film_problems, pick_frames
 from renderer.job.assemble.merged_record import merged_record, parts_fingerprint, parts_of
 from renderer.job.assemble.parts import Part
@@ -43,7 +43,7 @@ def assemble_film(
         if existing is not None:
             events.note(f"{output.file} is up to date; --force assembles it again")
             return FinishedFilm(output.file, sidecar, existing.keep(film))
-        raise_problems([*problems, *file_problems(picked, picture_shape(output))])
+        raise_problems([*problems, *file_problems(picked, output.kind)])
         record = _write(picked, fingerprint, film, start, events)
     summary = f"{counted(len(picked), 'frame')} of {counted(len(parts_of(picked)), 'part')}"
     if record.accuracy is not None:
@@ -80,7 +80,7 @@ def _write(
 ) -> FilmRecord:
     """Encode the film from the pictures, or copy them to the names of the output, and write the sidecar."""
     files = {frame.number: frame.file for frame in picked}
-    store = FrameStore(film.spec, {frame.number: frame.record for frame in picked}, files.__getitem__)
+    store = FrameStore(film.spec, {frame.number: frame.record for frame in picked}, lambda number, _: files[number])
     with deferrable_interrupts() as defer_interrupts:
         film.write_frames(store, iter(()), film.spec.file.name, events, defer_interrupts, is_overlapped=True)
         record = merged_record(picked, film.spec, time.perf_counter() - start)

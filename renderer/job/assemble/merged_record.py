@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import chain
 from typing import Any
 
-from renderer.film import data_digest, film_notes, has_frame_files
+from renderer.film import data_digest, film_notes
 from renderer.job.assemble.agreement import PickedFrame, error_without_schedule
 from renderer.job.assemble.parts import Part
 from renderer.job.film_accuracy import film_accuracy
@@ -15,7 +15,14 @@ from renderer.job.film_visibility import film_visibility
 from renderer.job.fingerprint import fingerprint_of
 from renderer.job.make_record import visibility_notes
 from renderer.job.record import FilmFingerprint, FilmRecord, PartRecord, ScheduleRecord, min_max
-from renderer.scene import ErrorSpec, OutputSpec, is_film_wide_goal, schedule_from_tolerances, schedule_to_dict
+from renderer.scene import (
+    ErrorSpec,
+    OutputSpec,
+    is_film_wide_goal,
+    schedule_from_tolerances,
+    schedule_to_dict,
+    spec_to_dict,
+)
 from renderer.system import package_versions, sources_digest
 
 
@@ -97,20 +104,19 @@ def parts_fingerprint(picked: Sequence[PickedFrame], output: OutputSpec) -> Film
         return None
     fingerprint = fingerprint_of(first.depends_on, output)
     now = {"versions": package_versions(), "sources": sources_digest()}
-    if has_frame_files(output) or now == {key: first.depends_on.get(key) for key in now}:
+    if all(each.is_frames for each in output.files) or now == {key: first.depends_on.get(key) for key in now}:
         return fingerprint
     return replace(fingerprint, encoding={**fingerprint.encoding, **now})
 
 
 def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
     part = picked[0].part
-    scene, keys = part.record.scene, ("frames_per_second", "quality", "record_paths")
-    recorded = {**scene["output"], "file": str(output.file), **{key: getattr(output, key) for key in keys}}
+    scene = part.record.scene
     error = scene["error"]
     if part.has_goal:
         found = ErrorSpec(schedule_from_tolerances({frame.number: frame.record.tolerance for frame in picked}))
         error = {**schedule_to_dict(found), **error_without_schedule(part)}
-    return {**scene, "output": recorded, "error": error}
+    return {**scene, "output": spec_to_dict(output), "error": error}
 
 
 def _part_record(part: Part, picked: Sequence[PickedFrame]) -> PartRecord:

@@ -12,7 +12,16 @@ from renderer.errors import InputError, Problem, SceneError
 from renderer.film import film_path_of_sidecar, frame_path
 from renderer.job.inputs import expand_pattern
 from renderer.job.record import FilmRecord, late_frame_problems, parse_film_record
-from renderer.scene import CAMERA_FIELD, OUTPUT_FILE_FIELD, raise_problems, read_content, schema
+from renderer.scene import (
+    CAMERA_FIELD,
+    FRAME_SUFFIXES,
+    OUTPUT_FILE_FIELD,
+    first_output,
+    output_suffix,
+    raise_problems,
+    read_content,
+    schema,
+)
 
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 
@@ -98,13 +107,12 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
     wrong = [*_scene_problems(record), *_digest_problems(record, path)]
     problems.extend(replace(problem, location=str(path)) for problem in wrong)
     if not wrong:
-        yield Part(path, record, film_path_of_sidecar(path, Path(record.scene["output"]["file"])))
+        yield Part(path, record, film_path_of_sidecar(path, Path(first_output(record.scene)["file"])))
 
 
 def _has_frames(record: FilmRecord) -> bool:
-    output = record.scene.get("output")
-    file = output.get("file") if isinstance(output, dict) else None
-    return isinstance(file, str) and file.lower().endswith(".png")
+    file = first_output(record.scene).get("file")
+    return isinstance(file, str) and output_suffix(file) in FRAME_SUFFIXES
 
 
 def problem_of(error: InputError, place: str) -> Problem:
@@ -124,6 +132,7 @@ def _scene_problems(record: FilmRecord) -> list[Problem]:
     """Return what is wrong with what a film of parts takes from the recorded scene."""
     problems: list[Problem] = []
     node = schema.TreeNode(record.scene, "scene", problems, film=schema.FilmTime(None, 1.0))
+    node = replace(node, value={**record.scene, "output": first_output(record.scene)})
     table = {"output": _known({"file": OUTPUT_FILE_FIELD}), "camera": CAMERA_FIELD, "error": schema.MAPPING_FIELD}
     found = _known(table).read(node)
     return problems or late_frame_problems(record, found["camera"].num_frames)

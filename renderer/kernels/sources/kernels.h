@@ -469,7 +469,7 @@ KERNEL(draw_extremes, DrawExtremes)
 
 struct Quantize {
     Sized<const float, 3, 4> image;
-    float background[3];
+    Sized<const float, 2, 3> background;  // of each row
     Array<uint8_t, 3> result;
 };
 KERNEL(quantize, Quantize)

@@ -1,0 +1,48 @@
+"""Encode float pictures as OpenEXR files, and decode them, with the package OpenEXR."""
+
+from __future__ import annotations
+
+import io
+from types import ModuleType
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import InputError
+
+EXR_BEGIN = b"v/1\x01"
+# What the numbers mean stands in the header, because EXR files of other programs are scene-linear.
+_COMMENTS = (
+    "hsplat: display-referred colours as composited, 1 is white, neither rounded nor clipped; not scene-linear. "
+    "Alpha, where there is one, is 1 minus transmittance, and colours are multiplied by it."
+)
+
+
+def encode_exr(image: npt.NDArray[np.float32]) -> bytes:
+    """Return an EXR file of `image`, float32 [h, w, 3] or, premultiplied, [h, w, 4]."""
+    openexr, stream = require_openexr(), io.BytesIO()
+    header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage, "comments": _COMMENTS}
+    openexr.File(header, {"RGB" if image.shape[2] == 3 else "RGBA": np.ascontiguousarray(image)}).write(stream)
+    return stream.getvalue()
+
+
+def decode_exr(content: bytes) -> npt.NDArray[np.float32]:
+    """Return the picture in a file from `encode_exr`. Raises ValueError with the reason."""
+    try:
+        file = require_openexr().File(io.BytesIO(content))
+        image = next(iter(file.channels().values())).pixels
+    except (RuntimeError, ValueError, StopIteration) as error:
+        raise ValueError("damaged") from error
+    if image.dtype != np.float32 or image.ndim != 3 or image.shape[2] not in (3, 4):
+        raise ValueError("not of floats in RGB or RGBA")
+    return np.asarray(image)
+
+
+def require_openexr() -> ModuleType:
+    """Return the package. Raises InputError if it is not installed."""
+    try:
+        import OpenEXR
+    except ImportError as error:
+        raise InputError("EXR frames need the package OpenEXR", hint="pip install 'hsplat[exr]'") from error
+    module: ModuleType = OpenEXR
+    return module

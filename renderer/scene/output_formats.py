@@ -1,0 +1,167 @@
+"""The formats of pictures and films: the one table that knows their suffixes, encoders, alpha, bit depths and limits.
+
+All films are written and read by ffmpeg, whose names and options these are. A new format is an entry here.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Literal
+
+# x264's and x265's outputs depend on the number of threads, which by default is the number of cores.
+_THREADS = ("-threads", "4")
+# x264's defaults keep the look of grain, which renderings do not have, at the cost of exact pixels. With these, films
+# are some 0.5 dB closer to their frames at equal size (docs/benchmarks/encoding.md). Without any adaptive quantisation
+# (AQ) it would be more, but black backgrounds would be lit in places at a low quality.
+_X264_PARAMS = "psy=0:aq-strength=0.7:chroma-qp-offset=-4"
+
+
+_X265_PARAMS = "log-level=error:pools=4:frame-threads=1:psy-rd=0:psy-rdoq=0"
+
+
+@dataclass(frozen=True)
+class Codec:
+    """An encoder of ffmpeg, and how it is used.
+
+    pixel_formats: for opaque pictures; the first is the default. with_alpha: the same for transparent ones, if it can.
+    crf: the constant rate factor at quality 0, and by how much it falls with each step of quality; None without one.
+    kept_psnr: what films typically keep of their frames at quality 8, in decibels, and with each step of quality
+        (docs/benchmarks/encoding.md). has_percent_quality: its quality is ten times that of the scene.
+    decoder: of its films, if not ffmpeg's first choice.
+    """
+
+    encoder: str
+    pixel_formats: tuple[str, ...]
+    kept_psnr: tuple[float, float]
+    options: tuple[str, ...] = ()
+    with_alpha: tuple[str, ...] = ()
+    crf: tuple[float, float] | None = None
+    has_percent_quality: bool = False
+    decoder: str | None = None
+
+    def pixel_formats_of(self, *, is_transparent: bool) -> tuple[str, ...]:
+        """Return those that have alpha, or those that have none."""
+        return self.with_alpha if is_transparent else self.pixel_formats
+
+
+_H264 = Codec(
+    "libx264", ("yuv420p", "yuv444p"), (44.5, 1.4), ("-preset", "medium", *_THREADS, "-x264-params", _X264_PARAMS),
+    crf=(40, 3),
+)  # fmt: skip
+_HEVC = Codec(
+    "libx265", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.4),
+    ("-preset", "medium", "-x265-params", _X265_PARAMS, "-tag:v", "hvc1"),
+    ("yuva420p",), (40, 3),
+)  # fmt: skip
+_VP9 = Codec(
+    "libvpx-vp9", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.4),
+    ("-b:v", "0", "-deadline", "good", "-cpu-used", "2", "-row-mt", "1", *_THREADS), ("yuva420p",), (60, 5),
+    decoder="libvpx-vp9",
+)  # fmt: skip
+_AV1 = Codec(
+    "libaom-av1", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.4),
+    ("-cpu-used", "6", "-row-mt", "1", *_THREADS), crf=(60, 5),
+)  # fmt: skip
+_STILL_AV1 = Codec("libaom-av1", ("yuv444p", "yuv420p"), (44.5, 1.4), _AV1.options, ("yuva444p", "yuva420p"), _AV1.crf)
+_PRORES = Codec(
+    "prores_ks", ("yuv444p10",), (60.0, 0.0), ("-profile:v", "4", "-vendor", "apl0", "-alpha_bits", "16"),
+    ("yuva444p10",),
+)  # fmt: skip
+_GIF = Codec("gif", ("pal8",), (49.0, 0.0))
+_WEBP = Codec("libwebp_anim", ("yuv420p",), (42.0, 1.0), with_alpha=("yuva420p",), has_percent_quality=True)
+_LOSSLESS_WEBP = Codec("libwebp_anim", ("bgra",), (100.0, 0.0), ("-lossless", "1"), ("bgra",))
+_APNG = Codec("apng", ("rgb24",), (100.0, 0.0), with_alpha=("rgba",))
+
+
+@dataclass(frozen=True)
+class OutputFormat:
+    """A format of pictures or films.
+
+    name: with its article. codecs: by their names in scenes, the first is the default; none where each frame is a file.
+    pixel_formats: of frames in files. begins: how a file begins; ends: its last bytes.
+    muxer, demuxer: of ffmpeg, the first with its options. filters: from pictures to what the encoder takes: colours of
+        video in their `limited` or the `full` range, or a `palette`, or as they are. has_alpha_plane: alpha is a film
+        of its own in the file. max_rate: of frames a second; ticks_per_second: delays are a whole number of them.
+    """
+
+    name: str
+    media_type: str
+    begins: re.Pattern[bytes]
+    codecs: Mapping[str, Codec] = field(default_factory=dict)
+    pixel_formats: tuple[str, ...] = ()
+    muxer: tuple[str, ...] = ()
+    demuxer: str = ""
+    filters: Literal["limited", "full", "palette", ""] = "limited"
+    has_alpha_plane: bool = False
+    ends: bytes = b""
+    max_rate: float | None = None
+    ticks_per_second: int | None = None
+
+    @property
+    def is_frames(self) -> bool:
+        """Return whether each frame is a separate file, which exists as soon as it is drawn."""
+        return not self.codecs
+
+    @property
+    def has_alpha(self) -> bool:
+        """Return whether its pictures may be transparent, with the encoder that it has by default."""
+        return self.is_frames or bool(next(iter(self.codecs.values())).with_alpha)
+
+
+_ISO_FILE, _PNG_FILE = re.compile(rb"....ftyp", re.DOTALL), re.compile(rb"\x89PNG\r\n\x1a\n")
+_ISO_OPTIONS = ("-movflags", "+faststart")
+
+FORMATS: Mapping[str, OutputFormat] = {
+    ".mp4": OutputFormat(
+        "an MP4", "video/mp4", _ISO_FILE, {"h264": _H264, "hevc": _HEVC, "av1": _AV1},
+        muxer=(*_ISO_OPTIONS, "-f", "mp4"), demuxer="mov",
+    ),
+    ".webm": OutputFormat(
+        "a WebM", "video/webm", re.compile(rb"\x1aE\xdf\xa3"), {"vp9": _VP9, "av1": _AV1},
+        muxer=("-f", "webm"), demuxer="matroska",
+    ),
+    ".mov": OutputFormat(
+        "a MOV", "video/quicktime", _ISO_FILE, {"prores": _PRORES, "hevc": _HEVC, "h264": _H264},
+        muxer=(*_ISO_OPTIONS, "-f", "mov"), demuxer="mov",
+    ),
+    # A GIF's delay is a whole number of centiseconds, and browsers show a delay of 1 as 10.
+    ".gif": OutputFormat(
+        "a GIF", "image/gif", re.compile(rb"GIF8[79]a"), {"gif": _GIF}, muxer=("-loop", "0", "-f", "gif"),
+        demuxer="gif", filters="palette", ends=b";", max_rate=50, ticks_per_second=100,
+    ),
+    ".webp": OutputFormat(
+        "a WebP", "image/webp", re.compile(rb"RIFF....WEBP", re.DOTALL), {"webp": _WEBP, "lossless": _LOSSLESS_WEBP},
+        muxer=("-loop", "0", "-f", "webp"), demuxer="webp_anim", filters="",
+    ),
+    ".apng": OutputFormat(
+        "an APNG", "image/apng", _PNG_FILE, {"apng": _APNG}, muxer=("-plays", "0", "-f", "apng"), demuxer="apng",
+        filters="",
+    ),
+    ".avif": OutputFormat(
+        "an AVIF", "image/avif", _ISO_FILE, {"av1": _STILL_AV1}, muxer=("-f", "avif"), demuxer="mov", filters="full",
+        has_alpha_plane=True,
+    ),
+    ".png": OutputFormat("PNG frames", "image/png", _PNG_FILE, pixel_formats=("rgb24", "rgb48")),
+    ".exr": OutputFormat("EXR frames", "image/x-exr", re.compile(rb"v/1\x01"), pixel_formats=("float",)),
+}  # fmt: skip
+
+FILM_SUFFIXES = tuple(suffix for suffix, each in FORMATS.items() if not each.is_frames)
+FRAME_SUFFIXES = tuple(suffix for suffix, each in FORMATS.items() if each.is_frames)
+
+
+def output_suffix(file: PurePath | str) -> str:
+    """Return the suffix by which a file's format is known; it may be none that exists."""
+    return PurePath(file).suffix.lower()
+
+
+def format_of(file: PurePath | str) -> OutputFormat:
+    """Return the format of a file. Raises KeyError for one that does not exist."""
+    return FORMATS[output_suffix(file)]
+
+
+def suffix_words(suffixes: Sequence[str] = FILM_SUFFIXES) -> str:
+    """Return `.mp4, .webm or .gif`."""
+    return f"{', '.join(suffixes[:-1])} or {suffixes[-1]}"
