@@ -47,6 +47,7 @@ _UNITS_OF_TAG = {2: "inch", 3: "cm"}
 _MM_PER_UNIT = {2: 25.4, 3: 10.0}
 # Pixels per inch that programs write for screens and printers, or for want of anything else.
 _NO_SIZES = (1, 72, 96, 300)
+_MICRON = unicodedata.normalize("NFKC", "µm")
 
 
 def find_spacing(first: Any) -> tuple[list[float], str, str | None]:
@@ -119,7 +120,7 @@ def _imagej_spacing(description: str, sizes: list[float | None], tag: int | None
         tag = 2  # as TIFF has it
     per = _UNITS_OF_TAG.get(tag or 0, "")
     x, y = sizes
-    if not others and per == "cm" and unit == "µm":
+    if not others and per == "cm" and unit == _MICRON:
         return [x and x * 1e4, y and y * 1e4, z], unit
     if others or (per and unit not in ("", per)):
         raise InputError(
@@ -137,7 +138,7 @@ def _imagej_unit(description: str, key: str) -> str:
     """Return the unit of an ImageJ line, by one name for all spellings; empty for pixels and for no unit."""
     found = re.search(rf"^{key}=(.*)$", description, re.M)
     text = re.sub(r"\\u([0-9a-fA-F]{4})", lambda code: chr(int(code[1], 16)), found[1]) if found else ""
-    return one_spelling(text.replace("\ufffdm", "µm"))
+    return unicodedata.normalize("NFKC", one_spelling(text.replace("\ufffdm", "µm")))
 
 
 def _ome_spacing(description: str) -> tuple[list[float | None], str]:
