@@ -82,7 +82,7 @@ BODY = {"space": "left-posterior-superior", "space_directions": np.eye(3)}
         ("a.nrrd", header_of_nrrd(**BODY, space_units=["um"] * 3, sample_units="g/cm^3"), ("µm", "LPS", "g/cm^3")),
         ("a.nrrd", header_of_nrrd(space="scanner-xyz", space_directions=np.eye(3)), NOTHING),
         ("a.nrrd", header_of_nrrd(spacings=[1, 1, 2], units=["nm"] * 3), ("nm", "", "")),
-        ("a.nrrd", header_of_nrrd(**BODY, space_units=["mm", "mm", "s"], sample_units="far too long"+"!"), ("", "LPS", "")),
+        ("a.nrrd", header_of_nrrd(**BODY, space_units=["mm", "m", "s"], sample_units="13_characters"), ("", "LPS", "")),
         ("a.mha", metaimage("DistanceUnits = um", "AnatomicalOrientation = LAS"), ("µm", "LPS", "")),
         ("a.mha", metaimage("DistanceUnits = ?", "AnatomicalOrientation = RAI"), NOTHING),
         ("a.dcm", dicom(**PLACE, **HOUNSFIELD), ("mm", "LPS", "HU")),
