@@ -124,6 +124,9 @@ def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> di
         "without_data": volume.num_absent,
         "spacing": spacing.tolist(),
         "replaced_spacing": volume.file_spacing and list(volume.file_spacing),
+        "length_unit": volume.length_unit,
+        "world_axes": volume.world_axes,
+        "value_unit": volume.value_unit,
         "world_size": (spacing * volume.shape_xyz).tolist(),
         "origin": volume.world_from_index[:3, 3].tolist(),
         "direction": describe_direction(axes),
@@ -197,23 +200,26 @@ def _numbers(values: list[float], between: str = ", ") -> str:
 def _fact_lines(facts: dict[str, Any], marks: str) -> list[str]:
     file_spacing = facts["replaced_spacing"]
     replaced = "" if file_spacing is None else f", in place of {_numbers(file_spacing, ' x ')}"
+    length, value = (f" {unit}" * bool(unit) for unit in (facts["length_unit"], facts["value_unit"]))
     lines = [
         facts["name"],
         f"  shape        {_numbers(facts['shape'], ' x ')} voxels (x, y, z)",
         f"  type         {facts['dtype']}, {_memory_text(facts['bytes'])}"
         + (", which stay in the file" if facts["stays_in_file"] else " in memory"),
-        f"  spacing      {_numbers(facts['spacing'], ' x ')}{replaced}",
-        f"  world size   {_numbers(facts['world_size'], ' x ')}",
+        f"  spacing      {_numbers(facts['spacing'], ' x ')}{length}{replaced}",
+        f"  world size   {_numbers(facts['world_size'], ' x ')}{length}",
         f"  origin       {_numbers(facts['origin'])} (centre of the first voxel)",
         f"  direction    {facts['direction']}",
-        *([f"  time         {_time_text(facts['time'])}"] if facts["time"] else []),
     ]
     if not facts["direction"].startswith("axis-aligned"):
         lines += [
             f"               [{'  '.join(f'{value:8.5f}' for value in row)}]" for row in facts["direction_matrix"]
         ]
+    low, high, mean = (_number(facts[key]) for key in ("minimum", "maximum", "mean"))
     lines += [
-        f"  values       {_number(facts['minimum'])} to {_number(facts['maximum'])}, mean {_number(facts['mean'])}",
+        *(["  world axes   to the left, to the back and up in a body (LPS)"] if facts["world_axes"] else []),
+        *([f"  time         {_time_text(facts['time'])}"] if facts["time"] else []),
+        f"  values       {low} to {high}{value}, mean {mean}",
         "  percentiles  " + "   ".join(f"{p}%: {_number(value)}" for p, value in facts["percentiles"].items()),
         f"  fingerprint  {facts['fingerprint']}",
         *(f"{'' if k else '  channels':<14} {_channel(k, each)}" for k, each in enumerate(facts["channels"])),

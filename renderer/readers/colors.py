@@ -53,7 +53,8 @@ def join_colors(first: Image, component: str, read: Callable[[int], Image]) -> t
     if not np.isnan(scalars).any():
         scalars = scalars.astype(np.uint8, copy=False)
     note = None if is_byte else f"colours of {first.values.dtype.name} become 8 bits: {white} is 255"
-    return replace(first, values=scalars, notes=(*first.notes, note), nodata=()), colors
+    units = first.units._replace(value_unit="")
+    return replace(first, values=scalars, notes=(*first.notes, note), nodata=(), units=units), colors
 
 
 def _white_of(parts: list[Array]) -> int:

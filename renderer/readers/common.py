@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from renderer.errors import InputError
 from renderer.readers.steps_in_time import TimeSteps
+from renderer.readers.units import Units
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, join_some, missing_file_error, short_text
 from renderer.system import free_bytes, free_swap_bytes
 from renderer.volume import Array, Channel, Float64, Label, MappedFile, iter_slabs
@@ -57,6 +58,7 @@ class Image:
     channels: of each component, where there are several.
     labels: those that the file describes, by value.
     steps: all that it has in time.
+    units: of its lengths and values, and its axes.
     """
 
     values: Array
@@ -66,6 +68,7 @@ class Image:
     channels: tuple[Channel, ...] = ()
     labels: tuple[Label, ...] = ()
     steps: TimeSteps = field(default=TimeSteps())
+    units: Units = field(default=Units())
 
 
 def describe_count(n: int) -> str:

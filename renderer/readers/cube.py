@@ -18,6 +18,7 @@ from renderer.errors import InputError
 from renderer.readers.common import Image, affine, choice_notes, plain_channels
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field
+from renderer.readers.units import units_of
 
 # No molecule has as many atoms.
 _MAX_LINES = 2**17
@@ -54,7 +55,9 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
     notes = (left_over, *choice_notes("sssc", layout.shape, time, component))
     world_from_index = affine(np.ones(3), origin, np.transpose([step[1:] for step in steps]))
     channels = plain_channels("sssc", layout.shape)
-    return Image(values.transpose(2, 1, 0), world_from_index, notes, channels=channels)
+    are_bohr = {n > 0 for n in counts[1:]}
+    units = units_of({True: "bohr", False: "Å"}[are_bohr.pop()] if len(are_bohr) == 1 else "")
+    return Image(values.transpose(2, 1, 0), world_from_index, notes, channels=channels, units=units)
 
 
 def _lines(file: IO[bytes], path: Path) -> Iterator[Field]:

@@ -59,7 +59,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     notes += choice_notes("tc", shape, time, component, colours, by_axis)
     channels = plain_channels("tc", shape, colours)
     world_from_index, steps = affine(np.ones(3), first.position, axes), times_of(volumes)
-    return Image(values, world_from_index, notes, nodata, channels, steps=steps)
+    return Image(values, world_from_index, notes, nodata, channels, steps=steps, units=first.units)
 
 
 def _read_values(frames: list[Frame], channel: int, host: Host) -> tuple[Array, tuple[tuple[float, float], ...]]:

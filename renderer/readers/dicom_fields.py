@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from renderer.errors import InputError
+from renderer.readers.units import Units, units_of
 
 # A pydicom.Dataset.
 Dataset = Any
@@ -67,6 +68,8 @@ CLOCKS = {
     **dict.fromkeys(("NominalCardiacTriggerDelayTime", "TriggerTime", "FrameReferenceTime"), ("ms", False)),
     **dict.fromkeys(("FrameAcquisitionDateTime", "AcquisitionDateTime", "AcquisitionTime"), ("s", True)),
 }
+# Of values, they say that there is none, or not which.
+_NO_UNITS = ("", "US", "NONE", "NORMALIZED", "RELATIVE")
 _CLOCK = re.compile(r"(?:[0-9]{8})?([0-9]{2})([0-9]{2})([0-9]{2}(?:\.[0-9]+)?)(?:[+-][0-9]{4})?\s*")
 # Vectors of nuclear medicine have a number for each frame.
 _VECTORS = (
@@ -194,6 +197,21 @@ def times_in(fields: Sequence[Dataset]) -> dict[str, float]:
         times[keyword] = [60 * (60 * int(clock[1]) + int(clock[2])) + float(clock[3])] if clock else []
         times[keyword] += [] if is_clock else _numbers_in(text)
     return {keyword: found[0] for keyword, found in times.items() if found}
+
+
+def units_in(fields: Sequence[Dataset]) -> Units:
+    """Return the units of a frame: mm, in axes of the patient where it has a place there; values as rescaled.
+
+    Without a type, those of CT are HU. The axes of quadrupeds have other names.
+    """
+    place = (("ImagePositionPatient", 3), ("ImageOrientationPatient", 6))
+    is_patient = all(len(numbers_of(fields, keyword)) == count for keyword, count in place)
+    is_patient &= text_of(fields, "AnatomicalOrientationType") != "QUADRUPED"
+    given = [text_of(fields, keyword).strip() for keyword in ("RescaleType", "Units", "DoseUnits")]
+    if not any(given) and text_of(fields, "Modality") == "CT" and text_of(fields, "RescaleIntercept"):
+        given = ["HU"]
+    value = next((text for text in given if text.upper() not in _NO_UNITS), "")
+    return units_of("mm", "LPS" * is_patient, value)
 
 
 def declared_dimensions(dataset: Dataset) -> list[Dimension]:

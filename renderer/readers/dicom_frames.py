@@ -27,9 +27,11 @@ from renderer.readers.dicom_fields import (
     open_dicom,
     text_of,
     times_in,
+    units_in,
     unreadable_slice,
     vectors_of,
 )
+from renderer.readers.units import Units
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
@@ -54,6 +56,7 @@ class Frame:
         normal, if the file gives it; else 1. padding: the ends of the stored values that stand for no data.
     marks: what tells it from other frames at its place. corner: the pixel across and down where it begins in the
         stored frame. notes: remarks on how it was read; None stands for none. times: when it was taken, by keywords.
+    units: of its lengths and values.
     """
 
     file: Path
@@ -72,6 +75,7 @@ class Frame:
     corner: tuple[int, int] = (0, 0)
     notes: tuple[str | None, ...] = ()
     times: dict[str, float] = field(default_factory=dict)
+    units: Units = field(default=Units())
 
     @property
     def label(self) -> str:
@@ -166,7 +170,7 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
         marks |= {_FRAME_NUMBER: ([number], "")} if count > 1 else {}
         across, down, thickness = row * pair[1], column * pair[0], abs(between)
         frame = Frame(path, number, size, num_samples, slope, intercept, dtype, position, across, down, thickness)
-        frames.append(replace(frame, padding=padding, marks=marks, times=times_in(fields)))
+        frames.append(replace(frame, padding=padding, marks=marks, times=times_in(fields), units=units_in(fields)))
     return frames
 
 

@@ -30,6 +30,7 @@ from renderer.readers.common import (
     plain_steps,
 )
 from renderer.readers.isolation import Host, allocate_voxels
+from renderer.readers.units import units_of
 from renderer.scene import did_you_mean, join_some, short_text
 from renderer.volume import Array, Float64
 
@@ -87,11 +88,13 @@ def read_hdf5(
             for plane in values:
                 plane[...] = _unpacked(plane, *packing)
         nodata = tuple(_nodata(chosen, *packing))
-        world_from_index, notes = _place(chosen, own, axes, has_spacing_override)
+        world_from_index, length, notes = _place(chosen, own, axes, has_spacing_override)
+        units = units_of(length, value=_text(chosen, "units"))
         found = f"the only volume in this file, {short_text(chosen.name)}, is read" if dataset is None else None
         chosen_notes = choice_notes(axes, chosen.shape, time, component)
         channels, steps = plain_channels(axes, chosen.shape), plain_steps(axes, chosen.shape)
-    return Image(values, world_from_index, (found, *notes, *chosen_notes), nodata, channels, steps=steps)
+    all_notes = (found, *notes, *chosen_notes)
+    return Image(values, world_from_index, all_notes, nodata, channels, steps=steps, units=units)
 
 
 def _packing(dataset: _Dataset) -> tuple[np.dtype[Any], tuple[float, float, float]]:
@@ -261,8 +264,11 @@ def _letters(own: list[_Axis], time: int | None, component: int | None) -> str:
     return "".join(letters)
 
 
-def _place(dataset: _Dataset, own: list[_Axis], axes: str, has_spacing_override: bool) -> tuple[Float64, list[str]]:
-    """Return the affine, float64 [4, 4], by coordinates or the attribute `element_size_um`, and notes."""
+def _place(
+    dataset: _Dataset, own: list[_Axis], axes: str, has_spacing_override: bool
+) -> tuple[Float64, str, list[str]]:
+    """Return the affine, float64 [4, 4], by coordinates or the attribute `element_size_um`, the unit that all of its
+    lengths have, and notes."""
     space = [axis for axis, letter in zip(own, axes, strict=True) if letter == "s"][::-1]
     origin, spacing, units = np.zeros(3), np.ones(3), dict[str, str]()
     ways = "".join(axis.way for axis in space)
@@ -288,7 +294,7 @@ def _place(dataset: _Dataset, own: list[_Axis], axes: str, has_spacing_override:
         origin[column], spacing[column] = np.array(even or (0.0, 1.0)) * factor
     sizes = _numbers(dataset, "element_size_um")
     if not units and len(sizes) == len(space) == 3:
-        return affine(sizes[::-1], origin, direction), []
+        return affine(sizes[::-1], origin, direction), "µm", []
     notes = [NO_SPACING] * (not units)
     if 0 < len(units) < len(space):
         missing = ", ".join(axis for axis in sorted(ways[: len(space)]) if axis not in units)
@@ -297,4 +303,5 @@ def _place(dataset: _Dataset, own: list[_Axis], axes: str, has_spacing_override:
         each = ", ".join(f"{axis} in {unit or 'no unit'}" for axis, unit in units.items())
         notes.append(f"coordinates differ in their units, and are drawn as numbers ({short_text(each)}); "
                      "`spacing: [x, y, z]` gives other lengths")  # fmt: skip
-    return affine(spacing, direction @ origin, direction), notes
+    is_one = len(units) == len(space) and len({*units.values()}) == 1
+    return affine(spacing, direction @ origin, direction), {*units.values()}.pop() if is_one else "", notes

@@ -27,6 +27,7 @@ import numpy.typing as npt
 from renderer.errors import InputError, RenderError
 from renderer.readers.common import Image, check_dtype, check_memory, check_size, errors_about
 from renderer.readers.steps_in_time import TimeSteps
+from renderer.readers.units import units_of
 from renderer.scene import short_text
 from renderer.system import ChildProcesses, describe_exit, open_anonymous_file
 from renderer.volume import Array, Channel
@@ -115,7 +116,8 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
     channels = tuple(_channel(*each) for each in answer["channels"])
     count, times, unit = answer["steps"]
     steps = TimeSteps(int(count), tuple(float(time) for time in times), "s" if unit == "s" else "")
-    return Image(values, world_from_index, tuple(answer["notes"]), nodata, channels, steps=steps)
+    units = units_of(*map(str, answer["units"]))
+    return Image(values, world_from_index, tuple(answer["notes"]), nodata, channels, steps=steps, units=units)
 
 
 def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
@@ -222,7 +224,7 @@ def _main() -> None:
             return
         assert image.values is child.values, "readers return what they have allocated"
         answer = {"shape": image.values.shape, "dtype": image.values.dtype.str, "notes": image.notes}
-        answer["steps"] = image.steps
+        answer |= {"steps": image.steps, "units": image.units}
         channels = [astuple(channel) for channel in image.channels]
         child.send(
             answer | {"world_from_index": image.world_from_index.tolist(), "nodata": image.nodata, "channels": channels}

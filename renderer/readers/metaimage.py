@@ -19,6 +19,7 @@ from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, pla
 from renderer.readers.data_files import find_data_files, unquoted
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, add_field, header_lines
+from renderer.readers.units import Units, units_of
 from renderer.volume import Float64
 
 _TYPES = {
@@ -56,7 +57,19 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
     values, left_over = read_stored(layout, axes, time, component, skip)
     notes = (note, left_over, *choice_notes(axes, layout.shape, time, component))
     channels, steps = plain_channels(axes, layout.shape), plain_steps(axes, layout.shape)
-    return Image(values, _world_from_index(fields, num_axes), notes, channels=channels, steps=steps)
+    world_from_index = _world_from_index(fields, num_axes)
+    units = _units(fields, world_from_index)
+    return Image(values, world_from_index, notes, channels=channels, steps=steps, units=units)
+
+
+def _units(fields: dict[str, Field], world_from_index: Float64) -> Units:
+    """Return the unit of lengths, and axes of a body where the letters from which the index axes come fit the
+    directions."""
+    columns = world_from_index[:3, :3].T
+    along = np.abs(columns).argmax(axis=1)
+    code = "".join("RAILPS"[k + 3 * bool(column[k] < 0)] for k, column in zip(along, columns, strict=True))
+    texts = {name: fields[name].text if name in fields else "" for name in ("DistanceUnits", "AnatomicalOrientation")}
+    return units_of(texts["DistanceUnits"].strip("?"), "LPS" * (texts["AnatomicalOrientation"].upper() == code))
 
 
 def read_header(path: Path) -> tuple[dict[str, Field], Layout]:

@@ -16,6 +16,7 @@ from renderer.readers.common import Image, affine, choice_notes, in_lps
 from renderer.readers.sniff import read_start
 from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
+from renderer.readers.units import Units
 from renderer.volume import Float64
 
 # Version, sizes along x, y, z and time, type, degrees of freedom, flag; spacing, directions, and middle, in RAS.
@@ -45,7 +46,8 @@ def read_mgh(path: Path, time: int | None, component: int | None) -> Image:
     values, _ = read_stored(Layout(np.dtype(_TYPES[kind]), shape, (part,)), "tsss", time, component)
     ras_from_index = _ras_from_index(sizes[:3], _HEADER.unpack(start)[8:] if flag > 0 else _CORONAL)
     notes = (None if flag > 0 else _NO_PLACE, *choice_notes("tsss", shape, time, component))
-    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes, steps=TimeSteps(shape[0]))
+    units = Units("mm", "LPS") if flag > 0 else Units()
+    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes, steps=TimeSteps(shape[0]), units=units)
 
 
 def _ras_from_index(sizes: list[int], place: tuple[float, ...]) -> Float64:

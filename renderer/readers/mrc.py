@@ -17,6 +17,7 @@ from renderer.readers.common import NO_SPACING, Image, affine, choice_notes
 from renderer.readers.sniff import MRC_MARK, read_start
 from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
+from renderer.readers.units import Units
 from renderer.volume import Array, Float64
 
 _NUM_HEADER_BYTES = 1024
@@ -65,7 +66,7 @@ def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
     if not header["origin"].any() or header["mark"] != MRC_MARK:  # older headers have no origin
         world_from_index[:3, 3] = world_from_index[:3, :3] @ header["first"]
     notes = (None if has_spacing else NO_SPACING, left_over, *choice_notes("tsss", shape, time, component))
-    return Image(values, world_from_index, notes, steps=TimeSteps(shape[0]))
+    return Image(values, world_from_index, notes, steps=TimeSteps(shape[0]), units=Units("Å" if has_spacing else ""))
 
 
 def _cell(angles: Array) -> Float64:

@@ -41,6 +41,7 @@ from renderer.readers.common import (
 from renderer.readers.sniff import read_start
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
+from renderer.readers.units import Units, units_of
 from renderer.volume import Array, Float64, Label
 
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
@@ -58,6 +59,7 @@ _ANALYZE = (
 _LABEL = 1002
 _ATLAS = ("label", "second label", "probability", "second probability")
 
+_LENGTH_UNITS = {1: "m", 2: "mm", 3: "µm"}
 # Of the fourth axis; no unit may be one of time.
 _TIME_UNITS = {0: "", 8: "s", 16: "ms", 24: "us"}
 
@@ -101,7 +103,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
         values = records[fields[select_index("component", component, len(fields))]]
         names = _ATLAS if len(fields) == 4 and header["intent_code"] == _LABEL else fields
     try:
-        ras_from_index = _ras_from_index(header)
+        ras_from_index, axes = _ras_from_index(header)
     except ValueError as error:  # the quaternion is not a rotation
         raise unreadable_error(error) from error
     slope, intercept = header.get_slope_inter()
@@ -115,7 +117,11 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     labels, wrong = labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
     world_from_index = in_lps(ras_from_index, (-1.0, -1.0, 1.0))
     all_notes, steps = (*notes, wrong), _steps(header, shape[3])
-    return Image(values, world_from_index, all_notes, channels=channels, labels=labels, steps=steps)
+    if _is_analyze(header):
+        units = units_of(header["vox_units"].item().decode("latin-1") or "mm")
+    else:
+        units = Units(_LENGTH_UNITS.get(int(header["xyzt_units"]) & 0b111, ""), axes)
+    return Image(values, world_from_index, all_notes, channels=channels, labels=labels, steps=steps, units=units)
 
 
 def _steps(header: _Header, count: int) -> TimeSteps:
@@ -248,14 +254,15 @@ def _is_analyze(header: _Header) -> bool:
     return "sform_code" not in header
 
 
-def _ras_from_index(header: _Header) -> Float64:
+def _ras_from_index(header: _Header) -> tuple[Float64, str]:
+    """Return the affine, float64 [4, 4], and `LPS` if it places the voxels in a body."""
     if _is_analyze(header):  # around SPM's origin, or the middle of the volume
-        return np.array(header.get_origin_affine(), np.float64)
+        return np.array(header.get_origin_affine(), np.float64), ""
     for code, affine in (("sform_code", header.get_sform), ("qform_code", header.get_qform)):
         if header[code] > 0 and has_volume(affine()):
-            return np.array(affine(), np.float64)
+            return np.array(affine(), np.float64), "LPS"
     # Method 1 of the standard: x = pixdim[1] i and so on. nibabel, compatible with Analyze, would mirror it.
     sizes = np.ones(3)
     num_axes = min(3, int(header["dim"][0]))
     sizes[:num_axes] = header["pixdim"][1 : num_axes + 1]
-    return np.diag([*sizes, 1.0])
+    return np.diag([*sizes, 1.0]), ""

@@ -31,6 +31,7 @@ from renderer.readers.data_files import find_data_files
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
+from renderer.readers.units import Units, units_of
 from renderer.scene import did_you_mean, format_value
 from renderer.volume import Float64, Label
 
@@ -103,7 +104,22 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     labels, wrong = labels_or_note(lambda: _segments(path, fields, len(channels), component or 0))
     notes = (None if has_spacing else NO_SPACING, left_over, *chosen, wrong)
     steps = _steps(fields, axes, layout.shape[::-1])
-    return Image(values, world_from_index, notes, channels=channels, labels=labels, steps=steps)
+    units = _units(fields, axes, has_directions=bool(directions))
+    return Image(values, world_from_index, notes, channels=channels, labels=labels, steps=steps, units=units)
+
+
+def _units(fields: dict[str, Field], axes: str, *, has_directions: bool) -> Units:
+    """Return the unit that all axes of space have, and that of samples; axes of a body where the space has them."""
+    own = [unit for unit, letter in zip(_quoted(fields, "units"), axes, strict=False) if letter == "s"]
+    lengths = {*(_quoted(fields, "spaceunits")[:3] or own)}
+    space = fields["space"].text.lower() if "space" in fields else ""
+    is_body = has_directions and space.startswith(("right", "left", "ras", "las", "lps"))
+    value = fields["sampleunits"].text.strip('" ') if "sampleunits" in fields else ""
+    return units_of(lengths.pop() if len(lengths) == 1 else "", "LPS" * is_body, value)
+
+
+def _quoted(fields: dict[str, Field], name: str) -> list[str]:
+    return re.findall('"([^"]*)"', fields[name].text) if name in fields else []
 
 
 def _steps(fields: dict[str, Field], axes: str, sizes: tuple[int, ...]) -> TimeSteps:
@@ -112,7 +128,7 @@ def _steps(fields: dict[str, Field], axes: str, sizes: tuple[int, ...]) -> TimeS
     if k < 0:
         return TimeSteps()
     spacing, first = (_axis_numbers(fields, name, len(axes))[k] for name in ("spacings", "axismins"))
-    units = re.findall('"([^"]*)"', fields["units"].text) if "units" in fields else []
+    units = _quoted(fields, "units")
     return even_steps_at(sizes[k], spacing, units[k] if len(units) == len(axes) else "", first)
 
 

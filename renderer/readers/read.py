@@ -36,6 +36,7 @@ from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.nodata import mark_absent
 from renderer.readers.sniff import find_format, find_volume
 from renderer.readers.steps_in_time import TimeSteps
+from renderer.readers.units import units_of
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text, values_at
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
@@ -155,7 +156,12 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
     remarks = "; ".join([*notes, *filter(None, [note])]) or None
     named = replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
-    return replace(named, **image.steps._asdict())
+    units = image.units
+    if spec.unit is not None:
+        units = units_of(spec.unit, *units[1:])
+    elif spacing is not None and not np.allclose(spacing, replaced or 0.0, rtol=1e-3, atol=0.0):
+        units = units_of("", *units[1:])  # lengths of the scene, which may be in any unit
+    return replace(named, **image.steps._asdict(), **units._asdict())
 
 
 def _name(source: FileSource | RawSource | ProceduralSource | ArraySource, time: int | None) -> str:

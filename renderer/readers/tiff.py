@@ -43,6 +43,7 @@ from renderer.readers.tiff_description import (
 )
 from renderer.readers.tiff_spacing import find_spacing
 from renderer.readers.tiff_times import find_times
+from renderer.readers.units import Units, units_of
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
@@ -84,14 +85,14 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
             numbers = {k: number for k, (other, number) in enumerate(chosen) if other == name}
             with _open_pages(file) if name else nullcontext(pages) as own:
                 _fill(values, numbers, _slices(own, first), sample, file)
-        world_from_index, note_on_lengths = _world_from_index(first, layout.space, has_spacing_override)
+        world_from_index, units, note_on_lengths = _world_from_index(first, layout.space, has_spacing_override)
         notes = choice_notes("tc", (layout.count("T"), num_components), time, component, sample_names(first))
         channels = find_channels(first, layout, num_components)
         nodata, steps = _nodata(first), find_times(first.description, layout.count("T"))
     num_left_out = len(pages) - len(slices)
     note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
     all_notes = (note_on_images, note, note_on_lengths, layout.note, *notes)
-    return Image(values, world_from_index, all_notes, nodata, channels, steps=steps)
+    return Image(values, world_from_index, all_notes, nodata, channels, steps=steps, units=units)
 
 
 def _slices(pages: list[Page], first: Page) -> list[Page]:
@@ -164,10 +165,10 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
             if image is None:  # allocated only after one slice has been read
                 with errors_about(folder):
                     values = allocate_voxels(host, (len(files), *plane.shape), _dtype(page))
-                world_from_index, note = _world_from_index(page, "XYZ", has_spacing_override)
+                world_from_index, units, note = _world_from_index(page, "XYZ", has_spacing_override)
                 notes = choice_notes("c", (page.samplesperpixel,), None, component, sample_names(page))
                 channels = plain_channels("c", (page.samplesperpixel,), sample_names(page))
-                image = Image(values, world_from_index, (note, *notes), _nodata(page), channels)
+                image = Image(values, world_from_index, (note, *notes), _nodata(page), channels, units=units)
             image.values[index] = plane
     assert image is not None, "called without files"
     return image
@@ -326,23 +327,23 @@ def _contiguous_plane(page: Page, number: int, path: Path) -> Array:
     return np.reshape(plane, page.shaped[2:4])
 
 
-def _world_from_index(first: Page, space: str, has_spacing_override: bool) -> tuple[Float64, str | None]:
-    """Return the affine of a stack, and a note on guessed lengths; spacing 1 if its lengths make no sense and
-    `has_spacing_override` is set.
+def _world_from_index(first: Page, space: str, has_spacing_override: bool) -> tuple[Float64, Units, str | None]:
+    """Return the affine of a stack, the unit of its lengths, and a note on guessed ones; spacing 1 if they make no
+    sense and `has_spacing_override` is set.
 
     space: which axis of space the rows, columns and slices are along.
     """
     try:
-        spacing, note = find_spacing(first)
+        spacing, unit, note = find_spacing(first)
     except InputError:
         if not has_spacing_override:
             raise
-        spacing, note = [math.nan], None
+        spacing, unit, note = [math.nan], "", None
     if has_spacing_override and not np.isfinite(spacing).all():
         spacing = [1.0, 1.0, 1.0]
     world_from_index = np.zeros((4, 4))
     world_from_index[[*map("XYZ".index, space), 3], range(4)] = [*spacing, 1.0]
-    return world_from_index, note
+    return world_from_index, units_of(unit), note
 
 
 def _nodata(page: Page) -> tuple[tuple[float, float], ...]:

@@ -16,6 +16,7 @@ from typing import Any
 from renderer.errors import InputError
 from renderer.readers.common import GUESSED_LENGTHS, NO_SPACING
 from renderer.readers.tiff_description import attribute, escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
+from renderer.readers.units import one_spelling
 
 # Fields by number.
 _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
@@ -46,35 +47,33 @@ _UNITS_OF_TAG = {2: "inch", 3: "cm"}
 _MM_PER_UNIT = {2: 25.4, 3: 10.0}
 # Pixels per inch that programs write for screens and printers, or for want of anything else.
 _NO_SIZES = (1, 72, 96, 300)
-# Spellings of units in ImageJ; pixels are not a unit.
 _MICRON = unicodedata.normalize("NFKC", "µm")
-_NAMES_OF_UNITS = dict.fromkeys(("um", _MICRON, "micron", "microns", "micrometer", "micrometers"), _MICRON)
-_NAMES_OF_UNITS |= dict.fromkeys(("in", "inch", "inches"), "inch") | dict.fromkeys(("pixel", "pixels"), "")
-_NAMES_OF_UNITS |= dict.fromkeys(("cm", "centimeter", "centimeters"), "cm")
 
 
-def find_spacing(first: Any) -> tuple[list[float], str | None]:
-    """Return the spacing along x, y, z, by the first page, and a note if lengths are guessed: those along x, or 1.
+def find_spacing(first: Any) -> tuple[list[float], str, str | None]:
+    """Return the spacing along x, y, z, by the first page, its unit, and a note if lengths are guessed: those along x,
+    or 1.
 
     Lengths are in the unit of the description (µm for Zeiss), and in mm where there is only the resolution per inch or
     cm. Raises InputError for lengths that are no numbers, or that are in units that cannot be compared.
     """
-    given = _given_spacing(first)
+    given, unit = _given_spacing(first)
     x = given[0] or 1.0
     missing = [axis for axis, size in zip("xyz", given, strict=True) if not size]
     note = f"{GUESSED_LENGTHS} along {' and '.join(missing)}; {'that along x' if given[0] else '1'} is assumed"
-    return [x, given[1] or x, given[2] or x], NO_SPACING if len(missing) == 3 else note if missing else None
+    spacing = [x, given[1] or x, given[2] or x]
+    return (spacing, "", NO_SPACING) if len(missing) == 3 else (spacing, unit, note if missing else None)
 
 
-def _given_spacing(first: Any) -> list[float | None]:
-    """Return the lengths that the file gives along x, y and z."""
+def _given_spacing(first: Any) -> tuple[list[float | None], str]:
+    """Return the lengths that the file gives along x, y and z, and their unit."""
     description = first.description
     sizes = [_pixel_size(first, tag) for tag in (_X_RESOLUTION, _Y_RESOLUTION)]
     tag = value if isinstance(value := first.tags.valueof(_RESOLUTION_UNIT), int) else None
     if is_ome(description):
         return _ome_spacing(description)
     if first.is_lsm:
-        return [abs(float(first.parent.lsm_metadata[f"VoxelSize{axis}"])) * 1e6 for axis in "XYZ"]
+        return [abs(float(first.parent.lsm_metadata[f"VoxelSize{axis}"])) * 1e6 for axis in "XYZ"], "µm"
     fields = shaped_fields(first)
     if not is_imagej(description):
         keys = [key for key in ("unit", "yunit", "zunit", "spacing") if fields.get(key) is not None]
@@ -93,7 +92,7 @@ def _given_spacing(first: Any) -> list[float | None]:
         description += "\nspacing=1" * bool(is_left_out)
     if is_said or re.search(r"^spacing=", description, re.M):
         return _imagej_spacing(description, sizes, tag)
-    return [*(None if is_screen else size and mm and size * mm for size in sizes), None]
+    return [*(None if is_screen else size and mm and size * mm for size in sizes), None], "mm"
 
 
 def _pixel_size(page: Any, tag: int) -> float | None:
@@ -104,8 +103,8 @@ def _pixel_size(page: Any, tag: int) -> float | None:
     return float(fraction[1] / fraction[0])
 
 
-def _imagej_spacing(description: str, sizes: list[float | None], tag: int | None) -> list[float | None]:
-    """Return the spacing along x, y and z; None for an axis without one.
+def _imagej_spacing(description: str, sizes: list[float | None], tag: int | None) -> tuple[list[float | None], str]:
+    """Return the spacing along x, y and z, None for an axis without one, and its unit.
 
     Lengths are in the unit of ImageJ's description, or in mm if the resolution is per inch or cm.
     sizes: of x and y, from the resolution. tag: the number of its unit; None if that field is missing. Sizes per cm
@@ -122,7 +121,7 @@ def _imagej_spacing(description: str, sizes: list[float | None], tag: int | None
     per = _UNITS_OF_TAG.get(tag or 0, "")
     x, y = sizes
     if not others and per == "cm" and unit == _MICRON:
-        return [x and x * 1e4, y and y * 1e4, z]
+        return [x and x * 1e4, y and y * 1e4, z], unit
     if others or (per and unit not in ("", per)):
         raise InputError(
             "the voxel sizes in this TIFF file are in units that cannot be compared",
@@ -132,19 +131,18 @@ def _imagej_spacing(description: str, sizes: list[float | None], tag: int | None
             hint="`spacing: [x, y, z]` replaces the spacing in the file",
         )
     factor = _MM_PER_UNIT[tag] if tag and per else 1.0
-    return [size and size * factor for size in (x, y, z)]
+    return [size and size * factor for size in (x, y, z)], "mm" if per else unit
 
 
 def _imagej_unit(description: str, key: str) -> str:
     """Return the unit of an ImageJ line, by one name for all spellings; empty for pixels and for no unit."""
     found = re.search(rf"^{key}=(.*)$", description, re.M)
     text = re.sub(r"\\u([0-9a-fA-F]{4})", lambda code: chr(int(code[1], 16)), found[1]) if found else ""
-    name = unicodedata.normalize("NFKC", text.replace("\ufffdm", "µm").strip())
-    return _NAMES_OF_UNITS.get(name.lower(), name)
+    return unicodedata.normalize("NFKC", one_spelling(text.replace("\ufffdm", "µm")))
 
 
-def _ome_spacing(description: str) -> list[float | None]:
-    """Return the spacing along x, y and z in the unit of the first one; None for an axis without one.
+def _ome_spacing(description: str) -> tuple[list[float | None], str]:
+    """Return the spacing along x, y and z, None for an axis without one, in the unit of the first one, and that unit.
 
     Raises InputError for a spacing that is not a number, and for units that cannot be converted to each other.
     """
@@ -165,7 +163,7 @@ def _ome_spacing(description: str) -> list[float | None]:
             expected="one unit for all, or units of length such as nm, µm and mm",
             hint="`spacing: [x, y, z]` replaces the spacing in the file",
         )
-    return [_converted(sizes[axis], units[axis], first) if axis in sizes else None for axis in "XYZ"]
+    return [_converted(sizes[axis], units[axis], first) if axis in sizes else None for axis in "XYZ"], first
 
 
 def _unit(attributes: str, axis: str) -> str:

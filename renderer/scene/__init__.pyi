@@ -163,6 +163,7 @@ from .volume_section import (
     ProceduralSource as ProceduralSource,
     RawSource as RawSource,
     VolumeSpec as VolumeSpec,
+    is_unit as is_unit,
     steps_in_time as steps_in_time,
 )
 from .yaml_tree import (

@@ -13,6 +13,7 @@ from renderer.scene.message_text import format_value
 from renderer.scene.motion import motion_of, moving_result, values_at
 from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.volume_files import SOURCE_FIELD, FileSource, file_field
+from renderer.system import printable
 
 # The volumes of `renderer.readers.procedural`; here, so that names are checked without numpy.
 PROCEDURAL_NAMES = (
@@ -86,6 +87,16 @@ def _parse_step(node: TreeNode) -> Any:
 
 
 _TIME = schema.word_or({"auto": "auto"}, replace(_STEP, parser=_parse_step), f"auto, or {_STEP.expected}")
+_MAX_UNIT_LENGTH = 12
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a text from anywhere can be shown as a unit."""
+    has_text = bool(text.strip()) and not text.strip().isdigit()
+    return has_text and len(text) <= _MAX_UNIT_LENGTH and printable(text) == text
+
+
+_UNIT = schema.text_field(f"a unit such as mm or µm, of at most {_MAX_UNIT_LENGTH} characters", "no unit", is_unit)
 # Components that need no transfer function.
 WITHOUT_TRANSFER = ("all", "color", "color_alpha")
 _COMPONENT = schema.word_or(
@@ -206,6 +217,7 @@ class VolumeSpec:
 
     time: the number of a step, from 0 on, or `auto`, for all steps in the course of the film. interpolate: `time` is a
         float, and a mixture of two steps lies between them; else it is an int.
+    unit: of lengths in the world, in place of what the file says.
     """
 
     source: FileSource | RawSource | ProceduralSource | ArraySource
@@ -215,6 +227,7 @@ class VolumeSpec:
     nodata: Annotated[Literal["auto", "none"] | tuple[float, ...], _NODATA] = "auto"
     dataset: Annotated[str | None, _DATASET] = None
     interpolate: bool = False
+    unit: Annotated[str | None, _UNIT] = None
 
     @property
     def has_colors(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -37,6 +38,8 @@ class Volume:
     labels: those that the file itself describes, by value.
     num_times: the number of its steps in time, of which this is one, or between two. times: of each step, ascending,
         where the file says so; in the unit `time_unit`: `s`, or empty where it is not known.
+    length_unit, value_unit: of lengths in the world and of values, such as `mm` and `HU`; empty where not known.
+    world_axes: `LPS` where the axes of the world point to the left of a body, to its back and up; else empty.
     colors: uint8 [z, y, x, 3], read-only, of voxels that are colours; the values are then their luminance or their
         alpha.
     """
@@ -57,6 +60,9 @@ class Volume:
     num_times: int = 1
     times: tuple[float, ...] = ()
     time_unit: str = ""
+    length_unit: str = ""
+    world_axes: str = ""
+    value_unit: str = ""
 
     def require_unchanged(self) -> None:
         """Raise InputError if the values are mapped from a file that has changed."""
@@ -162,11 +168,16 @@ def make_volume(
 
 
 def move_volume(volume: Volume, matrix: Float64) -> Volume:
-    """Return a volume whose voxels are moved by a matrix, float64 [4, 4], from world to world."""
+    """Return a volume whose voxels are moved by a matrix, float64 [4, 4], from world to world.
+
+    Its body has the axes of the world only if none of them turns by more than 30 degrees, as in most registrations.
+    """
     placed = np.asarray(matrix @ volume.world_from_index, np.float64) + 0.0
     placed.flags.writeable = False
     digest = hashlib.blake2b(volume.fingerprint.encode("ascii") + placed.tobytes(), digest_size=16)
-    return replace(volume, world_from_index=placed, fingerprint=digest.hexdigest())
+    turns = np.diag(matrix[:3, :3]) < math.cos(math.radians(30)) * np.linalg.norm(matrix[:3, :3], axis=0)
+    axes = "" if turns.any() else volume.world_axes
+    return replace(volume, world_from_index=placed, fingerprint=digest.hexdigest(), world_axes=axes)
 
 
 def joint_fingerprint(volumes: Sequence[Volume]) -> str:

@@ -87,7 +87,7 @@ PLAIN = Scene(
 )
 SCENES = {
     "file": Scene(
-        volume=VolumeSpec(FileSource(HERE, SPACING), 1, 2, ((0, 1), (0, 2), (1, 3)), (0.1,), "a/b"),
+        volume=VolumeSpec(FileSource(HERE, SPACING), 1, 2, ((0, 1), (0, 2), (1, 3)), (0.1,), "a/b", unit="µm"),
         transfer_function=TransferSpec(ColormapSpec("viridis", (-0.1, 1 / 3), ((0.0, 0.0), (1.0, 0.5)))),
         camera=CameraSpec(
             KeyframePath(9, (Keyframe(0, -0.1, 30.5), Keyframe(8, 90.0, 20.0, 2.5)), False, "linear", AXIS),

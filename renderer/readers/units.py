@@ -1,0 +1,45 @@
+"""The units of a volume's lengths and values, and what the axes of its world point to, as far as its file says."""
+
+from __future__ import annotations
+
+import unicodedata
+from typing import NamedTuple
+
+from renderer.scene import is_unit
+
+# Units of length in several spellings, by the one that is shown.
+_PREFIXES = {"": "", "n": "nano", "µ": "micro", "m": "milli", "c": "centi", "k": "kilo"}
+_SPELLINGS = {
+    f"{word}met{end}": f"{prefix}m" for prefix, word in _PREFIXES.items() for end in ("er", "ers", "re", "res")
+}
+_SPELLINGS |= dict.fromkeys(("µm", "um", "micron", "microns"), "µm") | dict.fromkeys(
+    ("å", "angstrom", "angstroms"), "Å"
+)
+_SPELLINGS |= dict.fromkeys(("in", "inch", "inches"), "inch") | dict.fromkeys(
+    ("pixel", "pixels", "voxel", "voxels"), ""
+)
+_SPELLINGS = {unicodedata.normalize("NFKC", text): unit for text, unit in _SPELLINGS.items()}
+
+
+class Units(NamedTuple):
+    """What a file says of its numbers; an empty text where it does not say.
+
+    length_unit: of lengths in the world. world_axes: `LPS` where x, y and z of the world point to the left of a body,
+    to its back and up. value_unit: of the values.
+    """
+
+    length_unit: str = ""
+    world_axes: str = ""
+    value_unit: str = ""
+
+
+def units_of(length: str = "", axes: str = "", value: str = "") -> Units:
+    """Return units by texts from outside; those that are none, or are too long, count as not said."""
+    length, value = one_spelling(length), value.strip()
+    return Units(length * is_unit(length), "LPS" if axes == "LPS" else "", value * is_unit(value))
+
+
+def one_spelling(unit: str) -> str:
+    """Return a unit of length in the spelling that is shown; empty for pixels; others as they are."""
+    text = unicodedata.normalize("NFKC", unit.strip())
+    return _SPELLINGS.get(text.lower(), text)
