@@ -1,0 +1,116 @@
+"""Put masks together, in whole numbers, until their colours are known: the same bytes on every machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.scene import Color
+from renderer.volume import Float32, Int64, UInt8
+
+_SAMPLES = 4  # of a shape's edge, along each side of a pixel
+# The rim at its strongest, of 255.
+_RIM = 190
+
+
+class Patch(NamedTuple):
+    """Premultiplied RGBA, float32 [h, w, 4], and its place: the row and the column of its first pixel."""
+
+    rgba: Float32
+    row: int
+    column: int
+
+
+class Sketch:
+    """A drawing: `ink` in the colour of its entry, uint8 [h, w], under `paint`, premultiplied RGBA, uint8 [h, w, 4]."""
+
+    def __init__(self, height: int, width: int) -> None:
+        """Begin with nothing."""
+        self.ink, self.paint = np.zeros((height, width), np.uint8), np.zeros((height, width, 4), np.uint8)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Return the height and the width."""
+        return self.ink.shape[0], self.ink.shape[1]
+
+    def draw(self, mask: UInt8, row: int, column: int) -> None:
+        """Add a mask to the ink."""
+        part = self.ink[row : row + mask.shape[0], column : column + mask.shape[1]]
+        np.maximum(part, mask, out=part)
+
+    def fill(self, row: int, column: int, height: int, width: int) -> None:
+        """Add a rectangle to the ink."""
+        self.ink[row : row + height, column : column + width] = 255
+
+    def color(self, mask: UInt8, color: Color, row: int, column: int) -> None:
+        """Paint a mask in a colour, over what is there."""
+        part = self.paint[row : row + mask.shape[0], column : column + mask.shape[1]]
+        part[:] = _over(part, _colored(mask, color))
+
+    def finish(self, color: Color, rim: int) -> tuple[Float32, int]:
+        """Return the drawing with a rim of this width in the opposite of its colour, float32 [h, w, 4], and the width.
+
+        The rim makes the drawing readable over anything, and shows only where it is needed.
+        """
+        opposite = (0.0, 0.0, 0.0) if is_light(color) else (1.0, 1.0, 1.0)
+        ink, paint = (np.pad(each, [(rim, rim), (rim, rim), (0, 0)][: each.ndim]) for each in (self.ink, self.paint))
+        layers = _over(_colored(_widen(np.maximum(ink, paint[..., 3]), rim), opposite), _colored(ink, color))
+        return np.float32(_over(layers, paint)) / np.float32(255), rim
+
+
+def is_light(color: Color) -> bool:
+    """Return whether black is readable on a colour, and white is not."""
+    red, green, blue = color
+    return 0.299 * red + 0.587 * green + 0.114 * blue > 0.5
+
+
+def _colored(mask: UInt8, color: Color) -> UInt8:
+    """Return a mask in a colour: premultiplied RGBA, uint8 [h, w, 4]."""
+    whole = np.array([*(round(255 * part) for part in color), 255], np.uint32)
+    return np.asarray((mask[..., None] * whole + 127) // 255, np.uint8)
+
+
+def _over(below: UInt8, above: UInt8) -> UInt8:
+    """Composite premultiplied RGBA."""
+    rest = 255 - above[..., 3:].astype(np.uint32)
+    return np.asarray(above + (below * rest + 127) // 255, np.uint8)
+
+
+def _widen(mask: UInt8, rim: int) -> UInt8:
+    """Return a mask that is wider by `rim` pixels on each side, and softer there."""
+    result, side = np.zeros(mask.shape, np.uint32), (rim + 1) ** 2
+    height, width = mask.shape
+    for down in range(-rim, rim + 1):
+        for across in range(-rim, rim + 1):
+            weight = _RIM * (side - down**2 - across**2) // side
+            if weight > 0:
+                to, at = (slice(max(0, n), k + min(0, n)) for n, k in ((down, height), (across, width)))
+                up, left = (slice(max(0, -n), k + min(0, -n)) for n, k in ((down, height), (across, width)))
+                np.maximum(result[to, at], mask[up, left].astype(np.uint32) * weight // 255, out=result[to, at])
+    return result.astype(np.uint8)
+
+
+def polygon(corners: Sequence[tuple[float, float]], side: int) -> UInt8:
+    """Return the mask of a convex polygon in a square, uint8 [side, side]; corners are (x, y) in pixels."""
+    grid = 2 * np.arange(_SAMPLES * side, dtype=np.int64) + 1  # the centres of samples, in halves of one
+    points = [tuple(round(2 * _SAMPLES * part) for part in corner) for corner in corners]
+    sides: list[Int64] = []
+    for (x, y), (next_x, next_y) in zip(points, [*points[1:], points[0]], strict=True):
+        sides.append((next_x - x) * (grid[:, None] - y) - (next_y - y) * (grid - x))
+    inside: Any = np.minimum.reduce(sides) >= 0
+    inside |= np.maximum.reduce(sides) <= 0
+    counts = inside.reshape(side, _SAMPLES, side, _SAMPLES).sum(axis=(1, 3))
+    return np.asarray(counts * 255 // _SAMPLES**2, np.uint8)
+
+
+def draw_annotation(image: Float32, patches: Sequence[Patch]) -> None:
+    """Put patches over a picture in place: float32 [h, w, 4], premultiplied."""
+    for rgba, row, column in patches:
+        # The rim of what is at the edge may reach beyond it.
+        top, left = max(-row, 0), max(-column, 0)
+        part = image[row + top : row + len(rgba), column + left : column + rgba.shape[1]]
+        above = rgba[top : top + part.shape[0], left : left + part.shape[1]]
+        part *= 1 - above[..., 3:]
+        part += above
