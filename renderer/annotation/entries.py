@@ -13,7 +13,7 @@ import numpy as np
 from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts
 from renderer.annotation.logo import read_logo
 from renderer.annotation.numbers import find_ticks, length_text, plain_text, round_below
-from renderer.annotation.sketch import Sketch, polygon
+from renderer.annotation.sketch import Sketch, polygon, widen
 from renderer.annotation.text import Font, Line
 from renderer.scene import Color, ColorBarSpec, EntrySpec, LogoSpec, TitleSpec, Vector, fill_format
 
@@ -21,6 +21,8 @@ MIN_TEXT_PX = 9
 MAX_LEGEND_ROWS = 24
 # The longest scale bar, by the width of the picture, and the size of the words beside its length.
 _MAX_BAR, _SMALL = 0.2, 0.75
+# The least side of the triad of axes, with letters of the least size.
+_MIN_TRIAD_PX = 52
 # The ink of a profile of opacities, of 255.
 _PROFILE = 150
 _OPPOSITE = {"L": "R", "P": "A", "I": "S"}
@@ -69,7 +71,7 @@ def draw_scale_bar(spec: EntrySpec, pen: Pen, px: int, world_per_pixel: float) -
 def draw_color_bars(spec: ColorBarSpec, pen: Pen, px: int, _: object) -> Sketch:
     """Draw the bars of transfer functions beside each other."""
     bars = shown_bars(spec, pen.facts)
-    return _beside_each_other([_color_bar(spec, pen, px, bar) for bar in bars], 2 * px)
+    return _beside_each_other([_color_bar(spec, pen, px, bar) for bar in bars], round(1.4 * px))
 
 
 def shown_bars(spec: ColorBarSpec, facts: AnnotationFacts) -> list[ColorBar]:
@@ -81,24 +83,29 @@ def draw_legend(_: EntrySpec, pen: Pen, px: int, __: object) -> Sketch:
     """Draw coloured squares with names, and how many there are beyond the last row."""
     entries, side, pitch = pen.facts.legend, round(0.72 * px), round(1.45 * px)
     lines = [pen.font.line(name, px) for name, _ in entries[:MAX_LEGEND_ROWS]]
-    left, more = side + px // 2, len(entries) - MAX_LEGEND_ROWS
+    left, more, frame = side + px // 2, len(entries) - MAX_LEGEND_ROWS, max(1, px // 20)
     if more > 0:
         lines.append(pen.font.line(f"and {more} more", px))
     base = max(line.baseline for line in lines)
     height = pitch * (len(lines) - 1) + base + max(len(line.mask) - line.baseline for line in lines)
-    whole, square = Sketch(height, left + max(line.width for line in lines)), np.full((side, side), 255, np.uint8)
+    whole, square = (
+        Sketch(height, left + max(line.width for line in lines)),
+        np.full((side - 2 * frame, side - 2 * frame), 255, np.uint8),
+    )
     for number, line in enumerate(lines):
         baseline = base + pitch * number
         whole.draw(line.mask, baseline - line.baseline, left)
         if number < MAX_LEGEND_ROWS:
-            whole.color(square, entries[number][1], baseline - side, 0)
+            whole.fill(baseline - side, 0, side, side)  # a frame, for colours like the background
+            whole.color(square, entries[number][1], baseline - side + frame, frame)
     return whole
 
 
-def draw_orientation(_: EntrySpec, pen: Pen, side: int, axes: Sequence[Vector]) -> Sketch:
+def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) -> Sketch:
     """Draw arrows along the world's axes, with letters at their ends; what is nearer is drawn later."""
-    whole, letter_px = Sketch(side, side), max(side // 6, MIN_TEXT_PX)
-    middle, reach = side / 2, (side - 1.3 * letter_px) / 2
+    side, letter_px = max(px, _MIN_TRIAD_PX), max(px // 6, MIN_TEXT_PX)
+    whole, middle = Sketch(side, side), side / 2
+    reach, half, rim = (side - 2.7 * letter_px) / 2, max(side / 70, 0.6), max(1, letter_px // 8)
     arrows = []
     for axis, name in enumerate(pen.facts.world_axes or "xyz"):
         sign = -1 if name in _OPPOSITE else 1
@@ -106,13 +113,16 @@ def draw_orientation(_: EntrySpec, pen: Pen, side: int, axes: Sequence[Vector]) 
         arrows.append((near, axis, _OPPOSITE.get(name, name), across, -up))
     for _near, axis, name, across, down in sorted(arrows):
         color, length = _AXIS_COLORS[axis], math.hypot(across, down)
-        for corners in _arrow(middle, across, down, reach - 0.85 * letter_px, max(side / 45, 0.8)):
+        for corners in _arrow(middle, across, down, reach, half):
             whole.color(polygon(corners, side), color, 0, 0)
         line = pen.font.line(name, letter_px)
-        aside = 1 - 0.85 * letter_px / reach * (1 - min(length, 1)) if length else 0
-        x, y = middle + reach * across * aside, middle + reach * down * aside
-        row = min(max(round(y + line.baseline / 2) - line.baseline, 0), side - len(line.mask))
-        whole.color(line.mask, color, row, min(max(round(x - line.width / 2), 0), side - line.width))
+        beyond = reach + 0.75 * letter_px / max(length, 0.3)  # beside the tip, however short the arrow
+        letter = np.pad(line.mask, rim)
+        row = round(middle + beyond * down - line.baseline / 2) - rim
+        column = round(middle + beyond * across - line.width / 2) - rim
+        row, column = (min(max(at, 0), side - n) for at, n in zip((row, column), letter.shape, strict=True))
+        whole.erase(widen(letter, rim), row, column)
+        whole.color(letter, color, row, column)
     return whole
 
 
@@ -192,13 +202,13 @@ def _arrow(middle: float, across: float, down: float, reach: float, half: float)
         return [[(middle - half, middle - half), (middle + half, middle - half), (middle + half, middle + half),
                  (middle - half, middle + half)]]  # fmt: skip
     x, y, end = across / length, down / length, reach * length
-    neck = max(end - 6 * half, 0.0)
+    neck = max(end - 8 * half, 0.0)
 
     def at(along: float, beside: float) -> tuple[float, float]:
         return middle + along * x - beside * y, middle + along * y + beside * x
 
     shaft = [at(-half, half), at(neck, half), at(neck, -half), at(-half, -half)]
-    return [shaft, [at(neck, 2.6 * half), at(end, 0.0), at(neck, -2.6 * half)]]
+    return [shaft, [at(neck, 3.2 * half), at(end, 0.0), at(neck, -3.2 * half)]]
 
 
 def _join(lines: Sequence[Line], gap: int = 0) -> Sketch:
@@ -217,8 +227,8 @@ def _beside_each_other(parts: Sequence[Sketch], gap: int) -> Sketch:
     whole, column = Sketch(max(heights), sum(widths) + gap * (len(parts) - 1)), 0
     for part in parts:
         height, width = part.size
-        rows, columns = slice(whole.size[0] - height, None), slice(column, column + width)
-        whole.ink[rows, columns], whole.paint[rows, columns] = part.ink, part.paint
+        whole.ink[:height, column : column + width] = part.ink
+        whole.paint[:height, column : column + width] = part.paint
         column += width + gap
     return whole
 

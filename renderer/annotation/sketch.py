@@ -49,6 +49,11 @@ class Sketch:
         part = self.paint[row : row + mask.shape[0], column : column + mask.shape[1]]
         part[:] = _over(part, _colored(mask, color))
 
+    def erase(self, mask: UInt8, row: int, column: int) -> None:
+        """Take paint away."""
+        part = self.paint[row : row + mask.shape[0], column : column + mask.shape[1]]
+        part[:] = part.astype(np.uint32) * (255 - mask[..., None].astype(np.uint32)) // 255
+
     def finish(self, color: Color, rim: int) -> tuple[Float32, int]:
         """Return the drawing with a rim of this width in the opposite of its colour, float32 [h, w, 4], and the width.
 
@@ -56,7 +61,7 @@ class Sketch:
         """
         opposite = (0.0, 0.0, 0.0) if is_light(color) else (1.0, 1.0, 1.0)
         ink, paint = (np.pad(each, [(rim, rim), (rim, rim), (0, 0)][: each.ndim]) for each in (self.ink, self.paint))
-        layers = _over(_colored(_widen(np.maximum(ink, paint[..., 3]), rim), opposite), _colored(ink, color))
+        layers = _over(_colored(widen(np.maximum(ink, paint[..., 3]), rim), opposite), _colored(ink, color))
         return np.float32(_over(layers, paint)) / np.float32(255), rim
 
 
@@ -78,7 +83,7 @@ def _over(below: UInt8, above: UInt8) -> UInt8:
     return np.asarray(above + (below * rest + 127) // 255, np.uint8)
 
 
-def _widen(mask: UInt8, rim: int) -> UInt8:
+def widen(mask: UInt8, rim: int) -> UInt8:
     """Return a mask that is wider by `rim` pixels on each side, and softer there."""
     result, side = np.zeros(mask.shape, np.uint32), (rim + 1) ** 2
     height, width = mask.shape
