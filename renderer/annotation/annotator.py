@@ -14,6 +14,7 @@ from renderer.scene import AnnotationSpec, Color, EntrySpec, join_some, names_in
 
 # The distance of entries from the edges of the picture, and from each other, by its shorter side.
 _MARGIN, _GAP = 0.04, 0.02
+_MAX_RIM_PX = 4
 
 Place = tuple[int, int]
 
@@ -29,7 +30,7 @@ class Annotator:
         self._entries, self._facts = spec.entries, facts
         self._pen = Pen(Font(spec.font), facts)
         self._sketches: dict[str, tuple[Any, Sketch | None]] = {}
-        self._patches: dict[str, tuple[Any, Patch]] = {}
+        self._patches: dict[str, tuple[Sketch, Place, Patch]] = {}
 
     def patches(self, frame: FrameFacts) -> list[Patch]:
         """Return what is put over the picture of a frame, in the order of drawing."""
@@ -82,11 +83,12 @@ class Annotator:
     def _patch(self, key: str, sketch: Sketch, place: Place) -> Patch:
         """Return a drawing in its colours, at its place."""
         known = self._patches.get(key)
-        if known is None or known[0] != (id(sketch), place):
-            spec, rim = self._entries[key], max(1, self._pen.px(self._entries[key].size) // 12)
-            rgba, rim = sketch.finish(self._color(spec, place[0] + sketch.size[0] / 2), rim * DRAWERS[key].has_rim)
-            self._patches[key] = known = (id(sketch), place), Patch(rgba, place[0] - rim, place[1] - rim)
-        return known[1]
+        if known is None or known[0] is not sketch or known[1] != place:
+            spec = self._entries[key]
+            rim = DRAWERS[key].has_rim * min(max(self._pen.px(spec.size) // 12, 1), _MAX_RIM_PX)
+            rgba = sketch.finish(self._color(spec, place[0] + sketch.size[0] / 2), rim)
+            self._patches[key] = known = sketch, place, Patch(rgba, place[0] - rim, place[1] - rim)
+        return known[2]
 
     def _color(self, spec: EntrySpec, row: float) -> Color:
         """Return the colour of an entry, whose middle is at this row."""

@@ -7,9 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from renderer.errors import InputError
 from renderer.scene import Color
 from renderer.volume import Float32, Int64, UInt8
 
+_MAX_PIXELS = 2**28
 _SAMPLES = 4  # of a shape's edge, along each side of a pixel
 # The rim at its strongest, of 255.
 _RIM = 190
@@ -27,7 +29,8 @@ class Sketch:
     """A drawing: `ink` in the colour of its entry, uint8 [h, w], under `paint`, premultiplied RGBA, uint8 [h, w, 4]."""
 
     def __init__(self, height: int, width: int) -> None:
-        """Begin with nothing."""
+        """Begin with nothing. Raises InputError for more pixels than any picture has."""
+        require_room(height, width)
         self.ink, self.paint = np.zeros((height, width), np.uint8), np.zeros((height, width, 4), np.uint8)
 
     @property
@@ -54,15 +57,21 @@ class Sketch:
         part = self.paint[row : row + mask.shape[0], column : column + mask.shape[1]]
         part[:] = part.astype(np.uint32) * (255 - mask[..., None].astype(np.uint32)) // 255
 
-    def finish(self, color: Color, rim: int) -> tuple[Float32, int]:
-        """Return the drawing with a rim of this width in the opposite of its colour, float32 [h, w, 4], and the width.
+    def finish(self, color: Color, rim: int) -> Float32:
+        """Return the drawing with a rim of this width in the opposite of its colour: float32 [h + 2 rim, w + 2 rim, 4].
 
         The rim makes the drawing readable over anything, and shows only where it is needed.
         """
         opposite = (0.0, 0.0, 0.0) if is_light(color) else (1.0, 1.0, 1.0)
         ink, paint = (np.pad(each, [(rim, rim), (rim, rim), (0, 0)][: each.ndim]) for each in (self.ink, self.paint))
         layers = _over(_colored(widen(np.maximum(ink, paint[..., 3]), rim), opposite), _colored(ink, color))
-        return np.float32(_over(layers, paint)) / np.float32(255), rim
+        return np.asarray(_over(layers, paint) / np.float32(255), np.float32)
+
+
+def require_room(height: int, width: int) -> None:
+    """Raise InputError for more pixels than any picture has."""
+    if height * width > _MAX_PIXELS:
+        raise InputError("does not fit into the picture", got=f"{width} x {height} pixels", expected="a smaller size")
 
 
 def is_light(color: Color) -> bool:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from renderer.annotation.sketch import require_room
 from renderer.errors import InputError
 from renderer.scene import read_bounded, require_file
 from renderer.system import printable
@@ -45,17 +46,20 @@ class Font:
         """Read a font; without a file, the one that comes with hsplat. Raises InputError."""
         file = file or _OWN_FONT
         require_file(file, "a font")
-        self._content = read_bounded(file, MAX_FONT_BYTES, "a font")
+        self._file, self._content = file, read_bounded(file, MAX_FONT_BYTES, "a font")
         self._sizes: dict[int, Any] = {}
         self._known: dict[str, bool] = {}
         self.missing: set[str] = set()
-        try:
-            self.line(_TALL, 9)
-        except (OSError, ValueError) as error:
-            raise InputError("not a font", where=str(file), expected="TrueType or OpenType") from error
+        self.line(_TALL, 9)
 
     def line(self, text: str, px: int) -> Line:
-        """Return a line of text whose em is `px` pixels high. What is not printable is escaped."""
+        """Return a line of text whose em is `px` pixels high. What is not printable is escaped. Raises InputError."""
+        try:
+            return self._line(text, px)
+        except (OSError, ValueError) as error:
+            raise InputError("not a font", where=str(self._file), expected="TrueType or OpenType") from error
+
+    def _line(self, text: str, px: int) -> Line:
         from PIL import Image, ImageDraw
 
         text, font = printable(text)[:_LONGEST], self._sized(px)
@@ -63,6 +67,7 @@ class Font:
         left, top, right, bottom = font.getbbox(text, anchor="ls")
         baseline = -min(top, font.getbbox(_TALL, anchor="ls")[1])
         height = baseline + max(bottom, font.getbbox(_DEEP, anchor="ls")[3])
+        require_room(height, right - left)
         picture = Image.new("L", (max(right - left, 1), height))
         ImageDraw.Draw(picture).text((-left, baseline), text, 255, font, "ls")
         return Line(np.array(picture), baseline)

@@ -216,7 +216,8 @@ def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
             problems += proportion_problems(layer.volume, scene.camera, scene.output.size)
         if node.film is not None and node.film.at is None:  # where a frame is read, nothing moves
             place = node.child("annotation", isinstance(tree, Mapping) and tree.get("annotation"))
-            check_annotation(place, scene.annotation, len(scene.layers), moving_values(scene, 0))
+            moving = moving_values(scene, 0) if scene.annotation.time is not None else {}
+            check_annotation(place, scene.annotation, len(scene.layers), moving)
     return scene
 
 
