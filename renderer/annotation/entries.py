@@ -114,7 +114,8 @@ def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) ->
     for _near, axis, name, across, down in sorted(arrows):
         color, length = _AXIS_COLORS[axis], math.hypot(across, down)
         for corners in _arrow(middle, across, down, reach, half):
-            whole.color(polygon(corners, side), color, 0, 0)
+            mask, row, column = polygon(corners)
+            whole.color(mask, color, row, column)
         line = pen.font.line(name, letter_px)
         beyond = reach + 0.75 * letter_px / max(length, 0.3)  # beside the tip, however short the arrow
         letter = np.pad(line.mask, rim)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from renderer.errors import InputError
 from renderer.scene import Color
-from renderer.volume import Float32, Int64, UInt8
+from renderer.volume import Float32, UInt8
 
 _MAX_PIXELS = 2**28
 _SAMPLES = 4  # of a shape's edge, along each side of a pixel
@@ -106,17 +106,20 @@ def widen(mask: UInt8, rim: int) -> UInt8:
     return result.astype(np.uint8)
 
 
-def polygon(corners: Sequence[tuple[float, float]], side: int) -> UInt8:
-    """Return the mask of a convex polygon in a square, uint8 [side, side]; corners are (x, y) in pixels."""
-    grid = 2 * np.arange(_SAMPLES * side, dtype=np.int64) + 1  # the centres of samples, in halves of one
-    points = [tuple(round(2 * _SAMPLES * part) for part in corner) for corner in corners]
-    sides: list[Int64] = []
-    for (x, y), (next_x, next_y) in zip(points, [*points[1:], points[0]], strict=True):
-        sides.append((next_x - x) * (grid[:, None] - y) - (next_y - y) * (grid - x))
-    inside: Any = np.minimum.reduce(sides) >= 0
-    inside |= np.maximum.reduce(sides) <= 0
-    counts = inside.reshape(side, _SAMPLES, side, _SAMPLES).sum(axis=(1, 3))
-    return np.asarray(counts * 255 // _SAMPLES**2, np.uint8)
+def polygon(corners: Sequence[tuple[float, float]]) -> tuple[UInt8, int, int]:
+    """Return the mask of a convex polygon, and its first row and column; corners are (x, y) in pixels."""
+    points = np.array([[round(2 * _SAMPLES * part) for part in corner] for corner in corners])
+    left, top = (points.min(axis=0) // (2 * _SAMPLES)).tolist()
+    width, height = (points.max(axis=0) // (2 * _SAMPLES) + 1 - (left, top)).tolist()
+    # The centres of samples, in halves of one.
+    x, y = (2 * _SAMPLES * first + 2 * np.arange(_SAMPLES * num) + 1 for first, num in ((left, width), (top, height)))
+    sides = [
+        (end[0] - start[0]) * (y[:, None] - start[1]) - (end[1] - start[1]) * (x - start[0])
+        for start, end in zip(points, np.roll(points, -1, axis=0), strict=True)
+    ]
+    inside = (np.minimum.reduce(sides) >= 0) | (np.maximum.reduce(sides) <= 0)
+    counts = inside.reshape(height, _SAMPLES, width, _SAMPLES).sum(axis=(1, 3))
+    return np.asarray(counts * 255 // _SAMPLES**2, np.uint8), top, left
 
 
 def draw_annotation(image: Float32, patches: Sequence[Patch]) -> None:
