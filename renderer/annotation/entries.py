@@ -14,8 +14,9 @@ from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts
 from renderer.annotation.logo import read_logo
 from renderer.annotation.numbers import find_ticks, length_text, plain_text, round_below
 from renderer.annotation.sketch import Sketch, polygon, widen
-from renderer.annotation.text import Font, Line
-from renderer.scene import Color, ColorBarSpec, EntrySpec, LogoSpec, TitleSpec, Vector, fill_format
+from renderer.annotation.text import Font
+from renderer.errors import InputError
+from renderer.scene import Color, ColorBarSpec, EntrySpec, LogoSpec, Vector, fill_format
 
 MIN_TEXT_PX = 9
 MAX_LEGEND_ROWS = 24
@@ -41,87 +42,73 @@ class Pen:
         return max(round(share * self.facts.size[1]), MIN_TEXT_PX)
 
 
-def draw_text(_: EntrySpec, pen: Pen, px: int, text: str) -> Sketch | None:
-    """Draw a line of text; None without a text."""
-    return _join([pen.font.line(text, px)]) if text else None
-
-
-def draw_title(spec: TitleSpec, pen: Pen, px: int, _: object) -> Sketch | None:
-    """Draw the title."""
-    return draw_text(spec, pen, px, spec.text)
+def draw_text(_: EntrySpec, pen: Pen, px: int, text: str) -> Sketch:
+    """Draw a line of text."""
+    whole = Sketch()
+    if text:
+        whole.draw(pen.font.line(text, px).mask, 0, 0)
+    return whole
 
 
 def draw_scale_bar(spec: EntrySpec, pen: Pen, px: int, world_per_pixel: float) -> Sketch:
     """Draw a bar of a round length, and the length over it; in perspective, at which distance it holds."""
     length = round_below(_MAX_BAR * pen.facts.size[0] * world_per_pixel)
-    width, thickness, gap = max(round(float(length) / world_per_pixel), 1), max(2, px // 6), max(2, px // 4)
-    lines = [pen.font.line(length_text(length, pen.facts.unit), px)]
+    width, whole = max(round(float(length) / world_per_pixel), 1), Sketch()
+    line = pen.font.line(length_text(length, pen.facts.unit), px)
+    whole.draw(line.mask, 0, 0)
     if pen.facts.is_perspective:
-        lines.append(pen.font.line("at the target", max(round(_SMALL * px), MIN_TEXT_PX)))
-    words = _join(lines, px // 3)
-    height, words_width = words.size
-    whole = Sketch(lines[0].baseline + gap + thickness, max(width, words_width))
-    whole = Sketch(max(height, whole.size[0]), whole.size[1])
-    is_right = spec.position.endswith("right")
-    whole.draw(words.ink, 0, _beside(whole, words_width, is_right and words_width > width))
-    whole.fill(lines[0].baseline + gap, _beside(whole, width, is_right), thickness, width)
+        small = pen.font.line("at the target", max(round(_SMALL * px), MIN_TEXT_PX))
+        whole.draw(small.mask, line.baseline - small.baseline, whole.width + px // 3)
+    left = max(whole.width - width, 0) if spec.position.endswith("right") else 0
+    whole.fill(line.baseline + max(2, px // 4), left, max(2, px // 6), width)
     return whole
 
 
 def draw_color_bars(spec: ColorBarSpec, pen: Pen, px: int, _: object) -> Sketch:
     """Draw the bars of transfer functions beside each other."""
-    bars = shown_bars(spec, pen.facts)
-    return _beside_each_other([_color_bar(spec, pen, px, bar) for bar in bars], round(1.4 * px))
-
-
-def shown_bars(spec: ColorBarSpec, facts: AnnotationFacts) -> list[ColorBar]:
-    """Return the bars that are shown."""
-    return [bar for bar in facts.bars if spec.layer in (None, bar.layer)]
+    bars = [bar for bar in pen.facts.bars if spec.layer in (None, bar.layer)]
+    if not bars:
+        raise InputError("no colours of a scalar", expected="a transfer function of values")
+    whole = Sketch()
+    for number, bar in enumerate(bars):
+        _draw_color_bar(whole, whole.width + round(1.4 * px) * (number > 0), spec, pen, px, bar)
+    return whole
 
 
 def draw_legend(_: EntrySpec, pen: Pen, px: int, __: object) -> Sketch:
     """Draw coloured squares with names, and how many there are beyond the last row."""
-    entries, side, pitch = pen.facts.legend, round(0.72 * px), round(1.45 * px)
-    lines = [pen.font.line(name, px) for name, _ in entries[:MAX_LEGEND_ROWS]]
-    left, more, frame = side + px // 2, len(entries) - MAX_LEGEND_ROWS, max(1, px // 20)
+    entries, side, frame, whole = pen.facts.legend, round(0.72 * px), max(1, px // 20), Sketch()
+    if not entries:
+        raise InputError("nothing has a name", expected="labels or volumes with names")
+    inside, more = np.full(2 * (side - 2 * frame,), 255, np.uint8), len(entries) - MAX_LEGEND_ROWS
+    for number, (name, color) in enumerate(entries[:MAX_LEGEND_ROWS]):
+        line, row = pen.font.line(name, px), round(1.45 * px) * number
+        whole.draw(line.mask, row, side + px // 2)
+        whole.fill(row + line.baseline - side, 0, side, side)  # a frame, for colours like the background
+        whole.color(inside, color, row + line.baseline - side + frame, frame)
     if more > 0:
-        lines.append(pen.font.line(f"and {more} more", px))
-    base = max(line.baseline for line in lines)
-    height = pitch * (len(lines) - 1) + base + max(len(line.mask) - line.baseline for line in lines)
-    whole, square = (
-        Sketch(height, left + max(line.width for line in lines)),
-        np.full((side - 2 * frame, side - 2 * frame), 255, np.uint8),
-    )
-    for number, line in enumerate(lines):
-        baseline = base + pitch * number
-        whole.draw(line.mask, baseline - line.baseline, left)
-        if number < MAX_LEGEND_ROWS:
-            whole.fill(baseline - side, 0, side, side)  # a frame, for colours like the background
-            whole.color(square, entries[number][1], baseline - side + frame, frame)
+        whole.draw(pen.font.line(f"and {more} more", px).mask, round(1.45 * px) * MAX_LEGEND_ROWS, side + px // 2)
     return whole
 
 
 def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) -> Sketch:
     """Draw arrows along the world's axes, with letters at their ends; what is nearer is drawn later."""
-    side, letter_px = max(px, _MIN_TRIAD_PX), max(px // 6, MIN_TEXT_PX)
-    whole, middle = Sketch(side, side), side / 2
+    side, letter_px, whole = max(px, _MIN_TRIAD_PX), max(px // 6, MIN_TEXT_PX), Sketch()
     reach, half, rim = (side - 2.7 * letter_px) / 2, max(side / 70, 0.6), max(1, letter_px // 8)
+    whole.draw(np.zeros((side, side), np.uint8), 0, 0)
     arrows = []
     for axis, name in enumerate(pen.facts.world_axes or "xyz"):
-        sign = -1 if name in _OPPOSITE else 1
-        across, up, near = (sign * row[axis] for row in axes)
+        across, up, near = (-row[axis] if name in _OPPOSITE else row[axis] for row in axes)
         arrows.append((near, axis, _OPPOSITE.get(name, name), across, -up))
     for _near, axis, name, across, down in sorted(arrows):
-        color, length = _AXIS_COLORS[axis], math.hypot(across, down)
-        for corners in _arrow(middle, across, down, reach, half):
+        color, length = _AXIS_COLORS[axis], max(math.hypot(across, down), 1e-3)
+        for corners in _arrow(side / 2, (across / length, down / length), reach * length, half):
             mask, row, column = polygon(corners)
             whole.color(mask, color, row, column)
         line = pen.font.line(name, letter_px)
-        beyond = reach + 0.75 * letter_px / max(length, 0.3)  # beside the tip, however short the arrow
-        letter = np.pad(line.mask, rim)
-        row = round(middle + beyond * down - line.baseline / 2) - rim
-        column = round(middle + beyond * across - line.width / 2) - rim
-        row, column = (min(max(at, 0), side - n) for at, n in zip((row, column), letter.shape, strict=True))
+        letter, beyond = np.pad(line.mask, rim), reach + 0.75 * letter_px / max(length, 0.3)  # beside the tip
+        row = min(max(round(side / 2 + beyond * down - line.baseline / 2) - rim, 0), side - letter.shape[0])
+        column = min(max(round(side / 2 + beyond * across - line.width / 2) - rim, 0), side - letter.shape[1])
         whole.erase(widen(letter, rim), row, column)
         whole.color(letter, color, row, column)
     return whole
@@ -129,63 +116,47 @@ def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) ->
 
 def draw_logo(spec: LogoSpec, _: Pen, height: int, __: object) -> Sketch:
     """Draw the logo, at this height."""
-    pixels = read_logo(spec.file, height)
-    whole = Sketch(*pixels.shape[:2])
-    whole.paint[:] = pixels
+    whole = Sketch()
+    whole.paint = read_logo(spec.file, height)
+    whole.ink = np.zeros_like(whole.paint[..., 3])
     return whole
 
 
-@dataclass(frozen=True)
-class Drawer:
-    """A drawer of an entry: `draw` takes its keys, the pen, its size in pixels, and what `shows` finds for a frame."""
-
-    draw: Callable[[Any, Pen, int, Any], Sketch | None]
-    shows: Callable[[Any, FrameFacts], Any] = lambda spec, frame: None
-    has_rim: bool = True
-
-
-DRAWERS = {
-    "title": Drawer(draw_title),
-    "logo": Drawer(draw_logo, has_rim=False),
-    "time": Drawer(draw_text, lambda spec, frame: fill_format(spec.format, frame.numbers)),
-    "legend": Drawer(draw_legend),
-    "color_bar": Drawer(draw_color_bars),
-    "scale_bar": Drawer(draw_scale_bar, lambda _, frame: frame.world_per_pixel),
-    "accuracy": Drawer(draw_text, lambda _, frame: frame.accuracy),
-    "orientation": Drawer(draw_orientation, lambda _, frame: frame.axes),
+# Of each entry, what it shows on a frame, and how that is drawn: from its keys, a pen, its size in pixels, and that.
+DRAWERS: dict[str, tuple[Callable[[Any, FrameFacts], Any], Callable[[Any, Pen, int, Any], Sketch]]] = {
+    "title": (lambda spec, frame: spec.text, draw_text),
+    "logo": (lambda spec, frame: None, draw_logo),
+    "time": (lambda spec, frame: fill_format(spec.format, frame.numbers), draw_text),
+    "legend": (lambda spec, frame: None, draw_legend),
+    "color_bar": (lambda spec, frame: None, draw_color_bars),
+    "scale_bar": (lambda spec, frame: frame.world_per_pixel, draw_scale_bar),
+    "accuracy": (lambda spec, frame: frame.accuracy, draw_text),
+    "orientation": (lambda spec, frame: frame.axes, draw_orientation),
 }
 
 
-def _color_bar(spec: ColorBarSpec, pen: Pen, px: int, bar: ColorBar) -> Sketch:
+def _draw_color_bar(whole: Sketch, left: int, spec: ColorBarSpec, pen: Pen, px: int, bar: ColorBar) -> None:
     """Draw a bar: its label above, opacities as a profile to the left of the colours, ticks to the right."""
-    length, width, frame = round(spec.length * pen.facts.size[1]), px, max(1, px // 20)
-    profile = round(1.5 * px) + frame if bar.opacities else 0
+    length, width, frame, stroke = round(spec.length * pen.facts.size[1]), px, max(1, px // 20), max(2, px // 4)
     name = bar.name if not bar.unit else f"{bar.name} ({bar.unit})" if bar.name else bar.unit
     label = pen.font.line(spec.label or name or " ", px)
-    ticks = find_ticks(bar.low, bar.high, min(max(length // (2 * px), 2), 7), is_log=bar.is_log)
-    lines = [pen.font.line(plain_text(tick), px) for tick in ticks]
-    top, right, stroke = len(label.mask) + px // 2, frame + profile + width + frame, max(2, px // 4)
-    rows = [top + frame + round((1 - _share(bar, tick)) * (length - 1)) for tick in ticks]
-    text_rows = [row - round(line.baseline / 2) for row, line in zip(rows, lines, strict=True)]
-    text_column = right + stroke + max(2, px // 5)
-    ends = [top + length + 2 * frame, *(row + len(line.mask) for row, line in zip(text_rows, lines, strict=True))]
-    whole = Sketch(max(ends), max(label.width, text_column + max((line.width for line in lines), default=0)))
-    whole.draw(label.mask, 0, 0)
-    left, line_of_color = frame + profile, np.full((1, width), 255, np.uint8)
+    whole.draw(label.mask, 0, left)
+    first, middle = len(label.mask) + px // 2 + frame, left + (round(1.5 * px) + frame if bar.opacities else 0)
+    right, inside = middle + frame + width, np.full((1, width), 255, np.uint8)
     for row in range(length):
         sample = (2 * (length - row) - 1) * len(bar.colors) // (2 * length)
-        whole.color(line_of_color, bar.colors[sample], top + frame + row, left)
-        if profile:
-            opaque = round(bar.opacities[sample] * (profile - frame))
-            whole.ink[top + frame + row, profile - opaque : profile] = _PROFILE
-    for row in (top, top + frame + length):
-        whole.fill(row, 0, frame, right)
-    for column in {0, profile, right - frame}:
-        whole.fill(top, column, length + 2 * frame, frame)
-    for row, text_row, line in zip(rows, text_rows, lines, strict=True):
-        whole.fill(row - frame // 2, right, frame, stroke)
-        whole.draw(line.mask, text_row, text_column)
-    return whole
+        whole.color(inside, bar.colors[sample], first + row, middle + frame)
+        if bar.opacities:
+            opaque = round(bar.opacities[sample] * (middle - left - frame))
+            whole.ink[first + row, middle - opaque : middle] = _PROFILE
+    for row in (first - frame, first + length):
+        whole.fill(row, left, frame, right + frame - left)
+    for column in {left, middle, right}:
+        whole.fill(first - frame, column, length + 2 * frame, frame)
+    for tick in find_ticks(bar.low, bar.high, min(max(length // (2 * px), 2), 7), is_log=bar.is_log):
+        line, row = pen.font.line(plain_text(tick), px), first + round((1 - _share(bar, tick)) * (length - 1))
+        whole.fill(row - frame // 2, right + frame, frame, stroke)
+        whole.draw(line.mask, row - round(line.baseline / 2), right + frame + stroke + max(2, px // 5))
 
 
 def _share(bar: ColorBar, value: Decimal) -> float:
@@ -196,43 +167,12 @@ def _share(bar: ColorBar, value: Decimal) -> float:
     return min(max((at - low) / (high - low), 0.0), 1.0) if high > low else 0.5
 
 
-def _arrow(middle: float, across: float, down: float, reach: float, half: float) -> list[list[tuple[float, float]]]:
-    """Return the corners of an arrow's shaft and head, from the middle of the triad; as short as it is seen."""
-    length = math.hypot(across, down)
-    if length < 1e-3:
-        return [[(middle - half, middle - half), (middle + half, middle - half), (middle + half, middle + half),
-                 (middle - half, middle + half)]]  # fmt: skip
-    x, y, end = across / length, down / length, reach * length
-    neck = max(end - 8 * half, 0.0)
+def _arrow(middle: float, way: tuple[float, float], end: float, half: float) -> list[list[tuple[float, float]]]:
+    """Return the corners of an arrow's shaft and head, from the middle of a square; as short as it is seen."""
+    neck, (x, y) = max(end - 8 * half, 0.0), way
 
     def at(along: float, beside: float) -> tuple[float, float]:
         return middle + along * x - beside * y, middle + along * y + beside * x
 
     shaft = [at(-half, half), at(neck, half), at(neck, -half), at(-half, -half)]
     return [shaft, [at(neck, 3.2 * half), at(end, 0.0), at(neck, -3.2 * half)]]
-
-
-def _join(lines: Sequence[Line], gap: int = 0) -> Sketch:
-    """Return lines of text one after the other, on one baseline."""
-    base = max(line.baseline for line in lines)
-    height = base + max(len(line.mask) - line.baseline for line in lines)
-    whole, column = Sketch(height, sum(line.width for line in lines) + gap * (len(lines) - 1)), 0
-    for line in lines:
-        whole.draw(line.mask, base - line.baseline, column)
-        column += line.width + gap
-    return whole
-
-
-def _beside_each_other(parts: Sequence[Sketch], gap: int) -> Sketch:
-    heights, widths = zip(*(part.size for part in parts), strict=True)
-    whole, column = Sketch(max(heights), sum(widths) + gap * (len(parts) - 1)), 0
-    for part in parts:
-        height, width = part.size
-        whole.ink[:height, column : column + width] = part.ink
-        whole.paint[:height, column : column + width] = part.paint
-        column += width + gap
-    return whole
-
-
-def _beside(whole: Sketch, width: int, is_right: bool) -> int:
-    return whole.size[1] - width if is_right else 0

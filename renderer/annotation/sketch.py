@@ -26,36 +26,53 @@ class Patch(NamedTuple):
 
 
 class Sketch:
-    """A drawing: `ink` in the colour of its entry, uint8 [h, w], under `paint`, premultiplied RGBA, uint8 [h, w, 4]."""
+    """A drawing that grows to the right and down as it is drawn on.
 
-    def __init__(self, height: int, width: int) -> None:
-        """Begin with nothing. Raises InputError for more pixels than any picture has."""
-        require_room(height, width)
-        self.ink, self.paint = np.zeros((height, width), np.uint8), np.zeros((height, width, 4), np.uint8)
+    ink: in the colour of its entry, uint8 [h, w]. paint: over it, premultiplied RGBA, uint8 [h, w, 4].
+    """
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.ink, self.paint = np.zeros((0, 0), np.uint8), np.zeros((0, 0, 4), np.uint8)
 
     @property
-    def size(self) -> tuple[int, int]:
-        """Return the height and the width."""
-        return self.ink.shape[0], self.ink.shape[1]
+    def height(self) -> int:
+        """Return the number of rows."""
+        return self.ink.shape[0]
+
+    @property
+    def width(self) -> int:
+        """Return the number of columns."""
+        return self.ink.shape[1]
 
     def draw(self, mask: UInt8, row: int, column: int) -> None:
         """Add a mask to the ink."""
-        part = self.ink[row : row + mask.shape[0], column : column + mask.shape[1]]
-        np.maximum(part, mask, out=part)
+        part = self._part(row, column, *mask.shape)
+        self.ink[part] = np.maximum(self.ink[part], mask)
 
     def fill(self, row: int, column: int, height: int, width: int) -> None:
         """Add a rectangle to the ink."""
-        self.ink[row : row + height, column : column + width] = 255
+        part = self._part(row, column, height, width)  # which replaces the ink where it grows
+        self.ink[part] = 255
 
     def color(self, mask: UInt8, color: Color, row: int, column: int) -> None:
         """Paint a mask in a colour, over what is there."""
-        part = self.paint[row : row + mask.shape[0], column : column + mask.shape[1]]
-        part[:] = _over(part, _colored(mask, color))
+        part = self._part(row, column, *mask.shape)
+        self.paint[part] = _over(self.paint[part], _colored(mask, color))
 
     def erase(self, mask: UInt8, row: int, column: int) -> None:
         """Take paint away."""
-        part = self.paint[row : row + mask.shape[0], column : column + mask.shape[1]]
-        part[:] = part.astype(np.uint32) * (255 - mask[..., None].astype(np.uint32)) // 255
+        part = self._part(row, column, *mask.shape)
+        self.paint[part] = self.paint[part] * (255 - mask[..., None].astype(np.uint32)) // 255
+
+    def _part(self, row: int, column: int, height: int, width: int) -> tuple[slice, slice]:
+        """Return where a part is, and make room for it. Raises InputError for more pixels than any picture has."""
+        more = max(row + height - self.height, 0), max(column + width - self.width, 0)
+        if any(more):
+            require_room(self.height + more[0], self.width + more[1])
+            room = [(0, num) for num in more]
+            self.ink, self.paint = np.pad(self.ink, room), np.pad(self.paint, [*room, (0, 0)])
+        return slice(row, row + height), slice(column, column + width)
 
     def finish(self, color: Color, rim: int) -> Float32:
         """Return the drawing with a rim of this width in the opposite of its colour: float32 [h + 2 rim, w + 2 rim, 4].

@@ -40,7 +40,7 @@ class Line(NamedTuple):
 
 
 class Font:
-    """A font, in any size. missing: the characters that it was asked for and does not have."""
+    """A font, in any size."""
 
     def __init__(self, file: Path | None) -> None:
         """Read a font; without a file, the one that comes with hsplat. Raises InputError."""
@@ -49,11 +49,13 @@ class Font:
         self._file, self._content = file, read_bounded(file, MAX_FONT_BYTES, "a font")
         self._sizes: dict[int, Any] = {}
         self._known: dict[str, bool] = {}
-        self.missing: set[str] = set()
         self.line(_TALL, 9)
 
     def line(self, text: str, px: int) -> Line:
-        """Return a line of text whose em is `px` pixels high. What is not printable is escaped. Raises InputError."""
+        """Return a line of text whose em is `px` pixels high. What is not printable is escaped.
+
+        Raises InputError for what the font cannot draw.
+        """
         try:
             return self._line(text, px)
         except (OSError, ValueError) as error:
@@ -63,7 +65,8 @@ class Font:
         from PIL import Image, ImageDraw
 
         text, font = printable(text)[:_LONGEST], self._sized(px)
-        self.missing |= {each for each in set(text) if not self._has(each)}
+        if missing := "".join(sorted({each for each in text if not self._has(each)})):
+            raise InputError("the font lacks characters", got=missing, hint="annotation.font: FILE has another font")
         left, top, right, bottom = font.getbbox(text, anchor="ls")
         baseline = -min(top, font.getbbox(_TALL, anchor="ls")[1])
         height = baseline + max(bottom, font.getbbox(_DEEP, anchor="ls")[3])

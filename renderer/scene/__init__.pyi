@@ -8,7 +8,6 @@ from .annotation_section import (
     TitleSpec as TitleSpec,
     fill_format as fill_format,
     moving_numbers as moving_numbers,
-    names_in_format as names_in_format,
 )
 from .camera_section import (
     CAMERA_FIELD as CAMERA_FIELD,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from renderer.errors import InputError
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.message_text import did_you_mean, join_some
@@ -42,24 +43,22 @@ def _parse_format(node: TreeNode) -> Any:
     return node.value
 
 
-def names_in_format(text: str) -> list[str]:
-    """Return the names in the braces of a format."""
-    return [found[1] for found in _PLACEHOLDER.finditer(text)]
-
-
 def fill_format(text: str, values: Mapping[str, float]) -> str:
-    """Return a format with numbers in place of its names, all of which `values` has."""
+    """Return a format with numbers in place of its names. Raises InputError for a name that is not known."""
 
     def number(found: re.Match[str]) -> str:
-        name, width, whole, digits, kind = found.groups()
-        value = values[name]
-        if whole or (isinstance(value, int) and not digits and not kind):
-            return format(round(value), f"{width or ''}d")
-        return format(value, f"{width or ''}{digits or ''}{kind or ('' if digits else 'g')}")
+        name, width, whole, digits, kind = (part or "" for part in found.groups())
+        if name not in values:
+            raise InputError("no such number", got=f"{{{name}}}", expected=join_some(list(values)))
+        value, rest = values[name], digits + kind
+        if whole or (isinstance(value, int) and not rest):
+            return format(round(value), f"{width}d")
+        return format(value, width + (rest or "g"))
 
     return _PLACEHOLDER.sub(number, text)
 
 
+_COLOR = schema.word_or({"auto": "auto"}, COLOR_FIELD, f"auto, or {COLOR_FIELD.expected}")
 _SIZE = schema.number_field(minimum=0.005, maximum=0.5, motion=None)
 
 
@@ -74,9 +73,7 @@ class EntrySpec:
 
     position: Position
     size: Annotated[float, _SIZE]
-    color: Annotated[Color | Literal["auto"], schema.word_or({"auto": "auto"}, COLOR_FIELD, COLOR_FIELD.expected)] = (
-        "auto"
-    )
+    color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,9 +117,8 @@ def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None =
     """
     table = schema.field_table(cls)
     required = [key for key in schema.required_keys(cls) if key not in ("position", "size")]
-    section = schema.section_field(
-        table, lambda _, given: cls(**{"position": position, "size": size} | given), required=required
-    )
+    defaults: dict[str, Any] = {"position": position, "size": size}
+    section = schema.section_field(table, lambda _, given: cls(**defaults | given), required=required)
 
     def parse(node: TreeNode) -> Any:
         if isinstance(node.value, Mapping):
@@ -132,9 +128,9 @@ def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None =
         if short is None:
             return node.reject("neither true nor a mapping")
         value = table[short].parser(node)
-        return value if value is INVALID else cls(position=position, size=size, **{short: value})
+        return value if value is INVALID else cls(**defaults, **{short: value})
 
-    words = [*(["true"] if not required else []), *([table[short].expected] if short else []), "a mapping"]
+    words = [*["true"] * (not required), *(table[key].expected for key in (short,) if key), "a mapping"]
     return schema.FieldType(", or ".join(words), parse, table=section.table)
 
 
@@ -188,12 +184,12 @@ def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int
     if bar is not None and bar.layer is not None and bar.layer >= num_layers:
         expected = f"a number from 0 to {num_layers - 1}"
         node.child("color_bar").child("layer", bar.layer).reject("no such volume", expected=expected)
-    known = [*FRAME_NAMES, *moving_numbers(moving)]
-    written = node.value.get("time") if isinstance(node.value, Mapping) else None
-    place = node.child("time", written)
-    if isinstance(written, Mapping):
-        place = place.child("format", written.get("format"))
-    for name in names_in_format(time.format) if time is not None else ():
+    if time is None:
+        return
+    known, place = [*FRAME_NAMES, *moving_numbers(moving)], node.child("time")
+    if isinstance(node.value, Mapping) and isinstance(node.value["time"], Mapping):
+        place = place.child("format")
+    for name in (found[1] for found in _PLACEHOLDER.finditer(time.format)):
         if name not in known:
             hint = did_you_mean(name, known)
             place.reject("nothing of this name moves", got=f"{{{name}}}", expected=join_some(known), hint=hint)
