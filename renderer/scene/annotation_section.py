@@ -21,7 +21,7 @@ MAX_TEXT_LENGTH = 200
 Position = Literal["top-left", "top", "top-right", "left", "right", "bottom-left", "bottom", "bottom-right"]
 
 # {camera.zoom} or {seconds:06.2f}: a name, and how its number is written.
-_PLACEHOLDER = re.compile(r"\{([^{}:]+)(?::(0?[0-9]{0,2})(?:(d)|(\.[0-9]{1,2})?([feg%])?))?\}", re.ASCII)
+_PLACEHOLDER = re.compile(r"\{([\w. -]+)(?::(0?[0-9]{0,2})(?:(d)|(\.[0-9]{1,2})?([feg%])?))?\}")
 FRAME_NAMES = ("frame", "seconds", "time")
 _FORMAT_WORDS = "text with names in braces, such as {seconds:.1f} s, of one line"
 
