@@ -18,30 +18,16 @@ from renderer.annotation.numbers import find_ticks, length_text, plain_text
 from renderer.annotation.text import Font
 from renderer.errors import SceneError
 from renderer.film import bytes_digest
-from renderer.scene import (
-    AnnotationSpec,
-    Motion,
-    Scene,
-    fill_format,
-    moving,
-    moving_numbers,
-    moving_values,
-    parse_scene,
-    scene_to_dict,
-)
+from renderer.scene import AnnotationSpec, Motion, Scene, fill_format, moving, parse_scene, scene_to_dict
 
 FACTS = AnnotationFacts((640, 480), unit="mm", world_axes="LPS", bars=BARS, legend=LEGEND)
 FRAME = FrameFacts(12, 0.4, accuracy="47.3 dB", world_per_pixel=0.35, axes=axes_of(35, 25))
 WHITE = ((1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
 
 
-def parse(tree: dict[str, Any]) -> Scene:
-    return parse_scene(tree, base=Path())
-
-
-def annotation(**keys: Any) -> AnnotationSpec:
+def annotation(scene: Scene = PLAIN, **keys: Any) -> AnnotationSpec:
     """The annotation that a scene with these keys has."""
-    return parse(scene_to_dict(PLAIN) | {"annotation": keys}).annotation
+    return parse_scene(scene_to_dict(scene) | {"annotation": keys}, base=Path()).annotation
 
 
 def drawn(spec: AnnotationSpec, facts: AnnotationFacts = FACTS, frame: FrameFacts = FRAME) -> np.ndarray:
@@ -132,36 +118,19 @@ def test_numbers_are_round_and_have_the_unit_that_suits_them() -> None:
 
 def test_formats_fill_in_numbers_and_nothing_else() -> None:
     values = {"frame": 7, "seconds": 2.345, "camera.distance": -1234567.0}
-    text = (
-        "{frame} {frame:04} {frame:03d} {frame:.1f} {seconds} {seconds:6.2f} {seconds:.0%} {camera.distance:.2e} 50 %"
-    )
-    assert fill_format(text, values) == "7 0007 007 7.0 2.345   2.35 235% -1.23e+06 50 %"
-    for wrong in (
-        "{frame!r}",
-        "{}",
-        "{frame:>9}",
-        "{frame:100}",
-        "{frame:.999f}",
-        "{{frame}}",
-        "{frame",
-        "{a:{frame}}",
-        "a\nb",
-        " ",
-    ):
+    text = "{frame} {frame:04} {frame:03d} {frame:.1f} {seconds} {seconds:6.2f} {seconds:.0%} {camera.distance:.2e} %"
+    assert fill_format(text, values) == "7 0007 007 7.0 2.345   2.35 235% -1.23e+06 %"
+    wrong = "{frame!r} | {} | {frame:>9} | {frame:100} | {frame:.999f} | {{frame}} | {frame | {a:{frame}} | a\nb |  "
+    for each in wrong.split(" | "):
         with pytest.raises(SceneError):
-            annotation(time=wrong)
+            annotation(time=each)
     film = replace(PLAIN, camera=replace(PLAIN.camera, distance=moving(Motion((0, 7), (50.0, 85.0)))))
-    tree = scene_to_dict(film)
-    assert parse(tree | {"annotation": {"time": "{camera.distance}"}}).annotation.time
-    assert moving_numbers(moving_values(film, 4)) == {"camera.distance": 70.0}
-    for entry, path in (
-        ("{camera.zoom}", "annotation.time"),
-        ({"format": "{frame.__class__}"}, "annotation.time.format"),
-    ):
+    assert annotation(film, time="{camera.distance:.0f} {time}").time
+    for name, time in (("time", "{camera.zoom}"), ("time.format", {"format": "{frame.__class__}"})):
         with pytest.raises(SceneError) as caught:
-            parse(tree | {"annotation": {"time": entry}})
+            annotation(film, time=time)
         (problem,) = caught.value.problems
-        assert problem.path == path and "camera.distance" in (problem.expected or "")
+        assert problem.path == f"annotation.{name}" and "camera.distance" in (problem.expected or "")
 
 
 def test_what_cannot_be_drawn_is_told(tmp_path: Path) -> None:
