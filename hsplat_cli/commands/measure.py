@@ -15,6 +15,7 @@ from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
 from renderer.job import require_no_input
+from renderer.scene import AnnotationSpec
 
 # Options of a sweep and its report, which a search for one tolerance does not have.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
@@ -67,7 +68,7 @@ def measure(
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
     given = load_job(request, "nothing")
-    job, numbers = replace(given.scene, overlay="none"), given.frames  # lines are no error
+    job, numbers = replace(given.scene, annotation=AnnotationSpec()), given.frames  # lines are no error
     sweep = parse_sweep(job, **sweep_options)
     if want is not None:
         # Imported here to keep --help fast.

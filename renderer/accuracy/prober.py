@@ -113,7 +113,7 @@ class FrameProber:
 def open_prober(stage: Stage, num_threads: int) -> FrameProber | None:
     """Return a prober with the rays that a scene wants; None where it wants none, or has no exact picture."""
     scene, num_rays = stage.scene, stage.scene.error.probes
-    if num_rays is None:  # 0 beside an overlay
+    if num_rays is None:  # 0 beside lines over the picture
         width, height = scene.output.size
         num_rays = max(_MIN_RAYS, width * height // _PIXELS_PER_RAY, _MIN_RAYS_OF_PATH // scene.num_frames)
         num_rays *= scene.no_exact_picture is None

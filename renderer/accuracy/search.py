@@ -23,7 +23,7 @@ from renderer.accuracy.truths import spread_evenly
 from renderer.draw import Rasterizer
 from renderer.errors import RenderError
 from renderer.frame import Clock, Frame, ScheduleController, Stage, make_primitive, render_frames
-from renderer.scene import MetricTarget, Scene, counted, with_tolerance
+from renderer.scene import AnnotationSpec, MetricTarget, Scene, counted, with_tolerance
 
 # By how many deviations key frames, and those between them, are to be good enough: nine of ten are, and more.
 _MARGIN, _MARGIN_BETWEEN = 1.5, 0.5
@@ -90,11 +90,11 @@ def find_tolerances(
 ) -> FoundTolerances:
     """Find the tolerances at which frames, before rounding, are as near to a reference as it wants.
 
-    stage: with a pyramid for every tolerance. The schedule of its scene is ignored, and so is its overlay, which is no
-        error. frames: ascending. is_constant: whether all get the same tolerance.
+    stage: with a pyramid for every tolerance. The schedule of its scene is ignored, and so are lines over the picture,
+        which are no error. frames: ascending. is_constant: whether all get the same tolerance.
     on_trial: called after every picture. None is drawn twice.
     """
-    stage = replace(stage, scene=replace(stage.scene, overlay="none"))
+    stage = replace(stage, scene=replace(stage.scene, annotation=AnnotationSpec()))
 
     @lru_cache(maxsize=1)  # has a level of detail in memory
     def controller_at(tolerance: float) -> tuple[Stage, ScheduleController]:

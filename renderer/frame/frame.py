@@ -78,7 +78,7 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     watch.lap("draw")
     for lines in lod.lines:
         draw_lines(lines, draw_list.view, image)
-        watch.lap("overlay")
+        watch.lap("lines")
     kind = stage.scene.output.kind
     pixels = quantize(image, kind.background, kind.depth)
     stage.require_unchanged()  # while it was drawn, too

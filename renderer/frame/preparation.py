@@ -226,7 +226,7 @@ def volume_key(layer: LayerSpec) -> VolumeKey:
 
 def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> Float64:
     """Return the positions that a camera is to have in frame: float64 [n, 3], as `visible_points`."""
-    if scene.overlay == "bounds":
+    if scene.annotation.bounds:
         return np.concatenate([volume_corners(layer.volume) for layer in layers])
     clip = scene.clip if scene.camera.target == "visible" else None
     return np.concatenate([_visible_points(layer, clip) for layer in layers])

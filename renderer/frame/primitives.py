@@ -63,7 +63,7 @@ _MAX_SAMPLED_BRICKS = 4096
 
 @dataclass(frozen=True)
 class LOD(ABC):
-    """A level of detail: the cells drawn at a tolerance, from any view. lines: those of an overlay.
+    """A level of detail: the cells drawn at a tolerance, from any view. lines: those over the picture.
 
     batches: of each group of layers. orders: returns what is visible in a view, in the order in which it is drawn; each
         order has the same elements.
@@ -130,17 +130,16 @@ class Primitive(ABC):
     size_ratio: ClassVar[float]
 
     def __init__(self, stage: Stage) -> None:
-        self._stage, self._overlay = stage, stage.scene.overlay
+        self._stage, self._annotation = stage, stage.scene.annotation
         self._sizes: CutSizes | None = None
 
     def make_lod(self, tolerance: float, lap: Lap) -> LOD:
         """Cut at a tolerance, and prepare the cut for the rasteriser."""
         cuts, batches, orders = self._prepare(tolerance, lap)
         lap("primitives")
-        lines = []
-        if self._overlay != "none":
-            is_octree = self._overlay == "octree"
-            lines = [make_edges(cut, self.levels_above) if is_octree else make_outline(cut.volume) for cut in cuts]
+        lines = [make_edges(cut, self.levels_above) for cut in cuts if self._annotation.octree]
+        lines += [make_outline(cut.volume) for cut in cuts if self._annotation.bounds]
+        if lines:
             lap("edges")
         return self.lod_type(tolerance, batches, lines, orders)
 

@@ -65,7 +65,8 @@ class Stage:
             self.groups is other.groups
             and self.resolutions == other.resolutions
             and self.order_blending is other.order_blending
-            and (self.scene.splat, self.scene.overlay) == (other.scene.splat, other.scene.overlay)
+            and self.scene.splat == other.scene.splat
+            and self.scene.annotation.lines == other.scene.annotation.lines
         )
 
     @property

@@ -8,7 +8,8 @@ Its field types also check sidecars and golden records. Importing it imports no 
 - `spec.py` has the frozen `Scene`, from plain data and back; each section's keys, types, defaults and checks are in
   `volume_section.py`, `transfer_section.py`, `camera_section.py`, `error_section.py` (with `MetricTarget`, an accuracy
   to reach, such as psnr=38), `splat_section.py`, `shading_section.py`, `mode_section.py`, `clip_section.py`,
-  `labels_section.py` (labels and masks), `layers_section.py` (several volumes, `LayerSpec`) and `output_section.py`.
+  `labels_section.py` (labels and masks), `layers_section.py` (several volumes, `LayerSpec`), `annotation_section.py`
+  (with the formats of texts) and `output_section.py`.
 - `output_formats.py`: the table of all formats of pictures and films.
 - `volume_files.py`: the file of a volume, or those of its steps in time.
 - `schema.py`: the types of fields, which other rooms have as `schema.number_field(...)`; `tree_node.py`: what a type of

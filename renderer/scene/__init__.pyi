@@ -1,4 +1,14 @@
 from . import schema as schema
+from .annotation_section import (
+    AnnotationSpec as AnnotationSpec,
+    ColorBarSpec as ColorBarSpec,
+    EntrySpec as EntrySpec,
+    LogoSpec as LogoSpec,
+    TimeSpec as TimeSpec,
+    TitleSpec as TitleSpec,
+    fill_format as fill_format,
+    moving_numbers as moving_numbers,
+)
 from .camera_section import (
     CAMERA_FIELD as CAMERA_FIELD,
     CameraPath as CameraPath,

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Annotated, Any, Literal
 
 from renderer.scene import schema
+from renderer.scene.annotation_section import lines_of
 from renderer.scene.message_text import format_value, join_words
 from renderer.scene.motion import motion_of, motion_to_dict
 from renderer.scene.schema import INVALID, TreeNode
@@ -149,9 +150,9 @@ ERROR_SECTION = schema.section_field(_SCHEDULES | schema.field_table(ErrorSpec),
 
 def check_exact_picture(node: TreeNode, given: Mapping[str, Any]) -> None:
     """Check that probes have something to compare with; `given` holds the sections of the whole scene."""
-    error, overlay = given.get("error"), given.get("overlay")
-    if isinstance(error, ErrorSpec) and error.probes not in (None, 0, INVALID) and overlay in ("octree", "bounds"):
+    error, lines = given.get("error"), lines_of(given)
+    if isinstance(error, ErrorSpec) and error.probes not in (None, 0, INVALID) and lines:
         node.child("probes", error.probes).reject(
-            f"there is no exact picture of a scene with overlay: {overlay}",
-            expected="auto or 0, which measure nothing there, or overlay: none",
+            f"there is no exact picture of a scene with annotation.{lines[0]}",
+            expected=f"auto or 0, which measure nothing there, or annotation.{lines[0]}: false",
         )

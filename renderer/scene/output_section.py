@@ -272,8 +272,8 @@ def _with_others(node: TreeNode, written: object, nodes: Sequence[TreeNode]) -> 
     """Read the first file, at `node`, and the others."""
     num_problems = len(node.problems)
     first: Any = _FILE.read(node)
-    for key in ("every", "frame") if isinstance(written, Mapping) else ():
-        if key in written:
+    for key in ("every", "frame"):
+        if isinstance(written, Mapping) and key in written:
             node.key(key).reject("not for the first output", got="", expected="", hint="it has all frames")
     others = [_read_other(each, written) for each in nodes]
     if len(node.problems) > num_problems:

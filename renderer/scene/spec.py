@@ -3,10 +3,10 @@
 The plain data come from a YAML or JSON reader: nested mappings, lists and scalars.
 
 Each large section of a scene has its own module (`volume_section`, `transfer_section`, `camera_section`,
-`error_section`, `splat_section`, `shading_section`, `mode_section`, `clip_section`, `output_section`) with its
-dataclass: for each key the type that checks it, and its default. Nothing here imports numpy or OpenGL, so that
-`hsplat check` answers at once. Lengths are in world units (those of the volume's spacing), angles in degrees, colours
-in [0, 1] as given (display-referred), shapes, points and sizes in (x, y, z) and (width, height) order.
+`error_section`, `splat_section`, `shading_section`, `mode_section`, `clip_section`, `annotation_section`,
+`output_section`) with its dataclass: for each key the type that checks it, and its default. Nothing here imports numpy
+or OpenGL, so that `hsplat check` answers at once. Lengths are in world units (those of the volume's spacing), angles in
+degrees, colours in [0, 1] as given (display-referred), shapes, points and sizes in (x, y, z) and (width, height) order.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Annotated, Any, Literal
 
 from renderer.errors import Problem
 from renderer.scene import schema
+from renderer.scene.annotation_section import ANNOTATION_SECTION, AnnotationSpec, check_annotation
 from renderer.scene.camera_section import CAMERA_FIELD, CameraPath, CameraSpec, PathSequence
 from renderer.scene.clip_section import CLIP_SECTION, ClipSpec, check_what_is_clipped
 from renderer.scene.error_section import (
@@ -64,7 +65,7 @@ class PyramidSpec:
 
 @dataclass(frozen=True)
 class Scene:
-    """A complete job. With `overlay`, lines along the drawn cells or around the volume are drawn over the picture.
+    """A complete job.
 
     volumes: several, in place of one; then `volume` and `transfer_function` are those of the first. blend: `mix` adds
         extinctions up, and colours in their proportion; `add` adds light that nothing absorbs, as of fluorescence.
@@ -83,7 +84,7 @@ class Scene:
     mask: Annotated[MaskSpec | None, MASK_SECTION] = None
     volumes: Annotated[tuple[LayerSpec, ...], VOLUMES_SECTION] = ()
     blend: Literal["mix", "add"] = "mix"
-    overlay: Literal["none", "octree", "bounds"] = "none"
+    annotation: Annotated[AnnotationSpec, ANNOTATION_SECTION] = field(default=AnnotationSpec())
     version: Annotated[int, _VERSION] = VERSION
 
     @property
@@ -122,9 +123,8 @@ class Scene:
     @property
     def no_exact_picture(self) -> str | None:
         """Return why pictures cannot be compared with exact rays through the interpolated field; None if they can."""
-        if self.overlay != "none":
-            return f"overlay: {self.overlay}"
-        return None
+        lines = self.annotation.lines
+        return f"annotation.{lines[0]}" if lines else None
 
     @property
     def import_notes(self) -> list[str]:
@@ -214,6 +214,10 @@ def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
     if not problems:  # values are compared only if each is correct
         for layer in scene.layers:
             problems += proportion_problems(layer.volume, scene.camera, scene.output.size)
+        if node.film is not None and node.film.at is None:  # where a frame is read, nothing moves
+            place = node.child("annotation", isinstance(tree, Mapping) and tree.get("annotation"))
+            moving = moving_values(scene, 0) if scene.annotation.time is not None else {}
+            check_annotation(place, scene.annotation, len(scene.layers), moving)
     return scene
 
 
@@ -234,7 +238,10 @@ _MISPLACED_KEY_HINTS = {
         "splat": ("footprint",),
     }.items()
     for key in keys
-} | {"cuts": "cuts is called clip now"}
+} | {
+    "cuts": "cuts is called clip now",
+    "overlay": "overlay: bounds is written annotation: {bounds: true} now",
+}
 
 
 # Back to plain data

@@ -12,6 +12,7 @@ from renderer.draw import Rasterizer, draw_lines, make_edges
 from renderer.film import quantize
 from renderer.frame import Frame, Stage, finest_level_at, make_primitive, render_frames
 from renderer.pyramid import cut_pyramid
+from renderer.scene import AnnotationSpec
 from renderer.splats import GouraudFootprint, SplatBatch
 from renderer.view import View
 from renderer.volume import Array, Float64, UInt32
@@ -50,7 +51,7 @@ def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: Rasterize
     if not np.array_equal(frame.image, quantize(frame.radiance, stage.scene.output.background)):
         raise WrongError("the 8 bits are not those of the radiance")
     radiance = frame.radiance
-    if stage.scene.overlay == "octree":
+    if stage.scene.annotation.octree:
         radiance = without_overlay(stage, frame, view, rasterizer)
     require_close(radiance, expected, PRECISION + SPREADS * np.ptp([expected, *others], axis=0))
 
@@ -85,7 +86,7 @@ def _require_shares(orders: list[Order]) -> None:
 
 def without_overlay(stage: Stage, frame: Frame, view: View, rasterizer: Rasterizer) -> Array:
     """The same frame without its lines; raises WrongError unless they lie over it."""
-    bare = replace(stage, scene=replace(stage.scene, overlay="none"))
+    bare = replace(stage, scene=replace(stage.scene, annotation=AnnotationSpec()))
     (below,) = render_frames(bare, [frame.number], rasterizer, clock=lambda: 0.0)
     cut = cut_pyramid(stage.layers[0].pyramid, frame.tolerance, finest_level=finest_level_at(stage, frame.tolerance))
     lines = np.zeros_like(below.radiance)

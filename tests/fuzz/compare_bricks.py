@@ -14,6 +14,7 @@ from renderer.draw import Rasterizer
 from renderer.film import quantize
 from renderer.frame import Frame, Stage, make_primitive, render_frames
 from renderer.frame.primitives import BrickPrimitive
+from renderer.scene import AnnotationSpec
 from renderer.view import View
 from renderer.volume import Array
 
@@ -33,7 +34,7 @@ def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: Rasterize
     if frame.num_cells != lod.num_cells:
         raise WrongError(f"{frame.num_cells} bricks in the frame, {lod.num_cells} in its cut")
     (batch,), ((_, (order,)),) = lod.batches, lod.orders(view)
-    bare = replace(stage, scene=replace(stage.scene, overlay="none"))
+    bare = replace(stage, scene=replace(stage.scene, annotation=AnnotationSpec()))
     (below,) = render_frames(bare, [frame.number], rasterizer, clock=time.perf_counter)
     _require_bounds(frame.radiance, stage)
     if not np.array_equal(frame.image, quantize(frame.radiance, stage.scene.output.background)):

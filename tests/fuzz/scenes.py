@@ -83,7 +83,7 @@ def legal_case(index: int, rng: Random, dtypes: Sequence[str] = DTYPES) -> Case:
         tree["splat"] = {"footprint": "integrated"}
     _maybe(rng, 0.4, lambda: tree.update(pyramid=random_pyramid(rng)))
     _maybe(rng, 0.25, lambda: tree.update(shading=random_shading(rng)))
-    _maybe(rng, 0.1, lambda: tree.update(overlay="octree"))
+    _maybe(rng, 0.1, lambda: tree.update(annotation={"octree": True}))
     tree["output"] = {
         "file": "out/{frame:02}.png",
         "size": [int(rng.integers(1, LARGEST_SIDE_PX + 1)) for _ in range(2)],

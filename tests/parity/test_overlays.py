@@ -20,7 +20,7 @@ from renderer.draw.cpu.lines import LEVEL_COLORS, LINE_COVER, LINE_OPACITY, MIN_
 from renderer.draw.overlay import tick_step
 from renderer.frame import render_frames, view_of
 from renderer.pyramid import Cut
-from renderer.scene import ClipSpec, ModeSpec, PlaneSpec, Scene, SplatSpec
+from renderer.scene import AnnotationSpec, ClipSpec, ModeSpec, PlaneSpec, Scene, SplatSpec
 from renderer.view import View
 from renderer.volume import make_volume
 
@@ -206,7 +206,7 @@ def test_the_outline_is_drawn_over_any_picture(
     scene = replace(PLAIN, camera=replace(PLAIN.camera, distance=90.0), **changes)
     (below,), (above,) = (
         render_frames(stage_of(each), [1], rasterizer_for(each), clock=itertools.count().__next__)
-        for each in (scene, replace(scene, overlay="bounds"))
+        for each in (scene, replace(scene, annotation=AnnotationSpec(bounds=True)))
     )
     stage = stage_of(scene)
     expected = below.radiance.copy()

@@ -173,7 +173,7 @@ def test_lines_and_transparency_do_not_count() -> None:
     """An overlay is no error, and a transparent film is compared over black."""
     film = ("--quiet", "--frames", "0:3")
     render(*film, "--output", "plain/{frame}.png")
-    change = ("--set", "overlay=octree", "--set", "output.background=transparent")
+    change = ("--set", "annotation.octree=true", "--set", "output.background=transparent")
     render(*film, "--output", "lines/{frame}.png", *change)
     plain, lines = sidecar("plain/frames.0-2.json"), sidecar("lines/frames.0-2.json")
     assert lines["schedule"]["tolerance"] == pytest.approx(plain["schedule"]["tolerance"], rel=0.15)

@@ -181,5 +181,5 @@ def test_a_budget_of_time() -> None:
     "settings", ["pyramid={average: opacity, precision: single}", "error={measure: rms, of: scalar, tolerance: 2}"]
 )
 def test_means_and_errors_of_any_kind(settings: str) -> None:
-    made = render_large("--set", settings, "--set", "shading={ambient: 0.4}", "--set", "overlay=octree")
+    made = render_large("--set", settings, "--set", "shading={ambient: 0.4}", "--set", "annotation.octree=true")
     assert column(made, "cells")[0] > 1

@@ -47,7 +47,7 @@ def test_other_commands_without_opengl() -> None:
         "compare scene.yaml goldens",
         "measure scene.yaml --want psnr=20 --frames 0",
         "render scene.yaml --progressive",
-        "render scene.yaml --set overlay=octree",
+        "render scene.yaml --set annotation.octree=true",
     )
     assert codes == [0] * 5, said
 

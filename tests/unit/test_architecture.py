@@ -37,6 +37,7 @@ ORDER = {
         "layers",
         "draw",
         "film",
+        "annotation",
         "frame",
         "truth",
         "accuracy",

@@ -60,13 +60,13 @@ def test_all_mistakes_are_told_at_once() -> None:
     [
         ({"splat": {"sigma": 0.5}}, "splats cannot be clipped"),
         ({"splat": {"footprint": "gouraud"}}, "splats cannot be clipped"),
-        ({"overlay": "octree"}, "lines cannot be clipped"),
+        ({"annotation": {"octree": True}}, "lines cannot be clipped"),
     ],
 )
 def test_what_cannot_be_clipped(section: dict[str, Any], what: str) -> None:
     assert complaints(clip=[BOX], **section) == [("clip", what)]
     parse(clip=[], **section)
-    assert parse(clip=[BOX], overlay="bounds").clip
+    assert parse(clip=[BOX], annotation={"bounds": True}).clip
 
 
 def test_a_crop_may_leave_axes_out() -> None:

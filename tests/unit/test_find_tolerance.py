@@ -15,7 +15,7 @@ import pytest
 from renderer.accuracy import ExactPictures, FoundTolerances, Trial, Truth, find_tolerances
 from renderer.accuracy.tolerances import two_digit_numbers
 from renderer.frame import Stage, make_primitive, prepare_stage
-from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, RockerPath, TurntablePath
+from renderer.scene import AnnotationSpec, CameraSpec, ErrorSpec, MetricTarget, OutputSpec, RockerPath, TurntablePath
 from renderer.splats import SplatBatch
 from renderer.truth import Convergence
 from renderer.view import View
@@ -34,7 +34,7 @@ def stage() -> Stage:
         camera=CameraSpec(TurntablePath(NUM_FRAMES, elevation=20.0)),
         output=OutputSpec(Path("unused.mp4"), size=SHAPE[::-1]),
         error=ErrorSpec(goal=MetricTarget("psnr", 30.0)),
-        overlay="octree",
+        annotation=AnnotationSpec(octree=True),
     )
     return prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
 

@@ -13,6 +13,7 @@ from film_stages import PLAIN, stage_of
 import renderer
 from renderer.pyramid import build_pyramid
 from renderer.scene import (
+    AnnotationSpec,
     CameraPath,
     CameraSpec,
     ControlPoint,
@@ -108,7 +109,9 @@ def test_with_its_outline_the_whole_volume_is_in_frame() -> None:
     values = np.zeros((16, 20, 24), np.uint8)
     values[3:6, 4:9, 5:7] = 255
     camera = replace(PLAIN.camera, target="visible")
-    stage = stage_of(replace(PLAIN, camera=camera, overlay="bounds"), make_volume(values, np.eye(4), "some"))
+    stage = stage_of(
+        replace(PLAIN, camera=camera, annotation=AnnotationSpec(bounds=True)), make_volume(values, np.eye(4), "some")
+    )
     assert stage.target == (11.5, 9.5, 7.5)
     corners = np.array(list(itertools.product([-0.5, 23.5], [-0.5, 19.5], [-0.5, 15.5])))
     arguments = corners, stage.target, PLAIN.output.size

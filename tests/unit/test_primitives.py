@@ -16,7 +16,7 @@ from renderer.bricks import BRICK_SIZE, Bricks, ScreenSampling, brick_cut_sizes,
 from renderer.frame import Stage, make_primitive, view_of
 from renderer.frame.frame import DrawList
 from renderer.frame.primitives import BrickLOD, BrickPrimitive, SplatLOD, num_samples
-from renderer.scene import ControlPoint, ErrorSpec, SplatSpec, TransferSpec
+from renderer.scene import AnnotationSpec, ControlPoint, ErrorSpec, SplatSpec, TransferSpec
 from renderer.splats import SplatBatch
 from renderer.view import View, ray_setup, visible_order
 from renderer.volume import Volume, make_volume
@@ -95,7 +95,7 @@ def test_a_transparent_volume_needs_no_bricks() -> None:
 @pytest.mark.parametrize("tolerance", [0.3, 0.0])
 def test_no_brick_is_finer_than_the_finest_level(tolerance: float) -> None:
     """The lines of the overlay have the colours of their cells."""
-    scene = replace(PLAIN, error=ErrorSpec(tolerance, finest_level=1), overlay="octree")
+    scene = replace(PLAIN, error=ErrorSpec(tolerance, finest_level=1), annotation=AnnotationSpec(octree=True))
     lod = make_primitive(stage_of(scene, lumps())).make_lod(tolerance, lambda name: None)
     (lines,), (batch,) = lod.lines, lod.batches
     assert batch.cut.levels.min() == 1

@@ -17,11 +17,14 @@ from spoiling import spoil
 
 from renderer.errors import SceneError
 from renderer.scene import (
+    AnnotationSpec,
     ArraySource,
     CameraSpec,
     ClipSpec,
+    ColorBarSpec,
     ColormapSpec,
     ControlPoint,
+    EntrySpec,
     ErrorSpec,
     FileSource,
     FlightKey,
@@ -32,6 +35,7 @@ from renderer.scene import (
     KeyframePath,
     LabelsSpec,
     LayerSpec,
+    LogoSpec,
     MaskSpec,
     MetricTarget,
     ModeSpec,
@@ -49,6 +53,8 @@ from renderer.scene import (
     SplatBudget,
     SplatSpec,
     TimeBudget,
+    TimeSpec,
+    TitleSpec,
     TransferSpec,
     TurntablePath,
     VolumeSpec,
@@ -79,6 +85,16 @@ LAYERS = (
         color=(1.0, 0.0, 0.0), range=(1.5, 9.0),
     ),
 )  # fmt: skip
+BLUE: dict[str, Any] = {"position": "left", "size": 0.01, "color": (0.0, 0.0, 1.0)}
+BAR = EntrySpec(position="top", size=0.25, color=moving(Motion((0, 9), ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)))))
+ANNOTATION = AnnotationSpec(
+    TitleSpec(**BLUE, text="{a} <b>\\n"),
+    LogoSpec(**BLUE, file=HERE),
+    TimeSpec(**BLUE, format="{transfer_function.unit:06.1f} {frame:04d} {time}"),
+    *(BAR, ColorBarSpec(**BLUE, label="a", length=0.2, layer=0), BAR, BAR, BAR),
+    bounds=True,
+    font=HERE,
+)
 PLAIN = Scene(
     volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
     transfer_function=TransferSpec(POINTS),
@@ -101,7 +117,7 @@ SCENES = {
         splat=SplatSpec("gouraud", 0.5, 7, 4, ((0.0, 1.0), (0.1, 0.5), (1.0, 0.0)), False, "boxes"),
         pyramid=PyramidSpec("opacity", "single"),
         shading=ShadingSpec(0.1, 0.2, AXIS),
-        overlay="octree",
+        annotation=AnnotationSpec(octree=True),
         output=OutputSpec(Path("{frame}.png"), (7, 9), background=None),
     ),
     "raw": Scene(
@@ -178,6 +194,7 @@ SCENES = {
             loop="ping-pong",
         ),
         shading=ShadingSpec(light=moving(Motion((0, 91), ((1.0, 0.0, 0.0), AXIS), kind="direction"))),
+        annotation=ANNOTATION,
         output=OutputSpec(Path("a.mp4"), background=moving(Motion((0, 181), ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), "in"))),
     ),
     "labels in a list": replace(

@@ -188,7 +188,7 @@ def test_mistakes_of_a_light_have_their_place(shading: dict[str, Any], place: st
 @pytest.mark.parametrize("key", LIGHT)
 def test_what_only_samples_between_voxels_show_is_refused_elsewhere(key: str) -> None:
     shading = {key: LIGHT[key], "shininess": 5}
-    assert parse(changed(shading=shading, splat={"footprint": "integrated"}, overlay="octree"))
+    assert parse(changed(shading=shading, splat={"footprint": "integrated"}, annotation={"octree": True}))
     place, error = f"shading.{key}", {"finest_level": 1, "splats": 100}
     assert complaints(changed(shading=shading, splat={"sigma": 0.5})) == [(place, "needs footprint: integrated")]
     assert complaints(changed(shading=shading, error=error)) == [

@@ -82,7 +82,7 @@ class FigureRenderer:
 class FigureStage:
     """A stage whose first frame is drawn with other values of its scene's keys.
 
-    Keys are those of `error`, but `measure` and `of`, on which the pyramid depends; of `splat`; and `overlay`.
+    Keys are those of `error`, but `measure` and `of`, on which the pyramid depends; of `splat`; and `annotation`.
     """
 
     base: Stage
@@ -125,7 +125,7 @@ class FigureStage:
             section = getattr(scene, name)
             own = {key: value for key, value in keys.items() if hasattr(section, key)}
             scene = replace(scene, **{name: replace(section, **own)})
-        stage = replace(self.base, scene=replace(scene, overlay=keys.get("overlay", scene.overlay)))
+        stage = replace(self.base, scene=replace(scene, annotation=keys.get("annotation", scene.annotation)))
         return render_frames(stage, [0] * num, self.renderer.rasterizer, clock=self.renderer.clock)
 
 

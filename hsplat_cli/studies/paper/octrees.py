@@ -13,7 +13,7 @@ from renderer.accuracy import compute_metric
 from renderer.errors import InputError
 from renderer.frame import finest_level_at
 from renderer.pyramid import Cut, cut_pyramid
-from renderer.scene import Scene, counted, format_value, schedule_to_dict
+from renderer.scene import AnnotationSpec, Scene, counted, format_value, schedule_to_dict
 from renderer.volume import Float64
 
 # Multiples of the scene's tolerance.
@@ -104,7 +104,7 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[Octree]
         quarter = max(1, len(blocks_by_variation) // 4)
         for tolerance in (factor * base for factor in TOLERANCE_FACTORS):
             plain_frame, overlaid_frame = (
-                stage.draw(tolerance=tolerance, overlay=overlay) for overlay in ("none", "octree")
+                stage.draw(tolerance=tolerance, annotation=AnnotationSpec(octree=octree)) for octree in (False, True)
             )
             finest_level = finest_level_at(stage.base, tolerance)
             cut = cut_pyramid(stage.base.layers[0].pyramid, tolerance, finest_level=finest_level)

@@ -1,4 +1,4 @@
-"""Draw the lines of an overlay over a picture.
+"""Draw lines over a picture.
 
 A line is one pixel wide: its opacity falls linearly to 0 at one pixel from its centre, round at the ends.
 """

@@ -1,0 +1,131 @@
+"""Place the entries of an annotation around a picture, and draw them for each frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from renderer.annotation.entries import DRAWERS, Pen
+from renderer.annotation.facts import AnnotationFacts, FrameFacts
+from renderer.annotation.sketch import Patch, Sketch, is_light
+from renderer.annotation.text import Font
+from renderer.errors import InputError, Problem
+from renderer.scene import AnnotationSpec, Color, EntrySpec
+
+# The distance of entries from the edges of the picture, and from each other, by its shorter side.
+_MARGIN, _GAP = 0.04, 0.02
+_MAX_RIM_PX = 4
+
+Place = tuple[int, int]
+
+
+class Annotator:
+    """Draws the annotation of a film; what stays the same is drawn once. Make another where `spec` or `facts` change.
+
+    Of a scene and facts in which `annotation_problems` finds none.
+    """
+
+    def __init__(self, spec: AnnotationSpec, facts: AnnotationFacts) -> None:
+        """Read the font. Raises InputError."""
+        self._entries, self._facts = spec.entries, facts
+        self._pen = Pen(Font(spec.font), facts)
+        self._sketches: dict[str, tuple[Any, Sketch]] = {}
+        self._patches: dict[str, tuple[Sketch, Place, Patch]] = {}
+
+    def patches(self, frame: FrameFacts) -> list[Patch]:
+        """Return what is put over the picture of a frame, in the order of drawing."""
+        sketches = {key: self.sketch(key, frame) for key in self._entries}
+        return [self._patch(key, sketches[key], place) for key, place in self.places(sketches).items()]
+
+    def sketch(self, key: str, frame: FrameFacts) -> Sketch:
+        """Return the drawing of an entry on a frame; empty if there is nothing to show. Raises InputError."""
+        spec, (find, draw) = self._entries[key], DRAWERS[key]
+        shown = find(spec, frame)
+        if key not in self._sketches or self._sketches[key][0] != shown:
+            self._sketches[key] = shown, draw(spec, self._pen, self._pen.px(spec.size), shown)
+        return self._sketches[key][1]
+
+    def places(self, sketches: Mapping[str, Sketch]) -> dict[str, Place]:
+        """Return the row and the column of each drawing: those at one position stack away from the edge."""
+        places, by_position = dict[str, Place](), dict[str, list[str]]()
+        for key in sketches:
+            by_position.setdefault(self._entries[key].position, []).append(key)
+        (width, height), (margin, gap) = self._facts.size, self.lengths
+        for position, keys in by_position.items():
+            room = height - sum(sketches[key].height + gap for key in keys) + gap
+            row = {"t": margin, "b": room - margin}.get(position[0], room // 2)
+            for key in reversed(keys) if position[0] == "b" else keys:
+                room = width - sketches[key].width
+                column = {"left": margin, "right": room - margin}.get(position.split("-")[-1], room // 2)
+                places[key] = row, column
+                row += sketches[key].height + gap
+        return places
+
+    @property
+    def lengths(self) -> tuple[int, int]:
+        """Return the margin, and the gap between entries, in pixels."""
+        shorter = min(self._facts.size)
+        return round(_MARGIN * shorter), round(_GAP * shorter)
+
+    def _patch(self, key: str, sketch: Sketch, place: Place) -> Patch:
+        """Return a drawing in its colours, at its place."""
+        known = self._patches.get(key)
+        if known is None or known[0] is not sketch or known[1] != place:
+            spec = self._entries[key]
+            rim = 0 if key == "logo" else min(max(self._pen.px(spec.size) // 12, 1), _MAX_RIM_PX)
+            rgba = sketch.finish(self._color(spec, place[0] + sketch.height / 2), rim)
+            self._patches[key] = known = sketch, place, Patch(rgba, place[0] - rim, place[1] - rim)
+        return known[2]
+
+    def _color(self, spec: EntrySpec, row: float) -> Color:
+        """Return the colour of an entry, whose middle is at this row."""
+        if spec.color != "auto":
+            return spec.color
+        if self._facts.background is None:
+            return 1.0, 1.0, 1.0
+        share = row / self._facts.size[1]
+        red, green, blue = (a + share * (b - a) for a, b in zip(*self._facts.background, strict=True))
+        return (0.0, 0.0, 0.0) if is_light((red, green, blue)) else (1.0, 1.0, 1.0)
+
+
+def annotation_problems(spec: AnnotationSpec, facts: AnnotationFacts, frames: Sequence[FrameFacts]) -> list[Problem]:
+    """Return what keeps an annotation from being drawn on these frames: what cannot be read, and what has no room."""
+    try:
+        annotator = Annotator(spec, facts)
+    except InputError as error:
+        return [_problem("font", error)]
+    found: dict[str, Problem] = {}
+    for frame in frames:
+        sketches: dict[str, Sketch] = {}
+        for key in spec.entries:
+            try:
+                sketches[key] = annotator.sketch(key, frame)
+            except InputError as error:
+                found.setdefault(key, _problem(key, error))
+        for key, lack in _without_room(annotator, facts, sketches):
+            found.setdefault(key, _problem(key, lack))
+    return list(found.values())
+
+
+def _problem(key: str, error: InputError) -> Problem:
+    return Problem(f"annotation.{key}", error.what, error.got or error.where, error.expected, error.hint)
+
+
+def _without_room(
+    annotator: Annotator, facts: AnnotationFacts, sketches: Mapping[str, Sketch]
+) -> Iterator[tuple[str, InputError]]:
+    """Yield the entries that do not fit into the picture, or cover others."""
+    (margin, _), placed = annotator.lengths, dict[str, tuple[int, ...]]()
+    width, height = (side - 2 * margin for side in facts.size)
+    hint = "give it a smaller size, or another position"
+    for key, (row, column) in annotator.places(sketches).items():
+        sketch = sketches[key]
+        box = row, column, row + sketch.height, column + sketch.width
+        if min(row, column) < margin or box[2] > height + margin or box[3] > width + margin:
+            got, room = f"{sketch.width} x {sketch.height} pixels", f"{width} x {height}, with all at its position"
+            yield key, InputError("does not fit into the picture", got=got, expected=room, hint=hint)
+            continue
+        for other, (top, left, bottom, right) in placed.items():
+            if row < bottom and top < box[2] and column < right and left < box[3]:
+                yield key, InputError(f"covers annotation.{other}", hint=hint)
+        placed[key] = box

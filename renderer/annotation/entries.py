@@ -1,0 +1,178 @@
+"""Draw each entry of an annotation: from its keys and what it shows to a sketch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any
+
+import numpy as np
+
+from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts
+from renderer.annotation.logo import read_logo
+from renderer.annotation.numbers import find_ticks, length_text, plain_text, round_below
+from renderer.annotation.sketch import Sketch, polygon, widen
+from renderer.annotation.text import Font
+from renderer.errors import InputError
+from renderer.scene import Color, ColorBarSpec, EntrySpec, LogoSpec, Vector, fill_format
+
+MIN_TEXT_PX = 9
+MAX_LEGEND_ROWS = 24
+# The longest scale bar, by the width of the picture, and the size of the words beside its length.
+_MAX_BAR, _SMALL = 0.2, 0.75
+# The least side of the triad of axes, with letters of the least size.
+_MIN_TRIAD_PX = 52
+# The ink of a profile of opacities, of 255.
+_PROFILE = 150
+_OPPOSITE = {"L": "R", "P": "A", "I": "S"}
+_AXIS_COLORS: tuple[Color, ...] = ((0.95, 0.32, 0.30), (0.30, 0.75, 0.35), (0.30, 0.55, 1.0))
+
+
+@dataclass(frozen=True)
+class Pen:
+    """What all entries are drawn with: the font, and what they show of the film."""
+
+    font: Font
+    facts: AnnotationFacts
+
+    def px(self, share: float) -> int:
+        """Return a share of the picture's height in pixels, of text no less than can be read."""
+        return max(round(share * self.facts.size[1]), MIN_TEXT_PX)
+
+
+def draw_text(_: EntrySpec, pen: Pen, px: int, text: str) -> Sketch:
+    """Draw a line of text."""
+    whole = Sketch()
+    if text:
+        whole.draw(pen.font.line(text, px).mask, 0, 0)
+    return whole
+
+
+def draw_scale_bar(spec: EntrySpec, pen: Pen, px: int, world_per_pixel: float) -> Sketch:
+    """Draw a bar of a round length, and the length over it; in perspective, at which distance it holds."""
+    length = round_below(_MAX_BAR * pen.facts.size[0] * world_per_pixel)
+    width, whole = max(round(float(length) / world_per_pixel), 1), Sketch()
+    line = pen.font.line(length_text(length, pen.facts.unit), px)
+    whole.draw(line.mask, 0, 0)
+    if pen.facts.is_perspective:
+        small = pen.font.line("at the target", max(round(_SMALL * px), MIN_TEXT_PX))
+        whole.draw(small.mask, line.baseline - small.baseline, whole.width + px // 3)
+    left = max(whole.width - width, 0) if spec.position.endswith("right") else 0
+    whole.fill(line.baseline + max(2, px // 4), left, max(2, px // 6), width)
+    return whole
+
+
+def draw_color_bars(spec: ColorBarSpec, pen: Pen, px: int, _: object) -> Sketch:
+    """Draw the bars of transfer functions beside each other."""
+    bars = [bar for bar in pen.facts.bars if spec.layer in (None, bar.layer)]
+    if not bars:
+        raise InputError("no colours of a scalar", expected="a transfer function of values")
+    whole = Sketch()
+    for number, bar in enumerate(bars):
+        _draw_color_bar(whole, whole.width + round(1.4 * px) * (number > 0), spec, pen, px, bar)
+    return whole
+
+
+def draw_legend(_: EntrySpec, pen: Pen, px: int, __: object) -> Sketch:
+    """Draw coloured squares with names, and how many there are beyond the last row."""
+    entries, side, frame, whole = pen.facts.legend, round(0.72 * px), max(1, px // 20), Sketch()
+    if not entries:
+        raise InputError("nothing has a name", expected="labels or volumes with names")
+    inside, more = np.full(2 * (side - 2 * frame,), 255, np.uint8), len(entries) - MAX_LEGEND_ROWS
+    for number, (name, color) in enumerate(entries[:MAX_LEGEND_ROWS]):
+        line, row = pen.font.line(name, px), round(1.45 * px) * number
+        whole.draw(line.mask, row, side + px // 2)
+        whole.fill(row + line.baseline - side, 0, side, side)  # a frame, for colours like the background
+        whole.color(inside, color, row + line.baseline - side + frame, frame)
+    if more > 0:
+        whole.draw(pen.font.line(f"and {more} more", px).mask, round(1.45 * px) * MAX_LEGEND_ROWS, side + px // 2)
+    return whole
+
+
+def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) -> Sketch:
+    """Draw arrows along the world's axes, with letters at their ends; what is nearer is drawn later."""
+    side, letter_px, whole = max(px, _MIN_TRIAD_PX), max(px // 6, MIN_TEXT_PX), Sketch()
+    reach, half, rim = (side - 2.7 * letter_px) / 2, max(side / 70, 0.6), max(1, letter_px // 8)
+    whole.draw(np.zeros((side, side), np.uint8), 0, 0)
+    arrows = []
+    for axis, name in enumerate(pen.facts.world_axes or "xyz"):
+        across, up, near = (-row[axis] if name in _OPPOSITE else row[axis] for row in axes)
+        arrows.append((near, axis, _OPPOSITE.get(name, name), across, -up))
+    for _near, axis, name, across, down in sorted(arrows):
+        color, length = _AXIS_COLORS[axis], max(math.hypot(across, down), 1e-3)
+        for corners in _arrow(side / 2, (across / length, down / length), reach * length, half):
+            mask, row, column = polygon(corners)
+            whole.color(mask, color, row, column)
+        line = pen.font.line(name, letter_px)
+        letter, beyond = np.pad(line.mask, rim), reach + 0.75 * letter_px / max(length, 0.3)  # beside the tip
+        row = min(max(round(side / 2 + beyond * down - line.baseline / 2) - rim, 0), side - letter.shape[0])
+        column = min(max(round(side / 2 + beyond * across - line.width / 2) - rim, 0), side - letter.shape[1])
+        whole.erase(widen(letter, rim), row, column)
+        whole.color(letter, color, row, column)
+    return whole
+
+
+def draw_logo(spec: LogoSpec, _: Pen, height: int, __: object) -> Sketch:
+    """Draw the logo, at this height."""
+    whole = Sketch()
+    whole.paint = read_logo(spec.file, height)
+    whole.ink = np.zeros_like(whole.paint[..., 3])
+    return whole
+
+
+# Of each entry, what it shows on a frame, and how that is drawn: from its keys, a pen, its size in pixels, and that.
+DRAWERS: dict[str, tuple[Callable[[Any, FrameFacts], Any], Callable[[Any, Pen, int, Any], Sketch]]] = {
+    "title": (lambda spec, frame: spec.text, draw_text),
+    "logo": (lambda spec, frame: None, draw_logo),
+    "time": (lambda spec, frame: fill_format(spec.format, frame.numbers), draw_text),
+    "legend": (lambda spec, frame: None, draw_legend),
+    "color_bar": (lambda spec, frame: None, draw_color_bars),
+    "scale_bar": (lambda spec, frame: frame.world_per_pixel, draw_scale_bar),
+    "accuracy": (lambda spec, frame: frame.accuracy, draw_text),
+    "orientation": (lambda spec, frame: frame.axes, draw_orientation),
+}
+
+
+def _draw_color_bar(whole: Sketch, left: int, spec: ColorBarSpec, pen: Pen, px: int, bar: ColorBar) -> None:
+    """Draw a bar: its label above, opacities as a profile to the left of the colours, ticks to the right."""
+    length, width, frame, stroke = round(spec.length * pen.facts.size[1]), px, max(1, px // 20), max(2, px // 4)
+    name = bar.name if not bar.unit else f"{bar.name} ({bar.unit})" if bar.name else bar.unit
+    label = pen.font.line(spec.label or name or " ", px)
+    whole.draw(label.mask, 0, left)
+    first, middle = len(label.mask) + px // 2 + frame, left + (round(1.5 * px) + frame if bar.opacities else 0)
+    right, inside = middle + frame + width, np.full((1, width), 255, np.uint8)
+    for row in range(length):
+        sample = (2 * (length - row) - 1) * len(bar.colors) // (2 * length)
+        whole.color(inside, bar.colors[sample], first + row, middle + frame)
+        if bar.opacities:
+            opaque = round(bar.opacities[sample] * (middle - left - frame))
+            whole.ink[first + row, middle - opaque : middle] = _PROFILE
+    for row in (first - frame, first + length):
+        whole.fill(row, left, frame, right + frame - left)
+    for column in {left, middle, right}:
+        whole.fill(first - frame, column, length + 2 * frame, frame)
+    for tick in find_ticks(bar.low, bar.high, min(max(length // (2 * px), 2), 7), is_log=bar.is_log):
+        line, row = pen.font.line(plain_text(tick), px), first + round((1 - _share(bar, tick)) * (length - 1))
+        whole.fill(row - frame // 2, right + frame, frame, stroke)
+        whole.draw(line.mask, row - round(line.baseline / 2), right + frame + stroke + max(2, px // 5))
+
+
+def _share(bar: ColorBar, value: Decimal) -> float:
+    """Return where a value is on a bar, from 0 at its lower end to 1."""
+    low, high, at = bar.low, bar.high, float(value)
+    if bar.is_log and low > 0:
+        low, high, at = math.log(low), math.log(high), math.log(at)
+    return min(max((at - low) / (high - low), 0.0), 1.0) if high > low else 0.5
+
+
+def _arrow(middle: float, way: tuple[float, float], end: float, half: float) -> list[list[tuple[float, float]]]:
+    """Return the corners of an arrow's shaft and head, from the middle of a square; as short as it is seen."""
+    neck, (x, y) = max(end - 8 * half, 0.0), way
+
+    def at(along: float, beside: float) -> tuple[float, float]:
+        return middle + along * x - beside * y, middle + along * y + beside * x
+
+    shaft = [at(-half, half), at(neck, half), at(neck, -half), at(-half, -half)]
+    return [shaft, [at(neck, 3.2 * half), at(end, 0.0), at(neck, -3.2 * half)]]

@@ -1,0 +1,64 @@
+"""Choose round numbers, 1, 2 or 5 times a power of ten, and write them without rounding errors."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+
+_MANTISSAS = (1, 2, 5)
+# Metric units of length, by the power of ten of a metre; those that lengths are written in, and those that are read.
+_PREFIXES = {-12: "pm", -9: "nm", -6: "µm", -3: "mm", 0: "m", 3: "km"}
+_UNITS = {unit: power for power, unit in _PREFIXES.items()} | {"cm": -2, "um": -6, "\u03bcm": -6}
+# Numbers of more digits than these, before and after the point, are written with a power of ten.
+_MOST_DIGITS, _MOST_DECIMALS = 6, 5
+
+
+def round_below(limit: float) -> Decimal:
+    """Return the largest round number that is at most `limit`, which is above 0."""
+    power = math.floor(math.log10(limit))
+    candidates = [Decimal(n).scaleb(e) for e in (power - 1, power, power + 1) for n in _MANTISSAS]
+    return max(number for number in candidates if number <= Decimal(limit) * (1 + Decimal("1e-9")))
+
+
+def plain_text(number: Decimal) -> str:
+    """Return the digits of a number; of a very large or small one, times a power of ten."""
+    number = number.normalize()
+    if number and not -_MOST_DECIMALS <= number.adjusted() < _MOST_DIGITS:
+        mantissa = number.scaleb(-number.adjusted())
+        return f"{mantissa:f}e{number.adjusted()}".replace("-", "\u2212")
+    return f"{number:f}".replace("-", "\u2212")
+
+
+def length_text(length: Decimal, unit: str) -> str:
+    """Return a length in the metric unit in which it has the fewest digits; in others as it is."""
+    if unit not in _UNITS:
+        return f"{plain_text(length)} {unit.removesuffix('s') if length == 1 and unit == 'voxels' else unit}".rstrip()
+    metres = length.scaleb(_UNITS[unit])
+    power = max((power for power in _PREFIXES if metres >= Decimal(1).scaleb(power)), default=-12)
+    return f"{plain_text(metres.scaleb(-power))} {_PREFIXES[power]}"
+
+
+def find_ticks(low: float, high: float, most: int, *, is_log: bool = False) -> list[Decimal]:
+    """Return the round numbers from `low` to `high`, as many as there may be at most: the ticks of an axis."""
+    if not low < high:
+        return [Decimal(repr(low))]
+    if is_log and low > 0 and len(ticks := _log_ticks(low, high, most)) > 1:
+        return ticks
+    step = round_below((high - low) / max(most - 1, 1))
+    while True:
+        margin = 1e-6 * (high - low)
+        first, last = math.ceil((low - margin) / float(step)), math.floor((high + margin) / float(step))
+        if last - first < most:
+            return [step * number for number in range(first, last + 1)]
+        step = round_below(float(step) * 2.6)
+
+
+def _log_ticks(low: float, high: float, most: int) -> list[Decimal]:
+    """Return powers of ten, with 2 and 5 times these if they fit, or every few of them if not."""
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    for mantissas, stride in ((_MANTISSAS, 1), *(((1,), stride) for stride in range(1, len(powers) + 1))):
+        numbers = (Decimal(n).scaleb(power) for power in powers if power % stride == 0 for n in mantissas)
+        ticks = [number for number in numbers if low * (1 - 1e-9) <= number <= high * (1 + 1e-9)]
+        if len(ticks) <= most:
+            return ticks
+    return []

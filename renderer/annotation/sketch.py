@@ -1,0 +1,150 @@
+"""Put masks together, in whole numbers, until their colours are known: the same bytes on every machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.scene import Color
+from renderer.volume import Float32, UInt8
+
+_MAX_PIXELS = 2**28
+_SAMPLES = 4  # of a shape's edge, along each side of a pixel
+# The rim at its strongest, of 255.
+_RIM = 190
+
+
+class Patch(NamedTuple):
+    """Premultiplied RGBA, float32 [h, w, 4], and its place: the row and the column of its first pixel."""
+
+    rgba: Float32
+    row: int
+    column: int
+
+
+class Sketch:
+    """A drawing that grows to the right and down as it is drawn on.
+
+    ink: in the colour of its entry, uint8 [h, w]. paint: over it, premultiplied RGBA, uint8 [h, w, 4].
+    """
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.ink, self.paint = np.zeros((0, 0), np.uint8), np.zeros((0, 0, 4), np.uint8)
+
+    @property
+    def height(self) -> int:
+        """Return the number of rows."""
+        return self.ink.shape[0]
+
+    @property
+    def width(self) -> int:
+        """Return the number of columns."""
+        return self.ink.shape[1]
+
+    def draw(self, mask: UInt8, row: int, column: int) -> None:
+        """Add a mask to the ink."""
+        part = self._part(row, column, *mask.shape)
+        self.ink[part] = np.maximum(self.ink[part], mask)
+
+    def fill(self, row: int, column: int, height: int, width: int) -> None:
+        """Add a rectangle to the ink."""
+        part = self._part(row, column, height, width)  # which replaces the ink where it grows
+        self.ink[part] = 255
+
+    def color(self, mask: UInt8, color: Color, row: int, column: int) -> None:
+        """Paint a mask in a colour, over what is there."""
+        part = self._part(row, column, *mask.shape)
+        self.paint[part] = _over(self.paint[part], _colored(mask, color))
+
+    def erase(self, mask: UInt8, row: int, column: int) -> None:
+        """Take paint away."""
+        part = self._part(row, column, *mask.shape)
+        self.paint[part] = self.paint[part] * (255 - mask[..., None].astype(np.uint32)) // 255
+
+    def _part(self, row: int, column: int, height: int, width: int) -> tuple[slice, slice]:
+        """Return where a part is, and make room for it. Raises InputError for more pixels than any picture has."""
+        more = max(row + height - self.height, 0), max(column + width - self.width, 0)
+        if any(more):
+            require_room(self.height + more[0], self.width + more[1])
+            room = [(0, num) for num in more]
+            self.ink, self.paint = np.pad(self.ink, room), np.pad(self.paint, [*room, (0, 0)])
+        return slice(row, row + height), slice(column, column + width)
+
+    def finish(self, color: Color, rim: int) -> Float32:
+        """Return the drawing with a rim of this width in the opposite of its colour: float32 [h + 2 rim, w + 2 rim, 4].
+
+        The rim makes the drawing readable over anything, and shows only where it is needed.
+        """
+        opposite = (0.0, 0.0, 0.0) if is_light(color) else (1.0, 1.0, 1.0)
+        ink, paint = (np.pad(each, [(rim, rim), (rim, rim), (0, 0)][: each.ndim]) for each in (self.ink, self.paint))
+        layers = _over(_colored(widen(np.maximum(ink, paint[..., 3]), rim), opposite), _colored(ink, color))
+        return np.asarray(_over(layers, paint) / np.float32(255), np.float32)
+
+
+def require_room(height: int, width: int) -> None:
+    """Raise InputError for more pixels than any picture has."""
+    if height * width > _MAX_PIXELS:
+        raise InputError("does not fit into the picture", got=f"{width} x {height} pixels", expected="a smaller size")
+
+
+def is_light(color: Color) -> bool:
+    """Return whether black is readable on a colour, and white is not."""
+    red, green, blue = color
+    return 0.299 * red + 0.587 * green + 0.114 * blue > 0.5
+
+
+def _colored(mask: UInt8, color: Color) -> UInt8:
+    """Return a mask in a colour: premultiplied RGBA, uint8 [h, w, 4]."""
+    whole = np.array([*(round(255 * part) for part in color), 255], np.uint32)
+    return np.asarray((mask[..., None] * whole + 127) // 255, np.uint8)
+
+
+def _over(below: UInt8, above: UInt8) -> UInt8:
+    """Composite premultiplied RGBA."""
+    rest = 255 - above[..., 3:].astype(np.uint32)
+    return np.asarray(above + (below * rest + 127) // 255, np.uint8)
+
+
+def widen(mask: UInt8, rim: int) -> UInt8:
+    """Return a mask that is wider by `rim` pixels on each side, and softer there."""
+    result, side = np.zeros(mask.shape, np.uint32), (rim + 1) ** 2
+    height, width = mask.shape
+    for down in range(-rim, rim + 1):
+        for across in range(-rim, rim + 1):
+            weight = _RIM * (side - down**2 - across**2) // side
+            if weight > 0:
+                to, at = (slice(max(0, n), k + min(0, n)) for n, k in ((down, height), (across, width)))
+                up, left = (slice(max(0, -n), k + min(0, -n)) for n, k in ((down, height), (across, width)))
+                np.maximum(result[to, at], mask[up, left].astype(np.uint32) * weight // 255, out=result[to, at])
+    return result.astype(np.uint8)
+
+
+def polygon(corners: Sequence[tuple[float, float]]) -> tuple[UInt8, int, int]:
+    """Return the mask of a convex polygon, and its first row and column; corners are (x, y) in pixels."""
+    points = np.array([[round(2 * _SAMPLES * part) for part in corner] for corner in corners])
+    left, top = (points.min(axis=0) // (2 * _SAMPLES)).tolist()
+    width, height = (points.max(axis=0) // (2 * _SAMPLES) + 1 - (left, top)).tolist()
+    # The centres of samples, in halves of one.
+    x, y = (2 * _SAMPLES * first + 2 * np.arange(_SAMPLES * num) + 1 for first, num in ((left, width), (top, height)))
+    sides = [
+        (end[0] - start[0]) * (y[:, None] - start[1]) - (end[1] - start[1]) * (x - start[0])
+        for start, end in zip(points, np.roll(points, -1, axis=0), strict=True)
+    ]
+    inside = (np.minimum.reduce(sides) >= 0) | (np.maximum.reduce(sides) <= 0)
+    counts = inside.reshape(height, _SAMPLES, width, _SAMPLES).sum(axis=(1, 3))
+    return np.asarray(counts * 255 // _SAMPLES**2, np.uint8), top, left
+
+
+def draw_annotation(image: Float32, patches: Sequence[Patch]) -> None:
+    """Put patches over a picture in place: float32 [h, w, 4], premultiplied."""
+    for rgba, row, column in patches:
+        # The rim of what is at the edge may reach beyond it.
+        top, left = max(-row, 0), max(-column, 0)
+        part = image[row + top : row + len(rgba), column + left : column + rgba.shape[1]]
+        above = rgba[top : top + part.shape[0], left : left + part.shape[1]]
+        part *= 1 - above[..., 3:]
+        part += above

@@ -1,0 +1,92 @@
+"""Draw lines of text as masks, at whole pixels, with one font in the sizes that are asked for.
+
+FreeType hints and kerns glyphs from the left to the right, by Pillow's basic layout: scripts that join letters or run
+from the right to the left need a shaping library, which machines may lack.
+"""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.annotation.sketch import require_room
+from renderer.errors import InputError
+from renderer.scene import read_bounded, require_file
+from renderer.system import printable
+from renderer.volume import UInt8
+
+MAX_FONT_BYTES = 2**25
+_OWN_FONT = Path(__file__).with_name("fonts") / "DejaVuSans.ttf"
+# Ascenders and descenders of most lines, so that lines of one size have one height.
+_TALL, _DEEP = "Hdl", "gpq"
+# No font has a glyph for this code point, which will never be a character.
+_NO_CHARACTER = "\U0010ffff"
+_LONGEST = 300
+
+
+class Line(NamedTuple):
+    """A line of text: uint8 [h, w], and the row of the baseline in it."""
+
+    mask: UInt8
+    baseline: int
+
+    @property
+    def width(self) -> int:
+        """Return the number of columns."""
+        return int(self.mask.shape[1])
+
+
+class Font:
+    """A font, in any size."""
+
+    def __init__(self, file: Path | None) -> None:
+        """Read a font; without a file, the one that comes with hsplat. Raises InputError."""
+        file = file or _OWN_FONT
+        require_file(file, "a font")
+        self._file, self._content = file, read_bounded(file, MAX_FONT_BYTES, "a font")
+        self._sizes: dict[int, Any] = {}
+        self._known: dict[str, bool] = {}
+        self.line(_TALL, 9)
+
+    def line(self, text: str, px: int) -> Line:
+        """Return a line of text whose em is `px` pixels high. What is not printable is escaped.
+
+        Raises InputError for what the font cannot draw.
+        """
+        try:
+            return self._line(text, px)
+        except (OSError, ValueError) as error:
+            raise InputError("not a font", where=str(self._file), expected="TrueType or OpenType") from error
+
+    def _line(self, text: str, px: int) -> Line:
+        from PIL import Image, ImageDraw
+
+        text, font = printable(text)[:_LONGEST], self._sized(px)
+        if missing := "".join(sorted({each for each in text if not self._has(each)})):
+            raise InputError("the font lacks characters", got=missing, hint="annotation.font: FILE has another font")
+        left, top, right, bottom = font.getbbox(text, anchor="ls")
+        baseline = -min(top, font.getbbox(_TALL, anchor="ls")[1])
+        height = baseline + max(bottom, font.getbbox(_DEEP, anchor="ls")[3])
+        require_room(height, right - left)
+        picture = Image.new("L", (max(right - left, 1), height))
+        ImageDraw.Draw(picture).text((-left, baseline), text, 255, font, "ls")
+        return Line(np.array(picture), baseline)
+
+    def _sized(self, px: int) -> Any:
+        from PIL import ImageFont
+
+        if px not in self._sizes:
+            basic = ImageFont.Layout.BASIC
+            self._sizes[px] = ImageFont.truetype(BytesIO(self._content), px, layout_engine=basic)
+        return self._sizes[px]
+
+    def _has(self, character: str) -> bool:
+        """Return whether a character has a glyph of its own."""
+        if character not in self._known:
+            glyph, none = (self._sized(32).getmask(each) for each in (character, _NO_CHARACTER))
+            is_same = glyph.size == none.size and bytes(glyph) == bytes(none)
+            self._known[character] = character.isspace() or not is_same
+        return self._known[character]

@@ -1,0 +1,200 @@
+"""The scene's `annotation`: what is drawn over finished pictures, such as a scale bar, a legend or a title."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from renderer.errors import InputError
+from renderer.scene import schema
+from renderer.scene.colors import COLOR_FIELD
+from renderer.scene.message_text import did_you_mean, join_some
+from renderer.scene.schema import INVALID, Color, TreeNode
+from renderer.scene.volume_files import file_field
+from renderer.system import printable
+
+MAX_TEXT_LENGTH = 200
+
+Position = Literal["top-left", "top", "top-right", "left", "right", "bottom-left", "bottom", "bottom-right"]
+
+# {camera.zoom} or {seconds:06.2f}: a name, and how its number is written.
+_PLACEHOLDER = re.compile(r"\{([\w. -]+)(?::(0?[0-9]{0,2})(?:(d)|(\.[0-9]{1,2})?([feg%])?))?\}")
+FRAME_NAMES = ("frame", "seconds", "time")
+_FORMAT_WORDS = "text with names in braces, such as {seconds:.1f} s, of one line"
+
+
+def _is_line(text: str) -> bool:
+    return bool(text.strip()) and len(text) <= MAX_TEXT_LENGTH and printable(text) == text
+
+
+_TEXT = schema.text_field(f"text of one line, 1 to {MAX_TEXT_LENGTH} characters", "not a line of text", _is_line)
+
+
+def _parse_format(node: TreeNode) -> Any:
+    if not isinstance(node.value, str) or not _is_line(node.value):
+        return node.reject("not a line of text")
+    rest = _PLACEHOLDER.sub("", node.value)
+    if "{" in rest or "}" in rest:
+        expected = "{name} or {name:.1f}, in which 5.1f, 04d, .2e, .3g and .0% are formats, and no other braces"
+        return node.reject("not a valid format", expected=expected)
+    return node.value
+
+
+def fill_format(text: str, values: Mapping[str, float]) -> str:
+    """Return a format with numbers in place of its names. Raises InputError for a name that is not known."""
+
+    def number(found: re.Match[str]) -> str:
+        name, width, whole, digits, kind = (part or "" for part in found.groups())
+        if name not in values:
+            raise InputError("no such number", got=f"{{{name}}}", expected=join_some(list(values)))
+        value, rest = values[name], digits + kind
+        if whole or (isinstance(value, int) and not rest):
+            return format(round(value), f"{width}d")
+        return format(value, width + (rest or "g"))
+
+    return _PLACEHOLDER.sub(number, text)
+
+
+_COLOR = schema.word_or({"auto": "auto"}, COLOR_FIELD, f"auto, or {COLOR_FIELD.expected}")
+_SIZE = schema.number_field(minimum=0.005, maximum=0.5, motion=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EntrySpec:
+    """An entry of the annotation.
+
+    position: entries at one position stack in the order of the keys, away from the edge.
+    size: the height of the text by that of the picture; of a logo and of the orientation, of the whole.
+    color: `auto` is white on a dark background and black on a light one.
+    """
+
+    position: Position
+    size: Annotated[float, _SIZE]
+    color: Annotated[Color | Literal["auto"], _COLOR] = "auto"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColorBarSpec(EntrySpec):
+    """The colours and opacities of transfer functions.
+
+    label: by default the name and the unit of the scalar. length: by the height of the picture.
+    layer: the number of one volume, from 0; None shows those of all.
+    """
+
+    label: Annotated[str | None, _TEXT] = None
+    length: Annotated[float, schema.number_field(minimum=0.05, maximum=0.9, motion=None)] = 0.35
+    layer: Annotated[int | None, schema.integer_field(minimum=0)] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeSpec(EntrySpec):
+    """A text with numbers of the frame: `frame`, `seconds` in the film, `time` of the step, and what moves, by key."""
+
+    format: Annotated[str, schema.FieldType(_FORMAT_WORDS, _parse_format)] = "{seconds:.1f} s"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TitleSpec(EntrySpec):
+    """A line of text."""
+
+    text: Annotated[str, _TEXT]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogoSpec(EntrySpec):
+    """A picture: PNG, JPEG or WebP."""
+
+    file: Annotated[Path, file_field("a picture: PNG, JPEG or WebP", folder=False)]
+
+
+def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None = None) -> schema.FieldType[Any]:
+    """Return the type of an entry: a mapping, the value of its key `short`, or true if no key is needed.
+
+    position, size: by default.
+    """
+    table = schema.field_table(cls)
+    required = [key for key in schema.required_keys(cls) if key not in ("position", "size")]
+    defaults: dict[str, Any] = {"position": position, "size": size}
+    section = schema.section_field(table, lambda _, given: cls(**defaults | given), required=required)
+
+    def parse(node: TreeNode) -> Any:
+        if isinstance(node.value, Mapping):
+            return section.parse(node)
+        if isinstance(node.value, bool) and not required:
+            return section.parse(TreeNode({}, node.path, node.problems)) if node.value else None
+        if short is None:
+            return node.reject("neither true nor a mapping")
+        value = table[short].parser(node)
+        return value if value is INVALID else cls(**defaults, **{short: value})
+
+    words = [*["true"] * (not required), *(table[key].expected for key in (short,) if key), "a mapping"]
+    return schema.FieldType(", or ".join(words), parse, table=section.table)
+
+
+@dataclass(frozen=True)
+class AnnotationSpec:
+    """What is drawn over finished pictures; entries are drawn in this order.
+
+    bounds: lines around the volume, with ticks. octree: lines along the cells that are drawn.
+    font: the file of the font of all texts; None is DejaVu Sans.
+    """
+
+    title: Annotated[TitleSpec | None, _entry(TitleSpec, "top", short="text")] = None
+    logo: Annotated[LogoSpec | None, _entry(LogoSpec, "top-left", 0.12, short="file")] = None
+    time: Annotated[TimeSpec | None, _entry(TimeSpec, "top-right", short="format")] = None
+    legend: Annotated[EntrySpec | None, _entry(EntrySpec, "left")] = None
+    color_bar: Annotated[ColorBarSpec | None, _entry(ColorBarSpec, "right")] = None
+    scale_bar: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom-left")] = None
+    accuracy: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom")] = None
+    orientation: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom-right", 0.12)] = None
+    bounds: bool = False
+    octree: bool = False
+    font: Annotated[Path | None, file_field("the file of a font: TrueType or OpenType", folder=False)] = None
+
+    @property
+    def entries(self) -> dict[str, EntrySpec]:
+        """Return the entries that have a position, by key."""
+        values = ((each.name, getattr(self, each.name)) for each in fields(self))
+        return {key: value for key, value in values if isinstance(value, EntrySpec)}
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Return the keys of the lines that are drawn, with which a picture has no exact picture."""
+        return tuple(key for key in ("octree", "bounds") if getattr(self, key) is True)
+
+
+ANNOTATION_SECTION = schema.dataclass_field(AnnotationSpec)
+
+
+def lines_of(given: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the `lines` of the annotation in the sections of a scene as they were read."""
+    annotation = given.get("annotation")
+    return annotation.lines if isinstance(annotation, AnnotationSpec) else ()
+
+
+def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int, moving: Mapping[str, Any]) -> None:
+    """Check what an annotation, whose tree is at `node`, says of the rest of the scene.
+
+    moving: what moves in the scene, by key, as it is at a frame.
+    """
+    bar, time = annotation.color_bar, annotation.time
+    if bar is not None and bar.layer is not None and bar.layer >= num_layers:
+        expected = f"a number from 0 to {num_layers - 1}"
+        node.child("color_bar").child("layer", bar.layer).reject("no such volume", expected=expected)
+    if time is None:
+        return
+    known, place = [*FRAME_NAMES, *moving_numbers(moving)], node.child("time")
+    if isinstance(node.value, Mapping) and isinstance(node.value["time"], Mapping):
+        place = place.child("format")
+    for name in (found[1] for found in _PLACEHOLDER.finditer(time.format)):
+        if name not in known:
+            hint = did_you_mean(name, known)
+            place.reject("nothing of this name moves", got=f"{{{name}}}", expected=join_some(known), hint=hint)
+
+
+def moving_numbers(moving: Mapping[str, Any]) -> dict[str, float]:
+    """Return those of the values that move that are numbers, by key."""
+    return {key: value for key, value in moving.items() if isinstance(value, (int, float))}
