@@ -8,7 +8,7 @@ from typing import Protocol
 
 from renderer.layers import Layer, LayerGroup
 from renderer.pyramid import root_error
-from renderer.scene import CameraSpec, Scene, Vector
+from renderer.scene import CameraSpec, ClipSpec, Scene, SplatBudget, Vector
 from renderer.view import OrderBlending, View, make_view
 
 Clock = Callable[[], float]
@@ -66,7 +66,28 @@ class Stage:
             and self.resolutions == other.resolutions
             and self.order_blending is other.order_blending
             and (self.scene.splat, self.scene.overlay) == (other.scene.splat, other.scene.overlay)
+            and self.lit_clips == other.lit_clips
         )
+
+    @property
+    def lit_clips(self) -> list[tuple[ClipSpec, ...]]:
+        """Return for each group the planes and boxes whose faces have a light of their own, which only voxels can show.
+
+        There are none where the scene asks for larger cells.
+        """
+        error = self.scene.error
+        has_voxels = error.finest_level == 0 and not isinstance(error.goal, SplatBudget)
+        return [
+            self.scene.clip + bricks.clip
+            if has_voxels and bricks is not None and any(layer.lights_faces for layer in bricks.layers)
+            else ()
+            for bricks in (group.bricks for group in self.groups)
+        ]
+
+    def draws_voxels_only(self, number: int) -> bool:
+        """Return whether a group is drawn as voxels at every tolerance: cells cannot hold light that is of a view."""
+        has_faces_of_view = any(clip.fixed == "camera" for clip in self.lit_clips[number])
+        return has_faces_of_view or self.groups[number].draws_voxels_only
 
     @property
     def camera(self) -> CameraSpec:
@@ -118,6 +139,6 @@ def view_of(stage: Stage, frame: int) -> View:
 
 def finest_level_at(stage: Stage, tolerance: float, number: int = 0) -> int:
     """Return the finest level of the cells of a group that are drawn at a tolerance."""
-    if stage.groups[number].draws_voxels_only:
+    if stage.draws_voxels_only(number):
         return 0
     return max(stage.scene.error.finest_level, stage.resolutions[number].finest_level if tolerance > 0 else 0)
