@@ -25,8 +25,8 @@ from renderer.bricks import (
     scalar_texels,
 )
 from renderer.kernels import ThreadPool
-from renderer.transfer import toward_light
 from renderer.scene import FACE_DEPTH
+from renderer.transfer import toward_light
 from renderer.view import RaySetup, View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
 
@@ -35,8 +35,6 @@ MAX_ATLAS_BYTES = 256 << 20
 _UPLOAD_BATCH = 64
 # Floats behind the last texel that loads of whole rows touch.
 _READ_BEHIND = 2
-# The longest step, in voxels, near a face that is cut: its light changes within FACE_DEPTH.
-_FACE_STEP = 0.5
 
 
 class Atlas:
@@ -115,8 +113,8 @@ class BrickView(NamedTuple):
     """A view of the bricks `batch[order]`, front to back. Positions are in index space, from the volume's centre.
 
     keys: int64 [n], their numbers: level 0 is counted on its own, all other levels one after the other.
-    is_mean: bool [n], whether they are above level 0. have_faces: bool [n], whether they are near a face that is cut and
-        has a light of its own.
+    is_mean: bool [n], whether they are above level 0. have_faces: bool [n], whether they are voxels near a face that is
+        cut and has a light of its own.
     rectangles_px: float64 [n, 4], as `screen_rectangles` returns them.
     boxes: float64 [n, 11]: the lowest [3] and the highest corner [3] of the visible bounds, the lowest corner of the
         first cell [3], cells per voxel, and the length of a step in cells.
@@ -148,7 +146,7 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
     have_faces = np.zeros(len(order), np.bool_)
     if rays.clip is not None and any(layer.lights_faces for layer in batch.bricks.layers):
         have_faces = are_near_faces(rays.clip, FACE_DEPTH * cut.volume.finest_spacing, bounds) & (levels == 0)
-        steps = np.where(have_faces, np.minimum(steps, _FACE_STEP), steps)
+        steps = np.where(have_faces, np.minimum(steps, batch.face_step), steps)
     return BrickView(
         batch,
         order,

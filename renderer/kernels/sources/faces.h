@@ -27,10 +27,12 @@ INLINE void for_faces(const Faces& faces, const Three& at, Take take) {
     };
     for (int64_t k = 0; k < faces.clip->slabs.shape[0]; k++) {
         auto slab = faces.clip->slabs[k];
-        Floats of_slab = height(slab), below = max_of(zero, scaled(slab[4]) - of_slab);
-        Floats above = max_of(zero, of_slab - scaled(slab[3])), one = zero + 1.0f;
-        take_near(below * below, along(slab, one));
-        take_near(above * above, along(slab, -one));
+        Floats of_slab = height(slab), one = zero + 1.0f;
+        for (int end = 0; end < 2; end++) {
+            if (__builtin_isinf(slab[3 + end])) continue;
+            Floats inside = max_of(zero, (of_slab - scaled(slab[3 + end])) * (end ? -1.0f : 1.0f));
+            take_near(inside * inside, along(slab, end ? one : -one));
+        }
     }
     for (int64_t box = 0; box < faces.clip->boxes.shape[0]; box++) {
         Three toward = {zero, zero, zero};

@@ -130,7 +130,7 @@ INLINE Lit lit_at(const Three& gradient, const Ways& ways, const Arriving& arriv
     }
     if (shading.silhouette > 0.0f) {
         Floats across = max_of(zero, 1.0f - magnitude(dot({x, y, z}, ways.to_viewer) * scale));
-        Floats kept = where(is_steep, fma(across * across, -shading.silhouette, 1.0f), zero + 1.0f);
+        Floats kept = where(is_steep, fma(across * across * across, -shading.silhouette, 1.0f), zero + 1.0f);
         lit *= kept, shine *= kept;
     }
     return {lit, shine, largest * length};

@@ -136,7 +136,7 @@ struct Light {
                 highlight = shading->specular * power_of(to_halfway, shading->shininess) * diffuse;
             double lit = ambient + shading->diffuse * diffuse * most(0.0, to_light);
             double across = most(0.0, 1.0 - absolute(dot(normal, viewer) / length));
-            double kept = 1.0 - shading->silhouette * across * across;
+            double kept = 1.0 - shading->silhouette * across * across * across;
             return Lit{kept * lit, kept * highlight};
         };
         Lit own = divisor == 0.0 ? Lit{ambient, 0.0} : lit_by(normal, length);
