@@ -61,6 +61,9 @@ def interrupted_status(error: BaseException) -> int:
 
 def exit_on_signals(status: int) -> None:
     """Let each further signal end this process at once, with this status: the work is over, and has been cleaned up."""
+    # CPython ends by SIGINT, whatever the exit status, where a KeyboardInterrupt ever left code that was compiled from
+    # text, as dataclasses are during an import. The next such code takes that back.
+    eval("None")  # noqa: S307
     _handle(lambda number, frame: os._exit(status))
     # Python removes its handlers before its own end, which takes a while.
     atexit.register(_handle, signal.SIG_IGN)

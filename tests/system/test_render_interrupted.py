@@ -12,7 +12,7 @@ from pathlib import Path
 
 import imageio.v3 as imageio
 import pytest
-from commands import HSPLAT, environment
+from commands import CODE, HSPLAT, environment, python
 from resuming import on_each_frame
 from small_scene import small_scene
 
@@ -99,3 +99,10 @@ def test_a_signal_after_the_end_changes_no_exit_code(late: str) -> None:
     code = f"{imports}; exit_on_signals(7); {late}; sys.exit(7)"
     run = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, check=False)
     assert (run.returncode, run.stderr) == (7, b"")
+
+
+def test_the_exit_code_where_an_import_was_interrupted(tmp_path: Path) -> None:
+    interrupted = 'try:\n    exec("raise KeyboardInterrupt")\nexcept KeyboardInterrupt:\n    pass\n'
+    end = "import sys\nfrom renderer.system import exit_on_signals\nexit_on_signals(7)\nsys.exit(7)"
+    (tmp_path / "runs.py").write_text(interrupted + end)
+    assert python("-m", "runs", PYTHONPATH=f"{CODE}{os.pathsep}{tmp_path}").returncode == 7

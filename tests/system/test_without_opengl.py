@@ -55,7 +55,7 @@ def test_other_commands_without_opengl() -> None:
 def test_what_needs_opengl_is_an_error() -> None:
     codes, said = codes_without_opengl(
         "render scene.yaml --set splat.footprint=gaussian",
-        "measure scene.yaml --footprints integrated,gaussian --output study",
+        "measure scene.yaml --thorough --footprints integrated,gaussian --output study",
         f"paper {SCENES} --figure 6 --output paper",
     )
     assert codes == [1] * 3

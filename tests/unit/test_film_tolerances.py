@@ -21,6 +21,7 @@ from renderer.accuracy import (
 )
 from renderer.frame import Stage, prepare_stage
 from renderer.scene import MetricTarget
+from renderer.volume import Float32
 
 # The mean squared error of a frame at a tolerance.
 Error = Callable[[float, int], float]
@@ -32,7 +33,8 @@ class Exact:
 
     deviation = 0.1
 
-    def compare_radiance(self, mean: float) -> Probe:
+    def compare_radiance(self, radiance: Float32) -> Probe:
+        mean = float(radiance[0, 0, 0])
         variance = 1024 * (self.deviation * mean) ** 2
         return Probe(ErrorSamples(1024, mean, variance, mean), 0.0)
 
@@ -50,8 +52,8 @@ class Prober:
 class Picture:
     image, num_cells = None, 7
 
-    def __init__(self, number: int, radiance: float) -> None:
-        self.number, self.radiance, self.stage = number, radiance, None
+    def __init__(self, number: int, mean: float) -> None:
+        self.number, self.radiance, self.stage = number, np.full((1, 1, 4), mean), None
 
 
 @pytest.fixture
