@@ -26,6 +26,9 @@ from renderer.pyramid import CutSizes, subdivide
 from renderer.scene import MIN_TOLERANCE
 from renderer.volume import Bools, Float64, Int32, Int64, UInt8, Volume
 
+# Takes bounds as in BrickCut, and returns of which something holds.
+BoundsTest = Callable[[Float64], Bools]
+
 
 @dataclass(frozen=True)
 class BrickCut:
@@ -49,16 +52,12 @@ class BrickCut:
 
 
 def cut_bricks(
-    bricks: Bricks | BrickLayers,
-    tolerance: float,
-    *,
-    finest_level: int = 0,
-    are_split: Callable[[Float64], Bools] | None = None,
+    bricks: Bricks | BrickLayers, tolerance: float, *, finest_level: int = 0, are_split: BoundsTest | None = None
 ) -> BrickCut:
     """Return the coarsest bricks whose errors are below `tolerance` (in the measure's unit), none below `finest_level`.
 
-    Bricks whose own level shows nothing are left out. are_split: takes bounds as in BrickCut, and returns which bricks
-    are drawn as voxels at any tolerance.
+    Bricks whose own level shows nothing are left out. are_split: tells which bricks are drawn as voxels at any
+    tolerance.
     """
     cells, leaves = np.zeros((1, 3), np.int32), []
     for number in range(len(bricks.levels) - 1, -1, -1):

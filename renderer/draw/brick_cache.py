@@ -25,7 +25,6 @@ from renderer.bricks import (
     scalar_texels,
 )
 from renderer.kernels import ThreadPool
-from renderer.scene import FACE_DEPTH
 from renderer.transfer import toward_light
 from renderer.view import RaySetup, View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
@@ -141,11 +140,11 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
     first_keys[0] = 0
     (x, y, z), (_, num_rows, num_columns) = cells.T, grids[levels].T
     first_corners = (cells * BRICK_SIZE << levels[:, None]) - 0.5 - centre
-    bounds = cut.visible_bounds[order] - centre
+    bounds = (cut.visible_bounds[order] - centre).reshape(-1, 6)
     rays, steps = ray_setup(cut.volume, batch.model_unit, view, batch.bricks.clip), batch.steps[order]
     have_faces = np.zeros(len(order), np.bool_)
     if rays.clip is not None and any(layer.lights_faces for layer in batch.bricks.layers):
-        have_faces = are_near_faces(rays.clip, FACE_DEPTH * cut.volume.finest_spacing, bounds) & (levels == 0)
+        have_faces = are_near_faces(rays.clip, cut.volume, cut.visible_bounds[order]) & (levels == 0)
         steps = np.where(have_faces, np.minimum(steps, batch.face_step), steps)
     return BrickView(
         batch,
@@ -156,7 +155,7 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
         levels > 0,
         have_faces,
         screen_rectangles(batch, order, view),
-        np.column_stack([bounds.reshape(-1, 6), first_corners, np.ldexp(1.0, -levels), steps]),
+        np.column_stack([bounds, first_corners, np.ldexp(1.0, -levels), steps]),
     )
 
 

@@ -29,19 +29,10 @@ from renderer.bricks import (
 from renderer.draw import Lines, make_edges, make_outline
 from renderer.frame.stage import Stage, finest_level_at
 from renderer.pyramid import Cut, CutSizes, cut_pyramid, cut_sizes, root_error
-from renderer.scene import FACE_DEPTH, MIN_TOLERANCE, ClipSpec
+from renderer.scene import MIN_TOLERANCE
 from renderer.splats import SplatBatch, make_splats
-from renderer.view import (
-    View,
-    are_near_faces,
-    blended_orders,
-    model_view,
-    place_object_clips,
-    total_square_area_px,
-    visible_bricks,
-    visible_order,
-)
-from renderer.volume import Bools, Float64, UInt32, Volume
+from renderer.view import View, blended_orders, model_view, total_square_area_px, visible_bricks, visible_order
+from renderer.volume import UInt32
 
 # Draw orders, of each batch uint32 [k] indices into it, and their share of the picture; the shares sum to 1.
 Orders = Sequence[tuple[float, Sequence[UInt32]]]
@@ -299,17 +290,12 @@ class BrickPrimitive(Primitive):
         return tolerance if projection is None else projection.tolerance_factor * tolerance
 
     def _cuts(self, tolerance: float) -> list[BrickCut]:
-        finest_levels, lit_clips = self._finest_levels(tolerance), self._stage.lit_clips
+        of_groups = zip(self._bricks, self._finest_levels(tolerance), self._stage.near_faces(), strict=True)
         return [
             cut_bricks(bricks, 0.0)
             if self._stage.draws_voxels_only(number)
-            else cut_bricks(
-                bricks,
-                self._tolerance(number, tolerance),
-                finest_level=finest_levels[number],
-                are_split=_faces_of(bricks.volume, lit_clips[number]),
-            )
-            for number, bricks in enumerate(self._bricks)
+            else cut_bricks(bricks, self._tolerance(number, tolerance), finest_level=level, are_split=near_faces)
+            for number, (bricks, level, near_faces) in enumerate(of_groups)
         ]
 
     def _batch(self, cut: BrickCut, number: int, tolerance: float) -> BrickBatch:
@@ -318,14 +304,6 @@ class BrickPrimitive(Primitive):
 
     def _order(self, batch: BrickBatch, view: View) -> UInt32:
         return visible_bricks(batch, view)
-
-
-def _faces_of(volume: Volume, clip: Sequence[ClipSpec]) -> Callable[[Float64], Bools] | None:
-    """Return what tells which bounds, in index coordinates, are near faces that clipping cuts; None without any."""
-    if (region := place_object_clips(volume, clip)) is None:
-        return None
-    depth = FACE_DEPTH * volume.finest_spacing
-    return lambda bounds: are_near_faces(region, depth, bounds - volume.centre_index)
 
 
 class ExtremumPrimitive(BrickPrimitive):

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 from renderer.layers import Layer, LayerGroup
 from renderer.pyramid import root_error
 from renderer.scene import CameraSpec, ClipSpec, Scene, SplatBudget, Vector
-from renderer.view import OrderBlending, View, make_view
+from renderer.view import OrderBlending, View, are_near_faces, make_view, place_object_clips
+from renderer.volume import Bools, Float64
 
 Clock = Callable[[], float]
 
@@ -83,6 +85,12 @@ class Stage:
             else ()
             for bricks in (group.bricks for group in self.groups)
         ]
+
+    def near_faces(self) -> Iterator[Callable[[Float64], Bools] | None]:
+        """Yield for each group what tells which bounds, in index coordinates, are near its lit faces; None without any."""
+        for group, clips in zip(self.groups, self.lit_clips, strict=True):
+            region = place_object_clips(group.volume, clips)
+            yield None if region is None else partial(are_near_faces, region, group.volume)
 
     def draws_voxels_only(self, number: int) -> bool:
         """Return whether a group is drawn as voxels at every tolerance: cells cannot hold light that is of a view."""

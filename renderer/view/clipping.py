@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.scene import ClipSpec
+from renderer.scene import FACE_DEPTH, ClipSpec
 from renderer.view.camera import View
 from renderer.volume import Bools, Float64, Volume
 
@@ -74,8 +74,12 @@ def are_clipped_away(clip: ClipRegion, bounds: Float64) -> Bools:
     return np.asarray(is_outside | np.any(is_inside, axis=1))
 
 
-def are_near_faces(clip: ClipRegion, depth: float, bounds: Float64) -> Bools:
-    """Return which boxes may be nearer than a world length to a face that is cut: bool [n]. bounds: as above."""
+def are_near_faces(clip: ClipRegion, volume: Volume, bounds: Float64) -> Bools:
+    """Return which boxes of a volume may have the light of a face that is cut: bool [n].
+
+    bounds: float64 [n, 2, 3], in index coordinates.
+    """
+    depth, bounds = FACE_DEPTH * volume.finest_spacing, bounds - volume.centre_index
     low, high = _span(clip.slabs, bounds)
     is_beside = np.any((high > clip.slabs[:, _HIGH] - depth) | (low < clip.slabs[:, _LOW] + depth), axis=1)
     low, high = _span(clip.boxes, bounds)

@@ -1,12 +1,11 @@
-// Light the faces that clip planes and boxes cut, as `cut_faces` of ShadingSpec in renderer/scene/shading_section.py says:
-// a sample in each lane.
+// Light the faces that clip planes and boxes cut, as `cut_faces` of ShadingSpec says: a sample in each lane.
 #pragma once
 #include "light.h"
 
-// The faces near a brick. depth: how far their light reaches.
+// The faces near a brick. per_length: 1 over how far their light reaches.
 struct Faces {
     const ClipRegion* clip;
-    double depth;
+    double per_length;
 };
 
 // Call `take(weight, normal)` for each set that clipping removes and that is near a sample. normal: towards the set, in
@@ -14,7 +13,7 @@ struct Faces {
 template <class Take>
 INLINE void for_faces(const Faces& faces, const Three& at, Take take) {
     Floats zero = in_all<Floats>(0.0f);
-    auto scaled = [&](double x) { return (float)(x / faces.depth); };
+    auto scaled = [&](double x) { return (float)(x * faces.per_length); };
     auto height = [&](const auto& slab) {
         return fma(scaled(slab[0]), at.x, fma(scaled(slab[1]), at.y, scaled(slab[2]) * at.z));
     };

@@ -77,7 +77,8 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
     };
     if constexpr (KIND == LAMBERT) {
         Floats zero = in_all<Floats>(0.0f);
-        found.light = lit([&](const Three& slope) { return Lit{light_factor(slope, field.lambert), zero, zero}; }).factor;
+        auto lit_of = [&](const Three& slope) { return Lit{light_factor(slope, field.lambert), zero, zero}; };
+        found.light = lit(lit_of).factor;
     }
     if constexpr (KIND == LIT) {
         const Light& light = field.light.value;
@@ -133,7 +134,7 @@ struct ShownLayers {
         return mask.exists && mask.value.are_cut[brick];
     }
 
-    INLINE Faces all_faces() const { return {&bricks->rays.clip.value, bricks->face_depth}; }
+    INLINE Faces all_faces() const { return {&bricks->rays.clip.value, 1.0 / bricks->face_depth}; }
 
     // Of `all_faces`, those that light a layer in a brick, or null.
     INLINE const Faces* faces(int64_t number, int64_t brick, const Faces& all) const {

@@ -30,7 +30,8 @@ INLINE Ways aim(const Light& light, const Three& direction) {
     Three half = {x + toward[0], y + toward[1], z + toward[2]};
     length = root(dot(half, half));
     Floats zero = x * 0.0f, scale = where(mask_of(length > 0.0f), 1.0f / length, in_all<Floats>(0.0f));
-    return {{zero + toward[0], zero + toward[1], zero + toward[2]}, {half.x * scale, half.y * scale, half.z * scale}, {x, y, z}};
+    half = {half.x * scale, half.y * scale, half.z * scale};
+    return {{zero + toward[0], zero + toward[1], zero + toward[2]}, half, {x, y, z}};
 }
 
 // Where in the light grid the texel 0 of a brick of voxels is along an axis, in cells.
