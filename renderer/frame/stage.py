@@ -87,7 +87,7 @@ class Stage:
         ]
 
     def near_faces(self) -> Iterator[Callable[[Float64], Bools] | None]:
-        """Yield for each group what tells which bounds, in index coordinates, are near its lit faces; None without any."""
+        """Yield for each group what tells which bounds, in index coordinates, are near lit faces, or None."""
         for group, clips in zip(self.groups, self.lit_clips, strict=True):
             region = place_object_clips(group.volume, clips)
             yield None if region is None else partial(are_near_faces, region, group.volume)
