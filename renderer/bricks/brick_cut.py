@@ -14,17 +14,20 @@ children, so that together they may show less of their surroundings.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from renderer.bricks.brick_layers import BrickLayers
-from renderer.bricks.bricks import Bricks
+from renderer.bricks.bricks import BrickLevel, Bricks
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE
 from renderer.pyramid import CutSizes, subdivide
 from renderer.scene import MIN_TOLERANCE
-from renderer.volume import Float64, Int32, Int64, UInt8, Volume
+from renderer.volume import Bools, Float64, Int32, Int64, UInt8, Volume
+
+# Takes bounds as in BrickCut, and returns of which something holds.
+BoundsTest = Callable[[Float64], Bools]
 
 
 @dataclass(frozen=True)
@@ -48,18 +51,23 @@ class BrickCut:
         return len(self.levels)
 
 
-def cut_bricks(bricks: Bricks | BrickLayers, tolerance: float, *, finest_level: int = 0) -> BrickCut:
+def cut_bricks(
+    bricks: Bricks | BrickLayers, tolerance: float, *, finest_level: int = 0, are_split: BoundsTest | None = None
+) -> BrickCut:
     """Return the coarsest bricks whose errors are below `tolerance` (in the measure's unit), none below `finest_level`.
 
-    Bricks whose own level shows nothing are left out.
+    Bricks whose own level shows nothing are left out. are_split: tells which bricks are drawn as voxels at any
+    tolerance.
     """
     cells, leaves = np.zeros((1, 3), np.int32), []
     for number in range(len(bricks.levels) - 1, -1, -1):
         (x, y, z), level = cells.T, bricks.levels[number]
         is_leaf = level.errors[z, y, x] < (tolerance if number > finest_level else math.inf)
+        if are_split is not None and number > 0:
+            is_leaf &= ~are_split(_visible_bounds(level, number, cells))
         drawn = cells[is_leaf & level.is_visible[z, y, x]]
         x, y, z = drawn.T
-        bounds = (BRICK_SIZE * drawn[:, None] + level.visible_bounds[z, y, x]) * 2.0**number - 0.5
+        bounds = _visible_bounds(level, number, drawn)
         leaves.append((np.full(len(drawn), number, np.uint8), drawn, bounds, level.step_errors[z, y, x]))
         top = number + BRICK_LEVELS
         cells = subdivide(cells[~is_leaf], top, top - 1, bricks.volume.shape_xyz)
@@ -67,6 +75,12 @@ def cut_bricks(bricks: Bricks | BrickLayers, tolerance: float, *, finest_level: 
     for array in (levels, drawn, bounds, step_errors):
         array.flags.writeable = False
     return BrickCut(levels, drawn, bounds, step_errors, bricks.volume)
+
+
+def _visible_bounds(level: BrickLevel, number: int, cells: Int32) -> Float64:
+    """Return the visible bounds of bricks of a level, as in BrickCut."""
+    x, y, z = cells.T
+    return np.asarray((BRICK_SIZE * cells[:, None] + level.visible_bounds[z, y, x]) * 2.0**number - 0.5)
 
 
 def brick_cut_sizes(

@@ -25,6 +25,11 @@ class BrickLayer:
     shading: ShadingSpec | None = None
     weight: float = 1.0
 
+    @property
+    def lights_faces(self) -> bool:
+        """Return whether faces that clipping cuts have a light of their own; voxels that are colours are lit before."""
+        return self.shading is not None and self.shading.cut_faces and self.bricks.volume.colors is None
+
 
 @dataclass(frozen=True)
 class BrickLayers:

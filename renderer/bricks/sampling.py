@@ -42,6 +42,8 @@ UNIT_STEP_ERROR = 0.5
 # Errors grow with step_error * step^2, samples with 1 / step. Of all choices with the same sum of squared errors,
 # the one with the fewest samples has step^5 ~ 1 / step_error^2.
 STEP_EXPONENT = 0.4
+# The step error estimate of what is near a face that clipping cuts: its light changes within FACE_DEPTH voxels.
+FACE_STEP_ERROR = 0.05
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,7 @@ class BrickBatch:
     origin: float64 [3], world position of the model's origin, the volume's centre.
     model_unit: world length of a model unit.
     extremes: how rays find their extreme scalar; None where they are composited.
+    face_step: the longest step near a face that clipping cuts, in voxels.
     """
 
     cut: BrickCut
@@ -78,6 +81,7 @@ class BrickBatch:
     origin: Float64
     model_unit: float
     extremes: Extremes | None = None
+    face_step: float = MAX_STEP
 
     def __len__(self) -> int:
         return len(self.cut)
@@ -101,6 +105,7 @@ def make_brick_batch(cut: BrickCut, bricks: BrickLayers, *, tolerance: float, vo
         screen_sampling_at(tolerance / largest_change, voxel_px * 2.0**finest, voxel_px * thinnest),
         volume.centre,
         volume.half_diagonal,
+        face_step=float(step_sizes(np.array([FACE_STEP_ERROR]), tolerance / largest_change, np.ones(1))[0]),
     )
 
 

@@ -26,7 +26,7 @@ from renderer.bricks import (
 )
 from renderer.kernels import ThreadPool
 from renderer.transfer import toward_light
-from renderer.view import RaySetup, View, ray_setup, screen_rectangles
+from renderer.view import RaySetup, View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
 
 MAX_ATLAS_BYTES = 256 << 20
@@ -112,7 +112,8 @@ class BrickView(NamedTuple):
     """A view of the bricks `batch[order]`, front to back. Positions are in index space, from the volume's centre.
 
     keys: int64 [n], their numbers: level 0 is counted on its own, all other levels one after the other.
-    is_mean: bool [n], whether they are above level 0.
+    is_mean: bool [n], whether they are above level 0. have_faces: bool [n], whether they are voxels near a face that is
+        cut and has a light of its own.
     rectangles_px: float64 [n, 4], as `screen_rectangles` returns them.
     boxes: float64 [n, 11]: the lowest [3] and the highest corner [3] of the visible bounds, the lowest corner of the
         first cell [3], cells per voxel, and the length of a step in cells.
@@ -124,6 +125,7 @@ class BrickView(NamedTuple):
     rays: RaySetup
     keys: Int64
     is_mean: Bools
+    have_faces: Bools
     rectangles_px: Float64
     boxes: Float64
 
@@ -139,15 +141,21 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
     (x, y, z), (_, num_rows, num_columns) = cells.T, grids[levels].T
     first_corners = (cells * BRICK_SIZE << levels[:, None]) - 0.5 - centre
     bounds = (cut.visible_bounds[order] - centre).reshape(-1, 6)
+    rays, steps = ray_setup(cut.volume, batch.model_unit, view, batch.bricks.clip), batch.steps[order]
+    have_faces = np.zeros(len(order), np.bool_)
+    if rays.clip is not None and any(layer.lights_faces for layer in batch.bricks.layers):
+        have_faces = are_near_faces(rays.clip, cut.volume, cut.visible_bounds[order]) & (levels == 0)
+        steps = np.where(have_faces, np.minimum(steps, batch.face_step), steps)
     return BrickView(
         batch,
         order,
         view,
-        ray_setup(cut.volume, batch.model_unit, view, batch.bricks.clip),
+        rays,
         first_keys[levels] + (z * num_rows + y) * num_columns + x,
         levels > 0,
+        have_faces,
         screen_rectangles(batch, order, view),
-        np.column_stack([bounds, first_corners, np.ldexp(1.0, -levels), batch.steps[order]]),
+        np.column_stack([bounds, first_corners, np.ldexp(1.0, -levels), steps]),
     )
 
 

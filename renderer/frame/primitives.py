@@ -289,12 +289,12 @@ class BrickPrimitive(Primitive):
         return tolerance if projection is None else projection.tolerance_factor * tolerance
 
     def _cuts(self, tolerance: float) -> list[BrickCut]:
-        finest_levels = self._finest_levels(tolerance)
+        of_groups = zip(self._bricks, self._finest_levels(tolerance), self._stage.near_faces(), strict=True)
         return [
             cut_bricks(bricks, 0.0)
-            if self._stage.groups[number].draws_voxels_only
-            else cut_bricks(bricks, self._tolerance(number, tolerance), finest_level=finest_levels[number])
-            for number, bricks in enumerate(self._bricks)
+            if self._stage.draws_voxels_only(number)
+            else cut_bricks(bricks, self._tolerance(number, tolerance), finest_level=level, are_split=near_faces)
+            for number, (bricks, level, near_faces) in enumerate(of_groups)
         ]
 
     def _batch(self, cut: BrickCut, number: int, tolerance: float) -> BrickBatch:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 from renderer.layers import Layer, LayerGroup
 from renderer.pyramid import root_error
-from renderer.scene import CameraSpec, Scene, Vector
-from renderer.view import OrderBlending, View, make_view
+from renderer.scene import CameraSpec, ClipSpec, Scene, SplatBudget, Vector
+from renderer.view import OrderBlending, View, are_near_faces, make_view, place_object_clips
+from renderer.volume import Bools, Float64
 
 Clock = Callable[[], float]
 
@@ -67,7 +69,34 @@ class Stage:
             and self.order_blending is other.order_blending
             and self.scene.splat == other.scene.splat
             and self.scene.annotation.lines == other.scene.annotation.lines
+            and self.lit_clips == other.lit_clips
         )
+
+    @property
+    def lit_clips(self) -> list[tuple[ClipSpec, ...]]:
+        """Return for each group the planes and boxes whose faces have a light of their own, which only voxels can show.
+
+        There are none where the scene asks for larger cells.
+        """
+        error = self.scene.error
+        has_voxels = error.finest_level == 0 and not isinstance(error.goal, SplatBudget)
+        return [
+            self.scene.clip + bricks.clip
+            if has_voxels and bricks is not None and any(layer.lights_faces for layer in bricks.layers)
+            else ()
+            for bricks in (group.bricks for group in self.groups)
+        ]
+
+    def near_faces(self) -> Iterator[Callable[[Float64], Bools] | None]:
+        """Yield for each group what tells which bounds, in index coordinates, are near lit faces, or None."""
+        for group, clips in zip(self.groups, self.lit_clips, strict=True):
+            region = place_object_clips(group.volume, clips)
+            yield None if region is None else partial(are_near_faces, region, group.volume)
+
+    def draws_voxels_only(self, number: int) -> bool:
+        """Return whether a group is drawn as voxels at every tolerance: cells cannot hold light that is of a view."""
+        has_faces_of_view = any(clip.fixed == "camera" for clip in self.lit_clips[number])
+        return has_faces_of_view or self.groups[number].draws_voxels_only
 
     @property
     def camera(self) -> CameraSpec:
@@ -119,6 +148,6 @@ def view_of(stage: Stage, frame: int) -> View:
 
 def finest_level_at(stage: Stage, tolerance: float, number: int = 0) -> int:
     """Return the finest level of the cells of a group that are drawn at a tolerance."""
-    if stage.groups[number].draws_voxels_only:
+    if stage.draws_voxels_only(number):
         return 0
     return max(stage.scene.error.finest_level, stage.resolutions[number].finest_level if tolerance > 0 else 0)

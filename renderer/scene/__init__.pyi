@@ -140,7 +140,7 @@ from .schema import (
     check_frames_ascend as check_frames_ascend,
     has_unexpanded_tilde as has_unexpanded_tilde,
 )
-from .shading_section import ShadingSpec as ShadingSpec
+from .shading_section import FACE_DEPTH as FACE_DEPTH, ShadingSpec as ShadingSpec
 from .spec import (
     PyramidSpec as PyramidSpec,
     Scene as Scene,

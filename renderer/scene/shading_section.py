@@ -13,6 +13,8 @@ from renderer.scene.message_text import format_value
 from renderer.scene.schema import INVALID, TreeNode
 
 MAX_SHININESS = 1000.0
+# How far behind a face that clipping cuts the light of the face reaches, in finest spacings.
+FACE_DEPTH = 2.5
 
 _LIGHT_WORDS = "[x, y, z], not all 0: from the object to the light; or camera"
 _LIGHT = schema.word_or({"camera": "camera"}, direction_field(_LIGHT_WORDS), _LIGHT_WORDS)
@@ -49,6 +51,11 @@ class ShadingSpec:
     occlusion, shadow: how strongly what surrounds a point dims the ambient light, and what is before a fixed light the
         diffuse light (`renderer.lighting`). occlusion_radius: how far occlusion sees, in world units; None is a tenth
         of the volume's diagonal.
+    silhouette: s in the factor `1 - s (1 - |n . v|)^3` on the lit colour, v to the viewer; it is 1 without a gradient.
+    cut_faces: light what is near a face that clipping cuts by the normal of this face. A plane or a box removes a
+        convex set, an inverted box six. At the distance d from such a set, in finest spacings, its face has the weight
+        `w = max(0, 1 - (d / FACE_DEPTH)^2)^3`, with n to the nearest point of the set. Faces have the share
+        `1 - product of (1 - w)` of the light, each in proportion to its weight, and the gradient has the rest.
     """
 
     ambient: Fraction = 0.3
@@ -61,6 +68,8 @@ class ShadingSpec:
     occlusion: Fraction = 0.0
     shadow: Fraction = 0.0
     occlusion_radius: Annotated[float | None, schema.LENGTH_FIELD] = None
+    silhouette: Fraction = 0.0
+    cut_faces: bool = True
 
     @property
     def lambert(self) -> ShadingSpec | None:
@@ -96,6 +105,7 @@ def pointwise_keys(shading: ShadingSpec) -> list[str]:
         "light": shading.light == "camera",
         "specular": shading.specular is not INVALID and shading.specular > 0,
         "two_sided": shading.two_sided is True,
+        "silhouette": shading.silhouette is not INVALID and shading.silhouette > 0,
         "gradient_opacity": isinstance(shading.gradient_opacity, tuple),
     }
     return [key for key, is_asked in asks.items() if is_asked]

@@ -150,7 +150,7 @@ def materials_preset(sample: VoxelSample, first: float) -> Preset:
 # most one half of the latter. Brains have 0.29 to 0.41, but no denser material outside; a pot with a tree has 0.24.
 _MIN_SOLID, _MIN_INNER, _MIN_INNER_RATIO = 0.27, 0.35, 2.0
 _CLIP_COLORS = ((0.28, 0.15, 0.13), (0.74, 0.50, 0.41), (0.98, 0.86, 0.74), (1.0, 1.0, 0.97))
-# The faces of a clip box have no surfaces: most of their light is ambient.
+# Most of the light is ambient, so that no face of the clip box is much darker than another.
 _CLIP_SHADING = replace(SHADING, ambient=0.9, diffuse=0.3, occlusion=0.6)
 
 

@@ -1,15 +1,51 @@
-"""Find the parts of rays that the clip planes and boxes of a view leave, in world units."""
+"""Find the parts of rays that the clip planes and boxes of a view leave, in world units, and what they remove."""
 
 from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
 from renderer.scene import ClipSpec
 from renderer.view import View
-from renderer.volume import Float64
+from renderer.volume import Float64, Volume
 
 # Where rays enter and leave what is clipped away, float64 [n] each; both infinity where they do not meet it.
 Ranges = list[tuple[Float64, Float64]]
+
+
+class RemovedSet(NamedTuple):
+    """A convex set that is clipped away: the points from `low` to `high` [3] in axes of its own, in world lengths.
+
+    own_from_index: float64 [3, 4]. world_from_own: float64 [3, 3], of directions. A half-space has one axis, the first,
+    and the others are 0.
+    """
+
+    own_from_index: Float64
+    world_from_own: Float64
+    low: Float64
+    high: Float64
+
+
+def removed_sets(volume: Volume, view: View) -> list[RemovedSet]:
+    """Return what the planes and boxes of a view clip away of a volume; an inverted box leaves what six planes do."""
+    found, everywhere = [], np.full(3, np.inf)
+    world_from_index = volume.world_from_index[:3]
+    for each in view.clip:
+        axes, origin = (view.axes, view.target) if each.fixed == "camera" else (np.eye(3), np.zeros(3))
+        own_from_index = axes @ world_from_index - np.column_stack([np.zeros((3, 3)), axes @ origin])
+        if each.box is not None and not each.invert:
+            found.append(RemovedSet(own_from_index, axes.T, *np.array(each.box)))
+            continue
+        planes = [] if each.plane is None else [(each.plane.point, np.array(each.plane.normal) * (-1) ** each.invert)]
+        if each.box is not None:
+            planes = [(each.box[end], (2 * end - 1) * np.eye(3)[axis]) for end, axis in product(range(2), range(3))]
+        for point, normal in planes:
+            along = np.outer([1.0, 0.0, 0.0], normal / np.linalg.norm(normal))
+            from_index = along @ (own_from_index - np.column_stack([np.zeros((3, 3)), point]))
+            found.append(RemovedSet(from_index, (along @ axes).T, np.append(0.0, -everywhere[1:]), everywhere))
+    return found
 
 
 def kept_parts(view: View, point_world: Float64, origins: Float64, directions: Float64, starts: Float64) -> Float64:

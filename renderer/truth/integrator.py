@@ -27,7 +27,7 @@ from renderer.errors import RenderError
 from renderer.kernels import ThreadPool, kernels
 from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.truth.clipping import kept_parts
+from renderer.truth.clipping import RemovedSet, kept_parts, removed_sets
 from renderer.truth.optics import TrueLayer, optics_of
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
@@ -49,12 +49,14 @@ class IndexRays(NamedTuple):
     """A set of rays in index space, and their parts that are neither clipped away nor masked.
 
     origins, directions: float64 [n, 3]; the directions are of unit length in the world. parts: float64 [n, k, 2], world
-    lengths from the origin at which parts start and end, one behind the other; some are empty.
+    lengths from the origin at which parts start and end, one behind the other; some are empty. removed: what is clipped
+    away, where its faces are lit.
     """
 
     origins: Float64
     directions: Float64
     parts: Float64
+    removed: Sequence[RemovedSet] = ()
 
 
 @dataclass(frozen=True)
@@ -133,14 +135,17 @@ class RayIntegrator:
 
         def integrate_part(part: slice) -> None:
             self._require_unchanged()
-            rays = [
-                index_rays(each.volume, view.clipped(each.clip), pixels[part], self._centre) for each in self._layers
-            ]
+            rays = [self._rays_of(each, view.clipped(each.clip), pixels[part]) for each in self._layers]
             self._integrate(rays=rays, max_steps=max_steps, radiance=radiance[part])
 
         in_parts(integrate_part, pixels.size, self._num_threads, lambda share: on_progress(done + share * (1.0 - done)))
         self._require_unchanged()
         return np.moveaxis(radiance, 1, 0)
+
+    def _rays_of(self, layer: TrueLayer, view: View, pixels: Int64) -> IndexRays:
+        rays, lit = index_rays(layer.volume, view, pixels, self._centre), layer.shading
+        has_faces = lit is not None and lit.cut_faces and layer.volume.colors is None
+        return rays._replace(removed=removed_sets(layer.volume, view)) if has_faces else rays
 
     def _require_unchanged(self) -> None:
         for layer in self._layers:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene import ClipSpec, ShadingSpec
+from renderer.scene import FACE_DEPTH, ClipSpec, ShadingSpec
 from renderer.transfer import NO_LIGHT_GRID, LightGrid, TransferFunction
 from renderer.volume import Float64, Volume
 
@@ -59,7 +59,8 @@ class RayShading(NamedTuple):
     """A light on rays.
 
     is_plain: whether Lambert's law is all, and what it has no use for does not count.
-    is_camera: whether the light comes from the viewer. is_two_sided, ambient to shininess: as in ShadingSpec.
+    is_camera: whether the light comes from the viewer. is_two_sided, ambient to silhouette: as in ShadingSpec.
+    face_depth: how far the light of cut faces reaches, a length in the world.
     light: float64 [3], the unit vector to the light; not used where it is the camera's.
     world_from_index, world_from_gradient: float64 [3, 3], of positions, and of gradients along the index axes.
     factors: float64 [n, 3], on extinction: a gradient's magnitude, times `Intervals.scale`, the factor there and its
@@ -73,6 +74,8 @@ class RayShading(NamedTuple):
     diffuse: float
     specular: float
     shininess: float
+    silhouette: float
+    face_depth: float
     light: Float64
     world_from_index: Float64
     world_from_gradient: Float64
@@ -154,6 +157,8 @@ def shading_of(spec: ShadingSpec, grid: LightGrid, volume: Volume, scale: float)
     light = np.array((0.0, 0.0, 1.0) if is_camera else spec.light, np.float64)  # the camera's is that of each ray
     return RayShading(
         *(spec.is_plain, is_camera, spec.two_sided, spec.ambient, spec.diffuse, spec.specular, spec.shininess),
+        spec.silhouette,
+        FACE_DEPTH * volume.finest_spacing,
         light / np.linalg.norm(light),
         np.linalg.inv(index_from_world),
         index_from_world.T,  # a gradient transforms with the transposed inverse of the map of points

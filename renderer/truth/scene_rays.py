@@ -127,7 +127,7 @@ class ExtremeSearch:
 
     def _nearness(self, view: View, pixels: Int64, lengths: Float64) -> Float64:
         """Return how near points along rays are: from 0 at the farthest point of the ball around the volume to 1."""
-        origins, directions, _ = index_rays(self._volume, view, pixels)
+        origins, directions, *_ = index_rays(self._volume, view, pixels)
         points = origins + lengths[:, None] * directions - self._volume.centre_index
         depths = points @ self._volume.world_from_index[:3, :3].T @ view.forward
         return np.asarray(0.5 - 0.5 * depths / self._volume.half_diagonal)
@@ -143,7 +143,7 @@ def chord_lengths(volume: Volume, view: View, pixels: Int64) -> Float64:
         even = TransferFunction(np.zeros(1), np.ones((1, 3)), np.array([per_length]), 1.0)
         opacities = RayIntegrator([TrueLayer(volume, even)]).integrate(view, pixels, [1.0])[0, :, 3]
         return np.asarray(-np.log1p(-opacities) / per_length)
-    origins, directions, parts = index_rays(volume, view, pixels)
+    origins, directions, parts, _ = index_rays(volume, view, pixels)
     low, high = np.full(3, -0.5), np.array(volume.shape_xyz) - 0.5
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (low - origins) / directions, (high - origins) / directions

@@ -8,6 +8,7 @@ from .camera import View as View
 from .clipping import (
     ClipRegion as ClipRegion,
     are_clipped_away as are_clipped_away,
+    are_near_faces as are_near_faces,
     place_clips as place_clips,
     place_object_clips as place_object_clips,
 )

@@ -11,18 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.scene import ClipSpec
+from renderer.scene import FACE_DEPTH, ClipSpec
 from renderer.view.camera import View
 from renderer.volume import Bools, Float64, Volume
 
-_NORMAL, _LOW, _HIGH = slice(0, 3), 3, 4
+_NORMAL, _LOW, _HIGH = slice(0, 3), 3, 4  # of a slab; the rest is its normal in the world
 
 
 class ClipRegion(NamedTuple):
     """A region that clip planes and boxes leave: the points p of a volume in all slabs and in no removed box.
 
-    A slab is [5]: a normal n [3], and bounds of n . p, with p in index space relative to the volume's centre.
-    slabs: float64 [k, 5], unbounded on one side where it is that of a plane. boxes: float64 [m, 3, 5], of each removed
+    A slab is [8]: a normal n [3], bounds of n . p, a length, with p in index space relative to the volume's
+    centre, and n as a unit vector [3] in the world.
+    slabs: float64 [k, 8], unbounded on one side where it is that of a plane. boxes: float64 [m, 3, 8], of each removed
     box the slabs across its axes.
     """
 
@@ -32,8 +33,8 @@ class ClipRegion(NamedTuple):
 
 def place_clips(volume: Volume, clip: Sequence[ClipSpec], view: View | None = None) -> ClipRegion | None:
     """Return the region that planes and boxes leave; None without any. view: for those fixed to the camera."""
-    slabs: list[Float64] = [np.empty((0, 5))]
-    boxes: list[Float64] = [np.empty((0, 3, 5))]
+    slabs: list[Float64] = [np.empty((0, 8))]
+    boxes: list[Float64] = [np.empty((0, 3, 8))]
     for each in clip:
         axes, origin = np.eye(3), np.zeros(3)
         if each.fixed == "camera":
@@ -45,10 +46,10 @@ def place_clips(volume: Volume, clip: Sequence[ClipSpec], view: View | None = No
             normal = np.array(each.plane.normal) / np.linalg.norm(each.plane.normal)
             normal = -normal if each.invert else normal
             height = normal @ (np.array(each.plane.point) - centre)
-            slabs.append(np.array([[*(normal @ index_from_own), -np.inf, height]]))
+            slabs.append(np.array([[*(normal @ index_from_own), -np.inf, height, *(normal @ axes)]]))
         else:
             corners = np.array(each.box) - centre
-            box = np.column_stack([index_from_own, *corners])
+            box = np.column_stack([index_from_own, *corners, axes])
             if each.invert:
                 slabs.append(box)
             else:
@@ -73,8 +74,21 @@ def are_clipped_away(clip: ClipRegion, bounds: Float64) -> Bools:
     return np.asarray(is_outside | np.any(is_inside, axis=1))
 
 
+def are_near_faces(clip: ClipRegion, volume: Volume, bounds: Float64) -> Bools:
+    """Return which boxes of a volume may have the light of a face that is cut: bool [n].
+
+    bounds: float64 [n, 2, 3], in index coordinates.
+    """
+    depth, bounds = FACE_DEPTH * volume.finest_spacing, bounds - volume.centre_index
+    low, high = _span(clip.slabs, bounds)
+    is_beside = np.any((high > clip.slabs[:, _HIGH] - depth) | (low < clip.slabs[:, _LOW] + depth), axis=1)
+    low, high = _span(clip.boxes, bounds)
+    meets = np.all((low < clip.boxes[..., _HIGH] + depth) & (high > clip.boxes[..., _LOW] - depth), axis=2)
+    return np.asarray(is_beside | np.any(meets, axis=1))
+
+
 def _span(slabs: Float64, bounds: Float64) -> tuple[Float64, Float64]:
-    """Return the least and the largest n . p of each box for slabs [..., 5]: float64 [n, ...]."""
+    """Return the least and the largest n . p of each box for slabs [..., 8]: float64 [n, ...]."""
     normals = slabs[..., _NORMAL]
     middle = np.tensordot(bounds.mean(axis=1), normals, (1, -1))
     half = np.tensordot(np.diff(bounds, axis=1)[:, 0] / 2, np.abs(normals), (1, -1))

@@ -121,7 +121,7 @@ def test_exact_rays_are_sums_over_the_octants_with_data() -> None:
     values = with_holes(0.3)[:7, :6, :8].astype(float)
     volume = volume_of(values)
     stage, pixels = stage_of(volume), np.arange(SIZE[0] * SIZE[1])
-    origins, directions, _ = index_rays(volume, view_of(stage, NUMBER), pixels)
+    origins, directions, *_ = index_rays(volume, view_of(stage, NUMBER), pixels)
     alphas = exact(stage, 0.25)[..., 3].ravel()
     chosen = np.flatnonzero(alphas > 0.05)[::13]
     assert len(chosen) > 5
@@ -163,8 +163,8 @@ def test_a_homogeneous_block_has_the_depth_of_its_voxels() -> None:
     values[3:8, 2:11, 4:6] = 1.0
     volume = volume_of(values, np.eye(4))
     stage = stage_of(volume, points=[{"value": 0, "color": "red", "opacity": 0.2}])
-    _, directions, _ = index_rays(volume, view_of(stage, NUMBER), np.arange(SIZE[0] * SIZE[1]))
-    origins, _, _ = index_rays(volume, view_of(stage, NUMBER), np.arange(SIZE[0] * SIZE[1]))
+    _, directions, *_ = index_rays(volume, view_of(stage, NUMBER), np.arange(SIZE[0] * SIZE[1]))
+    origins, *_ = index_rays(volume, view_of(stage, NUMBER), np.arange(SIZE[0] * SIZE[1]))
     one = (np.array([3.5, 1.5, 2.5]) - origins) / directions
     other = (np.array([5.5, 10.5, 7.5]) - origins) / directions
     length = np.maximum(np.maximum(one, other).min(axis=1) - np.minimum(one, other).max(axis=1), 0)
@@ -181,7 +181,7 @@ def test_only_planes_of_a_ramp_in_a_ball_are_seen() -> None:
     points = [*({"value": -each["value"], "color": "blue", "opacity": each["opacity"]} for each in peak[::-1]), *peak]
     volume = volume_of(values, np.eye(4))
     stage = stage_of(volume, points=points)
-    origins, directions, _ = index_rays(volume, view_of(stage, NUMBER), np.arange(SIZE[0] * SIZE[1]))
+    origins, directions, *_ = index_rays(volume, view_of(stage, NUMBER), np.arange(SIZE[0] * SIZE[1]))
     seen = np.zeros(len(origins), bool)
     for low, high in ((-1.2, -0.8), (0.8, 1.2)):  # at the border, values are those of up to a voxel away
         ends = (np.array([[low], [high]]) / 2 * 15.5 + 15.5 - origins[:, 0]) / directions[:, 0]

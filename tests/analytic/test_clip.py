@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from small_scene import engine_block, small_tree
-from stage_pictures import decibels, drawn
+from stage_pictures import decibels, drawn, exact
 
 from renderer.accuracy import compute_truth
 from renderer.draw import brick_cache
@@ -33,15 +33,21 @@ CLIPS: dict[str, list[dict[str, Any]]] = {
 }
 
 
-def stage_of(clip: list[dict[str, Any]]) -> Stage:
+BLOCK = engine_block(40, 36, 30, spacing=[1, 1.2, 0.9])
+OTHER = engine_block(24, 30, 20, spacing=[1.7, 1.5, 1.4]) | {"color": "red", "range": [60, 200]}
+GLOSSY = {"ambient": 0.2, "diffuse": 0.5, "light": "camera", "specular": 0.3, "silhouette": 0.6}
+
+
+def stage_of(clip: list[dict[str, Any]], **sections: Any) -> Stage:
     tree = small_tree(
-        volume=engine_block(40, 36, 30, spacing=[1, 1.2, 0.9]),
+        volume=BLOCK,
         shading={"light": [1, 2, 3]},
         error={"tolerance": 0.002},
         output={"file": "a.mp4", "size": [70, 62]},
         frames=10,
         clip=clip,
     )
+    tree = {key: value for key, value in (tree | sections).items() if value is not None}
     return prepare_stage(parse_scene(tree, base=Path()), clock=perf_counter, num_threads=2)
 
 
@@ -55,6 +61,50 @@ def test_pictures_of_what_is_left(name: str, monkeypatch: pytest.MonkeyPatch) ->
     assert np.abs(whole.picture - truth.picture).max() > 0.1
     # Neither threads nor the room for bricks matter.
     monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 1)
+    assert drawn(stage, num_threads=1).tobytes() == frame.tobytes()
+
+
+@pytest.mark.parametrize("tolerance", [0.002, 0.05])
+@pytest.mark.parametrize("silhouette", [0.0, 0.5])
+def test_a_face_has_the_light_of_its_plane(silhouette: float, tolerance: float) -> None:
+    """An even block: its means have the ambient light alone, and so has the medium far behind the face."""
+    normal, light, tau = np.array([0.6, 0.8, 1.0]) / np.sqrt(2), np.array([1.0, 2.0, 2.0]) / 3, -np.log(0.2)
+    even = [{"value": value, "color": "white", "opacity": 0.8} for value in (0, 255)]
+    stage = stage_of(
+        [{"plane": {"point": [32, 32, 32], "normal": normal.tolist()}}],
+        volume={"procedural": {"name": "constant", "shape": [64, 64, 64]}},
+        transfer_function={"unit": 1, "points": even},
+        shading={"ambient": 0.3, "diffuse": 0.6, "light": light.tolist(), "silhouette": silhouette},
+        camera={"projection": "orthographic", "path": {"type": "turntable", "frames": 10, "elevation": 25}},
+        error={"tolerance": tolerance},
+    )
+    across = normal @ view_of(stage, 3).axes[2]
+    assert 0.3 < across < 0.9
+    lit = (0.3 + 0.6 * normal @ light) * (1 - silhouette * (1 - across) ** 3)
+    way = (np.arange(200_000) + 0.5) * 1e-4
+    share = np.maximum(0, 1 - (way * across / 2.5) ** 2) ** 3
+    expected = np.sum(tau * np.exp(-tau * way) * (0.3 + share * (lit - 0.3))) * 1e-4
+    assert exact(stage, 0.25)[31, 35, :3] == pytest.approx(expected, abs=1e-6)
+    assert drawn(stage)[28:34, 32:38, :3] == pytest.approx(expected, abs=max(2e-3, 0.3 * tolerance))
+
+
+@pytest.mark.parametrize(
+    "sections",
+    [
+        {"shading": GLOSSY | {"two_sided": True}},
+        {"shading": {"light": [1, 2, 3], "occlusion": 0.5, "shadow": 0.4}},
+        {"volume": None, "volumes": [BLOCK | {"shading": GLOSSY}, BLOCK], "transfer_function": None},
+        {"volume": None, "volumes": [BLOCK, OTHER | {"clip": [CORNER]}], "transfer_function": None},
+    ],
+    ids=["of the view", "with shadows", "of two layers", "of two grids"],
+)
+def test_lit_faces(sections: dict[str, Any]) -> None:
+    if "volumes" in sections:
+        look = {"color": "#80c0ff", "range": [50, 255]}
+        sections = sections | {"volumes": [look | each for each in sections["volumes"]]}
+    stage = stage_of(CLIPS["overlapping boxes and planes"], **sections)
+    frame, truth = drawn(stage), compute_truth(stage, 3, 1e-4)
+    assert decibels(np.clip(frame[..., :3], 0, 1), truth.picture) > 55
     assert drawn(stage, num_threads=1).tobytes() == frame.tobytes()
 
 

@@ -22,6 +22,7 @@ KINDS = {
     "camera": ShadingSpec(0.2, 0.8, "camera"),
     "camera, specular": ShadingSpec(0.2, 0.5, "camera", 0.4, 7.0),
     "specular": ShadingSpec(0.2, 0.5, SLANTED, 0.4, 7.0),
+    "silhouette": ShadingSpec(0.2, 0.5, SLANTED, 0.4, 7.0, silhouette=0.8),
     "two-sided": ShadingSpec(0.2, 0.5, SLANTED, 0.4, 7.0, two_sided=True),
     "gradients": ShadingSpec(1.0, 0.0, gradient_opacity=((0.2, 0.1), (1.5, 1.0), (2.5, 0.4))),
     "all": ShadingSpec(0.2, 0.5, "camera", 0.4, 7.0, True, ((0.2, 0.1), (1.5, 1.0))),

@@ -119,7 +119,8 @@ def shade(shading: ShadingSpec, color: Float64, gradient: Float64, viewer: Float
     if shading.two_sided:
         of_light, of_halfway = np.abs(of_light), np.abs(of_halfway)
     highlight = shading.specular * np.maximum(0.0, of_halfway) ** shading.shininess * (of_light > 0)
-    return color * (shading.ambient + shading.diffuse * np.maximum(0.0, of_light))[:, None] + highlight[:, None]
+    lit = color * (shading.ambient + shading.diffuse * np.maximum(0.0, of_light))[:, None] + highlight[:, None]
+    return np.asarray(lit * (1.0 - shading.silhouette * (1.0 - np.abs(normal @ viewer)) ** 3)[:, None])
 
 
 def interpolate(values: Float64, index: Float64) -> Float64:

@@ -125,7 +125,7 @@ SCENES = {
         transfer_function=TransferSpec(POINTS, 0.1),
         camera=CameraSpec(RockerPath(9, 33.3, 0.1, -10.5, AXIS), target=(1.0, 2.0, 1 / 3)),
         error=ErrorSpec(goal=SplatBudget(scheduled((0, 1000), (8, 10_000)))),
-        shading=ShadingSpec(occlusion=0.7, shadow=1 / 3, occlusion_radius=12.5),
+        shading=ShadingSpec(occlusion=0.7, shadow=1 / 3, occlusion_radius=12.5, cut_faces=False),
         output=OutputSpec(
             Path("a.mp4"), (512, 512), 12.5, (0.1, 0.2, 0.3), 3.3, codec="hevc", crf=9.5, pixel_format="yuv420p10"
         ),
@@ -135,7 +135,7 @@ SCENES = {
         transfer_function=TransferSpec(POINTS),
         camera=CameraSpec(TurntablePath(9, 0.1, 12.5, AXIS)),
         error=ErrorSpec(goal=MetricTarget("psnr", 30.1), probes=64),
-        shading=ShadingSpec(0.1, 0.2, "camera", 0.3, 1000.0, True, ((0.0, 1 / 3), (1e9, 1.0))),
+        shading=ShadingSpec(0.1, 0.2, "camera", 0.3, 1000.0, True, ((0.0, 1 / 3), (1e9, 1.0)), silhouette=0.5),
         clip=(ClipSpec(PlaneSpec(SPACING, AXIS), None, "camera", True), ClipSpec(None, (AXIS, (2.0, 1e-6, 1 / 3)))),
         output=OutputSpec(
             Path("b/c.gif"),

@@ -25,6 +25,7 @@ def field_of(
     offsets: int64 [n], where the texels of the bricks of `brick_view` begin in its atlas; -1 where it shows none.
     has_absent: whether any voxel has no data. is_labels: whether scalars are numbers of labels. has_colors: whether
         voxels are colours: in place of scalars are (tau c, tau) of each.
+    lights_faces: as of BrickLayer.
     lambert: unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
     """
     shading = layer.shading if layer.shading and layer.shading.is_plain else ShadingSpec()
@@ -39,6 +40,7 @@ def field_of(
         "has_colors": layer.bricks.volume.colors is not None,
         "is_lit": layer.shading is not None and layer.shading.is_plain,
         "lambert": (*toward_light(shading).tolist(), shading.ambient, shading.diffuse),
+        "lights_faces": layer.lights_faces,
         "light": make_light(layer),
         "mask": _mask_of(layer, brick_view),
     }

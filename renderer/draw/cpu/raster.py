@@ -26,6 +26,7 @@ from renderer.draw.cpu.mixture import make_mixture
 from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.kernels import ThreadPool, kernels
+from renderer.scene import FACE_DEPTH
 from renderer.view import RaySetup, View
 from renderer.volume import Bools, Float32, Float64, Int64, UInt32
 
@@ -182,6 +183,7 @@ def _layer_bricks(
     return {
         "rays": rays, "spacings_per_model_unit": np.float32(unit / brick_view.batch.cut.volume.finest_spacing),
         "boxes": brick_view.boxes, "is_mean": brick_view.is_mean, "fields": fields,
+        "have_faces": brick_view.have_faces, "face_depth": FACE_DEPTH * brick_view.batch.cut.volume.finest_spacing,
     }  # fmt: skip
 
 

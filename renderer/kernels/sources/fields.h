@@ -1,6 +1,6 @@
 // Sample the fields of layers in a brick, and classify and light the samples: in each lane a sample of its own.
 #pragma once
-#include "light.h"
+#include "faces.h"
 #include "mask.h"
 
 // Floats behind the last texel that loads of whole rows touch.
@@ -20,15 +20,17 @@ struct Places {
     Mask active;
 };
 
-// What the light of a field has in common along rays through a brick.
+// What the light of a field has in common along rays through a brick. faces: null where none is near.
 struct Lighting {
+    const Faces* faces;
     Ways ways;
     float origin[3];
 };
 
 // direction: of rays, in index space, of any length.
-INLINE Lighting lighting_of(const Light& light, const Box& box, const Three& direction) {
-    return {aim(light, direction), {place_brick(light, box, 0), place_brick(light, box, 1), place_brick(light, box, 2)}};
+INLINE Lighting lighting_of(const Light& light, const Box& box, const Three& direction, const Faces* faces) {
+    return {faces, aim(light, direction),
+            {place_brick(light, box, 0), place_brick(light, box, 1), place_brick(light, box, 2)}};
 }
 
 // Samples, a factor on their colours, and which of them show anything.
@@ -66,11 +68,23 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
         found.visible &= mask_of(found.sample.tau > 0.0f);
     }
     if (!any_of(found.visible)) return found;
-    if constexpr (KIND == LAMBERT) found.light = light_factor(sample_gradient(texels, at, shares), field.lambert);
+    auto lit = [&](auto lit_of) {
+        Three gradient = sample_gradient(texels, at, shares);
+        if (lighting.faces == nullptr) return lit_of(gradient);
+        auto [x, y, z] = texel();
+        auto origin = [&](int axis) { return (float)(box.corner[axis] - TEXEL_OFFSET); };
+        return lit_with_faces(*lighting.faces, {x + origin(0), y + origin(1), z + origin(2)}, gradient, lit_of);
+    };
+    if constexpr (KIND == LAMBERT) {
+        Floats zero = in_all<Floats>(0.0f);
+        auto lit_of = [&](const Three& slope) { return Lit{light_factor(slope, field.lambert), zero, zero}; };
+        found.light = lit(lit_of).factor;
+    }
     if constexpr (KIND == LIT) {
         const Light& light = field.light.value;
         Arriving arriving = arriving_shares(light, texel(), lighting.origin);
-        found.sample = illuminate(found.sample, sample_gradient(texels, at, shares), lighting.ways, arriving, light);
+        auto lit_of = [&](const Three& slope) { return lit_at(slope, lighting.ways, arriving, light.shading); };
+        found.sample = illuminate(found.sample, lit(lit_of), light);
     }
     return found;
 }
@@ -118,6 +132,13 @@ struct ShownLayers {
     INLINE bool is_cut(int64_t number, int64_t brick) const {
         const auto& mask = fields[number]->mask;
         return mask.exists && mask.value.are_cut[brick];
+    }
+
+    INLINE Faces all_faces() const { return {&bricks->rays.clip.value, 1.0 / bricks->face_depth}; }
+
+    // Of `all_faces`, those that light a layer in a brick, or null.
+    INLINE const Faces* faces(int64_t number, int64_t brick, const Faces& all) const {
+        return bricks->have_faces[brick] && fields[number]->lights_faces ? &all : nullptr;
     }
 
     // Whether all of them are classified, and not lit.
@@ -187,11 +208,12 @@ INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& 
         Texels texels = shown.texels(k, brick);
         Kind kind = shown.kind(k);
         bool is_cut = shown.is_cut(k, brick);
+        const Faces all = shown.all_faces(), *faces = shown.faces(k, brick, all);
         Classified found = kind == MEANS ? sample_field<MEANS>(field, table, texels, places, {}, box, is_cut)
             : kind == UNLIT              ? sample_field<UNLIT>(field, table, texels, places, {}, box, is_cut)
-            : kind == LAMBERT            ? sample_field<LAMBERT>(field, table, texels, places, {}, box, is_cut)
+            : kind == LAMBERT            ? sample_field<LAMBERT>(field, table, texels, places, {faces, {}, {}}, box, is_cut)
                                          : sample_field<LIT>(field, table, texels, places,
-                                                             lighting_of(field.light.value, box, direction), box, is_cut);
+                                                             lighting_of(field.light.value, box, direction, faces), box, is_cut);
         if (any_of(found.visible)) add_sample(sum, found, shown.scale(k), kind == MEANS);
     }
     return sum;
@@ -224,7 +246,7 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
 }
 
 inline bool is_complete(const LayerBricks& bricks) {
-    if (bricks.fields.shape[0] < 1 || !match(bricks.is_mean, bricks.boxes)) return false;
+    if (bricks.fields.shape[0] < 1 || !match(bricks.is_mean, bricks.boxes, bricks.have_faces)) return false;
     for (int64_t number = 0; number < bricks.fields.shape[0]; number++)
         if (!is_complete(bricks.fields[number], bricks.is_mean)) return false;
     return true;

@@ -258,8 +258,8 @@ KERNEL(extrapolate_border, ExtrapolateBorder)
 
 // As in renderer/view/clipping.py.
 struct ClipRegion {
-    Sized<const double, 2, 5> slabs;
-    Sized<const double, 3, 3, 5> boxes;
+    Sized<const double, 2, 8> slabs;
+    Sized<const double, 3, 3, 8> boxes;
 };
 
 // As in renderer/view/brick_projection.py.
@@ -390,7 +390,7 @@ struct Grid {
 
 // As ShadingSpec in renderer/scene/shading_section.py.
 struct Shading {
-    float ambient, diffuse, specular, shininess;
+    float ambient, diffuse, specular, shininess, silhouette;
     bool two_sided;
 };
 
@@ -414,19 +414,21 @@ struct Field {
     Array<const int64_t, 1> texel_offsets;
     PiecewiseTransfer pieces;
     float weight;
-    bool has_absent, is_labels, has_colors, is_lit;
+    bool has_absent, is_labels, has_colors, is_lit, lights_faces;
     float lambert[5];
     Maybe<Light> light;
     Maybe<FieldMask> mask;
 };
 
 // The bricks of layers on one grid of voxels. is_mean: whether the texels of a brick are means: those of all layers are
-// in the first field, with their weights.
+// in the first field, with their weights. have_faces: whether a brick is near a face that clipping cuts; face_depth: how
+// far its light reaches, as a length in the world.
 struct LayerBricks {
     RaySetup rays;
     float spacings_per_model_unit;
     Sized<const double, 2, 11> boxes;
-    Array<const bool, 1> is_mean;
+    Array<const bool, 1> is_mean, have_faces;
+    double face_depth;
     Array<const Field, 1> fields;
 };
 
@@ -485,15 +487,22 @@ struct Intervals {
 
 struct RayShading {
     bool is_plain, is_camera, is_two_sided;
-    double ambient, diffuse, specular, shininess, light[3], world_from_index[9], world_from_gradient[9];
+    double ambient, diffuse, specular, shininess, silhouette, face_depth;
+    double light[3], world_from_index[9], world_from_gradient[9];
     Array<const double, 2> factors;
     LightGrid grid;
+};
+
+// As in renderer/truth/clipping.py.
+struct RemovedSet {
+    double own_from_index[12], world_from_own[9], low[3], high[3];
 };
 
 // n rays in index space, as in renderer/truth/integrator.py.
 struct IndexRays {
     Array<const double, 2> origins, directions;
     Array<const double, 3> parts;
+    Array<const RemovedSet, 1> removed;
 };
 
 // As `optics_of` there. macrocells: what is known of each; zeros at first, and updated. label_opacities: of labels

@@ -11,10 +11,10 @@ INLINE Floats dot(const Three& one, const Three& other) {
     return fma(one.x, other.x, fma(one.y, other.y, one.z * other.z));
 }
 
-// The directions to the light and halfway to the viewer, unit vectors in the world. Halfway between opposite directions
-// is 0.
+// The directions to the light, halfway to the viewer, and to the viewer, unit vectors in the world. Halfway between
+// opposite directions is 0.
 struct Ways {
-    Three to_light, to_halfway;
+    Three to_light, to_halfway, to_viewer;
 };
 
 // direction: of rays, in index space, of any length.
@@ -25,12 +25,13 @@ INLINE Ways aim(const Light& light, const Three& direction) {
     const auto& rows = light.world_from_index;
     Floats x = along(rows), y = along(rows + 3), z = along(rows + 6), length = root(dot({x, y, z}, {x, y, z}));
     x = x / length, y = y / length, z = z / length;
-    if (light.is_camera) return {{x, y, z}, {x, y, z}};
+    if (light.is_camera) return {{x, y, z}, {x, y, z}, {x, y, z}};
     const auto& toward = light.toward;
     Three half = {x + toward[0], y + toward[1], z + toward[2]};
     length = root(dot(half, half));
     Floats zero = x * 0.0f, scale = where(mask_of(length > 0.0f), 1.0f / length, in_all<Floats>(0.0f));
-    return {{zero + toward[0], zero + toward[1], zero + toward[2]}, {half.x * scale, half.y * scale, half.z * scale}};
+    half = {half.x * scale, half.y * scale, half.z * scale};
+    return {{zero + toward[0], zero + toward[1], zero + toward[2]}, half, {x, y, z}};
 }
 
 // Where in the light grid the texel 0 of a brick of voxels is along an axis, in cells.
@@ -105,10 +106,13 @@ INLINE Floats factor_at(Floats length, const Array<const float, 2>& factors) {
     return factor;
 }
 
-// Samples in the light: Lambert's law, and highlights (Blinn 1977). gradient: as in texels.
-INLINE Sample illuminate(Sample sample, Three gradient, const Ways& ways, const Arriving& arriving,
-                         const Light& light) {
-    const Shading& shading = light.shading;
+// A factor on colours, the white light that is added, and the length of the gradient.
+struct Lit {
+    Floats factor, shine, length;
+};
+
+// The light at a gradient, as in texels: Lambert's law, highlights (Blinn 1977) and silhouettes.
+INLINE Lit lit_at(const Three& gradient, const Ways& ways, const Arriving& arriving, const Shading& shading) {
     auto [x, y, z] = gradient;
     Floats zero = in_all<Floats>(0.0f), largest = max_of(magnitude(x), magnitude(y));
     largest = max_of(largest, magnitude(z));
@@ -120,12 +124,22 @@ INLINE Sample illuminate(Sample sample, Three gradient, const Ways& ways, const 
     Floats to_light = dot({x, y, z}, ways.to_light) * scale, to_halfway = dot({x, y, z}, ways.to_halfway) * scale;
     if (shading.two_sided) to_light = magnitude(to_light), to_halfway = magnitude(to_halfway);
     Floats lit = fma(max_of(zero, to_light), shading.diffuse * arriving.diffuse, shading.ambient * arriving.ambient);
-    sample.r *= lit, sample.g *= lit, sample.b *= lit;
+    Floats shine = zero;
     if (shading.specular > 0.0f) {
-        Floats shine = power(max_of(zero, to_halfway), shading.shininess) * shading.specular * arriving.diffuse;
+        shine = power(max_of(zero, to_halfway), shading.shininess) * shading.specular * arriving.diffuse;
         shine = where(mask_of(to_light > 0.0f), shine, zero);
-        sample.r += shine, sample.g += shine, sample.b += shine;
     }
-    if (light.factors.shape[0] > 0) sample.tau *= factor_at(largest * length, light.factors);
+    if (shading.silhouette > 0.0f) {
+        Floats across = max_of(zero, 1.0f - magnitude(dot({x, y, z}, ways.to_viewer) * scale));
+        Floats kept = where(is_steep, fma(across * across * across, -shading.silhouette, 1.0f), zero + 1.0f);
+        lit *= kept, shine *= kept;
+    }
+    return {lit, shine, largest * length};
+}
+
+INLINE Sample illuminate(Sample sample, const Lit& lit, const Light& light) {
+    sample.r *= lit.factor, sample.g *= lit.factor, sample.b *= lit.factor;
+    if (light.shading.specular > 0.0f) sample.r += lit.shine, sample.g += lit.shine, sample.b += lit.shine;
+    if (light.factors.shape[0] > 0) sample.tau *= factor_at(lit.length, light.factors);
     return sample;
 }

@@ -89,12 +89,13 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
     Texels texels = shown.texels(0, brick);
     float scale = shown.scale(0);
     [[maybe_unused]] bool is_cut = shown.is_cut(0, brick);
+    const Faces all = shown.all_faces();
     for (int64_t first = 0; first < num; first += LANES) {
         Ints order = load<Ints>(tile.order, first);
         auto [x, y, z, step_x] = load_four(tile.spans, order * SPAN_FLOATS);
         auto [step_y, step_z, length, last] = load_four(rest_of(tile.spans, 4), order * SPAN_FLOATS);
         Three direction;
-        Lighting lighting;
+        Lighting lighting = {shown.faces(0, brick, all), {}, {}};
         if constexpr (KIND == LIT || KIND == SEVERAL) {
             Ints at = gather(tile.pixels, order);
             auto along = [&](int axis) {
@@ -103,7 +104,7 @@ void march(const DrawTiles& scene, const ShownLayers& shown, int64_t brick, cons
             };
             direction = {along(0), along(1), along(2)};
         }
-        if constexpr (KIND == LIT) lighting = lighting_of(field.light.value, box, direction);
+        if constexpr (KIND == LIT) lighting = lighting_of(field.light.value, box, direction, lighting.faces);
         Floats zero = in_all<Floats>(0.0f), red = zero, green = zero, blue = zero, alpha = zero;
         Mask alive = mask_of(lane_numbers<Ints>() < (int32_t)least(num - first, (int64_t)LANES));
         Places places = {{}, {}, {}, {x, y, z}, {step_x, step_y, step_z}, in_all<Floats>(1.0f), alive};
@@ -147,7 +148,8 @@ auto march_of(const ShownLayers& shown) {
 // Composite the bricks over a tile, front to back.
 void draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int64_t number) {
     const Grid& grid = scene.grid;
-    const auto& [rays, spacings, boxes, is_mean, fields] = scene.bricks;
+    const RaySetup& rays = scene.bricks.rays;
+    const auto& boxes = scene.bricks.boxes;
     const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
     Window window = window_of(grid, number);
     set_up_rays(grid, rays, window, tile, 3);

@@ -100,7 +100,7 @@ INLINE RangeOf<V> clip_slab(RangeOf<V> range, V origin, V inverse, double lowest
             where(is_parallel, where(is_inside, range.leave, in_all<V>(-INFINITE)), far)};
 }
 
-// Clip rays to what slabs [k, 5], as in ClipRegion, have in common. heights_of: returns Heights of a slab.
+// Clip rays to what slabs [k, 8], as in ClipRegion, have in common. heights_of: returns Heights of a slab.
 template <class V, class HeightsOf>
 INLINE RangeOf<V> clip_slabs(const Array<const double, 2>& slabs, RangeOf<V> range, HeightsOf heights_of) {
     for (int64_t k = 0; k < slabs.shape[0]; k++) {

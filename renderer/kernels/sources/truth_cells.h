@@ -64,7 +64,7 @@ inline int64_t add_middles(Point entry, Point extent, const Array<double, 1>& sp
 }
 
 inline bool fit(const IndexRays& rays) {
-    const auto& [origins, directions, parts] = rays;
+    const auto& [origins, directions, parts, removed] = rays;
     int64_t num = parts.shape[0];
     return has_shape(origins, num, 3) && has_shape(directions, num, 3) && parts.shape[2] == 2;
 }

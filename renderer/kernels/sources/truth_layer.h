@@ -73,10 +73,10 @@ inline Cubic clamp_cubic(Cubic f, double low, double high) {
     return {least(most(0.5 * (a + three), low), high), 0.0, 0.0, 0.0};
 }
 
-// The most splits of a cell. A cubic passes a knot at most three times, and so does the cosine of the light. Another
-// voxel becomes the nearest at most three times. Labels pass no knots, but change.
+// The most splits of a cell. A cubic passes a knot at most three times, and so do the cosines of the light and of the view.
+// Another voxel becomes the nearest at most three times. Labels pass no knots, but change.
 inline int64_t num_splits_of(const LayerOptics& layer) {
-    return 3 * (layer.intervals.rows.shape[0] + 1) + MAX_LABEL_CHANGES;
+    return 3 * (layer.intervals.rows.shape[0] + 2) + MAX_LABEL_CHANGES;
 }
 
 inline bool fit(const LayerOptics& layer, const IndexRays& rays, int64_t num_rays) {
@@ -130,7 +130,7 @@ struct LayerRay : LayerOptics {
     void start(int64_t ray) {
         walk.origin = point_of(&rays->origins(ray, 0)), walk.direction = point_of(&rays->directions(ray, 0));
         parts = rays->parts[ray], num_begun = 0, walk.s = INFINITE;
-        if (shading.exists) light = {shading.value, walk.direction};
+        if (shading.exists) light = {shading.value, walk.direction}, light.removed = rays->removed;
         num_splits = -1, num_taken = 0;
         take_next();
     }
@@ -226,6 +226,8 @@ struct LayerRay : LayerOptics {
             gradient = world_gradient();
             const double zero = 0.0;
             num_splits = add_crossings(combination(light.light, gradient), {&zero, {1}}, splits, num_splits);
+            if (shading.value.silhouette > 0.0 && !shading.value.is_camera)
+                num_splits = add_crossings(combination(light.viewer, gradient), {&zero, {1}}, splits, num_splits);
         }
         return true;
     }

@@ -16,17 +16,18 @@ struct Gradient {
 
 // The light on a ray, and on a segment of it.
 //
-// halfway: the unit vector halfway between the directions to the light and to the viewer; zeros where they are
-// opposite. begin, extent: of the segment, in index space.
+// viewer: the unit vector towards it. halfway: that halfway between the directions to the light and to the viewer; zeros
+// where they are opposite. begin, extent: of the segment, in index space. removed: whose faces are lit.
 struct Light {
     const RayShading* shading;
-    Point light, halfway = {}, begin = {}, extent = {};
+    Point light, viewer = {}, halfway = {}, begin = {}, extent = {};
+    Array<const RemovedSet, 1> removed = {};
 
     // direction: of the ray in index space, of length 1 in the world.
     INLINE Light(const RayShading& spec, Point direction) : shading(&spec), light(point_of(spec.light)) {
         if (shading->is_plain) return;
         auto towards = [&](int row) { return -dot(point_of(&shading->world_from_index[3 * row]), direction); };
-        Point viewer = {towards(0), towards(1), towards(2)};
+        viewer = {towards(0), towards(1), towards(2)};
         if (shading->is_camera) light = viewer;
         halfway = light + viewer;
         double length = __builtin_sqrt(dot(halfway, halfway));
@@ -68,11 +69,46 @@ struct Light {
         return {normal, __builtin_sqrt(square), divisor};
     }
 
+    // The factor on colour, and the white light that is added.
+    struct Lit {
+        double factor, highlight;
+    };
+
+    // What lights the point at t by its gradient, as the faces near it leave of this, and add to it. lit_by: returns the
+    // light by a unit vector.
+    template <class LitBy>
+    INLINE Lit with_faces(Lit lit, double t, LitBy lit_by) const {
+        if (removed.shape[0] == 0) return lit;
+        const Point place = begin + t * extent;
+        double rest = 1.0, sum = 0.0;
+        Lit of_faces = {};
+        for (int64_t k = 0; k < removed.shape[0]; k++) {
+            const auto& [own_from_index, world_from_own, low, high] = removed[k];
+            Point way;
+            for (int axis = 0; axis < 3; axis++) {
+                double own = dot(point_of(&own_from_index[4 * axis]), place) + own_from_index[4 * axis + 3];
+                way[axis] = (least(most(own, low[axis]), high[axis]) - own) / shading->face_depth;
+            }
+            double near = 1.0 - dot(way, way), weight = near * near * near;
+            if (!(near > 0.0)) continue;
+            if (near == 1.0) way = {1.0, 0.0, 0.0};  // on the face
+            way /= __builtin_sqrt(dot(way, way));
+            auto along = [&](int row) { return dot(point_of(&world_from_own[3 * row]), way); };
+            auto [factor, highlight] = lit_by(Point{along(0), along(1), along(2)});
+            of_faces = {of_faces.factor + weight * factor, of_faces.highlight + weight * highlight};
+            rest *= 1.0 - weight, sum += weight;
+        }
+        if (sum == 0.0) return lit;
+        double share = (1.0 - rest) / sum;
+        return {rest * lit.factor + share * of_faces.factor, rest * lit.highlight + share * of_faces.highlight};
+    }
+
     // The factor on colour, by Lambert's law.
     INLINE double lambert_factor(const Gradient& gradient, double t) const {
         auto [normal, length, divisor] = normal_at(gradient, t);
-        if (divisor == 0.0) return shading->ambient;
-        return shading->ambient + shading->diffuse * most(0.0, dot(normal, light) / length);
+        auto lit_by = [&](double cosine) { return Lit{shading->ambient + shading->diffuse * most(0.0, cosine), 0.0}; };
+        Lit lit = divisor == 0.0 ? Lit{shading->ambient, 0.0} : lit_by(dot(normal, light) / length);
+        return with_faces(lit, t, [&](Point face) { return lit_by(dot(face, light)); }).factor;
     }
 
     // The factor on extinction at a gradient's magnitude.
@@ -92,14 +128,20 @@ struct Light {
     INLINE Factors factors_at(const Gradient& gradient, double t) const {
         auto [normal, length, divisor] = normal_at(gradient, t);
         double ambient = shading->ambient * arriving(shading->grid.occlusion, shading->grid.occlusion_strength, t);
-        if (divisor == 0.0) return {ambient, 0.0, extinction_factor(0.0)};
-        double diffuse = arriving(shading->grid.shadow, shading->grid.shadow_strength, t), highlight = 0.0;
-        double to_light = dot(normal, light) / length, to_halfway = dot(normal, halfway) / length;
-        if (shading->is_two_sided) to_light = absolute(to_light), to_halfway = absolute(to_halfway);
-        if (to_light > 0.0 && to_halfway > 0.0)
-            highlight = shading->specular * power_of(to_halfway, shading->shininess) * diffuse;
-        double lit = ambient + shading->diffuse * diffuse * most(0.0, to_light);
-        return {lit, highlight, extinction_factor(length * divisor)};
+        double diffuse = arriving(shading->grid.shadow, shading->grid.shadow_strength, t);
+        auto lit_by = [&](Point normal, double length) {
+            double highlight = 0.0, to_light = dot(normal, light) / length, to_halfway = dot(normal, halfway) / length;
+            if (shading->is_two_sided) to_light = absolute(to_light), to_halfway = absolute(to_halfway);
+            if (to_light > 0.0 && to_halfway > 0.0)
+                highlight = shading->specular * power_of(to_halfway, shading->shininess) * diffuse;
+            double lit = ambient + shading->diffuse * diffuse * most(0.0, to_light);
+            double across = most(0.0, 1.0 - absolute(dot(normal, viewer) / length));
+            double kept = 1.0 - shading->silhouette * across * across * across;
+            return Lit{kept * lit, kept * highlight};
+        };
+        Lit own = divisor == 0.0 ? Lit{ambient, 0.0} : lit_by(normal, length);
+        auto [lit, highlight] = with_faces(own, t, [&](Point face) { return lit_by(face, 1.0); });
+        return {lit, highlight, extinction_factor(divisor == 0.0 ? 0.0 : length * divisor)};
     }
 };
 
