@@ -222,6 +222,7 @@ def render_frame(
     with open_local_executor(made) as executor, _open_stage(made) as stage:
         plan = make_plan(LODCostEstimator(stage), numbers, lambda: executor.rasterizer, JobEvents())
         (drawn,) = executor.draw(plan, numbers)
+    drawn = drawn.finished() if made.annotation.shows_anything else drawn
     image: FrameImage = drawn.pictures[0].pixels.view(FrameImage)
     return image
 

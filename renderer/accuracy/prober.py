@@ -13,7 +13,7 @@ from renderer.accuracy.visibility import scalar_ranges, sum_ranges
 from renderer.film import Pixels, behind_rows, over_black, over_rows
 from renderer.frame import Stage, view_of
 from renderer.truth import SceneRays
-from renderer.volume import Float32, Float64
+from renderer.volume import Bools, Float32, Float64
 
 # Of the rays, in voxels. Without shading 1 leaves errors of 1e-7. With it, 1/2 left 1e-5 to 1.3e-4 (RMS over the pixels
 # that were chosen in seven scans), a tenth of the error of a picture with 58 dB.
@@ -47,9 +47,16 @@ class ExactPixels:
     behind: Float64
     visible: tuple[float, ...] = ()
 
-    def compare_image(self, image: Pixels) -> Probe:
-        """Measure the error of a picture of any depth; a transparent one is compared over black."""
-        return self._compare(over_black(image.reshape(-1, image.shape[2])[self.chosen.numbers])[:, :3])
+    def compare_image(self, image: Pixels, covered: Bools | None = None) -> Probe:
+        """Measure the error of a picture of any depth; a transparent one is compared over black.
+
+        covered: pixels over which something is drawn, [h, w]; the error is that of the others.
+        """
+        colors = over_black(image.reshape(-1, image.shape[2])[self.chosen.numbers])[:, :3]
+        if covered is None:
+            return self._compare(colors)
+        is_open = ~covered.reshape(-1)[self.chosen.numbers]
+        return self._compare(colors, is_open / max(1 - covered.mean(), 1 / covered.size))
 
     def compare_radiance(self, radiance: Float32) -> Probe:
         """Measure the error of a picture before it is rounded: premultiplied RGBA, [h, w, 4]."""
@@ -59,8 +66,8 @@ class ExactPixels:
         """Measure the error of a picture over its background, in [0, 1]: [h, w, 3]."""
         return self._compare(picture.reshape(-1, 3)[self.chosen.numbers])
 
-    def _compare(self, colors: Float64) -> Probe:
-        errors = (colors - self.colors) ** 2
+    def _compare(self, colors: Float64, weights: Float64 | float = 1.0) -> Probe:
+        errors = (colors - self.colors) ** 2 * np.reshape(weights, (-1, 1))
         samples = error_samples(self.chosen.factors * errors.mean(axis=1))
         return Probe(samples, float(np.sqrt(errors.max())), self.visible)
 
@@ -105,16 +112,15 @@ class FrameProber:
             exact, _ = self._rays.converge(view, chosen.numbers, self._tolerance)
         return ExactPixels(chosen, over_rows(exact[:, None], behind)[:, 0], behind, visible)
 
-    def probe(self, number: int, image: Pixels) -> Probe:
-        """Measure the error of a frame's picture; parameters as in `exact_pixels`."""
-        return self.exact_pixels(number, image).compare_image(image)
+    def probe(self, number: int, image: Pixels, covered: Bools | None = None) -> Probe:
+        """Measure the error of a frame's picture; parameters as in `exact_pixels` and `compare_image`."""
+        return self.exact_pixels(number, image).compare_image(image, covered)
 
 
 def open_prober(stage: Stage, num_threads: int) -> FrameProber | None:
-    """Return a prober with the rays that a scene wants; None where it wants none, or has no exact picture."""
+    """Return a prober with the rays that a scene wants; None where it wants none."""
     scene, num_rays = stage.scene, stage.scene.error.probes
-    if num_rays is None:  # 0 beside lines over the picture
+    if num_rays is None:
         width, height = scene.output.size
         num_rays = max(_MIN_RAYS, width * height // _PIXELS_PER_RAY, _MIN_RAYS_OF_PATH // scene.num_frames)
-        num_rays *= scene.no_exact_picture is None
     return FrameProber(stage, num_rays, num_threads=num_threads) if num_rays else None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.draw import Rasterizer, draw_lines
+from renderer.draw import Lines, Rasterizer, draw_lines
 from renderer.film import Pixels, quantize
 from renderer.frame.primitives import LOD, Orders
 from renderer.frame.stage import Stage, Stopwatch, view_of
@@ -47,6 +47,7 @@ class Frame:
     radiance: float32 [height, width, 4], premultiplied RGBA over nothing, from which the image was made.
     num_cells: cells, or bricks, in the cut. num_primitives: those of them that the frame can show.
     seconds: the time that each step took. stage: what it was drawn from.
+    lines: what the annotation draws along cells and around volumes, each in its view.
     predicted_seconds: the time predicted for the whole frame, with a budget.
     """
 
@@ -58,7 +59,15 @@ class Frame:
     num_primitives: int
     seconds: dict[str, float]
     stage: Stage
+    lines: tuple[tuple[Lines, View], ...] = ()
     predicted_seconds: float | None = None
+
+    def radiance_with_lines(self) -> Float32:
+        """Return the radiance with the lines drawn over it, or the radiance itself where there are none."""
+        image = self.radiance.copy() if self.lines else self.radiance
+        for lines, view in self.lines:
+            draw_lines(lines, view, image)
+        return image
 
 
 def make_draw_list(stage: Stage, lod: LOD, number: int, watch: Stopwatch) -> DrawList:
@@ -76,16 +85,14 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     is_projection = stage.scene.mode.is_projection
     image = _add_projections(draw_list, rasterizer) if is_projection else _blend_orders(draw_list, rasterizer)
     watch.lap("draw")
-    for lines in lod.lines:
-        draw_lines(lines, draw_list.view, image)
-        watch.lap("lines")
     kind = stage.scene.output.kind
     pixels = quantize(image, kind.background, kind.depth)
     stage.require_unchanged()  # while it was drawn, too
     watch.lap("quantize")
     num_primitives = sum(map(len, draw_list.orders[0][1]))
     counts = lod.num_cells, num_primitives
-    return Frame(draw_list.number, pixels, image, lod.tolerance, *counts, dict(watch.seconds), stage)
+    lines = tuple((each, draw_list.view) for each in lod.lines)
+    return Frame(draw_list.number, pixels, image, lod.tolerance, *counts, dict(watch.seconds), stage, lines)
 
 
 def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:

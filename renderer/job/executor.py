@@ -114,10 +114,13 @@ def draw_frames(
 
 
 def _finish(frame: Frame, record: FrameRecord, maker: PictureMaker, prober: FrameProber | None) -> DrawnFrame:
-    """Measure the accuracy of a frame, and make its pictures."""
+    """Measure the accuracy of a frame, then make its pictures, over which annotation may be drawn."""
     if prober is not None:
         start = time.perf_counter()
         probe = prober.probe(frame.number, frame.image)
         seconds = {**record.seconds, "probe": time.perf_counter() - start}
         record = replace(record, accuracy=frame_accuracy(probe), visible=probe.visible, seconds=seconds)
-    return DrawnFrame(record, maker.pictures(frame))
+    start = time.perf_counter()
+    pictures = maker.pictures(frame, record)
+    seconds = {**record.seconds, "pictures": time.perf_counter() - start}
+    return DrawnFrame(replace(record, seconds=seconds), pictures)

@@ -40,8 +40,9 @@ def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str
     left_out = {*schedule_to_dict(scene.error), "probes"}
     rest = {key: value for key, value in tree["error"].items() if key not in left_out}
     output = {key: first_output(tree)[key] for key in _DRAWN_KEYS}
+    shown = {"units": [layer.volume.unit for layer in scene.layers]} if scene.annotation.entries else {}
     depends_on = {
-        "scene": tree | {"output": output, "error": {**schedule_to_dict(requested), **rest}},
+        "scene": tree | {"output": output, "error": {**schedule_to_dict(requested), **rest}} | shown,
         "volume": {"fingerprint": volume_fingerprint},
         "versions": package_versions(),
         "sources": sources_digest(),

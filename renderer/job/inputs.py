@@ -48,7 +48,8 @@ def folder_files(folder: Path) -> Iterator[Path]:
 
 
 def scene_files(scene: Scene) -> Iterator[Path]:
-    """Yield the files that a scene names: those of imported transfer functions, and those of its volumes."""
+    """Yield the files that a scene names: of imported transfer functions, of its volumes, and of its annotation."""
+    yield from scene.annotation.files
     for layer in scene.layers:
         imported = layer.transfer_function.imported
         if imported is not None and imported.file is not None:

@@ -161,8 +161,18 @@ class AnnotationSpec:
         return {key: value for key, value in values if isinstance(value, EntrySpec)}
 
     @property
+    def shows_anything(self) -> bool:
+        """Return whether anything is drawn."""
+        return bool(self.entries or self.lines)
+
+    @property
+    def files(self) -> list[Path]:
+        """Return the files that it names."""
+        return [file for file in (self.font, self.logo.file if self.logo else None) if file is not None]
+
+    @property
     def lines(self) -> tuple[str, ...]:
-        """Return the keys of the lines that are drawn, with which a picture has no exact picture."""
+        """Return the keys of the lines that are drawn."""
         return tuple(key for key in ("octree", "bounds") if getattr(self, key) is True)
 
 

@@ -9,7 +9,6 @@ from functools import partial
 from typing import Annotated, Any, Literal
 
 from renderer.scene import schema
-from renderer.scene.annotation_section import lines_of
 from renderer.scene.message_text import format_value, join_words
 from renderer.scene.motion import motion_of, motion_to_dict
 from renderer.scene.schema import INVALID, TreeNode
@@ -146,13 +145,3 @@ def _build_error(node: TreeNode, given: dict[str, Any]) -> ErrorSpec:
 
 
 ERROR_SECTION = schema.section_field(_SCHEDULES | schema.field_table(ErrorSpec), _build_error)
-
-
-def check_exact_picture(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that probes have something to compare with; `given` holds the sections of the whole scene."""
-    error, lines = given.get("error"), lines_of(given)
-    if isinstance(error, ErrorSpec) and error.probes not in (None, 0, INVALID) and lines:
-        node.child("probes", error.probes).reject(
-            f"there is no exact picture of a scene with annotation.{lines[0]}",
-            expected=f"auto or 0, which measure nothing there, or annotation.{lines[0]}: false",
-        )

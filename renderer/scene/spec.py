@@ -24,7 +24,6 @@ from renderer.scene.clip_section import CLIP_SECTION, ClipSpec, check_what_is_cl
 from renderer.scene.error_section import (
     ERROR_SECTION,
     ErrorSpec,
-    check_exact_picture,
     schedule_to_dict,
 )
 from renderer.scene.labels_section import MASK_SECTION, LabelsSpec, MaskSpec
@@ -121,12 +120,6 @@ class Scene:
         return self.splat.footprint != "integrated"
 
     @property
-    def no_exact_picture(self) -> str | None:
-        """Return why pictures cannot be compared with exact rays through the interpolated field; None if they can."""
-        lines = self.annotation.lines
-        return f"annotation.{lines[0]}" if lines else None
-
-    @property
     def import_notes(self) -> list[str]:
         """Return sentences on what an imported transfer function has that is not drawn."""
         notes = []
@@ -203,7 +196,6 @@ def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
         given.setdefault("transfer_function", OF_CHANNELS)
     check_layers(node, given)
     name_mask(node, given)
-    check_exact_picture(node.child("error"), given)
     check_what_is_clipped(node, given)
     if not is_single_frame:
         check_frame_field(node.child("output"), given)

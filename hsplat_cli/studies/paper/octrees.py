@@ -11,6 +11,7 @@ import numpy as np
 from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
 from renderer.accuracy import compute_metric
 from renderer.errors import InputError
+from renderer.film import quantize
 from renderer.frame import finest_level_at
 from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import AnnotationSpec, Scene, counted, format_value, schedule_to_dict
@@ -117,7 +118,8 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> tuple[list[Octree]
                 float(cells_per_block[blocks_by_variation[-quarter:]].mean()),
             )
             octrees.append(octree)
-            overlaid.append((overlaid_frame.image, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
+            with_lines = quantize(overlaid_frame.radiance_with_lines(), scene.output.background)
+            overlaid.append((with_lines, f"tolerance {tolerance:g}: {counted(len(cut), 'cell')}"))
             plain.append((plain_frame.image, f"{octree.psnr_db:.1f} dB"))
     return octrees, {"The cells": overlaid, "The pictures, against the ray integral": plain}
 

@@ -1,0 +1,161 @@
+"""Say what the annotation of a film shows, from its stage, and draw it over pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from renderer.accuracy import spread_evenly
+from renderer.annotation import (
+    AnnotationFacts,
+    Annotator,
+    ColorBar,
+    FrameFacts,
+    annotation_problems,
+    draw_annotation,
+)
+from renderer.draw import draw_lines, make_outline
+from renderer.errors import Problem
+from renderer.frame import Stage, view_of
+from renderer.job.record import FrameRecord
+from renderer.layers import Layer
+from renderer.scene import PictureKind, Scene, moving_numbers, moving_values
+from renderer.volume import Bools, Float32
+
+_NUM_BAR_SAMPLES = 256
+# Of the frames of a film, whose annotation is tried before any is drawn.
+_MOST_TRIED = 9
+# The widest accuracy there is, before it is known.
+_ANY_ACCURACY = "PSNR 100.0 dB"
+
+
+class FilmAnnotation:
+    """Draws the annotation of a film over pictures of each kind, whatever moves. film: its stage."""
+
+    def __init__(self, film: Stage) -> None:
+        self._film = film
+        self._annotators: dict[int, tuple[object, Annotator]] = {}
+
+    def draw(self, image: Float32, number: int, kind: PictureKind, stage: Stage, record: FrameRecord) -> None:
+        """Draw over a picture, float32 [h, w, 4], of the kind of this number. stage: of the frame."""
+        spec, facts = stage.scene.annotation, film_facts(stage, kind)
+        if number not in self._annotators or self._annotators[number][0] != (spec, facts):
+            self._annotators[number] = (spec, facts), Annotator(spec, facts)
+        accuracy = "" if record.accuracy is None else f"PSNR {record.accuracy.psnr:.1f} dB"
+        frame = frame_facts(self._film.scene, stage, record.frame, kind, accuracy)
+        draw_annotation(image, self._annotators[number][1].patches(frame))
+
+    def covered(self, frame: int, record: FrameRecord) -> Bools | None:
+        """Return which pixels of a frame's first picture are drawn over, bool [h, w]; None where none is."""
+        stage, kind = self._film.at(frame), self._film.scene.output.kind
+        if not stage.scene.annotation.shows_anything:
+            return None
+        canvas = np.zeros((*kind.shape[:2], 4), np.float32)
+        if stage.scene.annotation.bounds:
+            for layer in stage.layers:
+                draw_lines(make_outline(layer.volume), view_of(stage, frame), canvas)
+        self.draw(canvas, 0, kind, stage, record)
+        return canvas[..., 3] > 0
+
+
+def film_annotation_problems(film: Stage, frames: Sequence[int]) -> Iterator[Problem]:
+    """Yield what keeps the annotation from being drawn on pictures of each kind, by some of the frames."""
+    tried = spread_evenly(frames, _MOST_TRIED, is_loop=False)
+    for kind in film.scene.output.kinds if film.scene.annotation.entries else ():
+        stages = [(frame, film.at(frame)) for frame in tried]
+        shown = [frame_facts(film.scene, stage, frame, kind, _ANY_ACCURACY) for frame, stage in stages]
+        yield from annotation_problems(film.scene.at(0).annotation, film_facts(stages[0][1], kind), shown)
+
+
+def annotation_notes(stage: Stage) -> Iterator[str]:
+    """Yield what the user should know of a film's annotation."""
+    annotation = stage.scene.annotation
+    if annotation.scale_bar is not None and not _length_unit(stage):
+        yield "the unit of lengths is not known: the scale bar counts voxels; volume.unit names it"
+    if annotation.shows_anything and stage.scene.error.probes != 0:
+        yield "the accuracy is that of the pictures without annotation"
+
+
+def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
+    """Return what an annotation shows of a stage, on pictures of a kind."""
+    background, volumes = kind.background, [layer.volume for layer in stage.layers]
+    axes = {volume.world_axes for volume in volumes}
+    return AnnotationFacts(
+        size=kind.size,
+        background=None if background is None else background if len(background) == 2 else (background, background),
+        unit=_length_unit(stage) or "voxels",
+        is_perspective=stage.scene.camera.projection == "perspective",
+        world_axes=axes.pop() if len(axes) == 1 else "",
+        bars=tuple(_bars(stage)),
+        legend=tuple(_legend(stage)),
+    )
+
+
+def frame_facts(film: Scene, stage: Stage, frame: int, kind: PictureKind, accuracy: str) -> FrameFacts:
+    """Return what an annotation shows of a frame. film: the scene with all that moves. stage: of the frame."""
+    view, volume = view_of(stage, frame), stage.layers[0].volume
+    side = (view.distance if view.projection == "perspective" else 1.0) / view.scale_px
+    side *= view.size[0] / kind.size[0]
+    right, up, away = ((x, y, z) for x, y, z in view.axes.tolist())
+    at, time = stage.scene.layers[0].volume.time, None
+    if volume.times and isinstance(at, (int, float)):
+        time = float(np.interp(at, range(len(volume.times)), volume.times))
+    return FrameFacts(
+        frame=frame,
+        seconds=frame / film.output.frames_per_second,
+        time=time,
+        moving=moving_numbers(moving_values(film, frame)) if film.moves else {},
+        accuracy=accuracy,
+        world_per_pixel=side if _length_unit(stage) else side / volume.finest_spacing,
+        axes=(right, up, away),
+    )
+
+
+def _length_unit(stage: Stage) -> str:
+    """Return the unit of world lengths, if all volumes have the same."""
+    units = {layer.volume.length_unit for layer in stage.layers}
+    return units.pop() if len(units) == 1 else ""
+
+
+def _bars(stage: Stage) -> Iterator[ColorBar]:
+    """Yield the colours of each transfer function over the range of its control points."""
+    for number, layer in enumerate(stage.layers):
+        mapping = layer.spec.transfer_function
+        if mapping.labels is not None or layer.spec.volume.has_colors:
+            continue
+        low, high = float(layer.transfer.values[0]), float(layer.transfer.values[-1])
+        if not low < high:
+            continue
+        is_log = low > 0 and getattr(mapping.mapping, "scale", "") == "log"
+        scalars = np.geomspace(low, high, _NUM_BAR_SAMPLES) if is_log else np.linspace(low, high, _NUM_BAR_SAMPLES)
+        colors, extinctions = layer.transfer.classify(scalars)
+        opacities = -np.expm1(-extinctions * layer.transfer.unit)
+        yield ColorBar(
+            name=layer.spec.name,
+            unit=layer.volume.value_unit,
+            low=low,
+            high=high,
+            colors=tuple(map(tuple, colors.tolist())),
+            opacities=() if layer.projection is not None else tuple(opacities.tolist()),
+            layer=number,
+            is_log=is_log,
+        )
+
+
+def _legend(stage: Stage) -> Iterator[tuple[str, tuple[float, float, float]]]:
+    """Yield the names and colours of labels, and of volumes that have one colour."""
+    for layer in stage.layers:
+        labels = layer.spec.transfer_function.labels
+        if labels is not None:
+            yield from ((style.name or f"label {style.value}", style.color) for style in labels.styles)
+        elif len(stage.layers) > 1:
+            yield layer.spec.name or layer.volume.name, _color_of(layer)
+
+
+def _color_of(layer: Layer) -> tuple[float, float, float]:
+    """Return the colour of a volume: its own, or that at its largest opacity."""
+    if layer.spec.color is not None:
+        return layer.spec.color
+    red, green, blue = layer.transfer.colors[int(np.argmax(layer.transfer.extinctions))].tolist()
+    return red, green, blue
