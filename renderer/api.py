@@ -34,6 +34,7 @@ from renderer.job import (
     make_plan,
     one_pass,
     open_local_executor,
+    require_annotation,
 )
 from renderer.readers import is_volume_name, read_volume
 from renderer.scene import (
@@ -220,9 +221,10 @@ def render_frame(
     made = _scene(scene, options)
     numbers = [_number(frame, made)]
     with open_local_executor(made) as executor, _open_stage(made) as stage:
+        require_annotation(stage, numbers)
         plan = make_plan(LODCostEstimator(stage), numbers, lambda: executor.rasterizer, JobEvents())
         (drawn,) = executor.draw(plan, numbers)
-    drawn = drawn.finished() if made.annotation.shows_anything else drawn
+        drawn = drawn.finished() if made.annotation.shows_anything else drawn
     image: FrameImage = drawn.pictures[0].pixels.view(FrameImage)
     return image
 
@@ -466,9 +468,6 @@ def _with_suggestion(scene: Scene, wish: Wish | None) -> Scene:
     from renderer.suggest import suggest_for
 
     return suggest_for(scene.volume, read_volume, wish=wish or Wish()).applied_to(scene)
-
-
-# Drawing
 
 
 def _number(frame: int, scene: Scene) -> int:

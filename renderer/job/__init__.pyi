@@ -1,3 +1,4 @@
+from .annotation import require_annotation as require_annotation
 from .assemble.assembly import assemble_film as assemble_film
 from .assemble.parts import Part as Part, find_parts as find_parts
 from .checkpoint import FrameCheckpoint as FrameCheckpoint

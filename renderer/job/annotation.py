@@ -20,7 +20,7 @@ from renderer.errors import Problem
 from renderer.frame import Stage, view_of
 from renderer.job.record import FrameRecord
 from renderer.layers import Layer
-from renderer.scene import PictureKind, Scene, moving_numbers, moving_values
+from renderer.scene import PictureKind, Scene, moving_numbers, moving_values, raise_problems
 from renderer.volume import Bools, Float32
 
 _NUM_BAR_SAMPLES = 256
@@ -59,13 +59,15 @@ class FilmAnnotation:
         return canvas[..., 3] > 0
 
 
-def film_annotation_problems(film: Stage, frames: Sequence[int]) -> Iterator[Problem]:
-    """Yield what keeps the annotation from being drawn on pictures of each kind, by some of the frames."""
+def require_annotation(film: Stage, frames: Sequence[int]) -> None:
+    """Raise SceneError where some of the frames cannot have their annotation, in pictures of any kind."""
+    problems: list[Problem] = []
     tried = spread_evenly(frames, _MOST_TRIED, is_loop=False)
     for kind in film.scene.output.kinds if film.scene.annotation.entries else ():
         stages = [(frame, film.at(frame)) for frame in tried]
         shown = [frame_facts(film.scene, stage, frame, kind, _ANY_ACCURACY) for frame, stage in stages]
-        yield from annotation_problems(film.scene.at(0).annotation, film_facts(stages[0][1], kind), shown)
+        problems += annotation_problems(film.scene.at(0).annotation, film_facts(stages[0][1], kind), shown)
+    raise_problems(problems)
 
 
 def annotation_notes(stage: Stage) -> Iterator[str]:

@@ -18,7 +18,7 @@ from renderer.accuracy import finer_than_kept
 from renderer.errors import InputError, RenderError
 from renderer.film import film_notes
 from renderer.frame import FilmVolumes, LODCostEstimator, Stage, framing_note, prepare_stage, read_film_volumes
-from renderer.job.annotation import annotation_notes, film_annotation_problems
+from renderer.job.annotation import annotation_notes, require_annotation
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor
@@ -31,7 +31,7 @@ from renderer.job.make_record import film_record
 from renderer.job.plan import FilmPlan, make_plan
 from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, PassRecord
 from renderer.layers import placement_notes
-from renderer.scene import Scene, TimeBudget, accuracy_of, counted, raise_problems, tolerance_at
+from renderer.scene import Scene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
 
 OpenExecutor = Callable[[Scene], AbstractContextManager[Executor]]
@@ -88,7 +88,7 @@ def make_film(
                 why_stale = existing.why_stale(fingerprint, output.spec, job.frames) if existing else ""
                 if why_stale:
                     events.note(f"{output.spec.file} {why_stale}")
-                raise_problems([*film_annotation_problems(stage, job.frames)])
+                require_annotation(stage, job.frames)
                 events.prepared()
                 stage.seconds["read"] += read_seconds
                 film = FilmInProgress(

@@ -148,7 +148,7 @@ class AnnotationSpec:
     legend: Annotated[EntrySpec | None, _entry(EntrySpec, "left")] = None
     color_bar: Annotated[ColorBarSpec | None, _entry(ColorBarSpec, "right")] = None
     scale_bar: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom-left")] = None
-    accuracy: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom")] = None
+    accuracy: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom-left")] = None
     orientation: Annotated[EntrySpec | None, _entry(EntrySpec, "bottom-right", 0.12)] = None
     bounds: bool = False
     octree: bool = False

@@ -52,22 +52,22 @@ _H264 = Codec(
     crf=(40, 3),
 )  # fmt: skip
 _HEVC = Codec(
-    "libx265", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.4),
+    "libx265", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.5),
     ("-preset", "medium", "-x265-params", _X265_PARAMS, "-tag:v", "hvc1"),
     ("yuva420p",), (40, 3),
 )  # fmt: skip
 _VP9 = Codec(
-    "libvpx-vp9", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.4),
+    "libvpx-vp9", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.2),
     ("-b:v", "0", "-deadline", "good", "-cpu-used", "2", "-row-mt", "1", *_THREADS), ("yuva420p",), (60, 5),
     decoder="libvpx-vp9",
 )  # fmt: skip
 _AV1 = Codec(
-    "libaom-av1", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.4),
+    "libaom-av1", ("yuv420p", "yuv420p10", "yuv444p"), (43.5, 1.1),
     ("-cpu-used", "6", "-row-mt", "1", *_THREADS), crf=(60, 5),
 )  # fmt: skip
-_STILL_AV1 = Codec("libaom-av1", ("yuv444p", "yuv420p"), (44.5, 1.4), _AV1.options, ("yuva444p", "yuva420p"), _AV1.crf)
+_STILL_AV1 = Codec("libaom-av1", ("yuv444p", "yuv420p"), (45.5, 1.2), _AV1.options, ("yuva444p", "yuva420p"), _AV1.crf)
 _PRORES = Codec(
-    "prores_ks", ("yuv444p10",), (60.0, 0.0), ("-profile:v", "4", "-vendor", "apl0", "-alpha_bits", "16"),
+    "prores_ks", ("yuv444p10",), (62.0, 0.0), ("-profile:v", "4", "-vendor", "apl0", "-alpha_bits", "16"),
     ("yuva444p10",),
 )  # fmt: skip
 _GIF = Codec("gif", ("pal8",), (49.0, 0.0))

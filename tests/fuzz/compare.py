@@ -10,9 +10,8 @@ from splat_reference import rasterize_reference
 
 from renderer.draw import Rasterizer, draw_lines, make_edges
 from renderer.film import quantize
-from renderer.frame import Frame, Stage, finest_level_at, make_primitive, render_frames
+from renderer.frame import Frame, Stage, finest_level_at, make_primitive
 from renderer.pyramid import cut_pyramid
-from renderer.scene import AnnotationSpec
 from renderer.splats import GouraudFootprint, SplatBatch
 from renderer.view import View
 from renderer.volume import Array, Float64, UInt32
@@ -50,10 +49,9 @@ def compare_splats(stage: Stage, frame: Frame, view: View, rasterizer: Rasterize
     others = [_blended(nudged, orders, moved) for nudged, moved in (_nudged(splats, view, *nudge) for nudge in NUDGES)]
     if not np.array_equal(frame.image, quantize(frame.radiance, stage.scene.output.background)):
         raise WrongError("the 8 bits are not those of the radiance")
-    radiance = frame.radiance
     if stage.scene.annotation.octree:
-        radiance = without_overlay(stage, frame, view, rasterizer)
-    require_close(radiance, expected, PRECISION + SPREADS * np.ptp([expected, *others], axis=0))
+        _require_lines(stage, frame, view)
+    require_close(frame.radiance, expected, PRECISION + SPREADS * np.ptp([expected, *others], axis=0))
 
 
 def _blended(splats: SplatBatch, orders: Sequence[Order], view: View) -> Float64:
@@ -84,19 +82,16 @@ def _require_shares(orders: list[Order]) -> None:
         raise WrongError(f"orders of other splats: {[len(order) for _, order in orders]}")
 
 
-def without_overlay(stage: Stage, frame: Frame, view: View, rasterizer: Rasterizer) -> Array:
-    """The same frame without its lines; raises WrongError unless they lie over it."""
-    bare = replace(stage, scene=replace(stage.scene, annotation=AnnotationSpec()))
-    (below,) = render_frames(bare, [frame.number], rasterizer, clock=lambda: 0.0)
+def _require_lines(stage: Stage, frame: Frame, view: View) -> None:
+    """Raise WrongError unless the lines of the octree lie over the picture."""
     cut = cut_pyramid(stage.layers[0].pyramid, frame.tolerance, finest_level=finest_level_at(stage, frame.tolerance))
-    lines = np.zeros_like(below.radiance)
+    lines = np.zeros_like(frame.radiance)
     draw_lines(make_edges(cut, 0), view, lines)
     if not (lines.min() >= 0 and lines.max() <= 1 and (lines[..., :3] <= lines[..., 3:] + 1e-6).all()):
         raise WrongError(f"lines from {lines.min()} to {lines.max()}")
-    expected = lines + (1 - lines[..., 3:]) * below.radiance
-    if np.abs(frame.radiance - expected).max() > 1e-6 * max(1.0, float(below.radiance.max())):
-        raise WrongError("the overlay is not over the picture")
-    return below.radiance
+    expected = lines + (1 - lines[..., 3:]) * frame.radiance
+    if np.abs(frame.radiance_with_lines() - expected).max() > 1e-6 * max(1.0, float(frame.radiance.max())):
+        raise WrongError("the lines are not over the picture")
 
 
 def require_close(radiance: Array, expected: Float64, bound: Float64 | float) -> None:

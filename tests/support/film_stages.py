@@ -66,7 +66,7 @@ SCENES = {
     "gaussian": SPLATS,
     "gouraud": replace(PLAIN, splat=SplatSpec("gouraud")),
     "boxes": replace(SPLATS, splat=SplatSpec("gaussian", order="boxes")),
-    "overlay": replace(PLAIN, annotation=AnnotationSpec(octree=True)),
+    "octree": replace(PLAIN, annotation=AnnotationSpec(octree=True)),
     "shading": LIT,
     "means of opacity": replace(PLAIN, pyramid=PyramidSpec("opacity", "single"), error=ErrorSpec(0.02, "rms")),
     "errors of scalars": replace(PLAIN, error=ErrorSpec(9.0, "rms", "scalar", finest_level=1)),

@@ -56,10 +56,11 @@ def drawn(
         "scalars": np.append(bricks, np.zeros(2, np.float32)), "means": np.empty(0, np.float32),
         "texel_offsets": offsets, "pieces": pieces, "weight": 1.0, "has_absent": False, "is_lit": False,
         "has_colors": False, "is_labels": False, "mask": None, "lambert": (0.0,) * 5, "light": light,
+        "lights_faces": False,
     }  # fmt: skip
     of_layer = {
         "rays": _RAYS, "spacings_per_model_unit": scale, "boxes": boxes, "is_mean": np.zeros(num_bricks, np.bool_),
-        "fields": [field],
+        "fields": [field], "have_faces": np.zeros(num_bricks, np.bool_), "face_depth": 0.0,
     }  # fmt: skip
     tiles = np.arange(len(grid["starts"]) - 1)
     kernels().draw_tiles(grid=grid, bricks=of_layer, termination_alpha=1.0, is_additive=False, tiles=tiles)

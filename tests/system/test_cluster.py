@@ -76,13 +76,13 @@ def worker_pids(client: Client) -> list[int]:
     return list(client.run(os.getpid, on_error="ignore").values())  # some may be dying
 
 
-@pytest.mark.parametrize("kind", ["plain", "transparent", "float32, splats, shading", "overlay"])
+@pytest.mark.parametrize("kind", ["plain", "transparent", "float32, splats, shading", "octree"])
 def test_the_same_bytes(rasterizer_for: Callable[[Scene], Rasterizer], client: Client, kind: str) -> None:
     plan = plan_of(stage_of_kind(kind))
     rasterizer = rasterizer_for(plan.stage.scene)
     frames = draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage, 2))
     expected = [frame.finished() for frame in frames]
-    assert all((frame.record.accuracy is None) == (kind == "overlay") for frame in expected)
+    assert all(frame.record.accuracy is not None for frame in expected)
     with closing(ClusterDrawing(client, "--workers 2", plan, Reporter())) as drawing:
         found = list(drawing.draw(NUMBERS))
     assert [result.record.frame for result in found] == NUMBERS
