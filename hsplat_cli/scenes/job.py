@@ -106,9 +106,9 @@ def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
     from renderer.job import parse_film_record
 
     is_sidecar = output_suffix(film) == ".json"
-    path = film if is_sidecar else sidecar_path_of_file(film, (), 0)
+    path = film if is_sidecar or not film.name else sidecar_path_of_file(film, (), 0)
     if not is_sidecar and not path.exists():
-        hint = "name the film, its frames as frames/{frame:04}.png (of several outputs the first), or the .json file"
+        hint = "name the film (of several files the first), frames/{frame:04}.png, or the .json file beside them"
         raise InputError("no sidecar of this film", where=str(film), expected=str(path), hint=hint)
     record = parse_film_record(read_content(path), path)
     if record is None:

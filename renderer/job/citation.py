@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +13,7 @@ from renderer.errors import Problem
 from renderer.job.film_accuracy import accuracy_text, file_accuracy_text
 from renderer.job.goals import range_text
 from renderer.job.record import FilmAccuracy, FilmRecord, VolumeRecord
-from renderer.scene import (
-    OutputSpec,
-    Scene,
-    counted,
-    format_value,
-    join_words,
-    raise_problems,
-    schedule_to_dict,
-    schema,
-)
+from renderer.scene import OutputSpec, Scene, counted, join_words, raise_problems, schedule_to_dict, schema, short_text
 
 # The sections of a scene, or of one of its volumes, that name no file which has to be there.
 _SECTIONS = {key: schema.field_table(Scene)[key] for key in ("splat", "mode", "shading", "output")}
@@ -51,7 +43,8 @@ def methods_text(record: FilmRecord, sidecar: Path) -> str:
 
     Raises SceneError for a record whose scene has mistakes.
     """
-    read = [_read_sections(tree, sidecar) for tree in (record.scene, *record.scene.get("volumes", ()))]
+    volumes = {f"scene.volumes.{k}": each for k, each in enumerate(record.scene.get("volumes", ()))}
+    read = [_read_sections(tree, place, sidecar) for place, tree in {"scene": record.scene, **volumes}.items()]
     output, num = read[0]["output"], len(record.frames)
     sentences = [
         f"{counted(num, 'frame')} of {output.size[0]} x {output.size[1]} pixels {'was' if num == 1 else 'were'} "
@@ -65,11 +58,11 @@ def methods_text(record: FilmRecord, sidecar: Path) -> str:
     return " ".join(sentences)
 
 
-def _read_sections(tree: Mapping[str, Any], sidecar: Path) -> dict[str, Any]:
+def _read_sections(tree: Mapping[str, Any], place: str, sidecar: Path) -> dict[str, Any]:
     problems: list[Problem] = []
     written = {key: value for key, value in tree.items() if key in _SECTIONS}
-    given = schema.read_option(_READ_SECTIONS, written, str(sidecar), problems, schema.FilmTime(None, 1.0))
-    raise_problems(problems)
+    given = _READ_SECTIONS.read(schema.TreeNode(written, place, problems, film=schema.FilmTime(None, 1.0)))
+    raise_problems(replace(problem, location=str(sidecar)) for problem in problems)
     return given
 
 
@@ -85,11 +78,12 @@ def _volume_text(volume: VolumeRecord) -> str:
 
 def _drawing_sentence(record: FilmRecord, given: Mapping[str, Any]) -> str:
     requested, splat, mode = record.schedule.requested, given.get("splat", Scene.splat), given.get("mode", Scene.mode)
-    goals = {key: format_value(value) for key, value in schedule_to_dict(requested).items() if key in _GOALS}
+    goals = {key: short_text(value) for key, value in schedule_to_dict(requested).items() if key in _GOALS}
     why = "".join(f"; chosen for {_GOALS[key].format(value)}" for key, value in goals.items())
     drawn = f"splats with a {splat.footprint.title()} footprint, blended by depth"
     if splat.footprint == "integrated":
-        drawn = f"bricks, by the {mode.type.replace('_', ' and ')} along each ray"
+        shown = f"show the {mode.type}" if mode.is_projection else "integrate emission and absorption"
+        drawn = f"bricks, which {shown} along each ray"
     return (
         f"For each frame, an octree of averages was cut at tolerance {range_text(record.schedule.tolerance)} "
         f"({requested.measure} error of a cell{why}), and its cells were drawn as {drawn}."
@@ -99,12 +93,12 @@ def _drawing_sentence(record: FilmRecord, given: Mapping[str, Any]) -> str:
 def _light_sentence(shadings: list[Any]) -> str:
     """Return what lights the scene or any of its volumes, or what moves to do so."""
     words = [word for key, word in _LIGHT.items() if any(getattr(each, key) not in (None, 0) for each in shadings)]
-    return f"It was lit with {join_words(['Lambertian shading', *words], 'and')}." if shadings else "It was not shaded."
+    return f"There was {join_words(['Lambertian shading', *words], 'and') if shadings else 'no shading'}."
 
 
 def _accuracy_sentences(accuracy: FilmAccuracy, record: FilmRecord, output: OutputSpec) -> Iterator[str]:
     """Yield how exact the film is, and other files of the pictures that were measured."""
-    decoded = f" and {counted(accuracy.file.frames, 'frame')} decoded again" if accuracy.file else ""
+    decoded = f" and the first {counted(accuracy.file.frames, 'frame')} decoded again" if accuracy.file else ""
     yield (
         f"Accuracy of {output.file.name} against the exact ray integral: {accuracy_text(accuracy)}; intervals of 95 %, "
         f"by {accuracy.rays} exact rays through all frames{decoded}."
