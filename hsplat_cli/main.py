@@ -29,6 +29,7 @@ COMMANDS = {
     "render": "Render a scene to a film or to numbered frames.",
     "assemble": "Make one film of frames that were drawn in parts.",
     "verify": "Verify a film by its sidecar; exit with 1 where it differs.",
+    "cite": "Print how a film was made, for a paper, and BibTeX.",
     "check": "Check a scene file and list everything that is wrong with it.",
     "init": "Write a scene file for a volume, to start from.",
     "turntable": "Render turntables of volumes without a scene file.",

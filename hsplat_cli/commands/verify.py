@@ -90,7 +90,7 @@ def verify(
 
 
 def _summary(job: FilmJob, files: FilmFiles, verified: VerifiedFilm) -> Iterator[str]:
-    """Yield `whole, 120 frames`, `of this volume`, `43.6 +- 0.3 dB of the exact picture (7680 rays)`."""
+    """Yield `whole, 120 frames`, `of this volume`, `file PSNR 43.6 dB (43.3 to 43.9), 7680 rays`."""
     from renderer.job import accuracy_text
 
     num = len(job.frames)
@@ -99,7 +99,7 @@ def _summary(job: FilmJob, files: FilmFiles, verified: VerifiedFilm) -> Iterator
     if verified.measured is not None:
         accuracy, num_measured = verified.measured.accuracy, verified.measured.num_frames
         through = f" through {counted(num_measured, 'frame')}" * (num_measured < num)
-        yield f"{accuracy_text(accuracy)} ({accuracy.rays} rays{through})"
+        yield f"{accuracy_text(accuracy)}, {accuracy.rays} rays{through}"
 
 
 def _problem_lines(problems: Sequence[Problem]) -> str:

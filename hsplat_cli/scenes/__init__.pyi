@@ -1,4 +1,9 @@
-from .job import SceneRequest as SceneRequest, load_film as load_film, load_job as load_job
+from .job import (
+    SceneRequest as SceneRequest,
+    load_film as load_film,
+    load_job as load_job,
+    read_film_record as read_film_record,
+)
 from .scene_text import (
     suggest_scene as suggest_scene,
     transfer_lines as transfer_lines,

@@ -97,17 +97,23 @@ def load_film(film: Path, volume: Path | None) -> FilmJob:
 
     volume: where its volume is now, if it was moved. Raises InputError where there is no sidecar, and SceneError.
     """
+    path, record = read_film_record(film)
+    return _load_original(record, SceneRequest(path, volume=volume), "nothing")
+
+
+def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
+    """Return the sidecar of a film and the record in it; `film`, and what is raised, as in `load_film`."""
     from renderer.job import parse_film_record
 
     is_sidecar = output_suffix(film) == ".json"
-    path = film if is_sidecar else sidecar_path_of_file(film, (), 0)
+    path = film if is_sidecar or not film.name else sidecar_path_of_file(film, (), 0)
     if not is_sidecar and not path.exists():
-        hint = "name the film, its frames as frames/{frame:04}.png, or the .json file beside them"
+        hint = "name the film (of several files the first), frames/{frame:04}.png, or the .json file beside them"
         raise InputError("no sidecar of this film", where=str(film), expected=str(path), hint=hint)
     record = parse_film_record(read_content(path), path)
     if record is None:
         raise InputError("not the sidecar of a film", where=str(path))
-    return _load_original(record, SceneRequest(path, volume=volume), "nothing")
+    return path, record
 
 
 def _load_original(record: FilmRecord, request: SceneRequest, draws: Literal["film", "passes", "nothing"]) -> FilmJob:

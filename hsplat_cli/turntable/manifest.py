@@ -34,7 +34,7 @@ _NOTICE_DELAY_S, _POLL_INTERVAL_S = 2.0, 0.02
 # Titles of columns, and the keys of records.
 _COLUMNS = {name: name for name in ("volume", "status", "kind", "frames")}
 _COLUMNS |= {"primitives": "primitives", "seconds": "seconds"}
-_COLUMNS |= {"dB of frames": "psnr", "dB in file": "file_psnr", "film": "film"}
+_COLUMNS |= {"file PSNR": "file_psnr", "frames PSNR": "psnr", "film": "film"}
 _NUMBER_COLUMNS = (3, 4, 5, 6, 7)
 
 VOLUME_KEY = "scene_of"  # the volume's path relative to the folder, without links

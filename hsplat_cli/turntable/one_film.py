@@ -125,7 +125,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
         raise film.shortfall
     frames, accuracy = film.record.frames, film.record.accuracy
     exact = {} if accuracy is None else {"psnr": round(accuracy.psnr, 2), "psnr_interval": list(accuracy.interval)}
-    in_file = {"file_psnr": round(accuracy.file.psnr, 2)} if accuracy and accuracy.file else {}
+    in_file = {} if accuracy is None else {"file_psnr": round((accuracy.file or accuracy).psnr, 2)}
     return (
         request.record(manifest.FINISHED)
         | exact

@@ -63,8 +63,8 @@ def finer_than_kept(psnr: float, kept: float) -> str | None:
         return None
     wanted = kept + _GOOD_ENOUGH_DB
     tolerance = float(f"{typical_tolerance(wanted):.1g}")
-    had = "exact frames" if math.isinf(psnr) else f"frames of {psnr:.0f} dB"
+    had = "exact frames" if math.isinf(psnr) else f"frames PSNR {psnr:.0f} dB"
     return (
-        f"the file keeps about {kept:.0f} dB of {had}: tolerance {tolerance:g}, or psnr {wanted:.0f}, gives nearly the "
-        "same film sooner"
+        f"file PSNR about {kept:.0f} dB, {had} before encoding: tolerance {tolerance:g}, or psnr {wanted:.0f}, gives "
+        "nearly the same film sooner"
     )

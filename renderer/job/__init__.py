@@ -7,7 +7,8 @@ A film that is up to date is not drawn again, and one that was stopped resumes w
 - `film_making.py`: the job, step by step, in one pass; `refinement.py`: in several.
 - `film_output.py`: the loop over frames, each of which is stored while the next one is drawn; and the sidecar.
 - `plan.py`: the tolerances for what a scene requests; `goals.py`: whether it was reached.
-- `film_accuracy.py`: how exact frames and film are, in records and words; `film_visibility.py`: what they show.
+- `film_accuracy.py`: how exact frames and film are, in records and words; `film_visibility.py`: what they show;
+  `citation.py`: how a film was made, in words for a paper, and BibTeX.
 - `executor.py`: what draws, and drawing in this process; `pictures.py`: the pictures of a frame that outputs need;
   `annotation.py`: what the annotation of a film shows.
 - `events.py`: what a job tells while it runs, to a function, a bar in a notebook, or another listener.

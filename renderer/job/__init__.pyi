@@ -2,6 +2,7 @@ from .annotation import require_annotation as require_annotation
 from .assemble.assembly import assemble_film as assemble_film
 from .assemble.parts import Part as Part, find_parts as find_parts
 from .checkpoint import FrameCheckpoint as FrameCheckpoint
+from .citation import bibtex as bibtex, methods_text as methods_text
 from .events import (
     JobEvents as JobEvents,
     NotebookBar as NotebookBar,

@@ -51,12 +51,24 @@ def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int) -> 
 
 
 def accuracy_text(accuracy: FilmAccuracy) -> str:
-    """Return `58.8 +- 0.2 dB of the exact picture, 40.7 dB in the file`."""
-    value, (low, high) = accuracy.psnr, accuracy.interval
-    text = f"{value:.1f} +- {max(value - low, high - value):.1f} dB of the exact picture"
-    if value >= MOST_DB:
-        text = f"no difference from the exact picture seen, at least {low:.0f} dB"
-    return text if accuracy.file is None else f"{text}, {accuracy.file.psnr:.1f} dB in the file"
+    """Return `file PSNR 40.7 dB (40.6 to 40.8), frames PSNR 58.8 dB (58.6 to 59.0) before encoding`."""
+    if accuracy.file is None:
+        return file_accuracy_text(accuracy)
+    of_file = file_accuracy_text(accuracy, accuracy.file.psnr_of_encoding)
+    return f"{of_file}, frames PSNR {_decibels_text(accuracy)} before encoding"
+
+
+def file_accuracy_text(accuracy: FilmAccuracy, psnr_of_encoding: float | None = None) -> str:
+    """Return `file PSNR 40.7 dB (40.6 to 40.8)`, of a file that keeps so much of the frames; None: all."""
+    loss = 0.0 if psnr_of_encoding is None else squared_error(psnr_of_encoding)
+    return f"file PSNR {_decibels_text(accuracy, loss)}"
+
+
+def _decibels_text(accuracy: FilmAccuracy, loss: float = 0.0) -> str:
+    """Return the PSNR with its interval; `loss` as in `with_encoding_loss`."""
+    errors = [squared_error(each) + loss for each in (accuracy.psnr, *accuracy.interval)]
+    value, low, high = (min(psnr(each), MOST_DB) for each in errors)
+    return f"at least {low:.0f} dB (no error seen)" if value >= MOST_DB else f"{value:.1f} dB ({low:.1f} to {high:.1f})"
 
 
 def _samples(accuracy: FrameAccuracy) -> ErrorSamples:

@@ -68,7 +68,7 @@ def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> Re
     return RenderError(
         "the film is less exact than requested",
         where=f"error.{goal.metric}",
-        got=f"{film.psnr:.1f} dB, at most {film.interval[1]:.1f}{which}",
+        got=f"frames PSNR {film.psnr:.1f} dB, at most {film.interval[1]:.1f}{which}",
         expected=f"{goal}, of 8 bits {least:.1f} dB",
         hint=f"ask for a little more; {BEST_EFFORT_HINT}",
     )

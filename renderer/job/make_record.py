@@ -99,7 +99,7 @@ def film_record(
 def _volume_record(volume: Volume) -> VolumeRecord:
     shape: Any = tuple(map(int, volume.shape_xyz))
     affine = tuple(map(tuple, volume.world_from_index.tolist()))
-    return VolumeRecord(volume.name, volume.fingerprint, str(volume.values.dtype), shape, affine)
+    return VolumeRecord(volume.name, volume.fingerprint, str(volume.values.dtype), shape, affine, volume.length_unit)
 
 
 def _pyramid_bytes(layers: Sequence[Layer]) -> int:

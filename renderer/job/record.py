@@ -12,6 +12,7 @@ from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from renderer.accuracy import MOST_DB
 from renderer.errors import InputError, Problem
 from renderer.scene import (
     ERROR_SECTION,
@@ -83,12 +84,13 @@ _MAPPINGS = schema.sequence_field(schema.MAPPING_FIELD, "a list of mappings")
 DIGEST_FIELD = schema.text_field("32 hexadecimal digits", "not a digest", _DIGEST.fullmatch)
 _AMOUNT = _number(f"a number from 0 to {_MAX_AMOUNT:g}", (int, float), 0, _MAX_AMOUNT)
 _COORDINATE = _number("a number", (int, float), -_MAX_AMOUNT, _MAX_AMOUNT)
+_DECIBELS = _number(f"a number from -{MOST_DB:g} to {MOST_DB:g}", (int, float), -MOST_DB, MOST_DB)
 _COUNT = _number("a whole number of at least 0", (int,), 0, 2**63 - 1)
 _FRAME_NUMBER = _number(f"a whole number from 0 to {MAX_FRAMES - 1}", (int,), 0, MAX_FRAMES - 1)
 _DIGESTS = schema.mapping_field(DIGEST_FIELD)
 _AMOUNTS, _TEXTS = schema.mapping_field(_AMOUNT), schema.mapping_field(schema.TEXT_FIELD)
 _RANGE = schema.sequence_field(_AMOUNT, "[smallest, largest]", count=2)
-_INTERVAL = schema.sequence_field(_COORDINATE, "[low, high]", count=2)
+_INTERVAL = schema.sequence_field(_DECIBELS, "[low, high]", count=2)
 _SHARES = schema.sequence_field(_AMOUNT, "a list of numbers", may_be_empty=True)
 _VECTOR = schema.sequence_field(_COORDINATE, "[x, y, z]", count=3)
 _SHAPE = schema.sequence_field(_COUNT, "[x, y, z]", count=3)
@@ -108,7 +110,7 @@ Amounts = Mapping[str, float]
 class FrameAccuracy:
     """A record of how exact a frame is, by exact rays through some of its pixels."""
 
-    psnr: Annotated[float, _COORDINATE, "In decibels, of the picture after rounding; 200 where no ray saw an error."]
+    psnr: Annotated[float, _DECIBELS, "In decibels, of the picture after rounding; 200 where no ray saw an error."]
     interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more."]
     rays: Annotated[int, _COUNT, "The rays."]
     variance: Annotated[float, _AMOUNT, "Of the rays' squared errors, each weighted by the chance of its pixel."]
@@ -189,6 +191,7 @@ class VolumeRecord:
     dtype: Annotated[str, "The type of its voxels."]
     shape: Annotated[tuple[int, int, int], _SHAPE, "Its voxels along x, y and z."]
     world_from_index: Annotated[tuple[tuple[float, ...], ...], _MATRIX, "From voxel indices to the world, 4 x 4."]
+    unit: Annotated[str, "Of lengths in the world, where it is known."] = ""
 
 
 @dataclass(frozen=True)
@@ -237,7 +240,7 @@ class WorstFrame:
     """A record of the frame that is the least exact by its own rays."""
 
     frame: Annotated[int, _FRAME_NUMBER, "Its number."]
-    psnr: Annotated[float, _COORDINATE, "In decibels."]
+    psnr: Annotated[float, _DECIBELS, "In decibels."]
     interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more."]
 
 
@@ -245,8 +248,8 @@ class WorstFrame:
 class FileAccuracy:
     """A record of what an encoder has kept of the frames."""
 
-    psnr: Annotated[float, _COORDINATE, "In decibels, of the film as it is decoded, from the exact pictures."]
-    psnr_of_encoding: Annotated[float, _COORDINATE, "The same from the frames as they were drawn."]
+    psnr: Annotated[float, _DECIBELS, "In decibels, of the film as it is decoded, from the exact pictures."]
+    psnr_of_encoding: Annotated[float, _DECIBELS, "The same from the frames as they were drawn."]
     frames: Annotated[int, _COUNT, "The frames that were decoded and compared, the first ones."]
 
 
@@ -254,7 +257,7 @@ class FileAccuracy:
 class FilmAccuracy:
     """A record of how exact the frames of a film are together, by their rays."""
 
-    psnr: Annotated[float, _COORDINATE, "In decibels, of their mean squared error."]
+    psnr: Annotated[float, _DECIBELS, "In decibels, of their mean squared error."]
     interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more."]
     rays: Annotated[int, _COUNT, "The rays through all frames."]
     worst: Annotated[WorstFrame, "The least exact frame."]
@@ -283,7 +286,7 @@ class OutputRecord:
     frames: Annotated[int, _COUNT, "Its frames."]
     digest: Annotated[str | None, DIGEST_FIELD, "The digest of a film in one file."] = None
     psnr_of_encoding: Annotated[
-        float | None, _COORDINATE, "In decibels, of its first frames as they are decoded from those as they were drawn."
+        float | None, _DECIBELS, "In decibels, of its first frames as they are decoded from those as they were drawn."
     ] = None
 
 

@@ -83,7 +83,7 @@ def test_a_film_that_is_right(film: str, capsys: pytest.CaptureFixture[str]) -> 
     out = capsys.readouterr().out
     num = "1 frame" if "still" in film else f"{NUM_FRAMES} frames"
     assert f": whole, {num}; of this volume; " in out.splitlines()[0]
-    assert " dB of the exact picture (" in out.splitlines()[0]
+    assert "; file PSNR " in out.splitlines()[0]
     verify(film, "--quiet", code=0)
     assert capsys.readouterr() == ("", "")
 

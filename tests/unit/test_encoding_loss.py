@@ -29,6 +29,7 @@ def test_the_advice_names_a_tolerance_that_is_still_finer_than_the_file() -> Non
     assert finer_than_kept(59.0, 44.0) is None
     assert finer_than_kept(200.0, math.inf) is None
     assert finer_than_kept(61.0, 44.0) == (
-        "the file keeps about 44 dB of frames of 61 dB: tolerance 0.1, or psnr 52, gives nearly the same film sooner"
+        "file PSNR about 44 dB, frames PSNR 61 dB before encoding: tolerance 0.1, or psnr 52, gives nearly the same "
+        "film sooner"
     )
-    assert "of exact frames" in str(finer_than_kept(typical_psnr(0.0), 44.0))
+    assert ", exact frames before encoding" in str(finer_than_kept(typical_psnr(0.0), 44.0))
