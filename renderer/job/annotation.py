@@ -27,7 +27,7 @@ _NUM_BAR_SAMPLES = 256
 # Of the frames of a film, whose annotation is tried before any is drawn.
 _MOST_TRIED = 9
 # The widest accuracy there is, before it is known.
-_ANY_ACCURACY = "PSNR 100.0 dB"
+_ANY_ACCURACY = "frame PSNR 100.0 dB"
 
 
 class FilmAnnotation:
@@ -42,7 +42,7 @@ class FilmAnnotation:
         spec, facts = stage.scene.annotation, film_facts(stage, kind)
         if number not in self._annotators or self._annotators[number][0] != (spec, facts):
             self._annotators[number] = (spec, facts), Annotator(spec, facts)
-        accuracy = "" if record.accuracy is None else f"PSNR {record.accuracy.psnr:.1f} dB"
+        accuracy = "" if record.accuracy is None else f"frame PSNR {record.accuracy.psnr:.1f} dB"
         frame = frame_facts(self._film.scene, stage, record.frame, kind, accuracy)
         draw_annotation(image, self._annotators[number][1].patches(frame))
 
