@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,15 +10,15 @@ import click
 
 from hsplat_cli.commands.options import quiet_option
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames, report_film
-from renderer.errors import Problem, SceneError
+from renderer.errors import Problem
 from renderer.scene import (
-    FRAME_FIELD,
-    FRAME_SUFFIXES,
     OUTPUT_SECTION,
     OutputSpec,
     first_output,
     format_value,
+    only_output,
     output_suffix,
+    raise_problems,
     schema,
 )
 
@@ -28,7 +28,14 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("parts", nargs=-1, required=True)
-@click.option("--output", required=True, metavar="FILE", help="Write to this film, or to {frame}.png.")
+@click.option(
+    "--output",
+    "outputs",
+    required=True,
+    multiple=True,
+    metavar="FILE",
+    help="Write to this film, or to {frame}.png; several, if given more often.",
+)
 @click.option("--frames", metavar="A:B:STEP", help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @click.option("--frames-per-second", metavar="RATE", help="Another rate than that of the scene.")
 @click.option("--quality", metavar="0-10", help="Another quality of an MP4 than that of the scene.")
@@ -37,7 +44,7 @@ if TYPE_CHECKING:
 @quiet_option()
 def assemble(
     parts: tuple[str, ...],
-    output: str,
+    outputs: tuple[str, ...],
     frames: str | None,
     frames_per_second: str | None,
     quality: str | None,
@@ -56,29 +63,52 @@ def assemble(
     found = find_parts(parts)
     numbers = parse_frames(frames, found[0].num_frames)
     given = {"frames_per_second": frames_per_second, "quality": quality}
-    options: dict[str, tuple[Any, str]] = {"file": (output, f"--output {output}")} | {
+    options: dict[str, tuple[Any, str]] = {
         key: (value, f"--{key.replace('_', '-')} {value}") for key, value in given.items() if value is not None
     }
     options |= {"record_paths": (False, "--no-paths")} if no_paths else {}
-    spec = _output_spec(found[0], options, numbers)
+    spec = _output_spec(found[0], outputs, options, numbers)
     with FilmEvents(reporter, "primitive") as events:
         film = assemble_film(found, numbers, spec, events, resumes=not force)
     report_film(film, reporter)
 
 
-def _output_spec(part: Part, options: Mapping[str, tuple[Any, str]], numbers: Sequence[int]) -> OutputSpec:
-    """Return the recorded output, changed by options: each a value and its text. Raises SceneError."""
+def _output_spec(
+    part: Part, names: Sequence[str], options: Mapping[str, tuple[Any, str]], numbers: Sequence[int]
+) -> OutputSpec:
+    """Return the recorded output in files of these names, changed by options: each a value and its text.
+
+    Raises SceneError.
+    """
     problems: list[Problem] = []
-    tree = {**first_output(part.record.scene), **{key: value for key, (value, _) in options.items()}}
-    if output_suffix(options["file"][0]) not in FRAME_SUFFIXES:
-        tree.pop("pixel_format", None)
-    spec = OUTPUT_SECTION.read(schema.TreeNode(tree, "output", problems, film=schema.FilmTime(None, 1.0)))
-    if not problems and spec.is_frames and len(numbers) > 1 and not FRAME_FIELD.search(spec.file.name):
-        hint, got = f"write {spec.file.stem}-{{frame:04}}{spec.file.suffix}", format_value(str(spec.file))
-        problems.append(Problem("output.file", "frames need a number in their names", got, hint=hint))
-    if problems:
-        places = {f"output.{key}": option for key, (_, option) in options.items()}
-        file_option = options["file"][1]
-        raise SceneError([replace(each, location=places.get(each.path, file_option)) for each in problems])
-    assert isinstance(spec, OutputSpec)
+    recorded = first_output(part.record.scene)
+    first = {**only_output(recorded, output_suffix(names[0])), "file": names[0]}
+    first |= {key: value for key, (value, _) in options.items()}
+    tree = [first, *({"file": name, "quality": first["quality"]} for name in names[1:])]
+    spec = _read(tree if len(tree) > 1 else first, problems)
+    if not problems:
+        problems += _picture_problems(spec, _read(recorded, []), numbers)
+    found = []
+    for each in problems:
+        number, _, key = each.path.removeprefix("output.").rpartition(".")
+        option = options[key][1] if key in options else f"--output {names[int(number or 0)]}"
+        found.append(replace(each, location=option))
+    raise_problems(found)
     return spec
+
+
+def _read(tree: object, problems: list[Problem]) -> OutputSpec:
+    spec: OutputSpec = OUTPUT_SECTION.read(schema.TreeNode(tree, "output", problems, film=schema.FilmTime(None, 1.0)))
+    return spec
+
+
+def _picture_problems(spec: OutputSpec, recorded: OutputSpec, numbers: Sequence[int]) -> Iterator[Problem]:
+    """Yield what keeps the pictures of the parts from being the files of an output."""
+    for number, each in enumerate(spec.files):
+        path, got = f"output.{number}.file" if spec.others else "output.file", str(each.file)
+        if each.is_frames and len(numbers) > 1 and not each.is_numbered:
+            hint = f"write {each.file.stem}-{{frame:04}}{each.file.suffix}"
+            yield Problem(path, "frames need a number in their names", format_value(got), hint=hint)
+        elif each.kind != recorded.kind:
+            hint = f"draw the parts with --set output.pixel_format={'rgb48' if each.kind.depth == 16 else 'rgb24'}"
+            yield Problem(path, "not made of such pictures", recorded.kind.name, each.kind.name, hint)

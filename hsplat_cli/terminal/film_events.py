@@ -78,4 +78,6 @@ def report_film(film: FinishedFilm, reporter: Reporter) -> None:
             reporter.line(text)
         for note in film.record.notes:
             reporter.note(note)
+        if film.record.outputs:
+            reporter.line(f"beside it: {', '.join(each.file for each in film.record.outputs)}")
         reporter.line(f"how it was made: {film.sidecar}")

@@ -17,10 +17,10 @@ from typing import IO, Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.film.encode import start_ffmpeg
+from renderer.film.encode import frame_rate, start_ffmpeg
 from renderer.film.picture import Pixels
 from renderer.film.stream_tail import StreamTail
-from renderer.scene import OutputFile, counted, format_of, require_file
+from renderer.scene import Codec, OutputFile, counted, format_of, require_file
 from renderer.system import join_lines
 
 # ffmpeg's most exact conversion, the same on every processor; its fast one makes all pixels about one step darker. The
@@ -38,10 +38,8 @@ def decode_known_film(output: OutputFile, num_frames: int) -> Iterator[Iterator[
     or number of frames.
     """
     width, height = output.size
-    depth = output.kind.depth
-    with decode_film(
-        output.file, (width + _PADDING_PX) * (height + _PADDING_PX), codec=output.codec, depth=depth
-    ) as frames:
+    max_pixels = (width + _PADDING_PX) * (height + _PADDING_PX)
+    with decode_film(output.file, max_pixels, known=(output, num_frames)) as frames:
         yield _known_frames(frames, output, num_frames)
 
 
@@ -66,17 +64,19 @@ def count_film_frames(path: Path, max_pixels: int) -> int:
 
 
 @contextlib.contextmanager
-def decode_film(path: Path, max_pixels: int, *, codec: str | None = None, depth: int = 8) -> Iterator[Iterator[Pixels]]:
+def decode_film(
+    path: Path, max_pixels: int, *, known: tuple[OutputFile, int] | None = None
+) -> Iterator[Iterator[Pixels]]:
     """Decode the frames of a film in order: [h, w, 4], or [h, w, 3] of codecs without alpha.
 
-    codec: by its name in scenes; None is the first of the format. depth: of the pictures, 8 or 16 bits. ffmpeg ends
-        with the block.
+    known: an output, and its number of frames. Else pictures have 8 bits, and of equal ones that a WebP shows one after
+        the other only the first comes. ffmpeg ends with the block.
     Raises InputError if the file is not what its suffix says, is cut off, cannot be decoded to its end, or has larger
     frames than `max_pixels`, which ffmpeg refuses before it allocates them; RenderError without ffmpeg. A file that
     ends between two frames is a shorter film, and video has no checksum: some damage shows in the pictures alone.
     """
     _require_film(path)
-    arguments = _arguments(path, max_pixels, codec, depth)
+    arguments = _arguments(path, max_pixels, known)
     process = start_ffmpeg(arguments, path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
     assert process.stdout is not None and process.stderr is not None
     with process.stdout as pictures:
@@ -87,15 +87,18 @@ def decode_film(path: Path, max_pixels: int, *, codec: str | None = None, depth:
             process.wait()
 
 
-def _arguments(path: Path, max_pixels: int, codec: str | None, depth: int) -> list[str]:
+def _arguments(path: Path, max_pixels: int, known: tuple[OutputFile, int] | None) -> list[str]:
     file_format = format_of(path)
-    chosen = file_format.codecs[codec or next(iter(file_format.codecs))]
+    codec, depth, is_still_webp = _codec_of(path), known[0].kind.depth if known else 8, _is_still_webp(path)
     # The format is fixed, because other formats may refer to further files. PAM has the size of each picture.
-    demuxer = "webp_pipe" if file_format.demuxer == "webp_anim" and _is_still_webp(path) else file_format.demuxer
+    demuxer = "webp_pipe" if is_still_webp else file_format.demuxer
     source = ["-protocol_whitelist", "file", "-f", demuxer, "-max_pixels", str(max_pixels)]
-    source += [] if chosen.decoder is None else ["-c:v", chosen.decoder]
-    has_alpha = bool(chosen.with_alpha) or file_format.filters == "palette"
+    source += [] if codec.decoder is None else ["-c:v", codec.decoder]
+    has_alpha = bool(codec.with_alpha) or file_format.filters == "palette"
     to_rgb = _TO_RGB.format({8: "rgba", 16: "rgba64be"}[depth] if has_alpha else {8: "rgb24", 16: "rgb48be"}[depth])
+    if known and codec.merges_frames:
+        output, num_frames = known
+        to_rgb += f",loop={num_frames - 1}:1" if is_still_webp else f",fps={frame_rate(output)}"
     picked = ["-map", "0:v:0", "-vf", to_rgb]
     if file_format.has_alpha_plane:
         colors, alpha = _avif_streams(path)
@@ -106,11 +109,21 @@ def _arguments(path: Path, max_pixels: int, codec: str | None, depth: int) -> li
     return [*general, *source, "-i", f"file:{path}", *sink]
 
 
+def _codec_of(path: Path) -> Codec:
+    """Return the encoder of a film by its first bytes; that which the format has by default where they do not tell."""
+    begin, codecs = _first_bytes(path), tuple(format_of(path).codecs.values())
+    return next((codec for codec in codecs if any(mark in begin for mark in codec.marks)), codecs[0])
+
+
 def _is_still_webp(path: Path) -> bool:
-    """Return whether a WebP is no animation: one has an extended header (VP8X), in which a bit says so."""
+    """Return whether a file is a WebP and no animation, which has an extended header (VP8X) with a bit that says so."""
+    begin = _first_bytes(path)
+    return begin[8:12] == b"WEBP" and (begin[12:16] != b"VP8X" or not int.from_bytes(begin[20:21], "big") & 2)
+
+
+def _first_bytes(path: Path) -> bytes:
     with path.open("rb") as file:
-        begin = file.read(21)
-    return begin[12:16] != b"VP8X" or not begin[-1] & 2
+        return file.read(_HEADER_BYTES)
 
 
 def _avif_streams(path: Path) -> tuple[int, int | None]:
@@ -118,8 +131,7 @@ def _avif_streams(path: Path) -> tuple[int, int | None]:
 
     The first frame comes first, as a still picture, and then the film: brand `avis` of ISO/IEC 23000-22.
     """
-    with path.open("rb") as file:
-        begin = file.read(_HEADER_BYTES)
+    begin = _first_bytes(path)
     has_alpha, is_film = b"auxid:1" in begin or b"auxiliary:alpha" in begin, begin[8:12] == b"avis"
     first = (1 + has_alpha) * is_film
     return first, first + 1 if has_alpha else None

@@ -63,8 +63,16 @@ def gif_delay_cs(frames_per_second: float) -> int:
     return min(max(nearest, _SHORTEST_GIF_DELAY_CS), _LONGEST_GIF_DELAY_CS)
 
 
+def frame_rate(output: OutputFile) -> Fraction:
+    """Return the rate that a film has, as near to the one that is wanted as its format allows."""
+    if output.format.ticks_per_second:
+        return Fraction(100, gif_delay_cs(output.frames_per_second))
+    # A few decimals are enough to find television's fractions of 1001; rates with two decimals stay exact.
+    return Fraction(output.frames_per_second).limit_denominator(1001)
+
+
 @contextlib.contextmanager
-def open_encoder(output: OutputFile, frames_per_second: Fraction, file: Path) -> Iterator[Callable[[Pixels], None]]:
+def open_encoder(output: OutputFile, file: Path) -> Iterator[Callable[[Pixels], None]]:
     """Run ffmpeg, and yield a function that encodes a picture of the output's kind; `file` is complete after the block.
 
     output: its `file` is the final name, for messages.
@@ -72,7 +80,7 @@ def open_encoder(output: OutputFile, frames_per_second: Fraction, file: Path) ->
     Raises RenderError with the end of ffmpeg's messages if it cannot start, stops early or fails. However the block
     ends, ffmpeg has ended too.
     """
-    arguments, name = _arguments(output, frames_per_second, file), output.file
+    arguments, name = _arguments(output, file), output.file
     process = start_ffmpeg(arguments, name, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
     assert process.stdin is not None and process.stderr is not None
     pictures, stderr_tail = process.stdin, StreamTail(process.stderr)
@@ -107,12 +115,13 @@ def _failure(what: str, status: int, lines: Sequence[str], output: Path) -> Hspl
     return RenderError(what, where=str(output), got=words or f"{exit_text} and no message", hint=address_space_hint())
 
 
-def _arguments(output: OutputFile, rate: Fraction, file: Path) -> list[str]:
+def _arguments(output: OutputFile, file: Path) -> list[str]:
     width, height = output.size
     channels = "rgba" if output.background is None else "rgb"
     deep = {"rgb": "rgb48le", "rgba": "rgba64le"}[channels]
     raw = {"rgb": "rgb24", "rgba": "rgba"}[channels] if output.kind.depth == 8 else deep
-    source = ["-f", "rawvideo", "-pix_fmt", raw, "-video_size", f"{width}x{height}", "-framerate", str(rate)]
+    source = ["-f", "rawvideo", "-pix_fmt", raw, "-video_size", f"{width}x{height}"]
+    source += ["-framerate", str(frame_rate(output))]
     # `file:` protects names with a colon or a leading dash.
     general = ["-hide_banner", "-nostdin", "-loglevel", "error", "-y", "-filter_threads", "1"]
     return [*general, *source, "-i", "pipe:0", *encoder_options(output), f"file:{file}"]

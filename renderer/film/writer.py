@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from fractions import Fraction
 from pathlib import Path
 
 from renderer.film.atomic import staging, translate_os_errors
-from renderer.film.encode import find_ffmpeg, gif_delay_cs, open_encoder
+from renderer.film.encode import find_ffmpeg, frame_rate, open_encoder
 from renderer.film.exr import require_openexr
 from renderer.film.names import frame_path
 from renderer.film.picture import Picture
@@ -73,7 +72,7 @@ def _open_frames(output: OutputFile, stage: Callable[[Path], Path]) -> Iterator[
 
 @contextlib.contextmanager
 def _open_film(output: OutputFile, stage: Callable[[Path], Path]) -> Iterator[Callable[[int, Picture], None]]:
-    with open_encoder(output, _frame_rate(output), stage(output.file)) as encode:
+    with open_encoder(output, stage(output.file)) as encode:
         yield lambda _, picture: encode(picture.pixels)
 
 
@@ -81,7 +80,7 @@ def film_notes(output: OutputSpec) -> list[str]:
     """Return notes where a format cannot have the frame rate that was requested, and where pixels are means."""
     notes = []
     for each in output.files:
-        rate = _frame_rate(each)
+        rate = frame_rate(each)
         if each.format.ticks_per_second and abs(rate - each.frames_per_second) >= 0.005:
             shown = f"{float(rate):.2f} frames per second, not {each.frames_per_second:g}"
             notes.append(f"a GIF shows each frame for whole hundredths of a second: {shown}")
@@ -90,10 +89,3 @@ def film_notes(output: OutputSpec) -> list[str]:
             factor = output.size[0] // each.size[0]
             notes.append(f"{each.file}: each pixel is the mean of {factor} x {factor} pixels")
     return notes
-
-
-def _frame_rate(output: OutputFile) -> Fraction:
-    if output.format.ticks_per_second:
-        return Fraction(100, gif_delay_cs(output.frames_per_second))
-    # A few decimals are enough to find television's fractions of 1001; rates with two decimals stay exact.
-    return Fraction(output.frames_per_second).limit_denominator(1001)

@@ -97,9 +97,9 @@ from .output_formats import (
     FILM_SUFFIXES as FILM_SUFFIXES,
     FORMATS as FORMATS,
     FRAME_SUFFIXES as FRAME_SUFFIXES,
+    Codec as Codec,
     format_of as format_of,
     output_suffix as output_suffix,
-    suffix_words as suffix_words,
 )
 from .output_section import (
     FRAME_FIELD as FRAME_FIELD,

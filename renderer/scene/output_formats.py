@@ -6,7 +6,7 @@ All films are written and read by ffmpeg, whose names and options these are. A n
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Literal
@@ -17,8 +17,6 @@ _THREADS = ("-threads", "4")
 # are some 0.5 dB closer to their frames at equal size (docs/benchmarks/encoding.md). Without any adaptive quantisation
 # (AQ) it would be more, but black backgrounds would be lit in places at a low quality.
 _X264_PARAMS = "psy=0:aq-strength=0.7:chroma-qp-offset=-4"
-
-
 _X265_PARAMS = "log-level=error:pools=4:frame-threads=1:psy-rd=0:psy-rdoq=0"
 
 
@@ -29,8 +27,9 @@ class Codec:
     pixel_formats: for opaque pictures; the first is the default. with_alpha: the same for transparent ones, if it can.
     crf: the constant rate factor at quality 0, and by how much it falls with each step of quality; None without one.
     kept_psnr: what films typically keep of their frames at quality 8, in decibels, and with each step of quality
-        (docs/benchmarks/encoding.md). has_percent_quality: its quality is ten times that of the scene.
-    decoder: of its films, if not ffmpeg's first choice.
+        (docs/benchmarks/encoding.md). marks: one of them stands in the first bytes of its films. decoder: of them, if
+        not ffmpeg's first choice. has_percent_quality: its quality is ten times that of the scene. merges_frames: equal
+        pictures in a row become one that is shown for longer.
     """
 
     encoder: str
@@ -39,8 +38,10 @@ class Codec:
     options: tuple[str, ...] = ()
     with_alpha: tuple[str, ...] = ()
     crf: tuple[float, float] | None = None
-    has_percent_quality: bool = False
+    marks: tuple[bytes, ...] = ()
     decoder: str | None = None
+    has_percent_quality: bool = False
+    merges_frames: bool = False
 
     def pixel_formats_of(self, *, is_transparent: bool) -> tuple[str, ...]:
         """Return those that have alpha, or those that have none."""
@@ -49,30 +50,32 @@ class Codec:
 
 _H264 = Codec(
     "libx264", ("yuv420p", "yuv444p"), (44.5, 1.4), ("-preset", "medium", *_THREADS, "-x264-params", _X264_PARAMS),
-    crf=(40, 3),
+    crf=(40, 3), marks=(b"avc1",),
 )  # fmt: skip
 _HEVC = Codec(
     "libx265", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.5),
     ("-preset", "medium", "-x265-params", _X265_PARAMS, "-tag:v", "hvc1"),
-    ("yuva420p",), (40, 3),
+    ("yuva420p",), (40, 3), (b"hvc1",),
 )  # fmt: skip
 _VP9 = Codec(
     "libvpx-vp9", ("yuv420p", "yuv420p10", "yuv444p"), (44.5, 1.2),
     ("-b:v", "0", "-deadline", "good", "-cpu-used", "2", "-row-mt", "1", *_THREADS), ("yuva420p",), (60, 5),
-    decoder="libvpx-vp9",
+    (b"V_VP9",), "libvpx-vp9",
 )  # fmt: skip
 _AV1 = Codec(
     "libaom-av1", ("yuv420p", "yuv420p10", "yuv444p"), (43.5, 1.1),
-    ("-cpu-used", "6", "-row-mt", "1", *_THREADS), crf=(60, 5),
+    ("-cpu-used", "6", "-row-mt", "1", *_THREADS), crf=(60, 5), marks=(b"av01", b"V_AV1"),
 )  # fmt: skip
 _STILL_AV1 = Codec("libaom-av1", ("yuv444p", "yuv420p"), (45.5, 1.2), _AV1.options, ("yuva444p", "yuva420p"), _AV1.crf)
 _PRORES = Codec(
     "prores_ks", ("yuv444p10",), (62.0, 0.0), ("-profile:v", "4", "-vendor", "apl0", "-alpha_bits", "16"),
-    ("yuva444p10",),
+    ("yuva444p10",), marks=(b"ap4h",),
 )  # fmt: skip
 _GIF = Codec("gif", ("pal8",), (49.0, 0.0))
-_WEBP = Codec("libwebp_anim", ("yuv420p",), (42.0, 1.0), with_alpha=("yuva420p",), has_percent_quality=True)
-_LOSSLESS_WEBP = Codec("libwebp_anim", ("bgra",), (100.0, 0.0), ("-lossless", "1"), ("bgra",))
+_WEBP = Codec(
+    "libwebp_anim", ("yuv420p",), (42.0, 1.0), with_alpha=("yuva420p",), has_percent_quality=True, merges_frames=True
+)
+_LOSSLESS_WEBP = Codec("libwebp_anim", ("bgra",), (100.0, 0.0), ("-lossless", "1"), ("bgra",), merges_frames=True)
 _APNG = Codec("apng", ("rgb24",), (100.0, 0.0), with_alpha=("rgba",))
 
 
@@ -127,18 +130,18 @@ FORMATS: Mapping[str, OutputFormat] = {
         "a MOV", "video/quicktime", _ISO_FILE, {"prores": _PRORES, "hevc": _HEVC, "h264": _H264},
         muxer=(*_ISO_OPTIONS, "-f", "mov"), demuxer="mov",
     ),
-    # A GIF's delay is a whole number of centiseconds, and browsers show a delay of 1 as 10.
+    # A GIF's delay is a whole number of centiseconds. Browsers show delays of up to 10 ms as 100.
     ".gif": OutputFormat(
         "a GIF", "image/gif", re.compile(rb"GIF8[79]a"), {"gif": _GIF}, muxer=("-loop", "0", "-f", "gif"),
         demuxer="gif", filters="palette", ends=b";", max_rate=50, ticks_per_second=100,
     ),
     ".webp": OutputFormat(
         "a WebP", "image/webp", re.compile(rb"RIFF....WEBP", re.DOTALL), {"webp": _WEBP, "lossless": _LOSSLESS_WEBP},
-        muxer=("-loop", "0", "-f", "webp"), demuxer="webp_anim", filters="",
+        muxer=("-loop", "0", "-f", "webp"), demuxer="webp_anim", filters="", max_rate=90,
     ),
     ".apng": OutputFormat(
         "an APNG", "image/apng", _PNG_FILE, {"apng": _APNG}, muxer=("-plays", "0", "-f", "apng"), demuxer="apng",
-        filters="",
+        filters="", max_rate=90,
     ),
     ".avif": OutputFormat(
         "an AVIF", "image/avif", _ISO_FILE, {"av1": _STILL_AV1}, muxer=("-f", "avif"), demuxer="mov", filters="full",
@@ -160,8 +163,3 @@ def output_suffix(file: PurePath | str) -> str:
 def format_of(file: PurePath | str) -> OutputFormat:
     """Return the format of a file. Raises KeyError for one that does not exist."""
     return FORMATS[output_suffix(file)]
-
-
-def suffix_words(suffixes: Sequence[str] = FILM_SUFFIXES) -> str:
-    """Return `.mp4, .webm or .gif`."""
-    return f"{', '.join(suffixes[:-1])} or {suffixes[-1]}"
