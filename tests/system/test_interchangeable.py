@@ -151,13 +151,3 @@ def test_parts_of_an_array_are_assembled(draws: Draws) -> None:
     assert Path("film.mp4").read_bytes() == Path("whole.mp4").read_bytes()
     renderer.render(array_scene("film.mp4"))
     assert draws.take_numbers() == []
-
-
-def test_the_film_of_an_array_resumes(draws: Draws) -> None:
-    draws.stop_at = 3
-    with pytest.raises(KeyboardInterrupt):
-        renderer.render(array_scene("film.mp4"))
-    draws.stop_at = None
-    first = draws.take_numbers()
-    renderer.render(array_scene("film.mp4"))
-    assert first + draws.take_numbers() == [*range(NUM_FRAMES)]

@@ -73,15 +73,6 @@ def test_summaries_are_those_of_the_commands() -> None:
         assert command.help.partition("\n\n")[0] == summary
 
 
-def test_results_and_errors_have_their_streams_and_codes(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["check", str(DEMO)]) == 0
-    out, err = capsys.readouterr()
-    assert (out.partition("\n")[0], err) == (f"{DEMO}: ok", "")
-    assert main.run(["check", str(DEMO), "--set", "camera.distance=-3"]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.partition("\n")[0]) == ("", "--set camera.distance=-3: camera.distance: out of range")
-
-
 def test_no_arguments_are_answered_with_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     main.run([])
     lines = "".join(capsys.readouterr()).splitlines()
