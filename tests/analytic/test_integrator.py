@@ -133,7 +133,7 @@ def test_threads_and_tasks_change_no_byte(monkeypatch: pytest.MonkeyPatch) -> No
         assert again.tobytes() == image.tobytes()
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.float32])
+@pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.float16, np.float32])
 def test_no_pass_over_the_values_comes_before_the_first_ray(dtype: type, monkeypatch: pytest.MonkeyPatch) -> None:
     """They may lie in a large file, of which a few rays need little."""
     block = make_volume(np.full((3, 3, 3), 1, dtype), np.eye(4), "block")

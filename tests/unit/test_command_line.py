@@ -156,11 +156,6 @@ def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
             r"hsplat: unexpected KeyError: 'a\nb' (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)" + "\n",
         ),
         (
-            EOFError("two\nlines"),
-            1,
-            "hsplat: unexpected EOFError: two\\nlines (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)\n",
-        ),
-        (
             BrokenPipeError(32, "Broken pipe"),  # not that of the standard output, which is fine
             1,
             "hsplat: unexpected BrokenPipeError: [Errno 32] Broken pipe"

@@ -334,10 +334,7 @@ def test_a_step_with_times_of_its_own_is_refused(tmp_path: Path) -> None:
                 NIBABEL.Nifti1Image(values.T, np.eye(4)).to_filename(tmp_path / f"a_{number}.nii")
         with pytest.raises(InputError, match="a step in time is one volume") as error:
             read_volume(spec_of(tmp_path, f"a_{{}}.{suffix}", time=1))
-        assert (error.value.where, error.value.got) == (
-            str(tmp_path / f"a_1.{suffix}"),
-            "2 time steps in this one",
-        )
+        assert (error.value.where, error.value.got) == (str(tmp_path / f"a_1.{suffix}"), "2 time steps in this one")
 
 
 def test_outputs_overwrite_no_step(tmp_path: Path) -> None:
