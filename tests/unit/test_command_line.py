@@ -110,9 +110,7 @@ def test_wrong_usage_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
         (["render", str(DEMO), "--output=~/demo.mp4"], "--output ~/demo.mp4: output.file"),
     ],
 )
-def test_no_output_is_in_a_folder_named_tilde(
-    arguments: list[str], where: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_output_is_in_a_folder_named_tilde(arguments: list[str], where: str, folder, capsys) -> None:
     assert main.run(arguments) == 2
     text = capsys.readouterr().err
     assert text.startswith(f"{where}: a folder named ~\n")
@@ -164,16 +162,12 @@ def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else None,
 )
-def test_every_error_is_a_message_and_a_code(
-    fail: Fail, capsys: pytest.CaptureFixture[str], error: BaseException, code: int, message: str
-) -> None:
+def test_every_error_is_a_message_and_a_code(fail: Fail, capsys, error: BaseException, code: int, message: str) -> None:
     assert fail(error) == code
     assert capsys.readouterr() == ("", message)
 
 
-def test_a_lack_of_memory_is_found_behind_the_error_of_a_library(
-    fail: Fail, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lack_of_memory_is_found_behind_the_error_of_a_library(fail: Fail, capsys, monkeypatch) -> None:
     error = OSError("Could not find the library")
     error.__context__ = OSError("lib.so: failed to map segment from shared object")
     monkeypatch.setattr(resource, "getrlimit", lambda _: (1_500_000 * 1024, -1))
@@ -197,9 +191,7 @@ def test_failures_of_what_finds_differences_have_the_code_2(
     assert main.run([name]) == 2
 
 
-def test_a_variable_shows_the_traceback(
-    fail: Fail, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_variable_shows_the_traceback(fail: Fail, capsys, monkeypatch) -> None:
     monkeypatch.setenv("HSPLAT_DEBUG", "1")
     assert fail(KeyError("a")) == 1
     assert "Traceback" in capsys.readouterr().err

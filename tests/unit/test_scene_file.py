@@ -74,9 +74,7 @@ def max_nodes(monkeypatch: pytest.MonkeyPatch) -> int:
 
 
 @pytest.mark.parametrize("item", ["a", "{k: v}", "{[k, k]: v}", "*anchor"])
-def test_too_many_values_are_refused_before_they_are_composed(
-    item: str, max_nodes: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_too_many_values_are_refused_before_they_are_composed(item: str, max_nodes: int, monkeypatch) -> None:
     num_composed = 0
     compose = yaml.composer.Composer.compose_node
 

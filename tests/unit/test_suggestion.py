@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -145,9 +144,7 @@ def test_signs_are_alike() -> None:
     assert colors[0][2] > colors[0][0] and colors[2][0] > colors[2][2]
 
 
-def test_labels_that_stay_in_their_file_have_the_same_suggestion(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_labels_that_stay_in_their_file_have_the_same_suggestion(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(common, "_MIN_MAPPED_BYTES", 1)
     for values in (labels(), (labels() > 1).astype(np.uint8)):
         np.save(tmp_path / "labels.npy", values)

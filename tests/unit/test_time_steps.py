@@ -76,9 +76,7 @@ def names_of(source: FileSource) -> list[str]:
         ("a_{}.npy", ["a_7.npy"]),
     ],
 )
-def test_a_pattern_stands_for_files_in_the_order_of_their_numbers(
-    tmp_path: Path, pattern: str, names: list[str]
-) -> None:
+def test_a_pattern_stands_for_files_in_the_order_of_their_numbers(tmp_path, pattern: str, names: list[str]) -> None:
     save(tmp_path, *names, "a_x.npy", "ab_1.npy", "a_1.npy.bak")
     source = source_of(tmp_path, pattern)
     assert names_of(source) == names
