@@ -143,20 +143,16 @@ def ball(centre: float) -> Array:
     return np.linalg.norm(np.mgrid[:32, :32, :32] - np.full((3, 1, 1, 1), centre), axis=0) <= 9.3
 
 
-def assert_small(errors: Float64) -> None:
-    """Assert that errors of a surface's places, in voxels, are those of voxels that are in or out."""
-    assert abs(errors).max() < 0.5
-    assert abs(errors).mean() < 0.15  # found: 0.13, 0.105 and 0.11
-    assert abs(errors.mean()) < 0.1
-
-
 def test_a_ball_has_its_radius_and_its_normals() -> None:
     """Rays meet it at right angles."""
     directions = np.random.default_rng(7).normal(size=(500, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     origins, light = 15.2 - 20.0 * directions, ShadingSpec(0.0, 1.0, "camera")
     clear = TrueLayer(labels_of(ball(15.2)), steps(0, 1))
-    assert_small(depths_seen(clear, origins, directions) - 9.3)
+    errors = depths_seen(clear, origins, directions) - 9.3
+    assert abs(errors).max() < 0.5
+    assert abs(errors).mean() < 0.15  # found: 0.13, 0.105 and 0.11
+    assert abs(errors.mean()) < 0.1
     opaque = seen(clear._replace(transfer=steps(0, 40), shading=light), origins, directions, 20.0)
     angles = np.degrees(np.arccos(2.0 * opaque[:, 2]))
     assert angles.max() < 8.0

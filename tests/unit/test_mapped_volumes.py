@@ -76,14 +76,10 @@ DETACHED = {
 @pytest.mark.parametrize(
     ("name", "line", "skipped"),
     [
-        ("v.nhdr", "", 0),
-        ("v.nhdr", "byte skip: 5\n", 5),
-        ("v.nhdr", "byte skip: -1\n", 5),
-        ("v.mhd", "", 0),
-        ("v.mhd", "HeaderSize = 5\n", 5),
-        ("v.mhd", "HeaderSize = -1\n", 5),
+        ("v.nhdr", "", 0), ("v.nhdr", "byte skip: 5\n", 5), ("v.nhdr", "byte skip: -1\n", 5), ("v.mhd", "", 0),
+        ("v.mhd", "HeaderSize = 5\n", 5), ("v.mhd", "HeaderSize = -1\n", 5),
     ],
-)
+)  # fmt: skip
 def test_detached_voxels(name: str, line: str, skipped: int, tmp_path: Path) -> None:
     (tmp_path / "voxels.raw").write_bytes(bytes(skipped) + noise().tobytes())
     (tmp_path / name).write_text(DETACHED[name].format(line))

@@ -137,16 +137,12 @@ def test_a_folder_of_numbered_volumes_is_steps(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "names",
     [
-        ["b1.npy", "b2.npy"],
-        ["b1.npy", "b2.npy", "b3.npy", "mask.npy"],
-        ["b1.npy", "b2.npy", "b3.nrrd"],
-        ["b1_1.npy", "b1_2.npy", "b2_1.npy"],
-        ["b1.npy", "b2.npy", "b3.npy", "1.tif"],
-        ["b1.npy", "b2.npy", "b3.npy", "IM0001"],
-        ["b1.npy", "b2.npy", "b3.npy", "1.2.840.1"],
+        ["b1.npy", "b2.npy"], ["b1.npy", "b2.npy", "b3.npy", "mask.npy"], ["b1.npy", "b2.npy", "b3.nrrd"],
+        ["b1_1.npy", "b1_2.npy", "b2_1.npy"], ["b1.npy", "b2.npy", "b3.npy", "1.tif"],
+        ["b1.npy", "b2.npy", "b3.npy", "IM0001"], ["b1.npy", "b2.npy", "b3.npy", "1.2.840.1"],
         ["1.png", "2.png", "3.png"],
     ],
-)
+)  # fmt: skip
 def test_other_folders_are_as_they_were(tmp_path: Path, names: list[str]) -> None:
     for name in names:
         (tmp_path / name).touch()
