@@ -83,6 +83,11 @@ def test_steps_and_thin_shells(values: list[float], transfer: TransferFunction, 
     assert along_z(values, transfer)[3] == pytest.approx(-np.expm1(-depth), abs=precision)
 
 
+def test_nothing_is_seen_behind_what_is_opaque() -> None:
+    wall = transfer_of((0, (0, 1, 0), 1.0), (1, (1, 0, 0), 40.0))
+    np.testing.assert_allclose(along_z([0, 0, 1, 1], wall), [1, 0, 0, 1], atol=1e-12)
+
+
 def test_opacities_are_right_to_the_last_place() -> None:
     """Of one voxel; the exponential has an error below one unit at any depth."""
     view = look((0.0, 0.0, 1.0), 100.0, (1, 1), projection="orthographic", path=TurntablePath(1, 0.0, 90.0))

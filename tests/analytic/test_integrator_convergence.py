@@ -127,3 +127,13 @@ def test_an_interrupt_drops_waiting_tasks(monkeypatch: pytest.MonkeyPatch) -> No
     finally:
         gc.enable()
     assert len(begun) < 500
+
+
+def test_an_error_in_the_progress_callback_ends_the_work() -> None:
+    view = look((0.0, 0.0, 0.0), 9.0, (40, 25))
+
+    def stop(_share: float) -> None:
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        integrate(volume(np.zeros((2, 2, 2))), COLORFUL, view, step_voxels=1.0, on_progress=stop)

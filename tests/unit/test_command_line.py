@@ -136,6 +136,9 @@ def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
     return run
 
 
+BUG = " (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)\n"
+
+
 @pytest.mark.parametrize(
     ("error", "code", "message"),
     [
@@ -148,17 +151,10 @@ def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
         (ImportError("libX.so: failed to map segment from shared object"), 1, "hsplat: out of memory\n"),
         (OSError(errno.ENOMEM, "Cannot allocate memory", "a.npy"), 1, "hsplat: out of memory\n"),
         (click.exceptions.Exit(1), 1, ""),
-        (
-            KeyError("a\nb"),
-            1,
-            r"hsplat: unexpected KeyError: 'a\nb' (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)" + "\n",
-        ),
-        (
-            BrokenPipeError(32, "Broken pipe"),  # not that of the standard output, which is fine
-            1,
-            "hsplat: unexpected BrokenPipeError: [Errno 32] Broken pipe"
-            " (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)\n",
-        ),
+        (KeyError("a\nb"), 1, r"hsplat: unexpected KeyError: 'a\nb'" + BUG),
+        (EOFError("two\nlines"), 1, r"hsplat: unexpected EOFError: two\nlines" + BUG),
+        # Not that of the standard output, which is fine.
+        (BrokenPipeError(32, "Broken pipe"), 1, "hsplat: unexpected BrokenPipeError: [Errno 32] Broken pipe" + BUG),
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else None,
 )
