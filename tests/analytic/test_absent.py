@@ -172,28 +172,6 @@ def test_a_homogeneous_block_has_the_depth_of_its_voxels() -> None:
     assert np.abs(drawn(stage)[..., 3].ravel() - (1 - 0.8**length)).max() < 0.01
 
 
-def test_only_planes_of_a_ramp_in_a_ball_are_seen() -> None:
-    """Nothing is interpolated from where there are no data: no ray shows the ball's surface."""
-    z, y, x = np.meshgrid(*[np.linspace(-1, 1, 32)] * 3, indexing="ij")
-    values = (2 * x).astype(np.float32)
-    values[x**2 + y**2 + z**2 > 0.8] = np.nan
-    peak = [{"value": v, "color": "red", "opacity": o} for v, o in ((0.9, 0), (1.0, 0.8), (1.1, 0))]
-    points = [*({"value": -each["value"], "color": "blue", "opacity": each["opacity"]} for each in peak[::-1]), *peak]
-    volume = volume_of(values, np.eye(4))
-    stage = stage_of(volume, points=points)
-    origins, directions, *_ = index_rays(volume, view_of(stage, NUMBER), np.arange(SIZE[0] * SIZE[1]))
-    seen = np.zeros(len(origins), bool)
-    for low, high in ((-1.2, -0.8), (0.8, 1.2)):  # at the border, values are those of up to a voxel away
-        ends = (np.array([[low], [high]]) / 2 * 15.5 + 15.5 - origins[:, 0]) / directions[:, 0]
-        for share in np.linspace(0, 1, 9):  # of the way through the slab of values
-            point = origins + (ends[0] + share * (ends[1] - ends[0]))[:, None] * directions
-            seen |= ((point - 15.5) ** 2).sum(axis=1) < (math.sqrt(0.8) * 15.5 + 1.8) ** 2
-    for picture in (drawn(stage), exact(stage)):
-        alphas = picture[..., 3].ravel()
-        assert alphas[~seen].max() == 0.0
-        assert alphas[seen].max() > 0.5
-
-
 @pytest.mark.parametrize("tolerance", [0.05, 0.3])
 @pytest.mark.parametrize("values", [with_holes(), ball()], ids=["holes", "ball"])
 def test_coarser_pictures_keep_their_tolerance(values: Array, tolerance: float) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -100,14 +99,3 @@ def test_an_error_as_large_as_the_tolerance_is_not_below_it() -> None:
                 first = np.array(cell) << (level + BRICK_LEVELS)
                 around = np.all((drawn[:, 0] <= first) & (first < drawn[:, 1]), axis=1)
                 assert np.all(above.levels[around] >= level)
-
-
-def test_a_smaller_tolerance_only_splits_bricks() -> None:
-    bricks = soft(SHAPES[-1])
-    cuts = [cut_bricks(bricks, tolerance) for tolerance in TOLERANCES]
-    assert len({len(cut) for cut in cuts}) > 4
-    for fine, coarse in pairwise(cuts):
-        small, large = regions(fine)[:, None], regions(coarse)
-        meets = np.all((small[:, :, 0] < large[:, 1]) & (large[:, 0] < small[:, :, 1]), axis=2)
-        contains = np.all((large[:, 0] <= small[:, :, 0]) & (small[:, :, 1] <= large[:, 1]), axis=2)
-        np.testing.assert_array_equal(meets, contains)

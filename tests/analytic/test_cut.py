@@ -105,11 +105,3 @@ def test_averages_of_opacities_near_1_are_no_deeper_than_the_deepest_voxel(preci
         assert np.all(depths[:, 3] <= np.float32(deepest))
         assert np.all(depths[:, 3] > min(0.99 * deepest, 16))  # float32 resolves opacities to 2^-24, a depth of 16.6
         np.testing.assert_allclose(depths[:, :3], depths[:, 3:] * [0.2, 1, 0.4], rtol=HALF_RTOL)
-
-
-def test_a_volume_of_one_voxel() -> None:
-    pyramid = build(plain(np.full((1, 1, 1), 250, np.uint8)), transfer())
-    voxel, whole = cut_pyramid(pyramid, 0.0), cut_pyramid(pyramid, 1e-9)
-    assert (voxel.levels.tolist(), whole.levels.tolist()) == ([0], [1])
-    np.testing.assert_allclose(voxel.depths, [[0.6, 3, 1.2, 3]], rtol=2e-7)
-    np.testing.assert_allclose(whole.depths, [[0.6, 3, 1.2, 3]], rtol=HALF_RTOL)

@@ -127,27 +127,6 @@ def test_skipped_macrocells_are_transparent(shape: tuple[int, int, int], dtype: 
     assert (largest > 0) == (values.size > 1)  # of a shell between 60 and 100 a lone voxel has nothing
 
 
-def test_light_on_a_plane_is_lamberts_cosine() -> None:
-    """A ramp along z has the gradient +z, so that n = -z; two equal voxels in a row have none, which is `ambient`."""
-    white = transfer_of((0, (1, 1, 1), 0.5))
-    for values, light, factor in (
-        ([0, 1, 2], (0.0, 3.0, -4.0), 0.25 + 0.5 * 0.8),
-        ([0, 1, 2], (0.0, 3.0, 4.0), 0.25),
-        ([1, 1, 1], (0.0, 0.0, 1.0), 0.25),
-    ):
-        column = volume(np.reshape(np.array(values, float), (3, 1, 1)))
-        view = look((0.0, 0.0, 1.0), 100.0, (1, 1), projection="orthographic", path=TurntablePath(1, 0.0, 90.0))
-        image = integrate(column, white, view, step_voxels=1.0, shading=ShadingSpec(0.25, 0.5, light))
-        assert image[0, 0, 0] == pytest.approx(factor * -np.expm1(-1.5), abs=EXACT)
-
-
-def test_float16_voxels_are_exact() -> None:
-    values = np.random.default_rng(10).uniform(-1, 2, (2, 2, 2)).astype(np.float16)
-    view = look((0.5, 0.5, 0.5), 9.0, (3, 3))
-    half = integrate(Volume(values, np.eye(4), "half", ""), COLORFUL, view, step_voxels=1.0)
-    np.testing.assert_allclose(half, integrate(volume(values), COLORFUL, view, step_voxels=1.0), atol=EXACT)
-
-
 def test_threads_and_tasks_change_no_byte(monkeypatch: pytest.MonkeyPatch) -> None:
     """The image depends neither on the number of threads nor on how rays are grouped into tasks."""
     noise = volume(np.random.default_rng(9).uniform(-1, 2, (9, 9, 9)) ** 3)
@@ -159,17 +138,7 @@ def test_threads_and_tasks_change_no_byte(monkeypatch: pytest.MonkeyPatch) -> No
         assert again.tobytes() == image.tobytes()
 
 
-def test_row_0_is_the_top_and_column_0_the_left() -> None:
-    """Seen from -y with +z up, the voxel of largest x and z is at the top right."""
-    values = np.zeros((3, 3, 3))
-    values[2, 1, 2] = 1.0
-    view = look((1.0, 1.0, 1.0), 20.0, (9, 9), path=TurntablePath(1))
-    image = integrate(volume(values), transfer_of((0, (1, 1, 1), 0), (1, (1, 1, 1), 5)), view, step_voxels=1.0)
-    row, column = np.unravel_index(image[..., 3].argmax(), (9, 9))
-    assert row < 4 < column
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.float32])
+@pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.float16, np.float32])
 def test_no_pass_over_the_values_comes_before_the_first_ray(dtype: type, monkeypatch: pytest.MonkeyPatch) -> None:
     """They may lie in a large file, of which a few rays need little."""
     block = make_volume(np.full((3, 3, 3), 1, dtype), np.eye(4), "block")

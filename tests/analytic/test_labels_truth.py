@@ -14,7 +14,7 @@ from renderer.kernels import kernels
 from renderer.scene import ClipSpec, PlaneSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.truth import RayIntegrator, TrueLayer
-from renderer.truth.integrator import IndexRays, rays_through_pixels
+from renderer.truth.integrator import IndexRays
 from renderer.truth.optics import optics_of
 from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume
@@ -143,33 +143,20 @@ def ball(centre: float) -> Array:
     return np.linalg.norm(np.mgrid[:32, :32, :32] - np.full((3, 1, 1, 1), centre), axis=0) <= 9.3
 
 
-def assert_small(errors: Float64) -> None:
-    """Assert that errors of a surface's places, in voxels, are those of voxels that are in or out."""
-    assert abs(errors).max() < 0.5
-    assert abs(errors).mean() < 0.15  # found: 0.13, 0.105 and 0.11
-    assert abs(errors.mean()) < 0.1
-
-
 def test_a_ball_has_its_radius_and_its_normals() -> None:
     """Rays meet it at right angles."""
     directions = np.random.default_rng(7).normal(size=(500, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     origins, light = 15.2 - 20.0 * directions, ShadingSpec(0.0, 1.0, "camera")
     clear = TrueLayer(labels_of(ball(15.2)), steps(0, 1))
-    assert_small(depths_seen(clear, origins, directions) - 9.3)
+    errors = depths_seen(clear, origins, directions) - 9.3
+    assert abs(errors).max() < 0.5
+    assert abs(errors).mean() < 0.15  # found: 0.13, 0.105 and 0.11
+    assert abs(errors.mean()) < 0.1
     opaque = seen(clear._replace(transfer=steps(0, 40), shading=light), origins, directions, 20.0)
     angles = np.degrees(np.arccos(2.0 * opaque[:, 2]))
     assert angles.max() < 8.0
     assert angles.mean() < 3.0
-
-
-def test_a_slanted_plane_is_where_it_is() -> None:
-    normal = np.array([2.0, 3.0, 6.0]) / 7.0
-    above = normal @ np.mgrid[:32, :32, :32][::-1].reshape(3, -1) > 25.3
-    ends = np.random.default_rng(8).uniform(12.0, 20.0, (500, 3))
-    ends += (30.0 - ends @ normal)[:, None] * normal
-    layer = TrueLayer(labels_of(above.reshape(32, 32, 32)), steps(0, 1))
-    assert_small(depths_seen(layer, ends - 20.0 * normal, normal) - 4.7)
 
 
 def lengths_inside(mask: Volume, view: View, *clips: ClipSpec) -> Float64:
@@ -191,27 +178,3 @@ def test_a_mask_leaves_what_is_inside_of_it() -> None:
     found = lengths_inside(mask, view, ClipSpec(PlaneSpec((9.0, 0.0, 0.0), (1.0, 0.0, 0.0))))
     np.testing.assert_allclose(found, expected, rtol=0, atol=5e-3)
     assert (found > 0.0).sum() > 30
-
-
-def test_a_ball_of_a_mask_has_its_chords() -> None:
-    """Its grid is turned and finer than that of the volume; rays meet it at steep angles."""
-    affine, centre = np.eye(4), np.array([1.0, 2.0, 0.5])
-    affine[:3, :3] = 0.7 * np.linalg.qr(oblique()[:3, :3])[0]
-    affine[:3, 3] = centre - affine[:3, :3] @ np.full(3, 15.8)
-    view = look(tuple(centre), 30.0, (30, 30), projection="orthographic", field_of_view=11.0)
-    origins, directions, _ = rays_through_pixels(centre, view, np.arange(900))
-    beside = np.linalg.norm(np.cross(origins, directions), axis=1)
-    errors = lengths_inside(labels_of(ball(15.8), affine), view) - 2.0 * np.sqrt((0.7 * 9.3) ** 2 - beside**2)
-    assert_small(errors / 0.7 / 2.0)  # an error at both ends
-
-
-def test_a_mask_of_ones_masks_nothing_inside() -> None:
-    noise, larger = scattered(affine=oblique()), np.array(oblique())
-    larger[:3, 3] -= larger[:3, :3] @ [2.0, 2.0, 2.0]
-    view = look((5.0, 1.0, 5.0), 14.0, (20, 16))
-    masks = None, labels_of(np.ones((9, 9, 9)), larger), labels_of(np.zeros((9, 9, 9)), larger)
-    layers = [TrueLayer(replace(noise, mask=mask), steps(*EXTINCTIONS), LIT) for mask in masks]
-    images = [RayIntegrator([layer]).integrate(view, np.arange(320), [0.5])[0] for layer in layers]
-    np.testing.assert_allclose(images[1], images[0], rtol=0, atol=1e-12)
-    assert images[0].any()
-    assert not images[2].any()

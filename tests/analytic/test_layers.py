@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from stage_pictures import decibels, drawn, exact
 
 from renderer.accuracy import FrameProber
-from renderer.draw import BrickRasterizer, brick_cache
-from renderer.frame import prepare_stage, render_frames, view_of
+from renderer.draw import brick_cache
+from renderer.frame import Stage, prepare_stage
 from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene
 from renderer.suggest import resolve_scene
-from renderer.truth import SceneRays
 from renderer.volume import Float32, Float64
 
 RAMP = [{"value": 70, "color": "#cc7857", "opacity": 0}, {"value": 240, "color": "#faf2e0", "opacity": 0.4}]
@@ -47,34 +46,23 @@ def scene_of(volumes: list[dict[str, Any]], tolerance: float = 0.02, **changes: 
     return resolve_scene(parse_scene(tree | changes, base=Path()), read_volume)
 
 
+def staged(scene: Scene) -> Stage:
+    return prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
+
+
 def draw(scene: Scene, *, num_threads: int = 2) -> Float32:
-    with prepare_stage(scene, clock=itertools.count().__next__, num_threads=1) as stage:
-        return _draw(stage, num_threads)
-
-
-def _draw(stage: Any, num_threads: int = 2) -> Float32:
-    with BrickRasterizer(num_threads=num_threads) as rasterizer:
-        (frame,) = render_frames(stage, [1], rasterizer, clock=itertools.count().__next__)
-        return frame.radiance
+    with staged(scene) as stage:
+        return drawn(stage, num_threads=num_threads)
 
 
 def draw_both(scene: Scene) -> tuple[Float32, Float64]:
-    """Return a picture, and its exact rays."""
-    with prepare_stage(scene, clock=itertools.count().__next__, num_threads=1) as stage:
-        width, height = scene.output.size
-        exact = SceneRays(stage).integrate(view_of(stage, 1), np.arange(width * height), 0.5)
-        return _draw(stage), exact.reshape(height, width, 4)
-
-
-def psnr(one: Any, other: Any) -> float:
-    return float(-10 * np.log10(np.mean((np.clip(one, 0, 1) - np.clip(other, 0, 1)) ** 2) + 1e-30))
+    """Return a picture, and its exact rays, of what can be shown."""
+    with staged(scene) as stage:
+        return np.clip(drawn(stage), 0, 1), np.clip(exact(stage), 0, 1)
 
 
 COLORED = {key: RINGS[key] for key in ("procedural", "transform")} | {"color": "red", "range": [90, 200]}
-ATLAS: dict[str, Any] = {
-    "procedural": {"name": "atlas", "shape": [40, 40, 24], "seed": 3},
-    "labels": {"opacity": 0.4},
-}
+ATLAS: dict[str, Any] = {"procedural": {"name": "atlas", "shape": [40, 40, 24], "seed": 3}, "labels": {"opacity": 0.4}}
 ONE_LABEL: dict[str, Any] = {"procedural": {"name": "constant", "shape": [10, 10, 10]}, "labels": {}, "shading": {}}
 MASK = {"procedural": {"name": "atlas", "shape": [40, 40, 24]}, "transform": TURNED}
 PATH = {"type": "turntable", "frames": 12}
@@ -121,12 +109,12 @@ SCENES: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
 @pytest.mark.parametrize("name", SCENES)
 def test_pictures_are_those_of_exact_rays(name: str) -> None:
     volumes, changes = SCENES[name]
-    image, exact = draw_both(scene_of(volumes, **changes))
-    assert exact[..., :3].max() > 0.2
+    image, truth = draw_both(scene_of(volumes, **changes))
+    assert truth[..., :3].max() > 0.2
     is_lit = "shading" in changes or any("shading" in volume for volume in volumes)
     has_steps = "label" in name or "mask" in name  # a step at every second voxel
-    assert psnr(image[..., :3], exact[..., :3]) > (45 if is_lit or has_steps else 55)
-    assert psnr(image[..., 3], exact[..., 3]) > (45 if has_steps else 50)
+    assert decibels(image[..., :3], truth[..., :3]) > (45 if is_lit or has_steps else 55)
+    assert decibels(image[..., 3], truth[..., 3]) > (45 if has_steps else 50)
 
 
 @pytest.mark.parametrize("blend", ["mix", "add"])
@@ -134,14 +122,14 @@ def test_pictures_are_those_of_exact_rays(name: str) -> None:
 def test_the_tolerance_is_kept_to(tolerance: float, blend: str) -> None:
     """With larger tolerances, pixels between others are interpolated."""
     size = {"file": "film-{frame}.png", "size": [256, 224]}
-    image, exact = draw_both(scene_of([ENGINE, RINGS], tolerance, blend=blend, output=size))
-    assert psnr(image, exact) > {0.0: 95, 0.3: 38, 1.0: 28}[tolerance]
+    image, truth = draw_both(scene_of([ENGINE, RINGS], tolerance, blend=blend, output=size))
+    assert decibels(image, truth) > {0.0: 95, 0.3: 38, 1.0: 28}[tolerance]
 
 
 @pytest.mark.parametrize(("shading", "is_shared"), [({}, True), ({"occlusion": 0.5}, False)])
 def test_layers_that_are_clipped_share_what_does_not_depend_on_it(shading: dict[str, Any], is_shared: bool) -> None:
     lit = ENGINE | {"shading": shading}
-    with prepare_stage(scene_of([lit, lit | {"clip": [PLANE]}]), clock=lambda: 0.0, num_threads=1) as stage:
+    with staged(scene_of([lit, lit | {"clip": [PLANE]}])) as stage:
         one, other = stage.layers
         assert (one.bricks is other.bricks) == is_shared
 
@@ -158,8 +146,8 @@ def test_a_volume_is_lit_by_the_scene_as_by_itself() -> None:
     pictures, probes = [], []
     by_themselves = scene_of([{**each, "shading": light} for each in (ENGINE, RINGS)])
     for scene in (scene_of([ENGINE, RINGS], shading=light), by_themselves):
-        with prepare_stage(scene, clock=itertools.count().__next__, num_threads=1) as stage:
-            pictures.append(_draw(stage))
+        with staged(scene) as stage:
+            pictures.append(drawn(stage))
             probes.append(FrameProber(stage, 40).exact_pixels(1, np.zeros((64, 72, 3), np.uint8)).colors)
     assert pictures[0].tobytes() == pictures[1].tobytes()
     assert probes[0].tobytes() == probes[1].tobytes()

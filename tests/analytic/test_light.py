@@ -47,6 +47,9 @@ AT_60_DEGREES = (float(np.sqrt(3)), 0.0, 1.0)
     ("values", "shading", "brightness"),
     [
         (TOWARDS, ShadingSpec(0.1, 0.4, "camera"), 0.05 + 0.2),
+        (TOWARDS, ShadingSpec(0.1, 0.4, AT_60_DEGREES), 0.05 + 0.2 * 0.5),
+        (TOWARDS, ShadingSpec(0.1, 0.4, (0.0, 0.0, -1.0)), 0.05),
+        ([1.0, 1.0, 1.0], ShadingSpec(0.1, 0.4, AT_60_DEGREES), 0.05),
         (AWAY, ShadingSpec(0.1, 0.4, "camera", 0.3), 0.05),
         (AWAY, ShadingSpec(0.1, 0.4, "camera", 0.3, two_sided=True), 0.05 + 0.2 + 0.3),
         (TOWARDS, ShadingSpec(0.1, 0.4, AT_60_DEGREES, 0.3, 6.0), 0.05 + 0.2 * 0.5 + 0.3 * 0.75**3),

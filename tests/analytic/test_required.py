@@ -47,27 +47,17 @@ def assert_same_cut(whole: Pyramid, part: Pyramid, tolerance: float, finest_leve
 
 @settings(max_examples=40, deadline=None)
 @given(
-    shape=st.tuples(*[st.integers(1, 40)] * 3),
-    dtype=st.sampled_from([np.uint8, np.float32]),
-    measure=st.sampled_from(list(MEASURES)),
-    average=st.sampled_from(["extinction", "opacity"]),
-    precision=st.sampled_from(["half", "single"]),
-    exponent=st.floats(-8, 3),
+    volume=st.builds(
+        terraces, st.tuples(*[st.integers(1, 40)] * 3), st.sampled_from([np.uint8, np.float32]), st.integers(0, 5)
+    ),
+    error=st.sampled_from(list(MEASURES.values())),
+    spec=st.builds(PyramidSpec, st.sampled_from(["extinction", "opacity"]), st.sampled_from(["half", "single"])),
+    least=st.floats(-8, 3).map(lambda exponent: 10.0**exponent),
     finest_level=st.integers(0, 5),
-    seed=st.integers(0, 5),
 )
 def test_what_is_left_out_changes_no_cut(
-    shape: tuple[int, int, int],
-    dtype: Any,
-    measure: str,
-    average: Any,
-    precision: Any,
-    exponent: float,
-    finest_level: int,
-    seed: int,
+    volume: Volume, error: ErrorSpec, spec: PyramidSpec, least: float, finest_level: int
 ) -> None:
-    volume, error, spec = terraces(shape, dtype, seed), MEASURES[measure], PyramidSpec(average, precision)
-    least = 10.0**exponent
     whole = built(volume, spec=spec, error=error)
     part = built(volume, spec=spec, error=error, finest_cut=FinestCut(least, finest_level))
     assert all(some <= all_ for some, all_ in zip(num_nodes(part), num_nodes(whole), strict=True))

@@ -88,9 +88,7 @@ DIRECTIONS = {
 
 @pytest.mark.parametrize(("level", "name"), [(number % 5, name) for number, name in enumerate(DIRECTIONS)])
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-def test_optical_depth_inside_a_constant_block(
-    rasterizer: SplatRasterizer, level: int, projection: str, name: str
-) -> None:
+def test_optical_depth_inside_a_constant_block(rasterizer, level: int, projection: str, name: str) -> None:
     """8 cells of one level along each edge, the last ones cut short by the border where it is not level 0."""
     num, step = (8 << level) - level, 1 << level
     volume = constant((num, num, num))

@@ -21,7 +21,7 @@ from renderer.frame import Stage, prepare_stage, render_frames, view_of
 from renderer.job import FilmVisibility, FrameRecord, visibility_text
 from renderer.job.film_visibility import film_visibility, range_record
 from renderer.job.record import VisibleRange
-from renderer.scene import ShadingSpec, TurntablePath, parse_scene
+from renderer.scene import ShadingSpec, parse_scene
 from renderer.transfer import TransferFunction
 from renderer.truth import RayIntegrator, SceneRays, TrueLayer
 from renderer.view import View
@@ -53,23 +53,6 @@ def rays(
 
 def noise_view() -> View:
     return look(tuple(noise().centre), 20.0)
-
-
-@pytest.mark.parametrize("is_reversed", [False, True])
-def test_two_slabs(is_reversed: bool) -> None:
-    """The first shows 1 - exp(-t1) of all rays, the second exp(-t1) (1 - exp(-t2))."""
-    slabs = np.repeat([0.0, 1.0], 2)[:: -1 if is_reversed else 1].reshape(-1, 1, 1)
-    extinctions = np.array([0.4, 1.1])
-    one, two = extinctions
-    transfer = transfer_of((0, GREY, one), (0.5, GREY, one), (0.5, GREY, two), (1, GREY, two))
-    above = look((0.0, 0.0, 1.5), 9.0, (1, 1), projection="orthographic", path=TurntablePath(1, 0.0, 90.0))
-    _, (visible,) = rays(volume(slabs), transfer, above)
-    first, second = (0, 1) if is_reversed else (1, 0)  # voxels of larger z are nearer
-    opacities = -np.expm1(-2 * extinctions)
-    expected = np.zeros(2)
-    expected[first] = opacities[first]
-    expected[second] = (1 - opacities[first]) * opacities[second]
-    np.testing.assert_allclose([visible[:3].sum(), visible[3:].sum()], expected, atol=1e-13)
 
 
 @pytest.mark.parametrize("shading", [None, SHADING, GLOSSY], ids=["plain", "lit", "glossy"])

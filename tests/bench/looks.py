@@ -49,11 +49,8 @@ def draw(path: Path) -> tuple[renderer.Scene, Pixels, float]:
     start = time.perf_counter()
     scene = renderer.suggest_scene(volume, size=SIZE, **options)
     seconds = time.perf_counter() - start
-    return (
-        scene,
-        np.concatenate([np.asarray(renderer.render_frame(scene, k))[..., :3] for k in FRAMES], axis=1),
-        seconds,
-    )
+    pictures = [np.asarray(renderer.render_frame(scene, k))[..., :3] for k in FRAMES]
+    return scene, np.concatenate(pictures, axis=1), seconds
 
 
 def agreement(scene: renderer.Scene) -> str:
@@ -80,14 +77,8 @@ def page(volumes: dict[str, Path]) -> None:
         part = found[k : k + ROWS_PER_PICTURE]
         name = f"looks_{k // ROWS_PER_PICTURE + 1}.jpg"
         iio.imwrite(PAGES / name, np.concatenate([picture for _, picture in part]), quality=85)
-        lines += [
-            "| volume | as asked for | s | clip |",
-            "|---|---|---|---|",
-            *(line for line, _ in part),
-            "",
-            f"![these volumes]({name})",
-            "",
-        ]
+        lines += ["| volume | as asked for | s | clip |", "|---|---|---|---|", *(line for line, _ in part)]
+        lines += ["", f"![these volumes]({name})", ""]
     write_page(PAGE, lines)
 
 

@@ -65,11 +65,9 @@ def page(studies: Mapping[str, dict[str, Any]]) -> Iterator[str]:
 def section(name: str, study: dict[str, Any]) -> Iterator[str]:
     """One scene."""
     own, peer = points(study, "hsplat"), points(study, "vtk")
-    yield ""
-    yield f"## {name}"
-    yield ""
+    yield from ("", f"## {name}", "")
     yield "| accuracy | hsplat | tolerance | VTK | VTK's setting | hsplat / VTK | goal |"
-    yield "| --- | --- | --- | --- | --- | --- | --- |"
+    yield "| --- " * 7 + "|"
     best = max(point.psnr for point in peer)
     for psnr, goal in (*GOALS, (best, GOAL_AT_BEST)):
         mine, theirs = fastest(own, psnr), fastest(peer, psnr)
@@ -78,9 +76,7 @@ def section(name: str, study: dict[str, Any]) -> Iterator[str]:
             f"| {psnr:.1f} dB | {shown(mine)} | {mine.setting.removeprefix('tolerance ') if mine else ''} "
             f"| {shown(theirs)} | {theirs.setting if theirs else ''} | {ratio} | {goal:.2f} |"
         )
-    yield ""
-    yield "| tolerance | PSNR, dB | ms |"
-    yield "| --- | --- | --- |"
+    yield from ("", "| tolerance | PSNR, dB | ms |", "| --- | --- | --- |")
     for point in own:
         yield f"| {point.setting.removeprefix('tolerance ')} | {point.psnr:.1f} | {point.ms:.1f} |"
 

@@ -27,9 +27,7 @@ ANGLES = ("azimuth", "elevation", "start", "swing", "field_of_view")
 
 
 @pytest.mark.parametrize("first", range(0, SCENES, AT_ONCE))
-def test_right_pictures_or_clear_errors(
-    rasterizer_for: Callable[[Scene], Rasterizer], tmp_path: Path, first: int
-) -> None:
+def test_right_pictures_or_clear_errors(rasterizer_for, tmp_path, first: int) -> None:
     verdicts = [
         judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer_for)
         for index in range(first, first + AT_ONCE)
@@ -54,9 +52,7 @@ def test_numbers_of_any_size(rasterizer_for: Callable[[Scene], Rasterizer], tmp_
     assert sum(verdict.outcome == "picture" for verdict in verdicts) > 30
 
 
-def test_pictures_in_chunks(
-    rasterizer_for: Callable[[Scene], Rasterizer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pictures_in_chunks(rasterizer_for, tmp_path, monkeypatch) -> None:
     """Scenes here have too few splats to be drawn in chunks, unless these are small."""
     monkeypatch.setattr(raster_gl, "MIN_CHUNK_SPLATS", CHUNK)
     monkeypatch.setattr(raster_gl, "splats_per_chunk", lambda *_: CHUNK)

@@ -125,9 +125,7 @@ def refuse(path: Path, *_: Any) -> Any:
         (fill_memory, "MiB of memory"), (warn, "a warning of numpy"), (refuse_at_length, "a line of 507 characters"),
         (refuse_another_file, "names another and not its file"), (refuse, "refused what is not damaged")],
 )  # fmt: skip
-def test_faults_are_seen(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, base: Base, fault: Callable[..., Any], why: str
-) -> None:
+def test_faults_are_seen(tmp_path, monkeypatch, base: Base, fault: Callable[..., Any], why: str) -> None:
     for name, limit in (("MAX_SECONDS", 1), ("_CHILD_SECONDS", 0), ("_PATIENCE_S", 3), ("MAX_BYTES", 2**26)):
         monkeypatch.setattr(judge_volumes, name, limit)
     assert judge_volume(unchanged(base), tmp_path / "right").outcome == "same"

@@ -101,9 +101,7 @@ def test_more_bricks_than_slots_are_not_uploaded_ahead(monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize("shading", [None, ShadingSpec(), GLOSSY], ids=["plain", "lit", "glossy"])
-def test_pictures_do_not_depend_on_the_number_of_threads(
-    monkeypatch: pytest.MonkeyPatch, shading: ShadingSpec | None
-) -> None:
+def test_pictures_do_not_depend_on_the_number_of_threads(monkeypatch, shading: ShadingSpec | None) -> None:
     """Neither bricks nor the interpolation between the pixels of subsampled grids depend on it."""
     monkeypatch.setattr(threads, "MIN_PIXELS_PER_THREAD", 1)
     batches, view, _ = subject(shading)

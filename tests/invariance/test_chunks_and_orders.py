@@ -28,9 +28,7 @@ def tilted(degrees: float) -> Float64:
 
 @pytest.mark.parametrize("footprint", ["gaussian", "gouraud"])
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-def test_chunks_draw_what_one_go_draws(
-    rasterizer: SplatRasterizer, monkeypatch: pytest.MonkeyPatch, footprint: str, projection: str
-) -> None:
+def test_chunks_draw_what_one_go_draws(rasterizer, monkeypatch, footprint: str, projection: str) -> None:
     """Wherever the splats are: in the middle, beside and partly beside the picture, around the eye.
 
     300 layers at most; they differ by the rounding of float32, 6 u each.

@@ -45,9 +45,7 @@ def draw(gl: SplatRasterizer, cut: Cut, view: View, spec: SplatSpec) -> Float32:
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
-def test_a_frame_does_not_depend_on_what_was_drawn_before(
-    rasterizer: SplatRasterizer, cut: Cut, footprint: str
-) -> None:
+def test_a_frame_does_not_depend_on_what_was_drawn_before(rasterizer, cut: Cut, footprint: str) -> None:
     """Nor on whose context it is: other size, other footprint, other numbers of splats in between; a fresh context."""
     spec = SplatSpec(footprint)  # type: ignore[arg-type]
     first = draw(rasterizer, cut, view_of(cut), spec)
@@ -72,9 +70,7 @@ CULLING_VIEWS = {
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
 @pytest.mark.parametrize("name", CULLING_VIEWS)
-def test_what_is_culled_would_have_left_nothing(
-    rasterizer: SplatRasterizer, cut: Cut, footprint: str, name: str
-) -> None:
+def test_what_is_culled_would_have_left_nothing(rasterizer, cut: Cut, footprint: str, name: str) -> None:
     """Drawn or not, first or last: a splat that `visible_order` leaves out changes no byte."""
     view = view_of(cut, **{"size": (40, 30), **CULLING_VIEWS[name]})  # type: ignore[arg-type]
     images = with_and_without_culled(rasterizer, cut, view, footprint, at_least=20)
@@ -84,9 +80,7 @@ def test_what_is_culled_would_have_left_nothing(
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-def test_splats_beside_the_image_are_culled_by_what_would_be_drawn(
-    rasterizer: SplatRasterizer, cut: Cut, projection: str
-) -> None:
+def test_splats_beside_the_image_are_culled_by_what_would_be_drawn(rasterizer, cut: Cut, projection: str) -> None:
     """Large opaque ones around a wide angle, whose linearised footprints are larger than their true images."""
     view = view_of(cut, projection, distance=10.0, field_of_view=90.0, size=(160, 120))
     away = np.random.default_rng(4).uniform([-150, -150, 5], [310, 270, 12], (3000, 3))
@@ -98,9 +92,7 @@ def test_splats_beside_the_image_are_culled_by_what_would_be_drawn(
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
-def test_what_the_near_plane_culls_would_have_left_next_to_nothing(
-    rasterizer: SplatRasterizer, cut: Cut, footprint: str
-) -> None:
+def test_what_the_near_plane_culls_would_have_left_next_to_nothing(rasterizer, cut: Cut, footprint: str) -> None:
     """What is cut off further out than a footprint reaches is that share of its optical depth: here at most 4 a cell,
     of up to 4 cells that overlap."""
     batch = make_splats(cut, SplatSpec(footprint))  # type: ignore[arg-type]
@@ -124,9 +116,7 @@ def with_and_without_culled(gl: SplatRasterizer, cut: Cut, view: View, footprint
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
 @pytest.mark.parametrize("batch_size", [1, 7])
-def test_batches_of_any_size_draw_the_same(
-    rasterizer: SplatRasterizer, cut: Cut, monkeypatch: pytest.MonkeyPatch, footprint: str, batch_size: int
-) -> None:
+def test_batches_of_any_size_draw_the_same(rasterizer, cut: Cut, monkeypatch, footprint: str, batch_size: int) -> None:
     spec = SplatSpec(footprint)  # type: ignore[arg-type]
     whole = draw(rasterizer, cut, view_of(cut), spec)
     monkeypatch.setattr(raster_gl, "BATCH_SIZE", batch_size)

@@ -87,17 +87,6 @@ def test_a_disk_that_is_full(output: str, suffix: str, monkeypatch, capsys) -> N
     assert not [path for path in Path().rglob("*") if "partial" in path.name]
 
 
-@pytest.mark.parametrize("output", ["film.mp4", "film.gif"])
-def test_a_disk_that_is_full_while_a_film_is_encoded(output: str, fake_ffmpeg, capsys) -> None:
-    fake_ffmpeg("cat > /dev/null; echo 'No space left on device' >&2; exit 1")
-    before = {*Path().rglob("*.*")}
-    kept = "6 of 6 frames are kept; the same command resumes there\n"
-    assert render(capsys, "--output", output) == (1, f"{kept}{output}: {FULL}")
-    left = {path for path in {*Path().rglob("*.*")} - before if not path.match("*.unfinished/fingerprint-*.json")}
-    frames = {Path(f"{output}.unfinished/00000{i}.{suffix}") for i in range(6) for suffix in ("json", "png")}
-    assert left == {*frames, Path(f"{output}.unfinished")}
-
-
 @pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
 def test_an_output_folder_that_vanishes(output: str, monkeypatch, capsys) -> None:
     folder = Path("out", "frames.unfinished" if output == "{frame}.png" else f"{output}.unfinished")

@@ -72,9 +72,7 @@ def hilly(affine: str, shading: ShadingSpec | None, dtype: str = "uint8") -> Bri
 
 
 @SHADED_AFFINES
-def test_cuts_of_one_level_and_of_many(
-    brick_rasterizer: BrickRasterizer, affine: str, shading: ShadingSpec | None
-) -> None:
+def test_cuts_of_one_level_and_of_many(brick_rasterizer, affine: str, shading: ShadingSpec | None) -> None:
     """From outside and inside, through the near plane, and from where bricks meet."""
     bricks = hilly(affine, shading)
     cuts = [level_cut(bricks, 0), level_cut(bricks, 1), *(random_cut(bricks, seed) for seed in (5, 6, 7))]
@@ -120,9 +118,7 @@ def test_the_eye_in_a_plane_between_bricks(brick_rasterizer: BrickRasterizer, az
     ("strides", "size"),
     [((2,), (20, 15)), ((4, 1), (33, 25)), ((8, 2), (40, 12)), ((8, 4, 1), (33, 25)), ((4, 1), (1, 1))],
 )
-def test_subsampled_pixel_grids(
-    brick_rasterizer: BrickRasterizer, strides: tuple[int, ...], size: tuple[int, int]
-) -> None:
+def test_subsampled_pixel_grids(brick_rasterizer, strides: tuple[int, ...], size: tuple[int, int]) -> None:
     """The same pixels are interpolated, except a few whose blocks are at the threshold."""
     bricks = hilly("oblique", None)
     cut = random_cut(bricks, 5)

@@ -149,9 +149,7 @@ def test_the_near_plane_cuts_splats(rasterizer: SplatRasterizer, footprint: str,
 
 
 @pytest.mark.parametrize("projection", PROJECTIONS)
-def test_splats_behind_the_eye_or_without_extinction_leave_nothing(
-    rasterizer: SplatRasterizer, projection: str
-) -> None:
+def test_splats_behind_the_eye_or_without_extinction_leave_nothing(rasterizer, projection: str) -> None:
     """The reference sees the tail of the normal distribution, where float64 can hold it."""
     view = look(projection)
     for depth in (-2.0, -300.0):
@@ -175,9 +173,7 @@ def test_a_profile_that_ends_in_a_step(rasterizer: SplatRasterizer) -> None:
 
 
 @pytest.mark.parametrize("largest_point_px", [1.0, 6.5])
-def test_quads_draw_what_points_draw(
-    rasterizer: SplatRasterizer, monkeypatch: pytest.MonkeyPatch, largest_point_px: float
-) -> None:
+def test_quads_draw_what_points_draw(rasterizer, monkeypatch, largest_point_px: float) -> None:
     """To the byte, in the same place in the order, whatever the driver's largest point is."""
     rng = np.random.default_rng(11)
     axes = random_axes(rng, 150, 0.05, 3.0)

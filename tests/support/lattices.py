@@ -12,14 +12,10 @@ SHAPES = [(1, 1, 1), (1, 1, 40), (40, 1, 1), (1, 23, 1), (2, 1, 3), (9, 17, 5), 
 ROTATION = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3
 # Index axes in the world, columns: straight, 1000 : 1, oblique, sheared, left-handed, all of it.
 MATRICES = [
-    np.eye(3),
-    np.diag([1.0, 1.0, 1000.0]),
-    np.diag([1e-3, 1.0, 1.0]),
-    ROTATION,
-    np.array([[1.0, 0.5, 0.2], [0.0, 1.0, 0.4], [0.0, 0.0, 1.0]]),
-    np.diag([-1.0, 1.0, 1.0]),
+    np.eye(3), np.diag([1.0, 1.0, 1000.0]), np.diag([1e-3, 1.0, 1.0]), ROTATION,
+    np.array([[1.0, 0.5, 0.2], [0.0, 1.0, 0.4], [0.0, 0.0, 1.0]]), np.diag([-1.0, 1.0, 1.0]),
     ROTATION @ np.array([[1.0, 0.3, 0.0], [0.0, -2.0, 0.1], [0.2, 0.0, 50.0]]),
-]
+]  # fmt: skip
 
 
 def turned(of: Volume, permutation: tuple[int, int, int], flips: tuple[int, ...]) -> Volume:

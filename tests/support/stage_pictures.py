@@ -28,5 +28,5 @@ def exact(stage: Stage, step: float = 0.5) -> Float64:
 
 
 def decibels(one: npt.ArrayLike, other: npt.ArrayLike) -> float:
-    """Return the peak signal-to-noise ratio of two pictures."""
-    return float(-10 * np.log10(np.mean(np.subtract(one, other) ** 2)))
+    """Return the peak signal-to-noise ratio of two pictures, 300 of equal ones."""
+    return float(-10 * np.log10(np.mean(np.subtract(one, other) ** 2) + 1e-30))

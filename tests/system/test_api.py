@@ -68,6 +68,7 @@ def test_numbered_pictures_of_some_frames(frames: Any) -> None:
 def test_an_array_is_drawn_like_its_file() -> None:
     """Also where the scene is what `hsplat init` suggests: `suggest_scene` reads the file or takes the array."""
     array = blob()
+    array[0] = np.nan
     np.save("scan.npy", array)
     assert main.run(["init", "scan.npy", "--size", "48x32", "--frames", "120", "--output", "init.yaml"]) == 0
     suggested = renderer.load_scene("init.yaml")
@@ -76,16 +77,6 @@ def test_an_array_is_drawn_like_its_file() -> None:
     image = renderer.render_frame(renderer.suggest_scene(array, size=(48, 32)), 40)
     assert image.max() > 50
     np.testing.assert_array_equal(image, renderer.render_frame(of_file, 40))
-
-
-def test_what_is_suggested_hides_what_is_no_number() -> None:
-    array = blob()
-    array[0] = np.nan
-    np.save("scan.npy", array)
-    assert main.run(["init", "scan.npy", "--size", "32", "--output", "init.yaml"]) == 0
-    expected = renderer.render_frame("init.yaml", 7)
-    np.testing.assert_array_equal(renderer.render_frame(array, 7, size=(32, 32)), expected)
-    assert np.isnan(array[0]).all()
 
 
 @pytest.mark.parametrize(

@@ -141,9 +141,7 @@ def test_another_step_is_another_film(capsys: pytest.CaptureFixture[str]) -> Non
         (lambda: Path("s_2.npy").unlink(), "no step 2 of 0 to 3"),
     ],
 )
-def test_wrong_steps_are_found_before_anything_is_drawn(
-    change: Any, message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_steps_are_found_before_anything_is_drawn(change: Any, message: str, capsys) -> None:
     change()
     assert main.run(["render", "scene.yaml", "--output", "out/{frame}.png"]) != 0
     assert message in capsys.readouterr().err

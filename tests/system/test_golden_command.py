@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import other_process, python
+from commands import other_process
 from resuming import watch_draws
 from small_scene import small_scene
 
@@ -173,37 +173,6 @@ def test_the_next_update_repairs_what_a_kill_leaves(num_done: int, monkeypatch: 
     shutil.rmtree(FOLDER)
     assert golden("--quiet", *options[3:]) == 0
     assert {name: content for name, (content, _) in files().items()} == repaired
-
-
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-from hsplat_cli import main
-
-replace = os.replace
-
-def dying(source, target):
-    if Path(target).parent.name == "goldens":
-        if Path(target).name == "frame-0001.png":
-            os.kill(os.getpid(), signal.SIGKILL)
-    replace(source, target)
-
-os.replace = dying
-main.run(sys.argv[1:])
-"""
-
-
-def test_an_update_completes_the_first_goldens_after_a_real_kill() -> None:
-    command_line = ("-c", KILLED, "golden", "scene.yaml", "goldens", "--quiet")
-    done = python(*command_line, TMPDIR=str(Path("temporary").absolute()))
-    assert done.returncode == -signal.SIGKILL
-    assert sorted(path.name for path in FOLDER.glob("*.*")) == ["frame-0000.png", "golden.json", "golden.unfinished"]
-    shutil.rmtree("temporary")  # as the system does in time
-    Path("temporary").mkdir()
-    assert golden() == 2, "it refuses goldens"
-    assert golden("--update", "--yes", "--quiet") == 0
-    assert sorted(files()) == [*NAMES, "golden.json"]
-    assert golden("--update") == 0, "nothing changes, so that nobody is asked"
 
 
 def test_two_commands_do_not_write_one_folder(capsys: pytest.CaptureFixture[str]) -> None:

@@ -116,24 +116,6 @@ def test_a_film_that_one_began_is_resumed_by_the_other(output: str, one: Maker, 
     assert_clean()
 
 
-@both_ways
-@pytest.mark.parametrize("error", [None, "splats: {0: 1, 4: 100}"])
-def test_parts_of_both_are_one_film(error: str | None, one: Maker, other: Maker, draws: Draws) -> None:
-    """It is up to date for both."""
-    write_scene(error=error)
-    expected = uninterrupted_files("film.mp4")
-    one.make("parts/{frame:04}.png", range(2))
-    other.make("parts/{frame:04}.png", range(2, 4))
-    one.make("parts/{frame:04}.png", range(4, 5))
-    Path("out/parts").rename("parts")
-    draws.take_numbers()
-    assert main.run(["assemble", "parts", "--output", "out/film.mp4", "--quiet"]) == 0
-    assert output_files() == expected
-    one.make("film.mp4")
-    other.make("film.mp4")
-    assert draws.take_numbers() == []
-
-
 def array_scene(output: str) -> renderer.Scene:
     z, y, x = np.ogrid[-1:1:12j, -1:1:14j, -1:1:16j]
     values = np.exp(-4 * (x * x + y * y + z * z)).astype(np.float32)
@@ -151,13 +133,3 @@ def test_parts_of_an_array_are_assembled(draws: Draws) -> None:
     assert Path("film.mp4").read_bytes() == Path("whole.mp4").read_bytes()
     renderer.render(array_scene("film.mp4"))
     assert draws.take_numbers() == []
-
-
-def test_the_film_of_an_array_resumes(draws: Draws) -> None:
-    draws.stop_at = 3
-    with pytest.raises(KeyboardInterrupt):
-        renderer.render(array_scene("film.mp4"))
-    draws.stop_at = None
-    first = draws.take_numbers()
-    renderer.render(array_scene("film.mp4"))
-    assert first + draws.take_numbers() == [*range(NUM_FRAMES)]

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import re
-import signal
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
@@ -98,29 +94,6 @@ def test_killed_at_any_operation_on_a_file(output: str) -> None:
 def started(output: str, *options: str) -> subprocess.Popen[str]:
     command = [*HSPLAT, *arguments(f"out/{output}", *options)]
     return subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def test_a_second_job_on_the_same_output(capsys: pytest.CaptureFixture[str]) -> None:
-    """It is refused, and the first one is unharmed, stopped or not."""
-    output = "film.mp4"
-    many = ("--set", "camera.path.frames=100")
-    with started(output, *many, "--quiet") as first:
-        while not any(Path().glob("out/*.unfinished/000001.json")):
-            time.sleep(0.005)
-        first.send_signal(signal.SIGSTOP)
-        for options in (("--force",), ("--progressive",), ("--frames", "0:5")):
-            assert main.run(arguments(f"out/{output}", *many, *options)) == 2
-            assert capsys.readouterr().err == (
-                f"out/{output}: another job is writing this output\n"
-                f"  got: process {first.pid} on {os.uname().nodename}\n"
-                "  hint: wait until it has finished, or choose another output\n"
-            )
-        first.send_signal(signal.SIGKILL)
-        first.communicate()
-    assert main.run(arguments(f"out/{output}", *many)) == 0
-    found = re.search(r"([0-9]+) of 100 frames (?:is|are) already finished", capsys.readouterr().err)
-    assert found and int(found[1]) >= 2
-    assert_clean()
 
 
 def test_jobs_with_different_frames_of_one_output() -> None:

@@ -25,13 +25,13 @@ def films(folder: str) -> dict[str, bytes]:
     return {name: (Path(folder) / name).read_bytes() for name in FRAMES}
 
 
-def test_films_without_opengl() -> None:
-    for workers in "1", "2":
-        output = ["--output", f"{workers}/{{frame}}.png"]
-        result = hsplat("render", "scene.yaml", "--workers", workers, *output, **NO_OPENGL)
+def test_the_same_bytes_as_beside_opengl() -> None:
+    for folder, workers, variables in (("with", "1", {}), ("without", "1", NO_OPENGL), ("workers", "2", NO_OPENGL)):
+        output = ["--output", f"{folder}/{{frame}}.png"]
+        result = hsplat("render", "scene.yaml", "--workers", workers, *output, **variables)
         assert result.returncode == 0, result.stderr
-    assert films("1") == films("2")
-    assert sidecar("2/frames.json")["device"] == BrickRasterizer.device
+        assert films(folder) == films("with")
+    assert sidecar("workers/frames.json")["device"] == BrickRasterizer.device
 
 
 def codes_without_opengl(*commands: str) -> tuple[list[int], str]:
@@ -60,12 +60,6 @@ def test_what_needs_opengl_is_an_error() -> None:
     )
     assert codes == [1] * 3
     assert said.count("no OpenGL 3.3 context could be made") == said.count("needs none") == 3, said
-
-
-def test_the_same_bytes_as_beside_opengl() -> None:
-    for folder, variables in (("with", {}), ("without", NO_OPENGL)):
-        assert hsplat("render", "scene.yaml", "--output", f"{folder}/{{frame}}.png", **variables).returncode == 0
-    assert films("with") == films("without")
 
 
 def test_bricks_open_no_opengl() -> None:

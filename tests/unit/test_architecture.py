@@ -20,41 +20,14 @@ MAX_FILE_LINES = 500
 # of them in renderer/, and after all of them in hsplat_cli/. The Python API uses all rooms of renderer/; none uses it.
 ORDER = {
     "renderer": [
-        "system",
-        "kernels",
-        "volume",
-        "looks",
-        "scene",
-        "readers",
-        "transfer",
-        "suggest",
-        "pyramid",
-        "lighting",
-        "splats",
-        "bricks",
-        "view",
-        "modes",
-        "layers",
-        "draw",
-        "film",
-        "annotation",
-        "frame",
-        "truth",
-        "accuracy",
-        "study",
-        "job",
+        "system", "kernels", "volume", "looks", "scene", "readers", "transfer", "suggest", "pyramid", "lighting",
+        "splats", "bricks", "view", "modes", "layers", "draw", "film", "annotation", "frame", "truth", "accuracy",
+        "study", "job",
     ],
     "hsplat_cli": [
-        "terminal",
-        "scenes",
-        "executors",
-        "reports",
-        "compare",
-        "studies",
-        "turntable",
-        "commands",
+        "terminal", "scenes", "executors", "reports", "compare", "studies", "turntable", "commands",
     ],
-}
+}  # fmt: skip
 API = "renderer.api"
 ROOMS = [f"{package}.{room}" for package, rooms in ORDER.items() for room in rooms]
 

@@ -111,9 +111,7 @@ def test_opengl_works_where_the_tests_run_and_its_absence_is_found(checkout: Pat
     assert problem.startswith("OpenGL without a screen: ") and "Error" not in problem
 
 
-def test_an_ordinary_user_gets_the_line(
-    runs: Runs, require_opengl: Callable[..., None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_ordinary_user_gets_the_line(runs: Runs, require_opengl: Callable[..., None], monkeypatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     with pytest.raises(bootstrap.SetupError) as caught:
         require_opengl(GL_PROBLEM)
@@ -125,9 +123,7 @@ def test_an_ordinary_user_gets_the_line(
     assert runs.commands == []
 
 
-def test_root_installs_what_is_missing(
-    runs: Runs, require_opengl: Callable[..., None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_root_installs_what_is_missing(runs: Runs, require_opengl: Callable[..., None], monkeypatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     require_opengl(GL_PROBLEM, "")
     assert runs.commands == [
@@ -149,9 +145,7 @@ def test_packages_that_do_not_help_are_an_error(
         require_opengl(GL_PROBLEM, GL_PROBLEM)
 
 
-def test_a_machine_without_apt_is_an_error(
-    require_opengl: Callable[..., None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_machine_without_apt_is_an_error(require_opengl: Callable[..., None], monkeypatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(bootstrap.SetupError) as caught:
         require_opengl(GL_PROBLEM)
@@ -225,9 +219,7 @@ def test_other_code_cannot_come_before_the_wheel(monkeypatch: pytest.MonkeyPatch
     assert bootstrap.run(sys.executable, "-c", code, ADDED="1") == 7
 
 
-def test_a_missing_program_is_an_error(
-    checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_program_is_an_error(checkout: Path, monkeypatch, capsys) -> None:
     monkeypatch.setattr(sys, "executable", str(checkout / "absent"))
     monkeypatch.setattr(bootstrap, "find_venv_problem", str)
     assert bootstrap.main(["demo"]) == 1

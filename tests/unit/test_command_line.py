@@ -73,15 +73,6 @@ def test_summaries_are_those_of_the_commands() -> None:
         assert command.help.partition("\n\n")[0] == summary
 
 
-def test_results_and_errors_have_their_streams_and_codes(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["check", str(DEMO)]) == 0
-    out, err = capsys.readouterr()
-    assert (out.partition("\n")[0], err) == (f"{DEMO}: ok", "")
-    assert main.run(["check", str(DEMO), "--set", "camera.distance=-3"]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.partition("\n")[0]) == ("", "--set camera.distance=-3: camera.distance: out of range")
-
-
 def test_no_arguments_are_answered_with_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     main.run([])
     lines = "".join(capsys.readouterr()).splitlines()
@@ -119,9 +110,7 @@ def test_wrong_usage_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
         (["render", str(DEMO), "--output=~/demo.mp4"], "--output ~/demo.mp4: output.file"),
     ],
 )
-def test_no_output_is_in_a_folder_named_tilde(
-    arguments: list[str], where: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_output_is_in_a_folder_named_tilde(arguments: list[str], where: str, folder, capsys) -> None:
     assert main.run(arguments) == 2
     text = capsys.readouterr().err
     assert text.startswith(f"{where}: a folder named ~\n")
@@ -147,6 +136,9 @@ def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
     return run
 
 
+BUG = " (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)\n"
+
+
 @pytest.mark.parametrize(
     ("error", "code", "message"),
     [
@@ -159,35 +151,19 @@ def fail(monkeypatch: pytest.MonkeyPatch) -> Fail:
         (ImportError("libX.so: failed to map segment from shared object"), 1, "hsplat: out of memory\n"),
         (OSError(errno.ENOMEM, "Cannot allocate memory", "a.npy"), 1, "hsplat: out of memory\n"),
         (click.exceptions.Exit(1), 1, ""),
-        (
-            KeyError("a\nb"),
-            1,
-            r"hsplat: unexpected KeyError: 'a\nb' (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)" + "\n",
-        ),
-        (
-            EOFError("two\nlines"),
-            1,
-            "hsplat: unexpected EOFError: two\\nlines (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)\n",
-        ),
-        (
-            BrokenPipeError(32, "Broken pipe"),  # not that of the standard output, which is fine
-            1,
-            "hsplat: unexpected BrokenPipeError: [Errno 32] Broken pipe"
-            " (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)\n",
-        ),
+        (KeyError("a\nb"), 1, r"hsplat: unexpected KeyError: 'a\nb'" + BUG),
+        (EOFError("two\nlines"), 1, r"hsplat: unexpected EOFError: two\nlines" + BUG),
+        # Not that of the standard output, which is fine.
+        (BrokenPipeError(32, "Broken pipe"), 1, "hsplat: unexpected BrokenPipeError: [Errno 32] Broken pipe" + BUG),
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else None,
 )
-def test_every_error_is_a_message_and_a_code(
-    fail: Fail, capsys: pytest.CaptureFixture[str], error: BaseException, code: int, message: str
-) -> None:
+def test_every_error_is_a_message_and_a_code(fail: Fail, capsys, error: BaseException, code: int, message: str) -> None:
     assert fail(error) == code
     assert capsys.readouterr() == ("", message)
 
 
-def test_a_lack_of_memory_is_found_behind_the_error_of_a_library(
-    fail: Fail, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lack_of_memory_is_found_behind_the_error_of_a_library(fail: Fail, capsys, monkeypatch) -> None:
     error = OSError("Could not find the library")
     error.__context__ = OSError("lib.so: failed to map segment from shared object")
     monkeypatch.setattr(resource, "getrlimit", lambda _: (1_500_000 * 1024, -1))
@@ -211,9 +187,7 @@ def test_failures_of_what_finds_differences_have_the_code_2(
     assert main.run([name]) == 2
 
 
-def test_a_variable_shows_the_traceback(
-    fail: Fail, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_variable_shows_the_traceback(fail: Fail, capsys, monkeypatch) -> None:
     monkeypatch.setenv("HSPLAT_DEBUG", "1")
     assert fail(KeyError("a")) == 1
     assert "Traceback" in capsys.readouterr().err

@@ -48,10 +48,7 @@ def test_powers_keep_their_digits(exponent: float) -> None:
 
 def brick(keys: Any) -> Any:
     """Texels that tell of their key."""
-    return np.broadcast_to(
-        np.asarray(keys, np.float32)[:, None, None, None],
-        (len(keys), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE),
-    )
+    return np.broadcast_to(np.asarray(keys, np.float32)[:, None, None, None], (len(keys), *3 * (PADDED_BRICK_SIZE,)))
 
 
 def content(atlas: Atlas, keys: Any) -> list[float]:

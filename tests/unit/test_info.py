@@ -146,18 +146,13 @@ def test_wrong_numbers_are_errors_of_their_option(option, text):
 @pytest.mark.parametrize(
     ("option", "text", "hint"),
     [
-        ("--dtype", "uchar", "did you mean uint8?"),
-        ("--dtype", "UINT8", "did you mean uint8?"),
-        ("--dtype", "int12", "did you mean int16?"),
-        ("--dtype", ">u2", "did you mean uint16 with byte order big?"),
-        ("--dtype", "<f4", "did you mean float32?"),
-        ("--dtype", "", None),
-        ("--byte-order", "bigg", "did you mean big?"),
-        ("--offset", "-1", None),
-        ("--time", "one", None),
+        ("--dtype", "uchar", "did you mean uint8?"), ("--dtype", "UINT8", "did you mean uint8?"),
+        ("--dtype", "int12", "did you mean int16?"), ("--dtype", ">u2", "did you mean uint16 with byte order big?"),
+        ("--dtype", "<f4", "did you mean float32?"), ("--dtype", "", None),
+        ("--byte-order", "bigg", "did you mean big?"), ("--offset", "-1", None), ("--time", "one", None),
         ("--component", "1.5", None),
     ],
-)
+)  # fmt: skip
 def test_options_are_read_as_the_keys_of_a_scene(option, text, hint):
     with pytest.raises(SceneError) as caught:
         run("a.raw", "--shape", "5,4,3", option, text)

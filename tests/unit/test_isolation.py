@@ -119,9 +119,7 @@ def test_errors_of_the_input_come_back_as_they_are() -> None:
         ("loop", "reading this file ended the process that decodes it", "signal SIGXCPU"),
     ],
 )
-def test_all_else_is_an_error_of_the_input(
-    name: str, what: str, got: str | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_all_else_is_an_error_of_the_input(name: str, what: str, got: str | None, monkeypatch) -> None:
     monkeypatch.setattr("renderer.readers.isolation._SECONDS", 2)
     with pytest.raises(InputError) as error:
         read(name)
@@ -154,9 +152,7 @@ def test_sparse_files_have_no_more_time(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.parametrize("executable", ["", None, "/no/python"])
-def test_a_process_that_cannot_start_is_no_fault_of_the_file(
-    executable: str | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_process_that_cannot_start_is_no_fault_of_the_file(executable: str | None, monkeypatch) -> None:
     monkeypatch.setattr(sys, "executable", executable)
     with pytest.raises(RenderError) as error:
         read("ramp")

@@ -17,7 +17,6 @@ from renderer.bricks import make_bricks, mean_texels, scalar_texels
 from renderer.draw import BrickRasterizer
 from renderer.errors import InputError
 from renderer.frame import Stage, deserialize_stage, prepare_stage, render_frames, serialize_stage
-from renderer.pyramid import build_pyramid
 from renderer.readers import common, read_volume
 from renderer.scene import ErrorSpec, PyramidSpec, RawSource, Scene, VolumeSpec
 from renderer.suggest import compute_statistics
@@ -77,14 +76,10 @@ DETACHED = {
 @pytest.mark.parametrize(
     ("name", "line", "skipped"),
     [
-        ("v.nhdr", "", 0),
-        ("v.nhdr", "byte skip: 5\n", 5),
-        ("v.nhdr", "byte skip: -1\n", 5),
-        ("v.mhd", "", 0),
-        ("v.mhd", "HeaderSize = 5\n", 5),
-        ("v.mhd", "HeaderSize = -1\n", 5),
+        ("v.nhdr", "", 0), ("v.nhdr", "byte skip: 5\n", 5), ("v.nhdr", "byte skip: -1\n", 5), ("v.mhd", "", 0),
+        ("v.mhd", "HeaderSize = 5\n", 5), ("v.mhd", "HeaderSize = -1\n", 5),
     ],
-)
+)  # fmt: skip
 def test_detached_voxels(name: str, line: str, skipped: int, tmp_path: Path) -> None:
     (tmp_path / "voxels.raw").write_bytes(bytes(skipped) + noise().tobytes())
     (tmp_path / name).write_text(DETACHED[name].format(line))
@@ -188,20 +183,6 @@ def test_a_file_that_changes_between_build_and_frame(scene, change, tmp_path, ra
     with pytest.raises(InputError) as raised:
         list(render_frames(stage, [1], rasterizer_for(scene), clock=lambda: 0.0))
     assert str(raised.value) == message
-
-
-def test_a_file_that_shrinks_during_a_build(tmp_path: Path) -> None:
-    """The file loses all its voxels after the first task."""
-    volume = read_volume(raw(tmp_path / "v.raw", noise((64, 64, 64 * 5)) * 2))
-    streamed = []
-
-    def record(level: int, *_: Any) -> None:
-        streamed.append(level)
-        os.truncate(tmp_path / "v.raw", 0)
-
-    with pytest.raises(InputError, match="became shorter while it was in use"):
-        build_pyramid(volume, SOFT, spec=PyramidSpec(), error=ErrorSpec(), num_threads=1, on_nodes=record)
-    assert streamed == [1, 2]  # the first task had read all that it needs, and no other one began
 
 
 def test_a_file_that_shrinks_before_texels_are_read(tmp_path: Path) -> None:

@@ -118,12 +118,7 @@ def test_what_is_made_of_moving_values_moves() -> None:
 # In scenes
 
 MOVES: list[tuple[str, str, Any, Any]] = [
-    (
-        "clip",
-        "clip.0.plane.point",
-        [{"plane": {"point": {0: [8, 3, 6], 40: [0, 3, 6]}, "normal": AXIS}}],
-        (6, 3, 6),
-    ),
+    ("clip", "clip.0.plane.point", [{"plane": {"point": {0: [8, 3, 6], 40: [0, 3, 6]}, "normal": AXIS}}], (6, 3, 6)),
     ("clip", "clip.0.box.1.2", [{"box": {0: [[0, 0, 0], [1, 1, 1]], 20: [[0, 0, 0], [9, 9, 9]]}}], 5.0),
     ("clip", "clip.0.box.1.2", [{"box": [[0, 0, 0], [1, 1, {0: 1, 20: 9}]]}], 5.0),
     ("transfer_function.points.1.opacity", "transfer_function.mapping.1.opacity", {0: 0.1, 20: 0.3}, 0.2),

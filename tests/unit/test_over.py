@@ -38,7 +38,9 @@ def noisy(inside: Array, seed: int = 0) -> Array:
     return (100 + 900 * inside + noise).astype(np.float32)
 
 
-def placed(values: Array, spacing: float, centre: tuple[float, float, float], turn: float = 0.0) -> Volume:
+def placed(
+    values: Array, spacing: float = 1.0, centre: tuple[float, float, float] = (0, 0, 0), turn: float = 0.0
+) -> Volume:
     """Return a volume around a place in the world, turned about z."""
     affine = np.eye(4)
     affine[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
@@ -110,10 +112,7 @@ def test_exact_rays_show_the_upper_volume_as_solved(
 
 
 def test_a_volume_around_the_other_one_becomes_translucent() -> None:
-    upper, lower = (
-        placed(noisy(ball((0, 0, 0), 0.8)), 1.0, (0, 0, 0)),
-        placed(noisy(ball((0, 0, 0), 0.8)), 0.5, (0, 0, 0)),
-    )
+    upper, lower = (placed(noisy(ball((0, 0, 0), 0.8)), spacing) for spacing in (1.0, 0.5))
     found = over(upper, lower)
     assert found[0].weight < 1 < found[1].weight
     assert exact_share(found, (upper, lower)) == pytest.approx(UPPER_SHARE, abs=0.05)
@@ -125,15 +124,10 @@ def chromas(transfer: TransferSpec) -> list[float]:
 
 
 def test_colors_are_told_apart() -> None:
-    upper, lower = (
-        placed(noisy(ball((0, 0, 0), 0.8)), 0.5, (0, 0, 0)),
-        placed(noisy(ball((0, 0, 0), 0.8)), 1.0, (0, 0, 0)),
-    )
+    upper, lower = (placed(noisy(ball((0, 0, 0), 0.8)), spacing) for spacing in (0.5, 1.0))
     warm, grey = (each.suggestion.transfer for each in over(upper, lower))
     assert min(chromas(warm)) > 0.3 and max(chromas(grey)) == 0
-    assert isinstance(warm.mapping, tuple) and all(
-        red > green > blue for red, green, blue in (p.color for p in warm.mapping)
-    )
+    assert isinstance(warm.mapping, tuple) and all(r > g > b for r, g, b in (p.color for p in warm.mapping))
     wished = over(upper, lower, Wish("viridis"))[0].suggestion.transfer.mapping
     assert not isinstance(wished, tuple) and wished.name == "viridis"
 

@@ -38,11 +38,9 @@ def lumps() -> Volume:
 
 @pytest.fixture(scope="module", params=["optical", "rms", "scalar"])
 def stage(request: pytest.FixtureRequest) -> Stage:
-    error = {
-        "optical": ErrorSpec(0.1),
-        "rms": ErrorSpec(0.1, "rms"),
-        "scalar": ErrorSpec(9.0, "rms", "scalar"),
-    }[request.param]
+    error = {"optical": ErrorSpec(0.1), "rms": ErrorSpec(0.1, "rms"), "scalar": ErrorSpec(9.0, "rms", "scalar")}[
+        request.param
+    ]
     return stage_of(replace(PLAIN, error=error), lumps())
 
 

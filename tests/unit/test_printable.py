@@ -39,12 +39,7 @@ def test_any_text_is_one_line_that_can_be_encoded(text: str) -> None:
 
 def test_a_line_break_in_a_value_begins_no_line_of_a_message() -> None:
     error = InputError("no\nfile", where="a\n.npy", got="b\n", expected="\nc", hint="d\n  hint: e")
-    assert str(error).split("\n") == [
-        r"a\n.npy: no\nfile",
-        r"  got: b\n",
-        r"  expected: \nc",
-        r"  hint: d\n  hint: e",
-    ]
+    assert str(error).split("\n") == [r"a\n.npy: no\nfile", r"  got: b\n", r"  expected: \nc", r"  hint: d\n  hint: e"]
     problem = Problem("camera\n.path", "unknown key", location="\x1bscene.yaml:1:1")
     assert str(SceneError([problem, problem])).split("\n") == [r"\x1bscene.yaml:1:1: camera\n.path: unknown key"] * 2
 

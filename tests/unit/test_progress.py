@@ -86,9 +86,7 @@ def test_durations(seconds: float, text: str) -> None:
 
 
 @pytest.mark.parametrize("is_quiet", [True, False])
-def test_progress_goes_to_the_error_stream_or_nowhere(
-    is_quiet: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_progress_goes_to_the_error_stream_or_nowhere(is_quiet: bool, capsys, monkeypatch) -> None:
     for is_terminal in (False, True):
         monkeypatch.setattr(sys.stderr, "isatty", lambda is_terminal=is_terminal: is_terminal)
         with Reporter(is_quiet).progress(1, label="film") as bar:

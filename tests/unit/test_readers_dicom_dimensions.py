@@ -63,14 +63,10 @@ def position(z: float) -> tuple[str, list[str]]:
 @pytest.mark.parametrize(
     "name",
     [
-        "TemporalPositionIdentifier",
-        "TriggerTime",
-        "AcquisitionNumber",
-        "AcquisitionTime",
-        "ContentTime",
+        "TemporalPositionIdentifier", "TriggerTime", "AcquisitionNumber", "AcquisitionTime", "ContentTime",
         "InstanceNumber",
     ],
-)
+)  # fmt: skip
 def test_times_in_a_folder(tmp_path: Path, name: str, is_time_fastest: bool) -> None:
     values = planes(3, 4)
     for t in range(3):

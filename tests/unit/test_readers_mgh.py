@@ -66,17 +66,11 @@ def test_a_volume_without_a_place_is_coronal(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("place", "form", "number", "match"),
     [
-        (0, ">i", 2, "not an MGH file"),
-        (4, ">i", 0, "no voxels"),
-        (4, ">i", -3, "no voxels"),
-        (4, ">i", 2**31 - 1, "shorter"),
-        (16, ">i", 0, "no voxels"),
-        (20, ">i", 6, "this type of MGH"),
-        (30, ">f", 0, "no volume"),
-        (42, ">f", float("nan"), "no volume"),
-        (78, ">f", float("inf"), "no volume"),
+        (0, ">i", 2, "not an MGH file"), (4, ">i", 0, "no voxels"), (4, ">i", -3, "no voxels"),
+        (4, ">i", 2**31 - 1, "shorter"), (16, ">i", 0, "no voxels"), (20, ">i", 6, "this type of MGH"),
+        (30, ">f", 0, "no volume"), (42, ">f", float("nan"), "no volume"), (78, ">f", float("inf"), "no volume"),
     ],
-)
+)  # fmt: skip
 def test_damaged_headers_are_refused(tmp_path: Path, place: int, form: str, number: float, match: str) -> None:
     refused(_changed(tmp_path, place, form, number), match)
 

@@ -40,17 +40,11 @@ def read(header: str, text: str) -> npt.NDArray[np.generic]:
 @pytest.mark.parametrize(
     "named",
     [
-        LIST,
-        LIST.replace("\n", "\r\n"),
-        LIST.replace("slice", '"slice').replace(".raw", '.raw"'),
-        '"slice%02d.raw" 1 4 1\n',
-        LIST.replace("LIST", "LIST 2"),
-        LIST.replace("LIST", "LIST 2D"),
-        "slice%02d.raw 1 4 1\n",
-        "slice%02d.raw 1 4 1 2\n",
-        "slice%02d.raw\n",
+        LIST, LIST.replace("\n", "\r\n"), LIST.replace("slice", '"slice').replace(".raw", '.raw"'),
+        '"slice%02d.raw" 1 4 1\n', LIST.replace("LIST", "LIST 2"), LIST.replace("LIST", "LIST 2D"),
+        "slice%02d.raw 1 4 1\n", "slice%02d.raw 1 4 1 2\n", "slice%02d.raw\n",
     ],
-)
+)  # fmt: skip
 def test_each_slice_has_a_file(header: str, named: str) -> None:
     np.testing.assert_array_equal(read(header, NAMINGS[header] + named), VALUES)
 

@@ -109,19 +109,15 @@ def test_ome_without_a_size_along_z(tmp_path):
 @pytest.mark.parametrize(
     ("shape", "axes", "choice", "part"),
     [
-        ((2, 4, 5, 6), "TZYX", {"time": 1}, np.s_[1]),
-        ((3, 4, 5, 6), "CZYX", {"component": 2}, np.s_[2]),
+        ((2, 4, 5, 6), "TZYX", {"time": 1}, np.s_[1]), ((3, 4, 5, 6), "CZYX", {"component": 2}, np.s_[2]),
         ((4, 3, 5, 6), "ZCYX", {"component": 2}, np.s_[:, 2]),
         ((2, 3, 4, 5, 6), "TCZYX", {"time": 1, "component": 2}, np.s_[1, 2]),
-        ((2, 4, 3, 5, 6), "TZCYX", {"time": 1, "component": 2}, np.s_[1, :, 2]),
-        ((4, 5, 6), "QYX", {}, np.s_[:]),
-        ((4, 5, 6), "TYX", {"time": 3}, np.s_[3:]),
-        ((2, 4, 5, 6), "PZYX", {"time": 1}, np.s_[1]),
-        ((2, 4, 5, 6), None, {"time": 1}, np.s_[1]),
-        ((2, 3, 4, 5, 6), None, {"time": 1, "component": 2}, np.s_[1, 2]),
+        ((2, 4, 3, 5, 6), "TZCYX", {"time": 1, "component": 2}, np.s_[1, :, 2]), ((4, 5, 6), "QYX", {}, np.s_[:]),
+        ((4, 5, 6), "TYX", {"time": 3}, np.s_[3:]), ((2, 4, 5, 6), "PZYX", {"time": 1}, np.s_[1]),
+        ((2, 4, 5, 6), None, {"time": 1}, np.s_[1]), ((2, 3, 4, 5, 6), None, {"time": 1, "component": 2}, np.s_[1, 2]),
         ((4, 5, 6, 1), None, {}, np.s_[..., 0]),
     ],
-)
+)  # fmt: skip
 @pytest.mark.parametrize("truncate", [False, True])
 def test_arrays_of_tifffile(tmp_path, shape, axes, choice, part, truncate):
     values = ramp("uint16", shape)

@@ -105,9 +105,7 @@ def test_only_a_context_of_the_same_device_replaces_a_lost_one(
         assert recovering.notes == []
 
 
-def test_the_command_continues_and_prints_a_note(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_continues_and_prints_a_note(folder, monkeypatch, capsys) -> None:
     Path("scene.yaml").write_text(small_scene(footprint="gaussian"), encoding="utf-8")
     assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "whole.mp4"]) == 0
     assert "note: OpenGL" not in capsys.readouterr().out
@@ -178,9 +176,7 @@ def refuse_pictures(step: str, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("limit", ["GL_MAX_TEXTURE_SIZE", "GL_MAX_RENDERBUFFER_SIZE", "GL_MAX_VIEWPORT_DIMS"])
-def test_a_picture_beyond_the_limits_of_a_device(
-    limit: str, rasterizer: SplatRasterizer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_picture_beyond_the_limits_of_a_device(limit: str, rasterizer, monkeypatch) -> None:
     """It is not asked to draw one: a viewport that is too large would be cut off in silence."""
     value: Any = (2048, 24) if limit.endswith("DIMS") else 24
     monkeypatch.setattr(moderngl.Context, "info", rasterizer._context.info | {limit: value})

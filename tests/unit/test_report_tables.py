@@ -36,26 +36,15 @@ def loaded(study: Study) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (count_text(1194745), "1 194 745"),
-        (count_text(None), "-"),
-        (short_count_text(999.4), "999"),
-        (short_count_text(999.6), "1.00 k"),
-        (short_count_text(999_999), "1.00 M"),
-        (short_count_text(None), "-"),
-        (bytes_text(812_400_000), "812 MB"),
-        (bytes_text(None), "-"),
-        (ms_text(0.0000412), "0.0412"),
-        (ms_text(0.00999999), "10.0"),
-        (ms_text(1.3481), "1348"),
-        (ms_text(0.0), "0"),
-        (ms_text(NAN), "-"),
-        (metric_text(METRICS["psnr"], 36.239), "36.24"),
-        (metric_text(METRICS["psnr"], INFINITE), "inf"),
-        (metric_text(METRICS["ssim"], NAN), "-"),
-        (metric_text(METRICS["rmse"], 0.0000123), "1.2e-05"),
+        (count_text(1194745), "1 194 745"), (count_text(None), "-"), (short_count_text(999.4), "999"),
+        (short_count_text(999.6), "1.00 k"), (short_count_text(999_999), "1.00 M"), (short_count_text(None), "-"),
+        (bytes_text(812_400_000), "812 MB"), (bytes_text(None), "-"), (ms_text(0.0000412), "0.0412"),
+        (ms_text(0.00999999), "10.0"), (ms_text(1.3481), "1348"), (ms_text(0.0), "0"), (ms_text(NAN), "-"),
+        (metric_text(METRICS["psnr"], 36.239), "36.24"), (metric_text(METRICS["psnr"], INFINITE), "inf"),
+        (metric_text(METRICS["ssim"], NAN), "-"), (metric_text(METRICS["rmse"], 0.0000123), "1.2e-05"),
         (metric_text(METRICS["delta_e_share"], 0.1234), "12.3 %"),
     ],
-)
+)  # fmt: skip
 def test_numbers_have_significant_digits(text: str, expected: str) -> None:
     assert text == expected
 

@@ -30,29 +30,12 @@ def load(path: Path, *overrides: str, **options: Any) -> Scene:
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("1e-3", 0.001),
-        ("1E3", 1000.0),
-        (".5", 0.5),
-        ("-3.", -3.0),
-        ("010", 10),
-        ("+7", 7),
-        ("-.inf", -math.inf),
-        ("1:30", "1:30"),
-        ("0x10", "0x10"),
-        ("1_000", "1_000"),
-        ("yes", "yes"),
-        ("off", "off"),
-        ("True", True),
-        ("~", None),
-        ("null", None),
-        ("'1'", "1"),
-        ("2024-01-01", "2024-01-01"),
-        ("e3", "e3"),
-        (".", "."),
-        ("-", [None]),
-        ("9" * 5000, math.inf),
+        ("1e-3", 0.001), ("1E3", 1000.0), (".5", 0.5), ("-3.", -3.0), ("010", 10), ("+7", 7), ("-.inf", -math.inf),
+        ("1:30", "1:30"), ("0x10", "0x10"), ("1_000", "1_000"), ("yes", "yes"), ("off", "off"), ("True", True),
+        ("~", None), ("null", None), ("'1'", "1"), ("2024-01-01", "2024-01-01"), ("e3", "e3"), (".", "."),
+        ("-", [None]), ("9" * 5000, math.inf),
     ],
-)
+)  # fmt: skip
 def test_scalars_are_those_of_yaml_1_2(text: str, value: object) -> None:
     data = parse_yaml(text).data
     assert data == value
@@ -91,9 +74,7 @@ def max_nodes(monkeypatch: pytest.MonkeyPatch) -> int:
 
 
 @pytest.mark.parametrize("item", ["a", "{k: v}", "{[k, k]: v}", "*anchor"])
-def test_too_many_values_are_refused_before_they_are_composed(
-    item: str, max_nodes: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_too_many_values_are_refused_before_they_are_composed(item: str, max_nodes: int, monkeypatch) -> None:
     num_composed = 0
     compose = yaml.composer.Composer.compose_node
 

@@ -153,11 +153,7 @@ SCENES = {
     ),
     "depth": replace(PLAIN, mode=ModeSpec("maximum", color_by="depth")),
     "volumes": replace(
-        PLAIN,
-        volume=LAYERS[0].volume,
-        transfer_function=LAYERS[0].transfer_function,
-        volumes=LAYERS,
-        blend="add",
+        PLAIN, volume=LAYERS[0].volume, transfer_function=LAYERS[0].transfer_function, volumes=LAYERS, blend="add"
     ),
     "labels": replace(
         PLAIN,

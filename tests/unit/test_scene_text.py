@@ -36,23 +36,10 @@ DEFAULT = FilmOptions()
 _NO_BRACES = str.maketrans("{}", "__")
 
 NAMES = [
-    "scan.npy",
-    "a scan.npy",
-    'it\'s "quoted".npy',
-    "key: value.npy",
-    "# comment.npy",
-    "-dash.npy",
-    "new\nline.npy",
-    "tab\tand\x7f.npy",
-    "Größe 数据 🙂.npy",
-    "\u2028\x85.npy",
-    "null",
-    "1e3",
-    "back\\slash.npy",
-    "{frame}.npy",
-    "&anchor *alias !tag %.npy",
-    os.fsdecode(b"bytes \xff\xfe.npy"),
-]
+    "scan.npy", "a scan.npy", 'it\'s "quoted".npy', "key: value.npy", "# comment.npy", "-dash.npy", "new\nline.npy",
+    "tab\tand\x7f.npy", "Größe 数据 🙂.npy", "\u2028\x85.npy", "null", "1e3", "back\\slash.npy", "{frame}.npy",
+    "&anchor *alias !tag %.npy", os.fsdecode(b"bytes \xff\xfe.npy"),
+]  # fmt: skip
 
 
 def read_back(

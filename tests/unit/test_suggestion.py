@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -145,9 +144,7 @@ def test_signs_are_alike() -> None:
     assert colors[0][2] > colors[0][0] and colors[2][0] > colors[2][2]
 
 
-def test_labels_that_stay_in_their_file_have_the_same_suggestion(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_labels_that_stay_in_their_file_have_the_same_suggestion(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(common, "_MIN_MAPPED_BYTES", 1)
     for values in (labels(), (labels() > 1).astype(np.uint8)):
         np.save(tmp_path / "labels.npy", values)
@@ -266,18 +263,14 @@ def test_light_comes_from_above_for_dark_objects_too() -> None:
 @pytest.mark.parametrize(
     "values",
     [
-        np.zeros((1, 1, 1)),
-        np.array([[[0.0, 1.0]]]),
-        np.array([[[-1e308, 1e308]]]),
-        np.arange(3.0).reshape(3, 1, 1),
-        np.linspace(0, 1, 1000).reshape(10, 10, 10),
-        np.array([0, 2**53 - 1], np.int64).reshape(1, 1, 2),
+        np.zeros((1, 1, 1)), np.array([[[0.0, 1.0]]]), np.array([[[-1e308, 1e308]]]), np.arange(3.0).reshape(3, 1, 1),
+        np.linspace(0, 1, 1000).reshape(10, 10, 10), np.array([0, 2**53 - 1], np.int64).reshape(1, 1, 2),
         np.full((1, 2, 3), 5e-324) * np.arange(3),
         np.where(np.arange(8**3) == 77, 255, 0).reshape(8, 8, 8).astype(np.uint8),
         np.where(np.arange(60**3) == 77, 1e30, 0.5).reshape(60, 60, 60),
     ],
     ids=["voxel", "two", "far apart", "three", "ramp", "large", "denormal", "one bright", "one bright of many"],
-)
+)  # fmt: skip
 def test_odd_volumes_get_something_that_is_visible(values: Array) -> None:
     suggestion = suggested(values)
     between = [at.value for at in suggestion.transfer.points if values.min() <= at.value <= values.max()]

@@ -84,18 +84,3 @@ def test_a_duration_of_0_is_an_error() -> None:
             parse_duration(text, where="--time-limit")
         expected = "a time such as 90s, 10m or 1h30m, more than 0"
         assert str(caught.value) == f"--time-limit: a duration of 0\n  got: '{text}'\n  expected: {expected}"
-
-
-_NUM = st.none() | st.integers(0, 10**6)
-
-
-@given(_NUM, _NUM, _NUM)
-def test_a_duration_is_the_sum_of_its_parts(hours: int | None, minutes: int | None, seconds: int | None) -> None:
-    parts = ((hours, "h", 3600), (minutes, "m", 60), (seconds, "s", 1))
-    text = "".join(f"{number}{unit}" for number, unit, _ in parts if number is not None)
-    total = sum(number * factor for number, _, factor in parts if number is not None)
-    if total:
-        assert parse_duration(text, where="") == total
-    else:
-        with pytest.raises(InputError):
-            parse_duration(text, where="")

@@ -76,9 +76,7 @@ def names_of(source: FileSource) -> list[str]:
         ("a_{}.npy", ["a_7.npy"]),
     ],
 )
-def test_a_pattern_stands_for_files_in_the_order_of_their_numbers(
-    tmp_path: Path, pattern: str, names: list[str]
-) -> None:
+def test_a_pattern_stands_for_files_in_the_order_of_their_numbers(tmp_path, pattern: str, names: list[str]) -> None:
     save(tmp_path, *names, "a_x.npy", "ab_1.npy", "a_1.npy.bak")
     source = source_of(tmp_path, pattern)
     assert names_of(source) == names
@@ -139,16 +137,12 @@ def test_a_folder_of_numbered_volumes_is_steps(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "names",
     [
-        ["b1.npy", "b2.npy"],
-        ["b1.npy", "b2.npy", "b3.npy", "mask.npy"],
-        ["b1.npy", "b2.npy", "b3.nrrd"],
-        ["b1_1.npy", "b1_2.npy", "b2_1.npy"],
-        ["b1.npy", "b2.npy", "b3.npy", "1.tif"],
-        ["b1.npy", "b2.npy", "b3.npy", "IM0001"],
-        ["b1.npy", "b2.npy", "b3.npy", "1.2.840.1"],
+        ["b1.npy", "b2.npy"], ["b1.npy", "b2.npy", "b3.npy", "mask.npy"], ["b1.npy", "b2.npy", "b3.nrrd"],
+        ["b1_1.npy", "b1_2.npy", "b2_1.npy"], ["b1.npy", "b2.npy", "b3.npy", "1.tif"],
+        ["b1.npy", "b2.npy", "b3.npy", "IM0001"], ["b1.npy", "b2.npy", "b3.npy", "1.2.840.1"],
         ["1.png", "2.png", "3.png"],
     ],
-)
+)  # fmt: skip
 def test_other_folders_are_as_they_were(tmp_path: Path, names: list[str]) -> None:
     for name in names:
         (tmp_path / name).touch()
@@ -334,10 +328,7 @@ def test_a_step_with_times_of_its_own_is_refused(tmp_path: Path) -> None:
                 NIBABEL.Nifti1Image(values.T, np.eye(4)).to_filename(tmp_path / f"a_{number}.nii")
         with pytest.raises(InputError, match="a step in time is one volume") as error:
             read_volume(spec_of(tmp_path, f"a_{{}}.{suffix}", time=1))
-        assert (error.value.where, error.value.got) == (
-            str(tmp_path / f"a_1.{suffix}"),
-            "2 time steps in this one",
-        )
+        assert (error.value.where, error.value.got) == (str(tmp_path / f"a_1.{suffix}"), "2 time steps in this one")
 
 
 def test_outputs_overwrite_no_step(tmp_path: Path) -> None:

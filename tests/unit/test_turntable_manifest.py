@@ -97,9 +97,7 @@ def test_several_processes_lose_no_record(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir() if path.suffix != ".yaml"] == [MANIFEST_FILE]
 
 
-def test_a_wait_is_reported_and_ends(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wait_is_reported_and_ends(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.setattr(manifest_module, "_NOTICE_DELAY_S", 0.1)
     imports = "from hsplat_cli.terminal import Reporter\nfrom hsplat_cli.turntable.manifest import _locked"
     with (

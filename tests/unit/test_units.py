@@ -103,9 +103,7 @@ BODY = {"space": "left-posterior-superior", "space_directions": np.eye(3)}
         ("a.npy", lambda path: np.save(path, VALUES), NOTHING),
     ],
 )  # fmt: skip
-def test_what_files_say(
-    tmp_path: Path, name: str, write: Callable[[Path], object], expected: tuple[str, str, str]
-) -> None:
+def test_what_files_say(tmp_path, name: str, write: Callable[[Path], object], expected: tuple[str, str, str]) -> None:
     write(tmp_path / name)
     assert facts(read(tmp_path / name)) == expected
 

@@ -27,19 +27,11 @@ def names_of(*volumes: str) -> list[str]:
 @pytest.mark.parametrize(
     ("volume", "name"),
     [
-        ("scan.nrrd", "scan"),
-        ("a/scan.nii.gz", "scan"),
-        ("scan.v2.NII.GZ", "scan.v2"),
-        ("series/", "series"),
-        ("scan", "scan"),
-        ("scan.2024", "scan.2024"),
-        (".nrrd", "volume"),
-        ("-x.npy", "_x"),
-        ("..hidden.npy", "_hidden"),
-        ("a{frame}\n.tif", "a_frame__"),
-        ("Größe 数据.mha", "Größe 数据"),
+        ("scan.nrrd", "scan"), ("a/scan.nii.gz", "scan"), ("scan.v2.NII.GZ", "scan.v2"), ("series/", "series"),
+        ("scan", "scan"), ("scan.2024", "scan.2024"), (".nrrd", "volume"), ("-x.npy", "_x"),
+        ("..hidden.npy", "_hidden"), ("a{frame}\n.tif", "a_frame__"), ("Größe 数据.mha", "Größe 数据"),
     ],
-)
+)  # fmt: skip
 def test_base_name(volume: str, name: str) -> None:
     assert base_name(Path(volume)) == name
 

@@ -114,9 +114,7 @@ def test_a_file_of_another_program(tmp_path: Path) -> None:
         ("presets.xml#B", "no transfer function of this name"),
     ],
 )
-def test_what_cannot_be_read_is_told_with_the_option(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, preset: str, message: str
-) -> None:
+def test_what_cannot_be_read_is_told_with_the_option(tmp_path, monkeypatch, preset: str, message: str) -> None:
     monkeypatch.chdir(tmp_path)
     one = '<VolumeProperty name="{}" scalarOpacity="4 0 0 9 1" colorTransfer="8 0 0 0 0 9 1 1 1"/>'
     Path("presets.xml").write_text(f"<a>{one.format('Air')}{one.format('Bone')}</a>")
