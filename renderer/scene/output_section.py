@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.message_text import did_you_mean, format_value, join_words
-from renderer.scene.motion import Motion, motion_of
+from renderer.scene.motion import motion_of
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
 from renderer.scene.schema import INVALID, Color, TreeNode
 
@@ -79,20 +79,19 @@ _CRF = schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)
 class PictureKind(NamedTuple):
     """A kind of pictures that files are made of: (width, height), background, and how numbers are stored.
 
-    depth: bits of a channel, 8 or 16; 32 for floats. motion: of a background that moves.
+    depth: bits of a channel, 8 or 16; 32 for floats.
     """
 
     size: tuple[int, int]
     background: Background
     depth: int
-    motion: Motion | None = None
 
     @property
     def name(self) -> str:
         """Return words that tell it from other kinds: `256 x 256, transparent, 8 bits`."""
         width, height = self.size
-        behind = "transparent" if self.background is None else f"background {self.motion or self.background}"
-        return f"{width} x {height}, {behind}, {self.depth} bits"
+        behind = f"background {motion_of(self.background) or self.background}"
+        return f"{width} x {height}, {'transparent' if self.background is None else behind}, {self.depth} bits"
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -165,7 +164,7 @@ class OutputFile:
         """Return which pictures it is made of."""
         pixel_format = self.chosen_pixel_format
         depth = 32 if pixel_format == "float" else 16 if pixel_format.endswith(("10", "48")) else 8
-        return PictureKind(self.size, self.background, depth, motion_of(self.background))
+        return PictureKind(self.size, self.background, depth)
 
     def shows(self, frame: int) -> bool:
         """Return whether a frame of the film is in this file."""
