@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -73,7 +73,6 @@ _BACKGROUND_WORDS = f"{COLOR_FIELD.expected}, transparent, or {{top, bottom}} wi
 _COLOR_OR_NONE = schema.word_or({"transparent": None}, COLOR_FIELD, _BACKGROUND_WORDS)
 _GRADIENT = dict.fromkeys(("top", "bottom"), COLOR_FIELD)
 _BACKGROUND = replace(_COLOR_OR_NONE, parser=_parse_background)
-_CRF = schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)
 
 
 class PictureKind(NamedTuple):
@@ -118,7 +117,7 @@ class OutputFile:
     background: Annotated[Background, _BACKGROUND] = (0.0, 0.0, 0.0)
     quality: Annotated[float, schema.number_field(minimum=0, maximum=10, motion=None)] = 8.0
     codec: Annotated[str | None, schema.TEXT_FIELD] = None
-    crf: Annotated[float | None, _CRF] = None
+    crf: Annotated[float | None, schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)] = None
     pixel_format: Annotated[str | None, schema.TEXT_FIELD] = None
     every: Annotated[int, schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)] = 1
     frame: Annotated[int | None, schema.FRAME_NUMBER_FIELD] = None
@@ -196,7 +195,7 @@ class OutputSpec(OutputFile):
 def _pixel_formats(output: OutputFile) -> tuple[str, ...]:
     if output.is_frames:
         return output.format.pixel_formats
-    return output.chosen_codec.pixel_formats_of(is_transparent=output.background is None)
+    return output.chosen_codec.with_alpha if output.background is None else output.chosen_codec.pixel_formats
 
 
 def _check_file(node: TreeNode, given: dict[str, Any]) -> None:
@@ -207,23 +206,14 @@ def _check_file(node: TreeNode, given: dict[str, Any]) -> None:
     if file_format.max_rate is not None and rate is not INVALID and rate > file_format.max_rate:
         expected = f"at most {file_format.max_rate:g}: viewers slow down faster ones"
         node.child("frames_per_second", rate).reject(f"too fast for {file_format.name}", expected=expected)
-    if _check_codec(node, given, file_format):
-        _check_pixels(node, given, file_format)
-
-
-def _check_codec(node: TreeNode, given: dict[str, Any], file_format: OutputFormat) -> bool:
-    """Refuse an encoder that a format lacks; return whether it has it, or none is named."""
-    named = [key for key in ("codec", "crf") if key in given]
+    name, named = given.get("codec"), [key for key in ("codec", "crf") if key in given]
     if file_format.is_frames and named:
         node.key(named[0]).reject(f"{file_format.name} have no encoder", expected="")
-        return False
-    name, known = given.get("codec"), tuple(file_format.codecs)
-    if name is None or name in known:
-        return True
-    if name is not INVALID:
-        what, hint = f"not an encoder of {output_suffix(given['file'])}", did_you_mean(name, known)
-        node.child("codec", name).reject(what, expected=join_words(known), hint=hint)
-    return False
+    elif name is None or name in file_format.codecs:
+        _check_pixels(node, given, file_format)
+    elif name is not INVALID:
+        what, known = f"not an encoder of {output_suffix(given['file'])}", tuple(file_format.codecs)
+        node.child("codec", name).reject(what, expected=join_words(known), hint=did_you_mean(name, known))
 
 
 def _check_pixels(node: TreeNode, given: dict[str, Any], file_format: OutputFormat) -> None:
@@ -255,41 +245,39 @@ def _check_pixels(node: TreeNode, given: dict[str, Any], file_format: OutputForm
 _FILE = schema.dataclass_field(OutputFile, _check_file)
 # What other files have in common with the first, unless they say something else.
 _SHARED_KEYS = ("size", "background")
+_KEYS_OF_FIRST, _KEYS_OF_OTHERS = ("record_paths",), ("every", "frame")
 
 
 def _parse_output(node: TreeNode) -> Any:
     """Parse one file, or a list of them, of which the first one has all frames."""
-    if not isinstance(node.value, (list, tuple)):
-        return _with_others(node, node.value, ())
-    if not node.value:
+    nodes = [node]
+    if isinstance(node.value, (list, tuple)):
+        nodes = [node.child(number, each) for number, each in enumerate(node.value)]
+    if not nodes:
         return node.reject("an empty list", got="", expected="one file or more")
-    first, *others = node.value
-    return _with_others(node.child(0, first), first, [node.child(k, each) for k, each in enumerate(others, start=1)])
-
-
-def _with_others(node: TreeNode, written: object, nodes: Sequence[TreeNode]) -> Any:
-    """Read the first file, at `node`, and the others."""
     num_problems = len(node.problems)
-    first: Any = _FILE.read(node)
-    for key in ("every", "frame"):
-        if isinstance(written, Mapping) and key in written:
-            node.key(key).reject("not for the first output", got="", expected="", hint="it has all frames")
-    others = [_read_other(each, written) for each in nodes]
+    first, *others = (_read_file(each, nodes[0]) for each in nodes)
     if len(node.problems) > num_problems:
         return first
-    others = [_beside(first, other, each) for other, each in zip(others, nodes, strict=True)]
-    _check_names([node, *nodes], [first, *others])
+    others = [_beside(first, *pair) for pair in zip(others, nodes[1:], strict=True)]
+    names = [os.path.abspath(each.file) for each in (first, *others)]
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            place = nodes[number].child("file", str(others[number - 1].file))
+            place.reject("the name of two outputs", expected="another name")
     return OutputSpec(**{each.name: getattr(first, each.name) for each in fields(OutputFile)}, others=tuple(others))
 
 
-def _read_other(node: TreeNode, first: Any) -> Any:
-    """Read a further file, which has what the first one, as it is written, has, unless it says something else."""
-    if not isinstance(node.value, Mapping) or not isinstance(first, Mapping):
-        return _FILE.read(node)
-    if "record_paths" in node.value:
-        node.key("record_paths").reject("only for the first output", expected="")
-    shared = {key: first[key] for key in _SHARED_KEYS if key in first}
-    return _FILE.read(replace(node, value={**shared, **node.value}))
+def _read_file(node: TreeNode, first: TreeNode) -> Any:
+    """Read a file. Further ones have what the first one has, as it is written, unless they say something else."""
+    if isinstance(node.value, Mapping) and isinstance(first.value, Mapping):
+        is_first = node is first
+        what, hint = ("not", "it has all frames") if is_first else ("only", None)
+        for key in filter(node.value.__contains__, _KEYS_OF_OTHERS if is_first else _KEYS_OF_FIRST):
+            node.key(key).reject(f"{what} for the first output", expected="", hint=hint)
+        shared = {key: first.value[key] for key in _SHARED_KEYS if key in first.value and not is_first}
+        node = replace(node, value={**shared, **node.value})
+    return _FILE.read(node)
 
 
 def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
@@ -308,24 +296,14 @@ def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
     return replace(other, frames_per_second=min(slower, other.format.max_rate or slower))
 
 
-def _check_names(nodes: Sequence[TreeNode], files: Sequence[OutputFile]) -> None:
-    known = set[str]()
-    for node, each in zip(nodes, files, strict=True):
-        name = os.path.abspath(each.file)
-        if name in known:
-            node.child("file", str(each.file)).reject("the name of two outputs", expected="another name")
-        known.add(name)
-
-
 OUTPUT_SECTION = schema.FieldType("a mapping with file, or a list of such", _parse_output, table=_FILE.table)
 
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
     """Check that the name of several frames has a number; `given` holds the sections of the whole scene."""
-    camera = given["camera"]
+    camera, output = given["camera"], given["output"]
     num_frames = getattr(getattr(camera, "path", None), "frames", INVALID)
-    output = given["output"]
-    if INVALID in (num_frames, output) or not isinstance(output, OutputFile) or output.file is INVALID:
+    if num_frames is INVALID or not isinstance(output, OutputFile) or output.file is INVALID:
         return
     files = output.files if isinstance(output, OutputSpec) else (output,)
     for k, each in enumerate(files):
