@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -317,11 +317,14 @@ def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
             )
 
 
-def first_output(scene: Mapping[str, Any]) -> Mapping[str, Any]:
+def outputs_of(scene: Mapping[str, Any]) -> Sequence[dict[str, Any]]:
+    """Return the outputs of a scene in plain data, which was read as one."""
+    return scene["output"] if isinstance(scene["output"], (list, tuple)) else [scene["output"]]
+
+
+def first_output(scene: Mapping[str, Any]) -> dict[str, Any]:
     """Return the first output of a scene in plain data, which was read as one."""
-    output: Any = scene["output"]
-    first: Mapping[str, Any] = output[0] if isinstance(output, (list, tuple)) else output
-    return first
+    return outputs_of(scene)[0]
 
 
 def only_output(section: Any, suffix: str) -> Any:
