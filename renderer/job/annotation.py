@@ -20,7 +20,6 @@ from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
 from renderer.frame import Stage, view_of
 from renderer.job.record import FrameRecord
-from renderer.layers import Layer
 from renderer.scene import PictureKind, Scene, moving_numbers, moving_values, raise_problems
 from renderer.volume import Bools, Float32
 
@@ -145,18 +144,12 @@ def _bars(stage: Stage) -> Iterator[ColorBar]:
 
 
 def _legend(stage: Stage) -> Iterator[tuple[str, tuple[float, float, float]]]:
-    """Yield the names and colours of labels, and of volumes that have one colour."""
+    """Yield the names and colours of labels, and of volumes: their own, or that at their largest opacity."""
     for layer in stage.layers:
         labels = layer.spec.transfer_function.labels
         if labels is not None:
             yield from ((style.name or f"label {style.value}", style.color) for style in labels.styles)
         elif len(stage.layers) > 1:
-            yield layer.spec.name or layer.volume.name, _color_of(layer)
-
-
-def _color_of(layer: Layer) -> tuple[float, float, float]:
-    """Return the colour of a volume: its own, or that at its largest opacity."""
-    if layer.spec.color is not None:
-        return layer.spec.color
-    red, green, blue = layer.transfer.colors[int(np.argmax(layer.transfer.extinctions))].tolist()
-    return red, green, blue
+            most_opaque = layer.transfer.colors[int(np.argmax(layer.transfer.extinctions))]
+            red, green, blue = layer.spec.color or most_opaque.tolist()
+            yield layer.spec.name or layer.volume.name, (red, green, blue)
