@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -73,6 +73,7 @@ _BACKGROUND_WORDS = f"{COLOR_FIELD.expected}, transparent, or {{top, bottom}} wi
 _COLOR_OR_NONE = schema.word_or({"transparent": None}, COLOR_FIELD, _BACKGROUND_WORDS)
 _GRADIENT = dict.fromkeys(("top", "bottom"), COLOR_FIELD)
 _BACKGROUND = replace(_COLOR_OR_NONE, parser=_parse_background)
+_FRAME = schema.FieldType[Any]("a frame, -1 for the last one, or seconds such as 2.5s", schema.read_frame)
 _CRF = schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)
 
 
@@ -122,7 +123,7 @@ class OutputFile:
     crf: Annotated[float | None, _CRF] = None
     pixel_format: Annotated[str | None, schema.TEXT_FIELD] = None
     every: Annotated[int, schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)] = 1
-    frame: Annotated[int | None, schema.FRAME_NUMBER_FIELD] = None
+    frame: Annotated[int | None, _FRAME] = None
     record_paths: bool = True
 
     @property
@@ -275,21 +276,31 @@ def _with_others(node: TreeNode, written: object, nodes: Sequence[TreeNode]) -> 
     for key in ("every", "frame"):
         if isinstance(written, Mapping) and key in written:
             node.key(key).reject("not for the first output", got="", expected="", hint="it has all frames")
-    others = [_read_other(each, written) for each in nodes]
+    wrong = [each.path for each in node.problems[num_problems:]]
+    shared = {
+        key: written[key]
+        for key in _SHARED_KEYS
+        if isinstance(written, Mapping) and key in written and not any(f"{node.path}.{key}" in path for path in wrong)
+    }
+    files = [] if wrong else [(node, first)]
+    for each in nodes:
+        before = len(node.problems)
+        other = _read_other(each, shared)
+        if len(node.problems) == before:
+            files.append((each, other if wrong else _beside(first, other, each)))
+    _check_names(files)
     if len(node.problems) > num_problems:
         return first
-    others = [_beside(first, other, each) for other, each in zip(others, nodes, strict=True)]
-    _check_names([node, *nodes], [first, *others])
+    others = [other for _, other in files[1:]]
     return OutputSpec(**{each.name: getattr(first, each.name) for each in fields(OutputFile)}, others=tuple(others))
 
 
-def _read_other(node: TreeNode, first: Any) -> Any:
-    """Read a further file, which has what the first one, as it is written, has, unless it says something else."""
-    if not isinstance(node.value, Mapping) or not isinstance(first, Mapping):
+def _read_other(node: TreeNode, shared: Mapping[str, Any]) -> Any:
+    """Read a further file, which has what the first one has, as it is written, unless it says something else."""
+    if not isinstance(node.value, Mapping):
         return _FILE.read(node)
     if "record_paths" in node.value:
         node.key("record_paths").reject("only for the first output", expected="")
-    shared = {key: first[key] for key in _SHARED_KEYS if key in first}
     return _FILE.read(replace(node, value={**shared, **node.value}))
 
 
@@ -309,9 +320,9 @@ def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
     return replace(other, frames_per_second=min(slower, other.format.max_rate or slower))
 
 
-def _check_names(nodes: Sequence[TreeNode], files: Sequence[OutputFile]) -> None:
+def _check_names(files: Iterable[tuple[TreeNode, OutputFile]]) -> None:
     known = set[str]()
-    for node, each in zip(nodes, files, strict=True):
+    for node, each in files:
         name = os.path.abspath(each.file)
         if name in known:
             node.child("file", str(each.file)).reject("the name of two outputs", expected="another name")
@@ -331,10 +342,9 @@ def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
     files = output.files if isinstance(output, OutputSpec) else (output,)
     for k, each in enumerate(files):
         place = node.child(k) if len(files) > 1 else node
-        schema.check_frame_in_path(place.child("frame"), each.frame, camera.num_frames)
         is_one = camera.num_frames <= each.every or each.frame is not None
         if each.is_frames and not each.is_numbered and not is_one:
-            hint = f"write {each.file.stem}-{{frame:04}}{each.file.suffix}"
+            hint = f"write {each.file.stem}-{{frame:04}}{each.file.suffix}" + ", or frame: 0 for one frame" * (k > 0)
             place.child("file", str(each.file)).reject(
                 "frames need a number in their names", expected=_FILE_WORDS, hint=hint
             )
