@@ -321,12 +321,15 @@ def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
 
 
 def _check_names(files: Iterable[tuple[TreeNode, OutputFile]]) -> None:
-    known = set[str]()
+    """Refuse files that another output, or one of its frames, may have the name of."""
+    known = list[tuple[str, str]]()
     for node, each in files:
         name = os.path.abspath(each.file)
-        if name in known:
+        pattern = r"\d+".join(map(re.escape, FRAME_FIELD.split(name)[::2]))
+        example = FRAME_FIELD.sub("0", name)
+        if any(re.fullmatch(other, example) or re.fullmatch(pattern, one) for other, one in known):
             node.child("file", str(each.file)).reject("the name of two outputs", expected="another name")
-        known.add(name)
+        known.append((pattern, example))
 
 
 OUTPUT_SECTION = schema.FieldType("a mapping with file, or a list of such", _parse_output, table=_FILE.table)
