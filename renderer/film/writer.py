@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from renderer.film.atomic import staging, translate_os_errors
-from renderer.film.encode import find_ffmpeg, frame_rate, open_encoder
+from renderer.film.encode import frame_rate, open_encoder, require_codec
 from renderer.film.exr import require_openexr
 from renderer.film.names import frame_path
 from renderer.film.picture import Picture
@@ -21,7 +21,7 @@ def require_encoder(output: OutputSpec) -> None:
     """Raise RenderError, or InputError, if an output needs an encoder that is missing."""
     for each in output.files:
         if not each.is_frames:
-            find_ffmpeg(each.file)
+            require_codec(each)
         elif each.kind.depth == 32:
             require_openexr()
 

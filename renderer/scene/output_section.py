@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -73,6 +73,7 @@ _BACKGROUND_WORDS = f"{COLOR_FIELD.expected}, transparent, or {{top, bottom}} wi
 _COLOR_OR_NONE = schema.word_or({"transparent": None}, COLOR_FIELD, _BACKGROUND_WORDS)
 _GRADIENT = dict.fromkeys(("top", "bottom"), COLOR_FIELD)
 _BACKGROUND = replace(_COLOR_OR_NONE, parser=_parse_background)
+_FRAME = schema.FieldType[Any]("a frame, -1 for the last one, or seconds such as 2.5s", schema.read_frame)
 
 
 class PictureKind(NamedTuple):
@@ -120,7 +121,7 @@ class OutputFile:
     crf: Annotated[float | None, schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)] = None
     pixel_format: Annotated[str | None, schema.TEXT_FIELD] = None
     every: Annotated[int, schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)] = 1
-    frame: Annotated[int | None, schema.FRAME_NUMBER_FIELD] = None
+    frame: Annotated[int | None, _FRAME] = None
     record_paths: bool = True
 
     @property
@@ -245,7 +246,6 @@ def _check_pixels(node: TreeNode, given: dict[str, Any], file_format: OutputForm
 _FILE = schema.dataclass_field(OutputFile, _check_file)
 # What other files have in common with the first, unless they say something else.
 _SHARED_KEYS = ("size", "background")
-_KEYS_OF_FIRST, _KEYS_OF_OTHERS = ("record_paths",), ("every", "frame")
 
 
 def _parse_output(node: TreeNode) -> Any:
@@ -255,29 +255,34 @@ def _parse_output(node: TreeNode) -> Any:
         nodes = [node.child(number, each) for number, each in enumerate(node.value)]
     if not nodes:
         return node.reject("an empty list", got="", expected="one file or more")
-    num_problems = len(node.problems)
-    first, *others = (_read_file(each, nodes[0]) for each in nodes)
+    num_problems, (node, *others) = len(node.problems), nodes
+    first = _read_file(node, {}, ("every", "frame"), "not for the first output", hint="it has all frames")
+    wrong, shared = [each.path for each in node.problems[num_problems:]], {}
+    if isinstance(node.value, Mapping):
+        right = [key for key in _SHARED_KEYS if not any(f"{node.path}.{key}" in path for path in wrong)]
+        shared = {key: node.value[key] for key in right if key in node.value}
+    files = [] if wrong else [(node, first)]
+    for each in others:
+        before = len(node.problems)
+        other = _read_file(each, shared, ("record_paths",), "only for the first output")
+        if len(node.problems) == before:
+            files.append((each, other if wrong else _beside(first, other, each)))
+    _check_names(files)
     if len(node.problems) > num_problems:
         return first
-    others = [_beside(first, *pair) for pair in zip(others, nodes[1:], strict=True)]
-    names = [os.path.abspath(each.file) for each in (first, *others)]
-    for number, name in enumerate(names):
-        if name in names[:number]:
-            place = nodes[number].child("file", str(others[number - 1].file))
-            place.reject("the name of two outputs", expected="another name")
-    return OutputSpec(**{each.name: getattr(first, each.name) for each in fields(OutputFile)}, others=tuple(others))
+    own = {each.name: getattr(first, each.name) for each in fields(OutputFile)}
+    return OutputSpec(**own, others=tuple(other for _, other in files[1:]))
 
 
-def _read_file(node: TreeNode, first: TreeNode) -> Any:
-    """Read a file. Further ones have what the first one has, as it is written, unless they say something else."""
-    if isinstance(node.value, Mapping) and isinstance(first.value, Mapping):
-        is_first = node is first
-        what, hint = ("not", "it has all frames") if is_first else ("only", None)
-        for key in filter(node.value.__contains__, _KEYS_OF_OTHERS if is_first else _KEYS_OF_FIRST):
-            node.key(key).reject(f"{what} for the first output", expected="", hint=hint)
-        shared = {key: first.value[key] for key in _SHARED_KEYS if key in first.value and not is_first}
-        node = replace(node, value={**shared, **node.value})
-    return _FILE.read(node)
+def _read_file(
+    node: TreeNode, shared: Mapping[str, Any], left_out: Sequence[str], what: str, hint: str | None = None
+) -> Any:
+    """Read a file, which has what is shared unless it says something else, and not the keys that are left out."""
+    if not isinstance(node.value, Mapping):
+        return _FILE.read(node)
+    for key in filter(node.value.__contains__, left_out):
+        node.key(key).reject(what, expected="", hint=hint)
+    return _FILE.read(replace(node, value={**shared, **node.value}))
 
 
 def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
@@ -296,6 +301,18 @@ def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
     return replace(other, frames_per_second=min(slower, other.format.max_rate or slower))
 
 
+def _check_names(files: Iterable[tuple[TreeNode, OutputFile]]) -> None:
+    """Refuse files that another output, or one of its frames, may have the name of."""
+    known = list[tuple[str, str]]()
+    for node, each in files:
+        name = os.path.abspath(each.file)
+        pattern = r"\d+".join(map(re.escape, FRAME_FIELD.split(name)[::2]))
+        example = FRAME_FIELD.sub("0", name)
+        if any(re.fullmatch(other, example) or re.fullmatch(pattern, one) for other, one in known):
+            node.child("file", str(each.file)).reject("the name of two outputs", expected="another name")
+        known.append((pattern, example))
+
+
 OUTPUT_SECTION = schema.FieldType("a mapping with file, or a list of such", _parse_output, table=_FILE.table)
 
 
@@ -308,10 +325,9 @@ def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
     files = output.files if isinstance(output, OutputSpec) else (output,)
     for k, each in enumerate(files):
         place = node.child(k) if len(files) > 1 else node
-        schema.check_frame_in_path(place.child("frame"), each.frame, camera.num_frames)
         is_one = camera.num_frames <= each.every or each.frame is not None
         if each.is_frames and not each.is_numbered and not is_one:
-            hint = f"write {each.file.stem}-{{frame:04}}{each.file.suffix}"
+            hint = f"write {each.file.stem}-{{frame:04}}{each.file.suffix}" + ", or frame: 0 for one frame" * (k > 0)
             place.child("file", str(each.file)).reject(
                 "frames need a number in their names", expected=_FILE_WORDS, hint=hint
             )
