@@ -89,16 +89,15 @@ def decode_film(
 
 def _arguments(path: Path, max_pixels: int, known: tuple[OutputFile, int] | None) -> list[str]:
     file_format = format_of(path)
-    codec, depth, is_still_webp = _codec_of(path), known[0].kind.depth if known else 8, _is_still_webp(path)
+    codec, depth, still = _codec_of(path), known[0].kind.depth if known else 8, _still_demuxer(path)
     # The format is fixed, because other formats may refer to further files. PAM has the size of each picture.
-    demuxer = "webp_pipe" if is_still_webp else file_format.demuxer
-    source = ["-protocol_whitelist", "file", "-f", demuxer, "-max_pixels", str(max_pixels)]
+    source = ["-protocol_whitelist", "file", "-f", still or file_format.demuxer, "-max_pixels", str(max_pixels)]
     source += [] if codec.decoder is None else ["-c:v", codec.decoder]
     has_alpha = bool(codec.with_alpha) or file_format.filters == "palette"
     to_rgb = _TO_RGB.format({8: "rgba", 16: "rgba64be"}[depth] if has_alpha else {8: "rgb24", 16: "rgb48be"}[depth])
-    if known and codec.merges_frames:
+    if known and known[1] > 1 and codec.merges_frames:  # the only frame may have no duration
         output, num_frames = known
-        to_rgb += f",loop={num_frames - 1}:1" if is_still_webp else f",fps={frame_rate(output)}"
+        to_rgb += f",loop={num_frames - 1}:1" if still else f",fps={frame_rate(output)}"
     picked = ["-map", "0:v:0", "-vf", to_rgb]
     if file_format.has_alpha_plane:
         colors, alpha = _avif_streams(path)
@@ -115,10 +114,15 @@ def _codec_of(path: Path) -> Codec:
     return next((codec for codec in codecs if any(mark in begin for mark in codec.marks)), codecs[0])
 
 
-def _is_still_webp(path: Path) -> bool:
-    """Return whether a file is a WebP and no animation, which has an extended header (VP8X) with a bit that says so."""
+def _still_demuxer(path: Path) -> str | None:
+    """Return the demuxer of a WebP or APNG that is no animation, as those of one frame; None for other files.
+
+    An animated WebP has an extended header (VP8X) with a bit that says so, an APNG has a chunk acTL.
+    """
     begin = _first_bytes(path)
-    return begin[8:12] == b"WEBP" and (begin[12:16] != b"VP8X" or not int.from_bytes(begin[20:21], "big") & 2)
+    if begin[8:12] == b"WEBP" and (begin[12:16] != b"VP8X" or not int.from_bytes(begin[20:21], "big") & 2):
+        return "webp_pipe"
+    return "png_pipe" if begin.startswith(b"\x89PNG") and b"acTL" not in begin else None
 
 
 def _first_bytes(path: Path) -> bytes:
