@@ -88,28 +88,33 @@ def decode_film(
 
 def _arguments(path: Path, begin: bytes, max_pixels: int, known: tuple[OutputFile, int] | None) -> list[str]:
     """Return those of ffmpeg for a film that begins with these bytes."""
-    file_format, codecs = format_of(path), tuple(format_of(path).codecs.values())
+    file_format, codecs, still = format_of(path), tuple(format_of(path).codecs.values()), _still_demuxer(begin)
     # The first bytes say which encoder it was, or it is that of the format by default.
     codec = next((codec for codec in codecs if any(mark in begin for mark in codec.marks)), codecs[0])
-    # An animation has an extended header (VP8X) with a bit that says so.
-    is_animation = begin[12:16] == b"VP8X" and begin[20:21] and begin[20] & 2
-    is_still_webp = begin[8:12] == b"WEBP" and not is_animation
     # The format is fixed, because other formats may refer to further files. PAM has the size of each picture.
-    demuxer = "webp_pipe" if is_still_webp else file_format.demuxer
-    source = ["-protocol_whitelist", "file", "-f", demuxer, "-max_pixels", str(max_pixels)]
+    source = ["-protocol_whitelist", "file", "-f", still or file_format.demuxer, "-max_pixels", str(max_pixels)]
     source += [] if codec.decoder is None else ["-c:v", codec.decoder]
-    has_alpha = bool(codec.with_alpha) or file_format.filters == "palette"
-    depth = known[0].kind.depth if known else 8
+    has_alpha, depth = bool(codec.with_alpha) or file_format.filters == "palette", known[0].kind.depth if known else 8
     to_rgb = _TO_RGB.format({8: ("rgb24", "rgba"), 16: ("rgb48be", "rgba64be")}[depth][has_alpha])
-    if known and codec.merges_frames:
+    if known and known[1] > 1 and codec.merges_frames:  # the only frame may have no duration
         output, num_frames = known
-        to_rgb += f",loop={num_frames - 1}:1" if is_still_webp else f",fps={frame_rate(output)}"
+        to_rgb += f",loop={num_frames - 1}:1" if still else f",fps={frame_rate(output)}"
     picked = ["-map", "0:v:0", "-vf", to_rgb]
     if file_format.has_alpha_plane:
         picked = ["-filter_complex", f"{_avif_streams(begin)}{to_rgb}[pictures]", "-map", "[pictures]"]
     sink = [*picked, "-fps_mode", "passthrough", "-f", "image2pipe", "-c:v", "pam", "pipe:1"]
     general = ["-hide_banner", "-nostdin", "-loglevel", "error", "-xerror", "-err_detect", "explode"]
     return [*general, *source, "-i", f"file:{path}", *sink]
+
+
+def _still_demuxer(begin: bytes) -> str | None:
+    """Return the demuxer of a WebP or APNG that is no animation, as those of one frame; None for other files.
+
+    An animated WebP has an extended header (VP8X) with a bit that says so, an APNG has a chunk acTL.
+    """
+    if begin[8:12] == b"WEBP" and (begin[12:16] != b"VP8X" or not int.from_bytes(begin[20:21], "big") & 2):
+        return "webp_pipe"
+    return "png_pipe" if begin.startswith(b"\x89PNG") and b"acTL" not in begin else None
 
 
 def _avif_streams(begin: bytes) -> str:
