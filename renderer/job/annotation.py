@@ -8,14 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from renderer.accuracy import spread_evenly
-from renderer.annotation import (
-    AnnotationFacts,
-    Annotator,
-    ColorBar,
-    FrameFacts,
-    annotation_problems,
-    draw_annotation,
-)
+from renderer.annotation import AnnotationFacts, Annotator, ColorBar, FrameFacts, annotation_problems, draw_annotation
 from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
 from renderer.frame import Stage, view_of
