@@ -118,9 +118,7 @@ def _failure(what: str, status: int, lines: Sequence[str], output: Path) -> Hspl
 
 def _arguments(output: OutputFile, file: Path) -> list[str]:
     width, height = output.size
-    channels = "rgba" if output.background is None else "rgb"
-    deep = {"rgb": "rgb48le", "rgba": "rgba64le"}[channels]
-    raw = {"rgb": "rgb24", "rgba": "rgba"}[channels] if output.kind.depth == 8 else deep
+    raw = {8: ("rgb24", "rgba"), 16: ("rgb48le", "rgba64le")}[output.kind.depth][output.background is None]
     source = ["-f", "rawvideo", "-pix_fmt", raw, "-video_size", f"{width}x{height}"]
     source += ["-framerate", str(frame_rate(output))]
     # `file:` protects names with a colon or a leading dash.
