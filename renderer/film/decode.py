@@ -88,13 +88,15 @@ def decode_film(
 
 def _arguments(path: Path, begin: bytes, max_pixels: int, known: tuple[OutputFile, int] | None) -> list[str]:
     """Return those of ffmpeg for a film that begins with these bytes."""
-    file_format, codecs, still = format_of(path), tuple(format_of(path).codecs.values()), _still_demuxer(begin)
+    file_format, codecs = format_of(path), tuple(format_of(path).codecs.values())
     # The first bytes say which encoder it was, or it is that of the format by default.
     codec = next((codec for codec in codecs if any(mark in begin for mark in codec.marks)), codecs[0])
+    still = _still_demuxer(begin)
     # The format is fixed, because other formats may refer to further files. PAM has the size of each picture.
     source = ["-protocol_whitelist", "file", "-f", still or file_format.demuxer, "-max_pixels", str(max_pixels)]
     source += [] if codec.decoder is None else ["-c:v", codec.decoder]
-    has_alpha, depth = bool(codec.with_alpha) or file_format.filters == "palette", known[0].kind.depth if known else 8
+    has_alpha = bool(codec.with_alpha) or file_format.filters == "palette"
+    depth = known[0].kind.depth if known else 8
     to_rgb = _TO_RGB.format({8: ("rgb24", "rgba"), 16: ("rgb48be", "rgba64be")}[depth][has_alpha])
     if known and known[1] > 1 and codec.merges_frames:  # the only frame may have no duration
         output, num_frames = known
