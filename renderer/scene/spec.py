@@ -226,10 +226,7 @@ _MISPLACED_KEY_HINTS = {
         "splat": ("footprint",),
     }.items()
     for key in keys
-} | {
-    "cuts": "cuts is called clip now",
-    "overlay": "overlay: bounds is written annotation: {bounds: true} now",
-}
+} | {"cuts": "cuts is called clip now", "overlay": "overlay: bounds is written annotation: {bounds: true} now"}
 
 
 # Back to plain data
