@@ -69,8 +69,7 @@ class Sketch:
         more = max(row + height - self.height, 0), max(column + width - self.width, 0)
         if any(more):
             require_room(self.height + more[0], self.width + more[1])
-            room = [(0, num) for num in more]
-            self.ink, self.paint = np.pad(self.ink, room), np.pad(self.paint, [*room, (0, 0)])
+            self.ink, self.paint = _grown(self.ink, 0, *more), _grown(self.paint, 0, *more)
         return slice(row, row + height), slice(column, column + width)
 
     def finish(self, color: Color, rim: int) -> Float32:
@@ -79,7 +78,7 @@ class Sketch:
         The rim makes the drawing readable over anything, and shows only where it is needed.
         """
         opposite = (0.0, 0.0, 0.0) if is_light(color) else (1.0, 1.0, 1.0)
-        ink, paint = (np.pad(each, [(rim, rim), (rim, rim), (0, 0)][: each.ndim]) for each in (self.ink, self.paint))
+        ink, paint = (_grown(each, rim, rim) for each in (self.ink, self.paint))
         layers = _over(_colored(widen(np.maximum(ink, paint[..., 3]), rim), opposite), _colored(ink, color))
         return np.asarray(_over(layers, paint) / np.float32(255), np.float32)
 
@@ -110,14 +109,24 @@ def _over(below: UInt8, above: UInt8) -> UInt8:
 
 def widen(mask: UInt8, rim: int) -> UInt8:
     """Return a mask that is wider by `rim` pixels on each side, and softer there."""
-    (height, width), padded, side = mask.shape, np.pad(mask, rim).astype(np.uint32), (rim + 1) ** 2
-    result = np.zeros_like(mask, np.uint32)
+    (height, width), padded, side = mask.shape, _grown(mask, rim, rim), (rim + 1) ** 2
+    by_weight: dict[int, UInt8] = {}
     for down in range(2 * rim + 1):
         for across in range(2 * rim + 1):
-            weight = _RIM * (side - (down - rim) ** 2 - (across - rim) ** 2) // side
+            weight = max(_RIM * (side - (down - rim) ** 2 - (across - rim) ** 2) // side, 0)
             part = padded[down : down + height, across : across + width]
-            np.maximum(result, part * max(weight, 0) // 255, out=result)
-    return result.astype(np.uint8)
+            by_weight[weight] = np.maximum(by_weight.get(weight, part), part)
+    # Of equal weights the largest is looked for first: a multiplication is much slower than a comparison.
+    scaled = [(np.arange(256) * weight // 255).astype(np.uint8)[part] for weight, part in by_weight.items()]
+    return np.asarray(np.maximum.reduce(scaled))
+
+
+def _grown(array: UInt8, before: int, after: int, across: int | None = None) -> UInt8:
+    """Return rows and columns with zeros around them; `across` columns at the end, where these are others than rows."""
+    more = before + (after if across is None else across)
+    larger = np.zeros((len(array) + before + after, array.shape[1] + more, *array.shape[2:]), np.uint8)
+    larger[before : before + len(array), before : before + array.shape[1]] = array
+    return larger
 
 
 def polygon(corners: Sequence[tuple[float, float]]) -> tuple[UInt8, int, int]:

@@ -46,8 +46,8 @@ class Frame:
     image: of the kind of the first output, as `quantize` returns it.
     radiance: float32 [height, width, 4], premultiplied RGBA over nothing, from which the image was made.
     num_cells: cells, or bricks, in the cut. num_primitives: those of them that the frame can show.
-    seconds: the time that each step took. stage: what it was drawn from.
-    lines: what the annotation draws along cells and around volumes, each in its view.
+    seconds: the time that each step took. stage, view: what it was drawn from, and how.
+    lines: what the annotation draws along cells and around volumes.
     predicted_seconds: the time predicted for the whole frame, with a budget.
     """
 
@@ -59,14 +59,15 @@ class Frame:
     num_primitives: int
     seconds: dict[str, float]
     stage: Stage
-    lines: tuple[tuple[Lines, View], ...] = ()
+    view: View
+    lines: tuple[Lines, ...] = ()
     predicted_seconds: float | None = None
 
     def radiance_with_lines(self) -> Float32:
         """Return the radiance with the lines drawn over it, or the radiance itself where there are none."""
         image = self.radiance.copy() if self.lines else self.radiance
-        for lines, view in self.lines:
-            draw_lines(lines, view, image)
+        for lines in self.lines:
+            draw_lines(lines, self.view, image)
         return image
 
 
@@ -91,8 +92,8 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     watch.lap("quantize")
     num_primitives = sum(map(len, draw_list.orders[0][1]))
     counts = lod.num_cells, num_primitives
-    lines = tuple((each, draw_list.view) for each in lod.lines)
-    return Frame(draw_list.number, pixels, image, lod.tolerance, *counts, dict(watch.seconds), stage, lines)
+    seconds, view = dict(watch.seconds), draw_list.view
+    return Frame(draw_list.number, pixels, image, lod.tolerance, *counts, seconds, stage, view, tuple(lod.lines))
 
 
 def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:

@@ -15,6 +15,7 @@ from renderer.film import Picture, quantize, reduce_radiance
 from renderer.frame import Frame, Stage, view_of
 from renderer.job.record import FrameRecord
 from renderer.scene import PictureKind, Scene, moving_numbers, moving_values, raise_problems, values_at
+from renderer.view import View
 from renderer.volume import Bools, Float32
 
 _NUM_BAR_SAMPLES = 256
@@ -30,6 +31,7 @@ class PictureMaker:
     def __init__(self, film: Stage) -> None:
         self._film, self._output = film, film.scene.output
         self._annotator = lru_cache(len(self._output.kinds))(Annotator)  # which keeps what does not change
+        self._facts: tuple[Stage, dict[PictureKind, AnnotationFacts]] = film, {}
 
     def pictures(self, frame: Frame, record: FrameRecord) -> dict[int, Picture]:
         """Return the pictures of a frame by the numbers of their kinds: all that files need which show it.
@@ -46,27 +48,32 @@ class PictureMaker:
             image = reduce_radiance(radiance, self._output.size[0] // kind.size[0])
             if spec.entries:
                 image = image.copy() if image is frame.radiance else image
-                self._annotate(image, kind, frame.stage, record)
+                self._annotate(image, kind, frame.stage, frame.view, record)
             found[number] = Picture(quantize(image, kind.background, kind.depth))
         return found
 
-    def _annotate(self, image: Float32, kind: PictureKind, stage: Stage, record: FrameRecord) -> None:
-        """Draw over a picture of a kind, float32 [h, w, 4]. stage: of the frame."""
+    def _annotate(self, image: Float32, kind: PictureKind, stage: Stage, view: View, record: FrameRecord) -> None:
+        """Draw over a picture of a kind, float32 [h, w, 4]. stage, view: of the frame."""
+        if stage is not self._facts[0]:
+            self._facts = stage, {}
+        known = self._facts[1]
+        if kind not in known:
+            known[kind] = film_facts(stage, kind)
         accuracy = "" if record.accuracy is None else f"frame PSNR {record.accuracy.psnr:.1f} dB"
-        frame = frame_facts(self._film.scene, stage, record.frame, kind, accuracy)
-        annotator = self._annotator(stage.scene.annotation, film_facts(stage, kind))
-        draw_annotation(image, annotator.patches(frame))
+        frame = frame_facts(self._film.scene, stage, view, record.frame, kind, accuracy)
+        draw_annotation(image, self._annotator(stage.scene.annotation, known[kind]).patches(frame))
 
     def covered(self, frame: int, record: FrameRecord) -> Bools | None:
         """Return which pixels of a frame's first picture are drawn over, bool [h, w]; None where none is."""
         stage, kind = self._film.at(frame), self._output.kind
+        view = view_of(stage, frame)
         if not stage.scene.annotation.shows_anything:
             return None
         canvas = np.zeros((*kind.shape[:2], 4), np.float32)
         if stage.scene.annotation.bounds:
             for layer in stage.layers:
-                draw_lines(make_outline(layer.volume), view_of(stage, frame), canvas)
-        self._annotate(canvas, kind, stage, record)
+                draw_lines(make_outline(layer.volume), view, canvas)
+        self._annotate(canvas, kind, stage, view, record)
         return canvas[..., 3] > 0
 
 
@@ -76,7 +83,9 @@ def require_annotation(film: Stage, frames: Sequence[int]) -> None:
     tried = spread_evenly(frames, _MOST_TRIED, is_loop=False)
     for kind in film.scene.output.kinds if film.scene.annotation.entries else ():
         stages = [(frame, film.at(frame)) for frame in tried]
-        shown = [frame_facts(film.scene, stage, frame, kind, _ANY_ACCURACY) for frame, stage in stages]
+        shown = [
+            frame_facts(film.scene, stage, view_of(stage, frame), frame, kind, _ANY_ACCURACY) for frame, stage in stages
+        ]
         problems += annotation_problems(film.scene.at(0).annotation, film_facts(stages[0][1], kind), shown)
     raise_problems(problems)
 
@@ -105,9 +114,9 @@ def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
     )
 
 
-def frame_facts(film: Scene, stage: Stage, frame: int, kind: PictureKind, accuracy: str) -> FrameFacts:
-    """Return what an annotation shows of a frame. film: the scene with all that moves. stage: of the frame."""
-    view, volume = view_of(stage, frame), stage.layers[0].volume
+def frame_facts(film: Scene, stage: Stage, view: View, frame: int, kind: PictureKind, accuracy: str) -> FrameFacts:
+    """Return what an annotation shows of a frame. film: the scene with all that moves. stage, view: of the frame."""
+    volume = stage.layers[0].volume
     side = (view.distance if view.projection == "perspective" else 1.0) / view.scale_px
     side *= view.size[0] / kind.size[0]
     right, up, away = ((x, y, z) for x, y, z in view.axes.tolist())
