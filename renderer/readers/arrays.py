@@ -21,12 +21,9 @@ from renderer.readers.common import (
     check_dtype,
     check_memory,
     check_size,
-    choice_notes,
-    chosen_part,
+    choose,
     describe_shape,
     fitting_shapes,
-    plain_channels,
-    plain_steps,
     require_exists,
     select_index,
     unreadable_error,
@@ -114,15 +111,12 @@ def _chosen(values: Array, time: int | None, component: int | None) -> Image:
         values = values.view(np.uint8)
     if values.ndim == 2:
         values = values[np.newaxis]
-    axes = axes_of_array(values.shape, time, component)
-    chosen = values[chosen_part(axes, values.shape, time, component)]
-    notes = choice_notes(axes, values.shape, time, component)
-    channels, steps = plain_channels(axes, values.shape), plain_steps(axes, values.shape)
-    return Image(chosen, np.eye(4), notes, channels=channels, steps=steps)
+    chosen = choose(axes_of_array(values.shape, time, component), values.shape, time, component)
+    return Image(values[chosen.part], np.eye(4), chosen.notes, channels=chosen.channels, steps=chosen.steps)
 
 
 def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:
-    """Return what each axis is, by the letters of `chosen_part`; raises InputError if that is not known."""
+    """Return what each axis is, by the letters of `choose`; raises InputError if that is not known."""
     num_axes = len(shape)
     if num_axes == 4 and time is None and component is None:
         raise InputError(

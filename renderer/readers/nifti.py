@@ -27,15 +27,13 @@ from renderer.looks import MAX_LOOK_BYTES, read_extension
 from renderer.readers.common import (
     Image,
     check_dtype,
-    choice_notes,
+    choose,
     describe_shape,
     errors_about,
     has_volume,
     in_lps,
     labels_or_note,
-    plain_channels,
     require_exists,
-    select_index,
     unreadable_error,
 )
 from renderer.readers.sniff import read_start
@@ -96,12 +94,11 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     encoding: Encoding = "deflate" if is_compressed else "raw"
     part = StoredVoxels(data_file or header_file, 0, encoding, offset, has_rest=True)
     layout, names = Layout(dtype, shape[4::-1], (part,)), fields or ()
-    if fields is None:
-        values, left_over = read_stored(layout, "ctsss", time, component)
-    else:
-        records, left_over = read_stored(layout, "-tsss", time, None)
-        values = records[fields[select_index("component", component, len(fields))]]
-        names = _ATLAS if len(fields) == 4 and header["intent_code"] == _LABEL else fields
+    if len(names) == 4 and header["intent_code"] == _LABEL:
+        names = _ATLAS
+    chosen = choose("ctsss", (len(names) or shape[4], *layout.shape[1:]), time, component, names)
+    values, left_over = read_stored(layout, chosen._replace(part=(0, *chosen.part[1:])) if fields else chosen)
+    values = values[fields[chosen.component]] if fields else values
     try:
         ras_from_index, axes = _ras_from_index(header)
     except ValueError as error:  # the quaternion is not a rotation
@@ -109,10 +106,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     slope, intercept = header.get_slope_inter()
     if slope is not None and (slope, intercept) != (1.0, 0.0):
         values = _scaled(values, slope, intercept or 0.0)
-    counts = (shape[4] if fields is None else len(fields), shape[3])
-    notes += [_ANALYZE] * _is_analyze(header) + [left_over]
-    notes += choice_notes("ct", counts, time, component, names)
-    channels = plain_channels("ct", counts, names)
+    notes += [*[_ANALYZE] * _is_analyze(header), left_over, *chosen.notes]
     has_extensions = data_file is None and start[len(header.binaryblock) :][:1] not in (b"", b"\0")
     labels, wrong = labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
     world_from_index = in_lps(ras_from_index, (-1.0, -1.0, 1.0))
@@ -121,7 +115,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
         units = units_of(header["vox_units"].item().decode("latin-1") or "mm")
     else:
         units = Units(_LENGTH_UNITS.get(int(header["xyzt_units"]) & 0b111, ""), axes)
-    return Image(values, world_from_index, all_notes, channels=channels, labels=labels, steps=steps, units=units)
+    return Image(values, world_from_index, all_notes, channels=chosen.channels, labels=labels, steps=steps, units=units)
 
 
 def _steps(header: _Header, count: int) -> TimeSteps:

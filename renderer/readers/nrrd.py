@@ -20,12 +20,11 @@ from renderer.readers.common import (
     NO_SPACING,
     Image,
     affine,
-    choice_notes,
+    choose,
     describe_count,
     describe_shape,
     in_lps,
     labels_or_note,
-    plain_channels,
 )
 from renderer.readers.data_files import find_data_files
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
@@ -97,15 +96,14 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
         )
     skip = "byte skip: -1" if layout.parts[0].encoding == "raw" else "byte skip: {}"
     has_skip = bool({"byteskip", "lineskip"} & fields.keys())
-    values, left_over = read_stored(layout, axes[::-1], time, component, None if has_skip else skip)
     colours = "".join(re.findall(r"([a-z]+)-color", " ".join(kinds))).upper()  # RGB of rgb-color
-    chosen = choice_notes(axes[::-1], layout.shape, time, component, colours)
-    channels = plain_channels(axes[::-1], layout.shape, colours)
-    labels, wrong = labels_or_note(lambda: _segments(path, fields, len(channels), component or 0))
-    notes = (None if has_spacing else NO_SPACING, left_over, *chosen, wrong)
+    chosen = choose(axes[::-1], layout.shape, time, component, colours)
+    values, left_over = read_stored(layout, chosen, None if has_skip else skip)
+    labels, wrong = labels_or_note(lambda: _segments(path, fields, len(chosen.channels), chosen.component))
+    notes = (None if has_spacing else NO_SPACING, left_over, *chosen.notes, wrong)
     steps = _steps(fields, axes, layout.shape[::-1])
     units = _units(fields, axes, has_directions=bool(directions))
-    return Image(values, world_from_index, notes, channels=channels, labels=labels, steps=steps, units=units)
+    return Image(values, world_from_index, notes, channels=chosen.channels, labels=labels, steps=steps, units=units)
 
 
 def _units(fields: dict[str, Field], axes: str, *, has_directions: bool) -> Units:
@@ -250,7 +248,7 @@ def _after_lines(file: Path, begin: int, num_lines: int) -> int:
 
 
 def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Float64 | None]) -> str:
-    """Return what each axis is, from the fastest to the slowest, by the letters of `chosen_part`.
+    """Return what each axis is, from the fastest to the slowest, by the letters of `choose`.
 
     Raises InputError for more axes of a kind than a volume has.
         Of several axes of time or components, those of length 1 do not count.

@@ -13,15 +13,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import (
-    NO_SPACING,
-    Image,
-    choice_notes,
-    errors_about,
-    plain_channels,
-    require_exists,
-    select_index,
-)
+from renderer.readers.common import NO_SPACING, Image, choose, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import slices_of_pictures
@@ -41,7 +33,7 @@ def read_pictures(
     """
     select_index("time", time, 1)
     files = sort_slices(slices_of_pictures(path))
-    values, expected, bands = None, "", ()
+    values, expected, chosen = None, "", None
     for index, file in enumerate(files):
         host.begin_file(file)
         with errors_about(file), _opened(require_exists(file)) as picture:
@@ -51,15 +43,13 @@ def read_pictures(
             if found != expected:
                 expected = f"{expected} as in {files[0].name}"
                 raise InputError("the slices of this folder differ", got=found, expected=expected)
-            channel = select_index("component", component, len(bands))
-            if values is None:
+            if chosen is None or values is None:
+                chosen = choose("c", (len(bands),), None, component, bands if len(bands) > 1 else ())
                 dtype = np.uint16 if picture.mode.startswith("I") else np.uint8
                 values = allocate_voxels(host, (len(files), picture.height, picture.width), dtype)
-            values[index] = np.atleast_3d(np.asarray(picture))[..., channel]
-    assert values is not None, "called without files"
-    names = bands if len(bands) > 1 else ()
-    notes = choice_notes("c", (len(bands),), None, component, names)
-    return Image(values, np.eye(4), (NO_SPACING, *notes), channels=plain_channels("c", (len(bands),), names))
+            values[index] = np.atleast_3d(np.asarray(picture))[..., chosen.component]
+    assert values is not None and chosen is not None, "called without files"
+    return Image(values, np.eye(4), (NO_SPACING, *chosen.notes), channels=chosen.channels)
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from renderer.readers.common import (
     check_integer_resolution,
     check_lengths,
     check_memory,
-    choice_notes,
+    choose,
     describe_shape,
     errors_about,
     require_exists,
@@ -201,15 +201,16 @@ _ISOLATED = ("tiff", "dicom", "vtk", "hdf5", "pictures")
 
 def _load_listed(spec: VolumeSpec, source: FileSource, time: int | None) -> Image:
     """Return the image of one of several files, each of which is one step."""
-    steps = TimeSteps(len(source.steps), source.times)
-    file = source.steps[select_index("time", time, steps.num_times)]
+    chosen = choose("t", (len(source.steps),), time, None)
+    file = source.steps[chosen.step]
     own_time = 0 if spec.component is None else None  # with which axes that are not named are times, or not
     image = _load_file(spec, file, own_time)
     if image.steps.num_times > 1:
         got = f"{image.steps.num_times} time steps in this one"
         hint = "name it alone: `file` without a list or a pattern"
         raise InputError("a step in time is one volume", where=str(file), got=got, expected="one", hint=hint)
-    return replace(image, steps=steps, notes=(*image.notes, *choice_notes("t", (steps.num_times,), time, None)))
+    steps = TimeSteps(len(source.steps), source.times)
+    return replace(image, steps=steps, notes=(*image.notes, *chosen.notes))
 
 
 def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> Image:

@@ -20,10 +20,10 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.common import (
+    Chosen,
     bytes_of,
     check_memory,
     check_size,
-    chosen_part,
     describe_count,
     describe_shape,
     errors_about,
@@ -88,18 +88,15 @@ class Layout:
     num_split: int = 0
 
 
-def read_stored(
-    layout: Layout, axes: str, time: int | None, component: int | None, skip: str | None = None
-) -> tuple[Array, str | None]:
+def read_stored(layout: Layout, chosen: Chosen, skip: str | None = None) -> tuple[Array, str | None]:
     """Return one time step and component of an array, and a note if bytes of its files are no voxels.
 
     The array has its axes in space alone, that of a plane is [1, y, x].
 
-    axes: as `chosen_part` has them. skip: how the file passes over a header before the voxels, with its length in place
-        of `{}`, if it can. The array may be mapped from its file. Raises InputError if `time` or `component` do not
-        fit, and for files that are missing, truncated, damaged, or too long.
+    skip: how the file passes over a header before the voxels, with its length in place of `{}`, if it can. The array
+        may be mapped from its file. Raises InputError for files that are missing, truncated, damaged, or too long.
     """
-    values, num_left = _read_part(layout, chosen_part(axes, layout.shape, time, component), in_time=time is not None)
+    values, num_left = _read_part(layout, chosen.part, in_time=chosen.is_step)
     note = _left_over_note(layout.parts[0].file, num_left, skip) if num_left else None
     return values if values.ndim == 3 else values[np.newaxis], note
 

@@ -20,15 +20,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import (
-    Image,
-    choice_notes,
-    chosen_part,
-    errors_about,
-    plain_channels,
-    require_exists,
-    select_index,
-)
+from renderer.readers.common import Image, choose, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
@@ -74,24 +66,24 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
         num_planes = len(slices) if len(slices) > 1 else _num_contiguous(first, path)
         layout = page_layout(first, num_planes)
         num_components = layout.count("C") * first.samplesperpixel
-        channel, sample = divmod(select_index("component", component, num_components), first.samplesperpixel)
-        part = chosen_part(layout.axes.lower(), layout.counts, time, channel)
+        chosen = choose("tc", (layout.count("T"), num_components), time, component, sample_names(first))
+        channel, sample = divmod(chosen.component, first.samplesperpixel)
+        part = choose(layout.axes.lower(), layout.counts, time, channel).part
         places = page_places(first.description, path.name, layout)
-        chosen = [places[k] for k in np.reshape(range(len(places)), layout.counts)[part].ravel()]
-        values = allocate_voxels(host, (len(chosen), first.imagelength, first.imagewidth), _dtype(first))
-        for name in sorted({name for name, _ in chosen}):
+        planes = [places[k] for k in np.reshape(range(len(places)), layout.counts)[part].ravel()]
+        values = allocate_voxels(host, (len(planes), first.imagelength, first.imagewidth), _dtype(first))
+        for name in sorted({name for name, _ in planes}):
             file = _sibling(path, name) if name else path
             host.begin_file(file)
-            numbers = {k: number for k, (other, number) in enumerate(chosen) if other == name}
+            numbers = {k: number for k, (other, number) in enumerate(planes) if other == name}
             with _open_pages(file) if name else nullcontext(pages) as own:
                 _fill(values, numbers, _slices(own, first), sample, file)
         world_from_index, units, note_on_lengths = _world_from_index(first, layout.space, has_spacing_override)
-        notes = choice_notes("tc", (layout.count("T"), num_components), time, component, sample_names(first))
-        channels = find_channels(first, layout, num_components)
+        channels = find_channels(first, layout, chosen.channels)
         nodata, steps = _nodata(first), find_times(first.description, layout.count("T"))
     num_left_out = len(pages) - len(slices)
     note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
-    all_notes = (note_on_images, note, note_on_lengths, layout.note, *notes)
+    all_notes = (note_on_images, note, note_on_lengths, layout.note, *chosen.notes)
     return Image(values, world_from_index, all_notes, nodata, channels, steps=steps, units=units)
 
 
@@ -161,14 +153,14 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
                     got=_describe(page),
                     expected=f"{expected} as in {files[0].name}",
                 )
-            plane = _plane(page, select_index("component", component, page.samplesperpixel), file)
+            chosen = choose("c", (page.samplesperpixel,), None, component, sample_names(page))
+            plane = _plane(page, chosen.component, file)
             if image is None:  # allocated only after one slice has been read
                 with errors_about(folder):
                     values = allocate_voxels(host, (len(files), *plane.shape), _dtype(page))
                 world_from_index, units, note = _world_from_index(page, "XYZ", has_spacing_override)
-                notes = choice_notes("c", (page.samplesperpixel,), None, component, sample_names(page))
-                channels = plain_channels("c", (page.samplesperpixel,), sample_names(page))
-                image = Image(values, world_from_index, (note, *notes), _nodata(page), channels, units=units)
+                notes = (note, *chosen.notes)
+                image = Image(values, world_from_index, notes, _nodata(page), chosen.channels, units=units)
             image.values[index] = plane
     assert image is not None, "called without files"
     return image

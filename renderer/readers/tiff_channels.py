@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.readers.common import MAX_LISTED, plain_channels
+from renderer.readers.common import MAX_LISTED
 from renderer.readers.text_header import NUMBER
 from renderer.readers.tiff_description import Layout, Page, attribute, is_imagej, is_ome, ome_elements
 from renderer.volume import Channel
@@ -20,13 +20,13 @@ _RGB = 2  # the photometric interpretation
 _MAX_NAME = 60
 
 
-def find_channels(first: Page, layout: Layout, count: int) -> tuple[Channel, ...]:
+def find_channels(first: Page, layout: Layout, channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
     """Return what a file tells of each of its components; each is light, but for the samples of colour pictures.
 
-    first: the first page. Colours that do not tell the channels apart, such as white for all or black for one,
-    are left out.
+    first: the first page. channels: as of `Chosen`. Colours that do not tell the channels apart, such as white for all
+    or black for one, are left out.
     """
-    channels = plain_channels("c", (count,), sample_names(first))
+    count = len(channels)
     if first.photometric == _RGB or count < 2:
         return tuple(replace(each, is_light=False) for each in channels)
     if is_ome(first.description) and count <= MAX_LISTED:

@@ -21,16 +21,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import (
-    Image,
-    affine,
-    choice_notes,
-    errors_about,
-    even_steps,
-    plain_channels,
-    require_exists,
-    select_index,
-)
+from renderer.readers.common import Image, affine, choose, errors_about, even_steps, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.text_header import MAX_HEADER_BYTES
 from renderer.scene import short_text
@@ -64,9 +55,8 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
         values = allocate_voxels(host, part.values.shape, part.values.dtype)
         values[...] = part.values
         part = replace(part, values=values)
-    shape = (len(part.names),)
-    notes = choice_notes("c", shape, None, component, part.names)
-    return Image(part.values, part.world_from_index, notes, channels=plain_channels("c", shape, part.names))
+    chosen = choose("c", (len(part.names),), None, component, part.names)
+    return Image(part.values, part.world_from_index, chosen.notes, channels=chosen.channels)
 
 
 @dataclass(frozen=True)
