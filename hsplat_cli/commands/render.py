@@ -17,11 +17,7 @@ from renderer.errors import InputError
 
 @click.command()
 @takes_scene("Draw only these frames, as a Python slice: 0:30, ::10, 7, -1.")
-@click.option(
-    "--output",
-    metavar="FILE",
-    help="Write to this film, {frame}.png or, for one, .png.",
-)
+@click.option("--output", metavar="FILE", help="Write to this film, {frame}.png or, for one, .png.")
 @no_paths_option
 @click.option("--progressive", is_flag=True, help="Draw a coarse film first, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")

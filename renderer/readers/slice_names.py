@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.sniff import natural_key
+from renderer.readers.sniff import natural_sort_key
 
 
 def sort_slices(files: list[Path]) -> list[Path]:
@@ -18,7 +18,7 @@ def sort_slices(files: list[Path]) -> list[Path]:
     Raises InputError unless the names differ only in numbers, of which one increases from file to file in even steps:
         otherwise slices are missing, or there are several stacks.
     """
-    files = sorted(files, key=natural_key)
+    files = sorted(files, key=lambda file: natural_sort_key(file.name))
     shapes = [re.sub("[0-9]+", "#", file.name.lower()) for file in files]
     for file, shape in zip(files, shapes, strict=True):
         if shape != shapes[0]:

@@ -12,12 +12,10 @@ _PREFIXES = {"": "", "n": "nano", "µ": "micro", "m": "milli", "c": "centi", "k"
 _SPELLINGS = {
     f"{word}met{end}": f"{prefix}m" for prefix, word in _PREFIXES.items() for end in ("er", "ers", "re", "res")
 }
-_SPELLINGS |= dict.fromkeys(("µm", "um", "micron", "microns"), "µm") | dict.fromkeys(
-    ("å", "angstrom", "angstroms"), "Å"
-)
-_SPELLINGS |= dict.fromkeys(("in", "inch", "inches"), "inch") | dict.fromkeys(
-    ("pixel", "pixels", "voxel", "voxels"), ""
-)
+_SPELLINGS |= dict.fromkeys(("µm", "um", "micron", "microns"), "µm")
+_SPELLINGS |= dict.fromkeys(("å", "angstrom", "angstroms"), "Å")
+_SPELLINGS |= dict.fromkeys(("in", "inch", "inches"), "inch")
+_SPELLINGS |= dict.fromkeys(("pixel", "pixels", "voxel", "voxels"), "")
 _SPELLINGS = {unicodedata.normalize("NFKC", text): unit for text, unit in _SPELLINGS.items()}
 
 
