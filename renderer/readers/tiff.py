@@ -24,7 +24,7 @@ from renderer.readers.common import Image, choose, errors_about, require_exists,
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
-from renderer.readers.text_header import NUMBER
+from renderer.readers.text_header import number_in
 from renderer.readers.tiff_channels import find_channels, sample_names
 from renderer.readers.tiff_description import (
     Page,
@@ -340,6 +340,5 @@ def _world_from_index(first: Page, space: str, has_spacing_override: bool) -> tu
 
 def _nodata(page: Page) -> tuple[tuple[float, float], ...]:
     """Return the value that stands for no data to GDAL."""
-    text = str(page.tags.valueof(_GDAL_NODATA) or "").strip()
-    value = float(text) if NUMBER.fullmatch(text) else math.nan
+    value = number_in(str(page.tags.valueof(_GDAL_NODATA) or "").strip())
     return ((value, value),) if math.isfinite(value) else ()

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from renderer.readers.common import MAX_LISTED
-from renderer.readers.text_header import NUMBER
-from renderer.readers.tiff_description import Layout, Page, attribute, is_imagej, is_ome, ome_elements
+from renderer.readers.text_header import attribute, number_in
+from renderer.readers.tiff_description import Layout, Page, is_imagej, is_ome, ome_elements
 from renderer.volume import Channel
 
 _RGB = 2  # the photometric interpretation
@@ -55,9 +55,10 @@ def _of_ome(description: str, count: int) -> tuple[Channel, ...]:
 
 def _ome_color(text: str) -> tuple[float, float, float] | None:
     """Return a colour that OME writes as a signed number of 32 bits: red, green, blue and alpha."""
-    if not NUMBER.fullmatch(text) or not -(2**31) <= float(text) < 2**32:
+    number = number_in(text)
+    if not -(2**31) <= number < 2**32:
         return None
-    red, green, blue, _ = (int(float(text)) % 2**32).to_bytes(4, "big")
+    red, green, blue, _ = (int(number) % 2**32).to_bytes(4, "big")
     return red / 255, green / 255, blue / 255
 
 

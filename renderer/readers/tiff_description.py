@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from renderer.errors import InputError
-from renderer.readers.text_header import NUMBER
+from renderer.readers.text_header import attribute, number_in
 
 _MAX_COUNT = 2**31 - 1
 _MAX_PLANES = 2**20
@@ -230,12 +230,6 @@ def ome_elements(description: str, name: str) -> list[str]:
     return re.findall(rf"<(?:\w+:)?{name}\b([^<>]*)>", image)
 
 
-def attribute(element: str, name: str) -> str | None:
-    """Return the text of an attribute of an XML element, in either kind of quotes; None if it is missing."""
-    found = re.search(rf"""\b{name}\s*=\s*(?:"([^"]*)"|'([^']*)')""", element)
-    return None if found is None else found[1] if found[1] is not None else found[2]
-
-
 def ome_pixels(description: str) -> str:
     """Return the first Pixels element of OME's XML, without what is inside it; all of the XML if there is none."""
     found = _PIXELS.search(description)
@@ -249,7 +243,7 @@ def _line(description: str, key: str) -> int | None:
 
 def number(text: str, key: str, least: int | None = None) -> float:
     """Return the number that `text`, the value of `key`, spells: a finite one, or a whole one from `least` on."""
-    value = float(text) if NUMBER.fullmatch(text) else math.nan
+    value = number_in(text)
     if math.isfinite(value) if least is None else value.is_integer() and least <= value <= _MAX_COUNT:
         return value
     raise InputError(

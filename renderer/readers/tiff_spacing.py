@@ -15,7 +15,8 @@ from typing import Any
 
 from renderer.errors import InputError
 from renderer.readers.common import GUESSED_LENGTHS, NO_SPACING
-from renderer.readers.tiff_description import attribute, escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
+from renderer.readers.text_header import attribute
+from renderer.readers.tiff_description import escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
 from renderer.readers.units import one_spelling
 
 # Fields by number.

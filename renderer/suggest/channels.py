@@ -29,7 +29,11 @@ _SAMPLED_SIDE, _LEAST_BRIGHT, _FULL_PERCENTILE, _MOST_WEIGHT = 96, 0.1, 93.0, 50
 _DARK_PERCENTILE = 80.0
 
 
-def channel_layers(layer: LayerSpec, first: Volume, read: Callable[[VolumeSpec], Volume]) -> list[LayerSpec]:
+# Reads the voxels of a volume.
+ReadVolume = Callable[[VolumeSpec], Volume]
+
+
+def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[LayerSpec]:
     """Return a layer for each channel of a volume; a transfer function that is given is that of all.
 
     first: the first channel, or the volume if that has no others. read: reads the voxels of others.
