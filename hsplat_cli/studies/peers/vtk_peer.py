@@ -329,7 +329,7 @@ def _points(transfer: TransferFunction, unit: float) -> Float64:
 
 
 def _camera(volume: Volume, view: View) -> dict[str, Any]:
-    """Convert a View to VTK's camera parameters, in the world of the job."""
+    """Convert a View to the size of VTK's window, and the properties of its camera, in the world of the job."""
     finest = volume.finest_spacing
     eye = (view.eye - volume.centre) / finest
     half_extent = np.abs(volume.world_from_index[:3, :3]) @ np.array(volume.shape_xyz) / 2 / finest
@@ -338,16 +338,16 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
     nearest = max(depth - reach, view.near / finest, farthest * _NEAREST_PART)
     width, height = view.size
     half_height = height / 2 / view.scale_px  # a tangent in perspective, else a length
-    return {
-        "size": (width, height),
-        "eye": eye.tolist(),
-        "focus": (eye + view.forward).tolist(),
-        "up": view.axes[1].tolist(),
-        "is_parallel": view.projection == "orthographic",
-        "half_height": half_height / finest,
-        "angle_deg": math.degrees(2 * math.atan(half_height)),
-        "clipping": (nearest, max(farthest, nearest * 2)),
+    camera = {
+        "position": eye.tolist(),
+        "focal_point": (eye + view.forward).tolist(),
+        "view_up": view.axes[1].tolist(),
+        "parallel_projection": view.projection == "orthographic",
+        "parallel_scale": half_height / finest,
+        "view_angle": math.degrees(2 * math.atan(half_height)),
+        "clipping_range": (nearest, max(farthest, nearest * 2)),
     }
+    return {"size": (width, height), "camera": camera}
 
 
 @contextmanager
