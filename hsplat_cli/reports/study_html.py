@@ -100,7 +100,7 @@ def _facts(study: Study, date: str) -> list[tuple[str, str]]:
     frames = ", ".join(map(str, sorted(numbers)))
     size = study.scene.get("output", {}).get("size", ())
     volume = format_facts({f"volume, {name}" if name != "name" else "volume": v for name, v in study.volume.items()})
-    noun = "frame" if len(numbers) == 1 else "frames"
+    noun = f"frame{'s' * (len(numbers) != 1)}"
     picture = [("pictures", f"{' x '.join(map(str, size))} pixels, {noun} {frames}")] if size else []
     return [*volume, *picture, *format_facts(study.machine), ("date", date)]
 

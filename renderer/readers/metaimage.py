@@ -22,20 +22,9 @@ from renderer.readers.text_header import Field, add_field, header_lines
 from renderer.readers.units import Units, units_of
 from renderer.volume import Float64
 
-_TYPES = {
-    "MET_CHAR": "int8",
-    "MET_UCHAR": "uint8",
-    "MET_SHORT": "int16",
-    "MET_USHORT": "uint16",
-    "MET_INT": "int32",
-    "MET_UINT": "uint32",
-    "MET_LONG": "int32",
-    "MET_ULONG": "uint32",
-    "MET_LONG_LONG": "int64",
-    "MET_ULONG_LONG": "uint64",
-    "MET_FLOAT": "float32",
-    "MET_DOUBLE": "float64",
-}
+_INTEGERS = {"CHAR": "int8", "SHORT": "int16", "INT": "int32", "LONG": "int32", "LONG_LONG": "int64"}
+_TYPES = {f"MET_{sign}{name}": f"{sign.lower()}{dtype}" for name, dtype in _INTEGERS.items() for sign in ("", "U")}
+_TYPES |= {"MET_FLOAT": "float32", "MET_DOUBLE": "float64"}
 # Fields with several names, of which the first that is there counts.
 _SPACINGS = ("ElementSpacing", "ElementSize")
 _ORIGINS = ("Origin", "Position", "Offset")

@@ -75,9 +75,8 @@ def suggest_weight(volume: Volume, window: tuple[float, float]) -> float:
     """Return the weight, of two digits, with which the light of bright rays along the axes is about full."""
     steps = [max(1, num // _SAMPLED_SIDE) for num in volume.values.shape]
     sampled = volume.values[tuple(slice(None, None, step) for step in steps)].astype(np.float64)
-    shares = np.clip(
-        (np.nan_to_num(sampled, nan=window[0]) / 2 - window[0] / 2) / (window[1] / 2 - window[0] / 2), 0, 1
-    )
+    low, high = window
+    shares = np.clip((np.nan_to_num(sampled, nan=low) / 2 - low / 2) / (high / 2 - low / 2), 0, 1)
     lengths = volume.spacing[::-1] * steps / (RAMP_THICKNESS * float((volume.spacing * volume.shape_xyz).max()))
     depths = np.concatenate([(shares.sum(axis) * lengths[axis]).ravel() for axis in range(3)])
     bright = depths[depths > _LEAST_BRIGHT * depths.max()]

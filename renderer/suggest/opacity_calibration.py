@@ -187,11 +187,8 @@ def _values_along(
 
 def _view_axes(azimuth: float) -> tuple[Float64, Float64, Float64]:
     """Return the directions to the right, up and away from the camera, in the world."""
-    right, outward = (
-        np.array([-math.sin(azimuth), math.cos(azimuth), 0.0]),
-        np.array([math.cos(azimuth), math.sin(azimuth), 0.0]),
-    )
-    rise = np.array([0.0, 0.0, 1.0])
+    right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
+    outward, rise = np.array([math.cos(azimuth), math.sin(azimuth), 0.0]), np.array([0.0, 0.0, 1.0])
     sine, cosine = math.sin(_ELEVATION), math.cos(_ELEVATION)
     return right, cosine * rise - sine * outward, -sine * rise - cosine * outward
 

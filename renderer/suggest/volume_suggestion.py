@@ -117,11 +117,9 @@ def _suggest_in_time(volume: VolumeSpec, num_times: int, read: ReadVolume, wish:
     steps = dict.fromkeys(k * (num_times - 1) // (_MOST_STEPS - 1) for k in range(_MOST_STEPS))
     widest = max(steps, key=span)
     found = suggest_for(replace(volume, time=widest), read, wish=wish)
-    reason = (
-        f"{found.suggestion.reason}; step {widest} of {num_times} has the widest range of {len(steps)} that were read"
-    )
+    why = f"step {widest} of {num_times} has the widest range of {len(steps)} that were read"
     layers = tuple(replace(layer, volume=replace(layer.volume, time="auto")) for layer in found.layers)
-    suggestion = replace(found.suggestion, reason=reason)
+    suggestion = replace(found.suggestion, reason=f"{found.suggestion.reason}; {why}")
     return replace(found, volume=replace(found.volume, time="auto"), layers=layers, suggestion=suggestion)
 
 
