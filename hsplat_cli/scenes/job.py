@@ -55,8 +55,8 @@ class SceneRequest:
 def load_job(request: SceneRequest, draws: Draws = "film", *, reads: bool = True) -> FilmJob:
     """Load the job of a scene file or a sidecar, with the changes of the command line's options.
 
-    The job of a sidecar makes its film again, or another one elsewhere. reads: the channels and labels of files are found, for which
-    their voxels are read. Raises InputError, and SceneError as `load_scene`.
+    The job of a sidecar makes its film again, or another one elsewhere. reads: the channels and labels of files are
+    found, for which their voxels are read. Raises InputError, and SceneError as `load_scene`.
     """
     content = read_content(request.path)
     if may_be_json(content):

@@ -22,6 +22,7 @@ from renderer.readers.common import (
     check_memory,
     check_size,
     choose,
+    damaged_error,
     describe_shape,
     fitting_shapes,
     require_exists,
@@ -83,12 +84,8 @@ def read_npz(path: Path, time: int | None, component: int | None) -> Image:
             with archive.open(member) as file:
                 values = _unpacked(file, member, path)
     except _ARCHIVE_ERRORS as error:
-        raise InputError(
-            "this archive cannot be read",
-            got=short_text(str(error)),
-            expected="an archive saved by numpy.savez",
-            hint="the file is truncated or damaged",
-        ) from error
+        got, expected = short_text(str(error)), "an archive saved by numpy.savez"
+        raise damaged_error("this archive cannot be read", got, expected) from error
     return _chosen(values, time, component if len(members) == 1 else None)
 
 
@@ -161,12 +158,8 @@ def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[
         raise unreadable_error(error) from error
     except (ValueError, TypeError, SyntaxError, TokenError, EOFError, MemoryError, RecursionError) as error:
         # Errors of numpy's header parser and of Python's own, whose texts concern program code.
-        raise InputError(
-            "cannot read the header",
-            got="too many nested expressions" if isinstance(error, MemoryError | RecursionError) else None,
-            expected="an array saved by numpy.save",
-            hint="the file is truncated or damaged",
-        ) from error
+        got = "too many nested expressions" if isinstance(error, MemoryError | RecursionError) else None
+        raise damaged_error("cannot read the header", got, "an array saved by numpy.save") from error
     if len(shape) > _MAX_AXES or any(type(n) is not int or n < 0 for n in shape):  # booleans are integers, too
         raise InputError(
             "the header has no shape of an array",

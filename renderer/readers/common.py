@@ -381,6 +381,11 @@ def errors_about(where: Path | str) -> Iterator[None]:
         raise
 
 
+def damaged_error(what: str, got: str | None = None, expected: str | None = None) -> InputError:
+    """Return the error for a file that has something else than it should."""
+    return InputError(what, got=got, expected=expected, hint="the file is truncated or damaged")
+
+
 def unreadable_error(error: Exception) -> InputError:
     """Return the error of an operating system or a library as an InputError, on one line."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)

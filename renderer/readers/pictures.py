@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, choose, errors_about, require_exists, select_index
+from renderer.readers.common import NO_SPACING, Image, choose, damaged_error, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import slices_of_pictures
@@ -64,13 +64,8 @@ def _opened(file: Path) -> Iterator[Any]:
     try:
         with pillow.open(file, formats=_FORMATS) as picture:
             if picture.width * picture.height > _MAX_PACKING * file.stat().st_size:
-                raise InputError(
-                    "this picture has fewer bytes than its pixels need",
-                    got=f"{file.stat().st_size} bytes for {picture.width} x {picture.height} pixels",
-                    hint="the file is truncated or damaged",
-                )
+                got = f"{file.stat().st_size} bytes for {picture.width} x {picture.height} pixels"
+                raise damaged_error("this picture has fewer bytes than its pixels need", got)
             yield picture.convert("RGB") if picture.mode == "P" else picture
     except (OSError, SyntaxError, ValueError, IndexError) as error:
-        raise InputError(
-            "this picture cannot be decoded", expected="PNG, JPEG or BMP", hint="the file is truncated or damaged"
-        ) from error
+        raise damaged_error("this picture cannot be decoded", expected="PNG, JPEG or BMP") from error

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, choose, errors_about, require_exists, select_index
+from renderer.readers.common import Image, choose, damaged_error, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
@@ -215,7 +215,7 @@ class _Damage(logging.Handler):
 def _check_pages(pages: list[Page], num_file_bytes: int) -> None:
     """Raise InputError unless every page has one plane of pixels, and all are inside the file, each byte used once."""
     if not pages or not all(np.prod(page.shaped, dtype=object) for page in pages):
-        raise InputError("this TIFF file holds no image", hint="the file is truncated or damaged")
+        raise damaged_error("this TIFF file holds no image")
     if any(page.imagedepth > 1 for page in pages) or (len(pages) == 1 and _has_unlisted_planes(pages[0])):
         raise InputError(
             "this TIFF file has several planes in a page, or planes without one",
@@ -240,12 +240,9 @@ def _check_pages(pages: list[Page], num_file_bytes: int) -> None:
         end = max(map(sum, zip(offsets, lengths, strict=False)), default=0)
         needed = _num_plain_bytes(page) if page.compression == 1 else 0
         if not is_there or end > num_file_bytes or sum(lengths) < needed:
-            raise InputError(
-                f"page {number} of this TIFF file lacks pixels",
-                got=f"{len(offsets)} strips or tiles up to byte {end}, in a file of {num_file_bytes} bytes",
-                expected=f"{num_segments} strips or tiles" + f" of {needed} bytes in all" * (needed > 0),
-                hint="the file is truncated or damaged",
-            )
+            got = f"{len(offsets)} strips or tiles up to byte {end}, in a file of {num_file_bytes} bytes"
+            expected = f"{num_segments} strips or tiles" + f" of {needed} bytes in all" * (needed > 0)
+            raise damaged_error(f"page {number} of this TIFF file lacks pixels", got, expected)
     num_used = sum(sum(page.databytecounts) for page in pages)
     if num_used > num_file_bytes:  # a small file could stand for any number of voxels
         raise InputError(
