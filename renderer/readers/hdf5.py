@@ -18,14 +18,7 @@ import numpy as np
 
 from renderer.errors import InputError, require_package
 from renderer.readers.arrays import axes_of_array
-from renderer.readers.common import (
-    NO_SPACING,
-    Image,
-    affine,
-    choose,
-    describe_shape,
-    even_steps,
-)
+from renderer.readers.common import NO_SPACING, Image, affine, choose, describe_shape, even_steps
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.units import units_of
 from renderer.scene import did_you_mean, join_some, short_text
