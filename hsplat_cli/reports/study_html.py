@@ -12,9 +12,19 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from hsplat_cli.reports import costs, plots
+from hsplat_cli.reports import costs
 from hsplat_cli.reports.html import Chart, format_facts, plot_style, render_page, require_page_packages
 from hsplat_cli.reports.number_format import ABSENT, count_text, ms_text, ratio_text
+from hsplat_cli.reports.plots import (
+    SPLATS_AXIS,
+    TIME_AXIS,
+    CostAxis,
+    has_intervals,
+    metrics_figure,
+    plottable,
+    plottable_fronts,
+    tradeoff_figure,
+)
 from hsplat_cli.reports.tables import Column, cost_columns, csv_text, json_text, metric_columns, to_plain
 from renderer.accuracy import Truth
 from renderer.bricks import BRICK_SIZE
@@ -67,7 +77,7 @@ def study_page(study: Study, *, date: str) -> str:
             on_front=[on_time for on_time, _ in on_fronts],
             fronts=[" and ".join(["time"] * on_time + ["splats"] * on_splats) for on_time, on_splats in on_fronts],
             cost_columns=cost_columns(measurements, count_text),
-            is_estimate=plots.has_intervals(measurements),
+            is_estimate=has_intervals(measurements),
             everywhere_columns=metric_columns(measurements, _METRICS, "everywhere"),
             on_volume_columns=metric_columns(measurements, _METRICS, "on_volume"),
             step_columns=_step_columns(measurements),
@@ -87,32 +97,31 @@ def _facts(study: Study, date: str) -> list[tuple[str, str]]:
 
 def _charts(measurements: Sequence[Measurement]) -> list[Chart]:
     charts = []
-    for axis in (plots.TIME_AXIS, plots.SPLATS_AXIS):
-        if shown := plots.plottable(measurements, axis):
+    for axis in (TIME_AXIS, SPLATS_AXIS):
+        if shown := plottable(measurements, axis):
             series = ", ".join(costs.group_by_series(shown))
             alt = f"PSNR in dB over the {axis.title}, logarithmic, of {series}"
-            charts.append(Chart(plots.tradeoff_figure(measurements, axis), _tradeoff_caption(measurements, axis), alt))
-    if plots.plottable(measurements, plots.TIME_AXIS) and not plots.has_intervals(measurements):
+            charts.append(Chart(tradeoff_figure(measurements, axis), _tradeoff_caption(measurements, axis), alt))
+    if plottable(measurements, TIME_AXIS) and not has_intervals(measurements):
         series = ", ".join(costs.group_by_series(measurements))
-        alt = "PSNR on the volume, SSIM, FLIP and pixels over Delta-E 2.3"
-        alt += f" over the {plots.TIME_AXIS.title}, of {series}"
-        charts.append(Chart(plots.metrics_figure(measurements), "The same settings by other metrics.", alt))
+        alt = f"PSNR on the volume, SSIM, FLIP and pixels over Delta-E 2.3 over the {TIME_AXIS.title}, of {series}"
+        charts.append(Chart(metrics_figure(measurements), "The same settings by other metrics.", alt))
     return charts
 
 
-def _tradeoff_caption(measurements: Sequence[Measurement], axis: plots.CostAxis) -> str:
+def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis) -> str:
     """Explain labels, bars and omissions."""
     names = [
         f"{front[0].setting.label.rpartition(' ')[0]} ({costs.PROGRAM_NAMES[program]})"
-        for program, front in plots.plottable_fronts(measurements, axis).items()
+        for program, front in plottable_fronts(measurements, axis).items()
         if front
     ]
     parts = ["Higher and further to the left is better."]
     parts += [f"Labels at the points of a front, where they fit: {', '.join(names)}."] if names else []
-    lacks_bricks = axis is plots.SPLATS_AXIS and costs.has_bricks(measurements)
+    lacks_bricks = axis is SPLATS_AXIS and costs.has_bricks(measurements)
     parts += ["Settings with bricks are not in this plot."] * lacks_bricks
     parts += ["Bars reach from the first to the third quartile of the time."] if axis.has_bars else []
-    parts += ["Those of the PSNR hold it in 95 % of cases or more."] if plots.has_intervals(measurements) else []
+    parts += ["Those of the PSNR hold it in 95 % of cases or more."] if has_intervals(measurements) else []
     exact = sum(m.overall.everywhere["psnr"] == math.inf for m in measurements if axis.cost(m) > 0)
     parts += [f"Not shown, because equal to the truth: {exact}."] if exact else []
     return " ".join(parts)
