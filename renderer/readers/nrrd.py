@@ -38,6 +38,7 @@ _FIELDS = frozenset(
         *("axismaxs", "centers", "labels", "units", "kinds"),
     )
 )
+
 _INTEGERS = {
     "int8": "signed char, int8, int8_t",
     "uint8": "uchar, unsigned char, uint8, uint8_t",

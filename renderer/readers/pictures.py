@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, choose, damaged_error, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
-from renderer.readers.slice_names import sort_slices
+from renderer.readers.slice_names import require_alike, sort_slices
 from renderer.readers.sniff import slices_of_pictures
 
 _FORMATS = ("PNG", "JPEG", "BMP")
@@ -40,9 +39,7 @@ def read_pictures(
             bands = picture.getbands()
             found = f"{picture.width} x {picture.height} {picture.mode}"
             expected = expected or found
-            if found != expected:
-                expected = f"{expected} as in {files[0].name}"
-                raise InputError("the slices of this folder differ", got=found, expected=expected)
+            require_alike(found, expected, files[0])
             if chosen is None or values is None:
                 chosen = choose("c", (len(bands),), None, component, bands if len(bands) > 1 else ())
                 dtype = np.uint16 if picture.mode.startswith("I") else np.uint8

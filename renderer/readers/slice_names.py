@@ -35,6 +35,12 @@ def sort_slices(files: list[Path]) -> list[Path]:
     return files
 
 
+def require_alike(found: str, expected: str, first: Path) -> None:
+    """Raise InputError unless a slice is as expected, which is what the first one is, in words."""
+    if found != expected:
+        raise InputError("the slices of this folder differ", got=found, expected=f"{expected} as in {first.name}")
+
+
 def _is_even(column: tuple[int, ...]) -> bool:
     steps = {after - before for before, after in pairwise(column)}
     return len(steps) == 1 and min(steps) > 0

@@ -22,7 +22,7 @@ import numpy as np
 from renderer.errors import InputError, require_package
 from renderer.readers.common import Image, choose, damaged_error, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
-from renderer.readers.slice_names import sort_slices
+from renderer.readers.slice_names import require_alike, sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
 from renderer.readers.text_header import number_in
 from renderer.readers.tiff_channels import find_channels, sample_names
@@ -147,12 +147,7 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
                     got=f"{len(pages)} pages",
                     expected="a slice in each file, or one file with all slices",
                 )
-            if _describe(page) != expected:
-                raise InputError(
-                    "the slices of this folder differ",
-                    got=_describe(page),
-                    expected=f"{expected} as in {files[0].name}",
-                )
+            require_alike(_describe(page), expected, files[0])
             chosen = choose("c", (page.samplesperpixel,), None, component, sample_names(page))
             plane = _plane(page, chosen.component, file)
             if image is None:  # allocated only after one slice has been read
