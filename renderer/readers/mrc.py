@@ -15,7 +15,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine, choose
 from renderer.readers.sniff import MRC_MARK, read_start
-from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
+from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units
 from renderer.volume import Array, Float64
 
@@ -55,8 +55,7 @@ def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
     shape, num_slices = (1, *sizes[::-1]), int(header["grid"][2])
     if header["space_group"] in _VOLUME_STACKS and num_slices > 0 and sizes[2] % num_slices == 0:
         shape = (sizes[2] // num_slices, num_slices, *shape[2:])
-    encoding: Encoding = "deflate" if is_compressed else "raw"
-    part = StoredVoxels(path, 0, encoding, _NUM_HEADER_BYTES + extension, has_rest=True)
+    part = StoredVoxels(path, 0, "deflate" if is_compressed else "raw", _NUM_HEADER_BYTES + extension, has_rest=True)
     chosen = choose("tsss", shape, time, component)
     values, left_over = read_stored(Layout(dtype, shape, (part,)), chosen)
     has_spacing = header["lengths"].min() > 0 and header["grid"].min() > 0

@@ -27,7 +27,7 @@ from renderer.looks import MAX_LOOK_BYTES, read_extension
 from renderer.readers import common
 from renderer.readers.sniff import read_start
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
-from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
+from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units, units_of
 from renderer.volume import Array, Float64, Label
 
@@ -79,8 +79,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> common.Im
         got, expected = common.describe_shape(shape), "x, y, z, then time and component"
         raise InputError("the volume has too many axes", got=got, expected=expected)
     offset = int(header["vox_offset"])
-    encoding: Encoding = "deflate" if is_compressed else "raw"
-    part = StoredVoxels(data_file or header_file, 0, encoding, offset, has_rest=True)
+    part = StoredVoxels(data_file or header_file, 0, "deflate" if is_compressed else "raw", offset, has_rest=True)
     layout, names = Layout(dtype, shape[4::-1], (part,)), fields or ()
     if len(names) == 4 and header["intent_code"] == _LABEL:
         names = _ATLAS

@@ -250,9 +250,7 @@ def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Flo
     if kinds and len(kinds) != num_axes:
         raise fields["kinds"].error(f"{num_axes} words, one for each axis")
     kinds = kinds or [""] * num_axes
-    space: list[int] = []
-    times: list[int] = []
-    lists: list[int] = []
+    space, times, lists = list[int](), list[int](), list[int]()
     for k, kind in enumerate(kinds):
         if kind in ("time", "domain", "space", *_UNKNOWN_KINDS):
             has_no_place = bool(directions) and directions[k] is None
