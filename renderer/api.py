@@ -96,7 +96,7 @@ class Film:
 
     Attributes
     ----------
-    path: the .mp4, .gif or .png file, or the template of the numbered frames, such as `frames/{frame:04}.png`.
+    path: the file, or the template of the numbered frames, such as `frames/{frame:04}.png`.
     frames: the numbers of its frames.
     sidecar: the JSON file beside it, which records how it was made and what each frame cost.
     notes: what you should know about it, such as that nothing is in view; mostly empty.
@@ -171,7 +171,7 @@ def suggest_scene(
     camera: a mapping or a CameraSpec, as in a scene file. What a mapping leaves out is that of a turntable of 120
         frames, 20 degrees above the object, framed so that nothing is cut off.
     size: (width, height) of the pictures, pixels; 512 x 512 by default.
-    background: a colour; black by default. "transparent" needs an output of PNG files.
+    background: a colour; black by default. "transparent" needs a format that has alpha.
     tolerance: the error that is allowed, 0.05 by default. A smaller one is more exact and slower; 0 draws every voxel.
     output: the file that `render` writes; film.mp4 by default.
 
@@ -246,8 +246,8 @@ def render(
     Parameters
     ----------
     scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
-    output: the file to write, in place of the scene's: an .mp4, a .gif, a template such as `frames/{frame:04}.png` or,
-        for one frame, a .png.
+    output: the file to write, in place of the scene's: film.mp4, film.webp and so on, a template such as
+        `frames/{frame:04}.png` or, for one frame, a .png. It is made alone; a scene may have several.
     frames: the frames to draw, ascending: `range(0, 30)`, `slice(None, None, 10)`, `-1`; all by default.
     best_effort: accept a film that is less accurate than the scene asks for. A budget of seconds is kept as well as
         this machine can; frames that take longer are no error.

@@ -62,38 +62,28 @@ def assemble(
 
     found = find_parts(parts)
     numbers = parse_frames(frames, found[0].num_frames)
-    given = {"frames_per_second": frames_per_second, "quality": quality}
-    options: dict[str, tuple[Any, str]] = {
-        key: (value, f"--{key.replace('_', '-')} {value}") for key, value in given.items() if value is not None
-    }
-    options |= {"record_paths": (False, "--no-paths")} if no_paths else {}
+    given = {"frames_per_second": frames_per_second, "quality": quality, "record_paths": False if no_paths else None}
+    options = {key: value for key, value in given.items() if value is not None}
     spec = _output_spec(found[0], outputs, options, numbers)
     with FilmEvents(reporter, "primitive") as events:
         film = assemble_film(found, numbers, spec, events, resumes=not force)
     report_film(film, reporter)
 
 
-def _output_spec(
-    part: Part, names: Sequence[str], options: Mapping[str, tuple[Any, str]], numbers: Sequence[int]
-) -> OutputSpec:
-    """Return the recorded output in files of these names, changed by options: each a value and its text.
-
-    Raises SceneError.
-    """
+def _output_spec(part: Part, names: Sequence[str], options: Mapping[str, Any], numbers: Sequence[int]) -> OutputSpec:
+    """Return the recorded output in files of these names, with the values of options. Raises SceneError."""
     problems: list[Problem] = []
     recorded = first_output(part.record.scene)
-    first = {**only_output(recorded, output_suffix(names[0])), "file": names[0]}
-    first |= {key: value for key, (value, _) in options.items()}
+    first = {**only_output(recorded, output_suffix(names[0])), **options, "file": names[0]}
     tree = [first, *({"file": name, "quality": first["quality"]} for name in names[1:])]
     spec = _read(tree if len(tree) > 1 else first, problems)
     if not problems:
         problems += _picture_problems(spec, _read(recorded, []), numbers)
-    found = []
-    for each in problems:
+    for at, each in enumerate(problems):
         number, _, key = each.path.removeprefix("output.").rpartition(".")
-        option = options[key][1] if key in options else f"--output {names[int(number or 0)]}"
-        found.append(replace(each, location=option))
-    raise_problems(found)
+        option = f"{key.replace('_', '-')} {options[key]}" if key in options else f"output {names[int(number or 0)]}"
+        problems[at] = replace(each, location=f"--{option}")
+    raise_problems(problems)
     return spec
 
 

@@ -21,6 +21,7 @@ from renderer.scene import (
     is_same_file,
     may_be_json,
     output_suffix,
+    outputs_of,
     raise_problems,
     read_content,
     tolerance_at,
@@ -166,16 +167,12 @@ def _has_whole_schedule(record: FilmRecord, editor: TreeEditor) -> bool:
 
 def _editor(record: FilmRecord, path: Path) -> TreeEditor:
     """Return an editor of the recorded scene; its output is the film beside the sidecar, wherever they are now."""
-    scene = {**record.scene}
-    output, has_paths = scene.get("output"), True
-    if isinstance(output, (dict, list)) and output:
-        first, *others = output if isinstance(output, list) else [output]
-        has_paths = first.get("record_paths", True)
-        if isinstance(first.get("file"), str):
-            moved = [{**first, "file": str(film_path_of_sidecar(path, Path(first["file"])))}]
-            moved += [_moved_output(each, Path(first["file"]), path) for each in others]
-            scene["output"] = moved if others else moved[0]
-    why = "if it was moved," if has_paths else "the sidecar was written without paths:"
+    scene, (first, *others) = {**record.scene}, outputs_of(record.scene)
+    if isinstance(first.get("file"), str):
+        moved = [{**first, "file": str(film_path_of_sidecar(path, Path(first["file"])))}]
+        moved += [_moved_output(each, Path(first["file"]), path) for each in others]
+        scene["output"] = moved if others else moved[0]
+    why = "if it was moved," if first.get("record_paths", True) else "the sidecar was written without paths:"
     options = {**_VOLUME_OPTIONS, "volume.file.0": "--volume"}  # of a list, the first of the files that are missing
     hints = {key: f"{why} {option} names it" for key, option in options.items()}
     return TreeEditor(YamlTree(scene), path, path_prefix="scene", hints=hints)

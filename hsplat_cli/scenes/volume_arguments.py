@@ -130,7 +130,7 @@ film_options = option_group(
         "--background",
         _OUTPUT["background"],
         "COLOR",
-        "A colour, or transparent (PNG only).",
+        "A colour, or transparent.",
         keeps_text=True,
         default=_DEFAULT.background,
     ),

@@ -6,7 +6,7 @@ picture, or the problems that keep them from being drawn. All is computed in who
 - `annotator.py` places the entries, draws those that change, and finds what has no room; `entries.py` draws each.
 - `facts.py`: what an annotation shows, of a film and of a frame; `numbers.py`: round numbers, ticks and units.
 - `sketch.py`: masks put together, coloured, given a rim, and put over a picture; `text.py`: lines of text, in the font
-  of `fonts/`, DejaVu Sans with its licence, or another; `logo.py`: a picture, read within bounds and scaled.
+  of `fonts/`, DejaVu Sans with its licence, or another.
 """
 
 import lazy_loader

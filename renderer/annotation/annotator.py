@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 from renderer.annotation.entries import DRAWERS, Pen
@@ -29,21 +30,22 @@ class Annotator:
         """Read the font. Raises InputError."""
         self._entries, self._facts = spec.entries, facts
         self._pen = Pen(Font(spec.font), facts)
-        self._sketches: dict[str, tuple[Any, Sketch]] = {}
-        self._patches: dict[str, tuple[Sketch, Place, Patch]] = {}
+        num = 2 * len(self._entries)  # with what changed last
+        self._drawn, self._finished = lru_cache(num)(self._draw), lru_cache(num)(self._finish)
 
     def patches(self, frame: FrameFacts) -> list[Patch]:
         """Return what is put over the picture of a frame, in the order of drawing."""
         sketches = {key: self.sketch(key, frame) for key in self._entries}
-        return [self._patch(key, sketches[key], place) for key, place in self.places(sketches).items()]
+        return [self._finished(key, sketches[key], place) for key, place in self.places(sketches).items()]
 
     def sketch(self, key: str, frame: FrameFacts) -> Sketch:
         """Return the drawing of an entry on a frame; empty if there is nothing to show. Raises InputError."""
-        spec, (find, draw) = self._entries[key], DRAWERS[key]
-        shown = find(spec, frame)
-        if key not in self._sketches or self._sketches[key][0] != shown:
-            self._sketches[key] = shown, draw(spec, self._pen, self._pen.px(spec.size), shown)
-        return self._sketches[key][1]
+        find, _ = DRAWERS[key]
+        return self._drawn(key, find(self._entries[key], frame))
+
+    def _draw(self, key: str, shown: Any) -> Sketch:
+        spec, (_, draw) = self._entries[key], DRAWERS[key]
+        return draw(spec, self._pen, self._pen.px(spec.size), shown)
 
     def places(self, sketches: Mapping[str, Sketch]) -> dict[str, Place]:
         """Return the row and the column of each drawing: those at one position stack away from the edge."""
@@ -67,15 +69,11 @@ class Annotator:
         shorter = min(self._facts.size)
         return round(_MARGIN * shorter), round(_GAP * shorter)
 
-    def _patch(self, key: str, sketch: Sketch, place: Place) -> Patch:
+    def _finish(self, key: str, sketch: Sketch, place: Place) -> Patch:
         """Return a drawing in its colours, at its place."""
-        known = self._patches.get(key)
-        if known is None or known[0] is not sketch or known[1] != place:
-            spec = self._entries[key]
-            rim = 0 if key == "logo" else min(max(self._pen.px(spec.size) // 12, 1), _MAX_RIM_PX)
-            rgba = sketch.finish(self._color(spec, place[0] + sketch.height / 2), rim)
-            self._patches[key] = known = sketch, place, Patch(rgba, place[0] - rim, place[1] - rim)
-        return known[2]
+        spec, (row, column) = self._entries[key], place
+        rim = 0 if key == "logo" else min(max(self._pen.px(spec.size) // 12, 1), _MAX_RIM_PX)
+        return Patch(sketch.finish(self._color(spec, row + sketch.height / 2), rim), row - rim, column - rim)
 
     def _color(self, spec: EntrySpec, row: float) -> Color:
         """Return the colour of an entry, whose middle is at this row."""

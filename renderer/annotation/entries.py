@@ -6,17 +6,18 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts
-from renderer.annotation.logo import read_logo
 from renderer.annotation.numbers import find_ticks, length_text, plain_text, round_below
 from renderer.annotation.sketch import Sketch, polygon, widen
 from renderer.annotation.text import Font
 from renderer.errors import InputError
-from renderer.scene import Color, ColorBarSpec, EntrySpec, LogoSpec, Vector, fill_format
+from renderer.scene import Color, ColorBarSpec, EntrySpec, LogoSpec, Vector, fill_format, require_file
+from renderer.volume import UInt8
 
 MIN_TEXT_PX = 9
 MAX_LEGEND_ROWS = 24
@@ -26,6 +27,7 @@ _MAX_BAR, _SMALL = 0.2, 0.75
 _MIN_TRIAD_PX = 52
 # The ink of a profile of opacities, of 255.
 _PROFILE = 150
+_LOGO_FORMATS, _MAX_LOGO_PIXELS, _MAX_LOGO_RATIO = ("PNG", "JPEG", "WEBP"), 64 * 2**20, 50
 _OPPOSITE = {"L": "R", "P": "A", "I": "S"}
 _AXIS_COLORS: tuple[Color, ...] = ((0.95, 0.32, 0.30), (0.30, 0.75, 0.35), (0.30, 0.55, 1.0))
 
@@ -108,7 +110,7 @@ def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) ->
         line = pen.font.line(name, letter_px)
         letter, beyond = np.pad(line.mask, rim), reach + 0.75 * letter_px / max(length, 0.3)  # beside the tip
         row = min(max(round(side / 2 + beyond * down - line.baseline / 2) - rim, 0), side - letter.shape[0])
-        column = min(max(round(side / 2 + beyond * across - line.width / 2) - rim, 0), side - letter.shape[1])
+        column = min(max(round(side / 2 + beyond * across - line.mask.shape[1] / 2) - rim, 0), side - letter.shape[1])
         whole.erase(widen(letter, rim), row, column)
         whole.color(letter, color, row, column)
     return whole
@@ -117,9 +119,29 @@ def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) ->
 def draw_logo(spec: LogoSpec, _: Pen, height: int, __: object) -> Sketch:
     """Draw the logo, at this height."""
     whole = Sketch()
-    whole.paint = read_logo(spec.file, height)
+    whole.paint = _read_logo(spec.file, height)
     whole.ink = np.zeros_like(whole.paint[..., 3])
     return whole
+
+
+def _read_logo(file: Path, height: int) -> UInt8:
+    """Return a picture at this height: premultiplied RGBA, uint8 [h, w, 4]. Raises InputError."""
+    from PIL import Image
+
+    Image.MAX_IMAGE_PIXELS = None  # the size is checked below
+    expected = "a picture: PNG, JPEG or WebP"
+    require_file(file, expected)
+    try:
+        with Image.open(file, formats=_LOGO_FORMATS) as picture:
+            if picture.width * picture.height > _MAX_LOGO_PIXELS or picture.width > _MAX_LOGO_RATIO * picture.height:
+                size = f"{picture.width} x {picture.height} pixels"
+                raise InputError("too large for a logo", where=str(file), got=size, expected="at most 64 megapixels")
+            width = max(round(height * picture.width / picture.height), 1)
+            # Colours of transparent pixels do not count, and no weight is negative: nothing rings.
+            scaled = picture.convert("RGBA").convert("RGBa").resize((width, height), Image.Resampling.HAMMING)
+    except (OSError, SyntaxError, ValueError) as error:
+        raise InputError("this picture cannot be decoded", where=str(file), expected=expected) from error
+    return np.array(scaled)
 
 
 # Of each entry, what it shows on a frame, and how that is drawn: from its keys, a pen, its size in pixels, and that.

@@ -6,6 +6,7 @@ from the right to the left need a shaping library, which machines may lack.
 
 from __future__ import annotations
 
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,11 +34,6 @@ class Line(NamedTuple):
     mask: UInt8
     baseline: int
 
-    @property
-    def width(self) -> int:
-        """Return the number of columns."""
-        return int(self.mask.shape[1])
-
 
 class Font:
     """A font, in any size."""
@@ -47,8 +43,7 @@ class Font:
         file = file or _OWN_FONT
         require_file(file, "a font")
         self._file, self._content = file, read_bounded(file, MAX_FONT_BYTES, "a font")
-        self._sizes: dict[int, Any] = {}
-        self._known: dict[str, bool] = {}
+        self._sized, self._has = cache(self._at_size), cache(self._has_glyph)
         self.line(_TALL, 9)
 
     def line(self, text: str, px: int) -> Line:
@@ -56,37 +51,30 @@ class Font:
 
         Raises InputError for what the font cannot draw.
         """
-        try:
-            return self._line(text, px)
-        except (OSError, ValueError) as error:
-            raise InputError("not a font", where=str(self._file), expected="TrueType or OpenType") from error
-
-    def _line(self, text: str, px: int) -> Line:
         from PIL import Image, ImageDraw
 
-        text, font = printable(text)[:_LONGEST], self._sized(px)
-        if missing := "".join(sorted({each for each in text if not self._has(each)})):
-            raise InputError("the font lacks characters", got=missing, hint="annotation.font: FILE has another font")
-        left, top, right, bottom = font.getbbox(text, anchor="ls")
-        baseline = -min(top, font.getbbox(_TALL, anchor="ls")[1])
-        height = baseline + max(bottom, font.getbbox(_DEEP, anchor="ls")[3])
-        require_room(height, right - left)
-        picture = Image.new("L", (max(right - left, 1), height))
-        ImageDraw.Draw(picture).text((-left, baseline), text, 255, font, "ls")
+        text = printable(text)[:_LONGEST]
+        try:
+            font = self._sized(px)
+            if missing := "".join(sorted({each for each in text if not self._has(each)})):
+                hint = "annotation.font: FILE has another font"
+                raise InputError("the font lacks characters", got=missing, hint=hint)
+            left, top, right, bottom = font.getbbox(text, anchor="ls")
+            baseline = -min(top, font.getbbox(_TALL, anchor="ls")[1])
+            height = baseline + max(bottom, font.getbbox(_DEEP, anchor="ls")[3])
+            require_room(height, right - left)
+            picture = Image.new("L", (max(right - left, 1), height))
+            ImageDraw.Draw(picture).text((-left, baseline), text, 255, font, "ls")
+        except (OSError, ValueError) as error:
+            raise InputError("not a font", where=str(self._file), expected="TrueType or OpenType") from error
         return Line(np.array(picture), baseline)
 
-    def _sized(self, px: int) -> Any:
+    def _at_size(self, px: int) -> Any:
         from PIL import ImageFont
 
-        if px not in self._sizes:
-            basic = ImageFont.Layout.BASIC
-            self._sizes[px] = ImageFont.truetype(BytesIO(self._content), px, layout_engine=basic)
-        return self._sizes[px]
+        return ImageFont.truetype(BytesIO(self._content), px, layout_engine=ImageFont.Layout.BASIC)
 
-    def _has(self, character: str) -> bool:
+    def _has_glyph(self, character: str) -> bool:
         """Return whether a character has a glyph of its own."""
-        if character not in self._known:
-            glyph, none = (self._sized(32).getmask(each) for each in (character, _NO_CHARACTER))
-            is_same = glyph.size == none.size and bytes(glyph) == bytes(none)
-            self._known[character] = character.isspace() or not is_same
-        return self._known[character]
+        glyph, none = (self._sized(32).getmask(each) for each in (character, _NO_CHARACTER))
+        return character.isspace() or (glyph.size, bytes(glyph)) != (none.size, bytes(none))

@@ -17,7 +17,6 @@ from .digests import (
     file_matches_digest as file_matches_digest,
     frame_matches_digest as frame_matches_digest,
 )
-from .encode import find_ffmpeg as find_ffmpeg
 from .lock import (
     lock_slots as lock_slots,
     locked_output as locked_output,

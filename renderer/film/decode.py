@@ -20,7 +20,7 @@ from renderer.errors import InputError
 from renderer.film.encode import frame_rate, start_ffmpeg
 from renderer.film.picture import Pixels
 from renderer.film.stream_tail import StreamTail
-from renderer.scene import Codec, OutputFile, counted, format_of, require_file
+from renderer.scene import OutputFile, counted, format_of, require_file
 from renderer.system import join_lines
 
 # ffmpeg's most exact conversion, the same on every processor; its fast one makes all pixels about one step darker. The
@@ -75,8 +75,7 @@ def decode_film(
     frames than `max_pixels`, which ffmpeg refuses before it allocates them; RenderError without ffmpeg. A file that
     ends between two frames is a shorter film, and video has no checksum: some damage shows in the pictures alone.
     """
-    _require_film(path)
-    arguments = _arguments(path, max_pixels, known)
+    arguments = _arguments(path, _first_bytes(path), max_pixels, known)
     process = start_ffmpeg(arguments, path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
     assert process.stdout is not None and process.stderr is not None
     with process.stdout as pictures:
@@ -87,54 +86,47 @@ def decode_film(
             process.wait()
 
 
-def _arguments(path: Path, max_pixels: int, known: tuple[OutputFile, int] | None) -> list[str]:
-    file_format = format_of(path)
-    codec, depth, is_still_webp = _codec_of(path), known[0].kind.depth if known else 8, _is_still_webp(path)
+def _arguments(path: Path, begin: bytes, max_pixels: int, known: tuple[OutputFile, int] | None) -> list[str]:
+    """Return those of ffmpeg for a film that begins with these bytes."""
+    file_format, codecs = format_of(path), tuple(format_of(path).codecs.values())
+    # The first bytes say which encoder it was, or it is that of the format by default.
+    codec = next((codec for codec in codecs if any(mark in begin for mark in codec.marks)), codecs[0])
+    still = _still_demuxer(begin)
     # The format is fixed, because other formats may refer to further files. PAM has the size of each picture.
-    demuxer = "webp_pipe" if is_still_webp else file_format.demuxer
-    source = ["-protocol_whitelist", "file", "-f", demuxer, "-max_pixels", str(max_pixels)]
+    source = ["-protocol_whitelist", "file", "-f", still or file_format.demuxer, "-max_pixels", str(max_pixels)]
     source += [] if codec.decoder is None else ["-c:v", codec.decoder]
     has_alpha = bool(codec.with_alpha) or file_format.filters == "palette"
-    to_rgb = _TO_RGB.format({8: "rgba", 16: "rgba64be"}[depth] if has_alpha else {8: "rgb24", 16: "rgb48be"}[depth])
-    if known and codec.merges_frames:
+    depth = known[0].kind.depth if known else 8
+    to_rgb = _TO_RGB.format({8: ("rgb24", "rgba"), 16: ("rgb48be", "rgba64be")}[depth][has_alpha])
+    if known and known[1] > 1 and codec.merges_frames:  # the only frame may have no duration
         output, num_frames = known
-        to_rgb += f",loop={num_frames - 1}:1" if is_still_webp else f",fps={frame_rate(output)}"
+        to_rgb += f",loop={num_frames - 1}:1" if still else f",fps={frame_rate(output)}"
     picked = ["-map", "0:v:0", "-vf", to_rgb]
     if file_format.has_alpha_plane:
-        colors, alpha = _avif_streams(path)
-        merged = f"[0:v:{colors}]{to_rgb}" if alpha is None else f"[0:v:{colors}][0:v:{alpha}]alphamerge,{to_rgb}"
-        picked = ["-filter_complex", f"{merged}[pictures]", "-map", "[pictures]"]
+        picked = ["-filter_complex", f"{_avif_streams(begin)}{to_rgb}[pictures]", "-map", "[pictures]"]
     sink = [*picked, "-fps_mode", "passthrough", "-f", "image2pipe", "-c:v", "pam", "pipe:1"]
     general = ["-hide_banner", "-nostdin", "-loglevel", "error", "-xerror", "-err_detect", "explode"]
     return [*general, *source, "-i", f"file:{path}", *sink]
 
 
-def _codec_of(path: Path) -> Codec:
-    """Return the encoder of a film by its first bytes; that which the format has by default where they do not tell."""
-    begin, codecs = _first_bytes(path), tuple(format_of(path).codecs.values())
-    return next((codec for codec in codecs if any(mark in begin for mark in codec.marks)), codecs[0])
+def _still_demuxer(begin: bytes) -> str | None:
+    """Return the demuxer of a WebP or APNG that is no animation, as those of one frame; None for other files.
+
+    An animated WebP has an extended header (VP8X) with a bit that says so, an APNG has a chunk acTL.
+    """
+    if begin[8:12] == b"WEBP" and (begin[12:16] != b"VP8X" or not int.from_bytes(begin[20:21], "big") & 2):
+        return "webp_pipe"
+    return "png_pipe" if begin.startswith(b"\x89PNG") and b"acTL" not in begin else None
 
 
-def _is_still_webp(path: Path) -> bool:
-    """Return whether a file is a WebP and no animation, which has an extended header (VP8X) with a bit that says so."""
-    begin = _first_bytes(path)
-    return begin[8:12] == b"WEBP" and (begin[12:16] != b"VP8X" or not int.from_bytes(begin[20:21], "big") & 2)
-
-
-def _first_bytes(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(_HEADER_BYTES)
-
-
-def _avif_streams(path: Path) -> tuple[int, int | None]:
-    """Return which of ffmpeg's streams has the colours of an AVIF, and which the alpha, if there is one.
+def _avif_streams(begin: bytes) -> str:
+    """Return the filter of the streams that have the colours of an AVIF, and the alpha, if there is one.
 
     The first frame comes first, as a still picture, and then the film: brand `avis` of ISO/IEC 23000-22.
     """
-    begin = _first_bytes(path)
     has_alpha, is_film = b"auxid:1" in begin or b"auxiliary:alpha" in begin, begin[8:12] == b"avis"
     first = (1 + has_alpha) * is_film
-    return first, first + 1 if has_alpha else None
+    return f"[0:v:{first}][0:v:{first + 1}]alphamerge," if has_alpha else f"[0:v:{first}]"
 
 
 def _frames(
@@ -167,13 +159,14 @@ def _read_pam_header(stream: IO[bytes]) -> tuple[tuple[int, int, int], np.dtype[
     return shape, np.dtype("u1" if int(fields[b"MAXVAL"]) < 256 else ">u2")
 
 
-def _require_film(path: Path) -> None:
+def _first_bytes(path: Path) -> bytes:
+    """Return how a film begins. Raises InputError for what is none."""
     file_format = format_of(path)
     kind = f"{file_format.name} file"
     require_file(path, kind)
     try:
         with path.open("rb") as file:
-            begin = file.read(16)
+            begin = file.read(_HEADER_BYTES)
             file.seek(-min(len(begin), 1), os.SEEK_END)
             end = file.read()
     except OSError as error:
@@ -182,3 +175,4 @@ def _require_film(path: Path) -> None:
         raise InputError(f"not {kind}", where=str(path), got=None if begin else "an empty file")
     if file_format.ends and end != file_format.ends:
         raise InputError(f"{kind} that is cut off, or followed by other data", where=str(path))
+    return begin

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import signal
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
@@ -117,9 +118,7 @@ def _failure(what: str, status: int, lines: Sequence[str], output: Path) -> Hspl
 
 def _arguments(output: OutputFile, file: Path) -> list[str]:
     width, height = output.size
-    channels = "rgba" if output.background is None else "rgb"
-    deep = {"rgb": "rgb48le", "rgba": "rgba64le"}[channels]
-    raw = {"rgb": "rgb24", "rgba": "rgba"}[channels] if output.kind.depth == 8 else deep
+    raw = {8: ("rgb24", "rgba"), 16: ("rgb48le", "rgba64le")}[output.kind.depth][output.background is None]
     source = ["-f", "rawvideo", "-pix_fmt", raw, "-video_size", f"{width}x{height}"]
     source += ["-framerate", str(frame_rate(output))]
     # `file:` protects names with a colon or a leading dash.
@@ -127,9 +126,26 @@ def _arguments(output: OutputFile, file: Path) -> list[str]:
     return [*general, *source, "-i", "pipe:0", *encoder_options(output), f"file:{file}"]
 
 
+def require_codec(output: OutputFile) -> None:
+    """Raise RenderError if there is no ffmpeg, or one that cannot encode a film."""
+    encoder, wanted = output.chosen_codec.encoder, output.chosen_pixel_format
+    if output.format.has_alpha_plane:
+        wanted = wanted.replace("yuva", "yuv")
+    asked = start_ffmpeg(
+        ["-hide_banner", "-h", f"encoder={encoder}"], output.file, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+    )
+    with asked:
+        found = re.search(rb"Supported pixel formats: (.*)", asked.communicate()[0])
+    known = found[1].decode(errors="replace").split() if found else []
+    if not {wanted, f"{wanted}le"}.intersection(known):
+        what, got = "this ffmpeg cannot encode the film", f"no {encoder} of {wanted}"
+        hint = "leave codec out, or install imageio-ffmpeg from a wheel, which contains another ffmpeg"
+        raise RenderError(what, where=str(output.file), got=got, hint=hint)
+
+
 def start_ffmpeg(arguments: Sequence[str], file: Path, *, stdin: int, stdout: int) -> subprocess.Popen[bytes]:
     """Start ffmpeg, which the caller has to end. Raises RenderError. file: for messages. stdin, stdout: as of Popen."""
-    command = [find_ffmpeg(file), *arguments]
+    command = [_find_ffmpeg(file), *arguments]
     try:
         # In a new session, Ctrl-C in the terminal does not reach ffmpeg.
         return subprocess.Popen(command, stdin=stdin, stdout=stdout, stderr=subprocess.PIPE, start_new_session=True)
@@ -137,7 +153,7 @@ def start_ffmpeg(arguments: Sequence[str], file: Path, *, stdin: int, stdout: in
         raise RenderError("ffmpeg cannot be started", where=str(file), got=str(error)) from error
 
 
-def find_ffmpeg(output: Path) -> str:
+def _find_ffmpeg(output: Path) -> str:
     """Return the path of ffmpeg. Raises RenderError if there is none. output: for messages."""
     import imageio_ffmpeg
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+from importlib import import_module
 from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.errors import InputError
+from renderer.errors import require_package
 
 EXR_BEGIN = b"v/1\x01"
 # What the numbers mean stands in the header, because EXR files of other programs are scene-linear.
@@ -40,9 +41,5 @@ def decode_exr(content: bytes) -> npt.NDArray[np.float32]:
 
 def require_openexr() -> ModuleType:
     """Return the package. Raises InputError if it is not installed."""
-    try:
-        import OpenEXR
-    except ImportError as error:
-        raise InputError("EXR frames need the package OpenEXR", hint="pip install 'hsplat[exr]'") from error
-    module: ModuleType = OpenEXR
-    return module
+    require_package("OpenEXR", extra="exr")
+    return import_module("OpenEXR")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from renderer.film.atomic import staging, translate_os_errors
-from renderer.film.encode import find_ffmpeg, frame_rate, open_encoder
+from renderer.film.encode import frame_rate, open_encoder, require_codec
 from renderer.film.exr import require_openexr
 from renderer.film.names import frame_path
 from renderer.film.picture import Picture
@@ -21,7 +21,7 @@ def require_encoder(output: OutputSpec) -> None:
     """Raise RenderError, or InputError, if an output needs an encoder that is missing."""
     for each in output.files:
         if not each.is_frames:
-            find_ffmpeg(each.file)
+            require_codec(each)
         elif each.kind.depth == 32:
             require_openexr()
 
@@ -43,37 +43,22 @@ def open_films(
     staging_folder: on the same disk, for incomplete files; None for beside the outputs.
     before_rename: called when everything is written, before files get their final names.
     """
-    is_durable = not all(each.is_frames for each in outputs)
-    with staging(staging_folder, is_durable=is_durable) as stage:
+    films = [each for each in outputs if not each.is_frames]
+    with staging(staging_folder, is_durable=bool(films)) as stage:
         with contextlib.ExitStack() as stack:
-            writers = []
-            for each in outputs:
-                opened = _open_frames(each, stage) if each.is_frames else _open_film(each, stage)
-                writers.append((each, kinds.index(each.kind), stack.enter_context(opened)))
+            encoders = {each.file: stack.enter_context(open_encoder(each, stage(each.file))) for each in films}
 
             def write(frame: int, pictures: Mapping[int, Picture]) -> None:
-                for each, kind, write_picture in writers:
-                    if each.shows(frame):
-                        write_picture(frame, pictures[kind])
+                for each in (each for each in outputs if each.shows(frame)):
+                    picture, path = pictures[kinds.index(each.kind)], frame_path(each.file, frame)
+                    if each.file in encoders:
+                        encoders[each.file](picture.pixels)
+                        continue
+                    with translate_os_errors(path):
+                        stage(path).write_bytes(picture.content)
 
             yield write
         before_rename()
-
-
-@contextlib.contextmanager
-def _open_frames(output: OutputFile, stage: Callable[[Path], Path]) -> Iterator[Callable[[int, Picture], None]]:
-    def write(frame: int, picture: Picture) -> None:
-        path = frame_path(output.file, frame)
-        with translate_os_errors(path):
-            stage(path).write_bytes(picture.content)
-
-    yield write
-
-
-@contextlib.contextmanager
-def _open_film(output: OutputFile, stage: Callable[[Path], Path]) -> Iterator[Callable[[int, Picture], None]]:
-    with open_encoder(output, stage(output.file)) as encode:
-        yield lambda _, picture: encode(picture.pixels)
 
 
 def film_notes(output: OutputSpec) -> list[str]:

@@ -63,12 +63,13 @@ class Stage:
 
     def has_lods_of(self, other: Stage) -> bool:
         """Return whether levels of detail are the same as those of the stage of another frame."""
+        now, then = self.scene, other.scene
         return (
             self.groups is other.groups
             and self.resolutions == other.resolutions
             and self.order_blending is other.order_blending
-            and self.scene.splat == other.scene.splat
-            and self.scene.annotation.lines == other.scene.annotation.lines
+            and (now.splat, now.annotation.octree, now.annotation.bounds)
+            == (then.splat, then.annotation.octree, then.annotation.bounds)
             and self.lit_clips == other.lit_clips
         )
 

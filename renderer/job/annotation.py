@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
 from renderer.frame import Stage, view_of
 from renderer.job.record import FrameRecord
-from renderer.layers import Layer
 from renderer.scene import PictureKind, Scene, moving_numbers, moving_values, raise_problems
 from renderer.volume import Bools, Float32
 
@@ -34,28 +34,26 @@ class FilmAnnotation:
     """Draws the annotation of a film over pictures of each kind, whatever moves. film: its stage."""
 
     def __init__(self, film: Stage) -> None:
-        self._film = film
-        self._annotators: dict[int, tuple[object, Annotator]] = {}
+        self.film = film
+        self._annotator = lru_cache(len(film.scene.output.kinds))(Annotator)  # which keeps what does not change
 
-    def draw(self, image: Float32, number: int, kind: PictureKind, stage: Stage, record: FrameRecord) -> None:
-        """Draw over a picture, float32 [h, w, 4], of the kind of this number. stage: of the frame."""
-        spec, facts = stage.scene.annotation, film_facts(stage, kind)
-        if number not in self._annotators or self._annotators[number][0] != (spec, facts):
-            self._annotators[number] = (spec, facts), Annotator(spec, facts)
+    def draw(self, image: Float32, kind: PictureKind, stage: Stage, record: FrameRecord) -> None:
+        """Draw over a picture of a kind, float32 [h, w, 4]. stage: of the frame."""
         accuracy = "" if record.accuracy is None else f"frame PSNR {record.accuracy.psnr:.1f} dB"
-        frame = frame_facts(self._film.scene, stage, record.frame, kind, accuracy)
-        draw_annotation(image, self._annotators[number][1].patches(frame))
+        frame = frame_facts(self.film.scene, stage, record.frame, kind, accuracy)
+        annotator = self._annotator(stage.scene.annotation, film_facts(stage, kind))
+        draw_annotation(image, annotator.patches(frame))
 
     def covered(self, frame: int, record: FrameRecord) -> Bools | None:
         """Return which pixels of a frame's first picture are drawn over, bool [h, w]; None where none is."""
-        stage, kind = self._film.at(frame), self._film.scene.output.kind
+        stage, kind = self.film.at(frame), self.film.scene.output.kind
         if not stage.scene.annotation.shows_anything:
             return None
         canvas = np.zeros((*kind.shape[:2], 4), np.float32)
         if stage.scene.annotation.bounds:
             for layer in stage.layers:
                 draw_lines(make_outline(layer.volume), view_of(stage, frame), canvas)
-        self.draw(canvas, 0, kind, stage, record)
+        self.draw(canvas, kind, stage, record)
         return canvas[..., 3] > 0
 
 
@@ -146,18 +144,12 @@ def _bars(stage: Stage) -> Iterator[ColorBar]:
 
 
 def _legend(stage: Stage) -> Iterator[tuple[str, tuple[float, float, float]]]:
-    """Yield the names and colours of labels, and of volumes that have one colour."""
+    """Yield the names and colours of labels, and of volumes: their own, or that at their largest opacity."""
     for layer in stage.layers:
         labels = layer.spec.transfer_function.labels
         if labels is not None:
             yield from ((style.name or f"label {style.value}", style.color) for style in labels.styles)
         elif len(stage.layers) > 1:
-            yield layer.spec.name or layer.volume.name, _color_of(layer)
-
-
-def _color_of(layer: Layer) -> tuple[float, float, float]:
-    """Return the colour of a volume: its own, or that at its largest opacity."""
-    if layer.spec.color is not None:
-        return layer.spec.color
-    red, green, blue = layer.transfer.colors[int(np.argmax(layer.transfer.extinctions))].tolist()
-    return red, green, blue
+            most_opaque = layer.transfer.colors[int(np.argmax(layer.transfer.extinctions))]
+            red, green, blue = layer.spec.color or most_opaque.tolist()
+            yield layer.spec.name or layer.volume.name, (red, green, blue)

@@ -17,7 +17,6 @@ from renderer.scene import OutputSpec, Scene, counted, join_words, raise_problem
 
 # The sections of a scene, or of one of its volumes, that name no file which has to be there.
 _SECTIONS = {key: schema.field_table(Scene)[key] for key in ("splat", "mode", "shading", "output")}
-_READ_SECTIONS = schema.section_field(_SECTIONS, lambda _, given: given)
 _LIGHT = {
     "specular": "highlights", "silhouette": "silhouettes", "occlusion": "ambient occlusion", "shadow": "soft shadows",
     "gradient_opacity": "opacities that depend on the gradient",
@@ -61,7 +60,8 @@ def methods_text(record: FilmRecord, sidecar: Path) -> str:
 def _read_sections(tree: Mapping[str, Any], place: str, sidecar: Path) -> dict[str, Any]:
     problems: list[Problem] = []
     written = {key: value for key, value in tree.items() if key in _SECTIONS}
-    given = _READ_SECTIONS.read(schema.TreeNode(written, place, problems, film=schema.FilmTime(None, 1.0)))
+    node = schema.TreeNode(written, place, problems, film=schema.FilmTime(None, 1.0))
+    given = schema.read_fields(node, _SECTIONS)
     raise_problems(replace(problem, location=str(sidecar)) for problem in problems)
     return given
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -108,34 +107,33 @@ class FilmOutput:
         write(number, pictures)
         kinds = self.spec.kinds
         for each in (each for each in self.spec.files if not each.is_frames and each.shows(number)):
-            first, kind = self._first_frames.setdefault(each.file, []), each.kind
-            num_bytes = math.prod(kind.shape) * kind.depth // 8
-            if len(first) < min(_MAX_COMPARED, max(1, _MAX_COMPARED_BYTES // num_bytes)):
-                first.append(pictures[kinds.index(kind)].pixels)
+            first, pixels = self._first_frames.setdefault(each.file, []), pictures[kinds.index(each.kind)].pixels
+            if len(first) < min(_MAX_COMPARED, max(1, _MAX_COMPARED_BYTES // pixels.nbytes)):
+                first.append(pixels)
 
     def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
         """Write the sidecar of a film, and return its record.
 
         fingerprint: of a film that is up to date from now on; None for one that the next job makes again. With it the
-        record has the digest of a film in one file, too; frames in files have digests in their records.
+        record has the digests of films in one file, too; frames in files have digests in their records.
         """
-        record = replace(record, fingerprint=fingerprint)
-        accuracy = record.accuracy
-        losses = {} if accuracy is None else {each.file: self._loss(each) for each in self.shown if not each.is_frames}
-        loss = losses.get(self.spec.file)
-        if accuracy is not None and loss is not None:
-            accuracy = with_encoding_loss(accuracy, loss, len(self._first_frames[self.spec.file]))
-        digests = {} if fingerprint is None else {each.file: _digest(each) for each in self.shown}
+        films, accuracy = [each for each in self.shown if not each.is_frames], record.accuracy
+        digests = {} if fingerprint is None else {each.file: _digest(each.file) for each in films}
+        losses = {} if accuracy is None else {each.file: self._loss(each) for each in films}
+        if accuracy is not None and self.spec.file in losses:
+            num_compared = len(self._first_frames[self.spec.file])
+            accuracy = with_encoding_loss(accuracy, losses[self.spec.file], num_compared)
         outputs = tuple(
             OutputRecord(
                 str(each.file),
                 sum(map(each.shows, self.frames)),
                 digests.get(each.file),
-                None if losses.get(each.file) is None else min(psnr(losses[each.file]), MOST_DB),
+                min(psnr(losses[each.file]), MOST_DB) if each.file in losses else None,
             )
             for each in self.spec.others
         )
-        record = replace(record, accuracy=accuracy, digest=digests.get(self.spec.file), outputs=outputs)
+        digest = digests.get(self.spec.file)
+        record = replace(record, fingerprint=fingerprint, accuracy=accuracy, digest=digest, outputs=outputs)
         write_sidecar(self.sidecar, record, self.folder)
         return record
 
@@ -151,12 +149,9 @@ def locked_film_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path) -
         yield FilmOutput(spec, frames, sidecar, folder)
 
 
-def _digest(output: OutputFile) -> str | None:
-    """Return the digest of a film in one file; frames in files have theirs in their records."""
-    if output.is_frames:
-        return None
-    with translate_os_errors(output.file):
-        return file_digest(output.file)
+def _digest(file: Path) -> str:
+    with translate_os_errors(file):
+        return file_digest(file)
 
 
 def _next_frame(drawn: Iterator[DrawnFrame], number: int) -> DrawnFrame:

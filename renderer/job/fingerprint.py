@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from renderer.film import data_digest
+from renderer.film import data_digest, file_digest
 from renderer.job.record import FilmFingerprint
 from renderer.scene import (
     ErrorSpec,
@@ -40,7 +40,10 @@ def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str
     left_out = {*schedule_to_dict(scene.error), "probes"}
     rest = {key: value for key, value in tree["error"].items() if key not in left_out}
     output = {key: first_output(tree)[key] for key in _DRAWN_KEYS}
-    shown = {"units": [layer.volume.unit for layer in scene.layers]} if scene.annotation.entries else {}
+    shown: dict[str, Any] = {}
+    if scene.annotation.entries:
+        shown |= {"units": [layer.volume.unit for layer in scene.layers]}
+        shown |= {"files of annotation": [file_digest(file) for file in scene.annotation.files]}
     depends_on = {
         "scene": tree | {"output": output, "error": {**schedule_to_dict(requested), **rest}} | shown,
         "volume": {"fingerprint": volume_fingerprint},

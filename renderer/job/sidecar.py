@@ -9,7 +9,7 @@ from typing import Any
 
 from renderer.film import write_staged
 from renderer.job.record import FilmRecord, record_to_json
-from renderer.scene import first_output
+from renderer.scene import first_output, outputs_of
 
 
 def write_sidecar(path: Path, record: FilmRecord, folder: Path | None = None) -> None:
@@ -38,8 +38,7 @@ def without_paths(record: Mapping[str, Any]) -> dict[str, Any]:
     volumes, masks, the film and the sidecars of its parts stand in the record, and are shortened in its notes, too.
     What frames depend on has no paths, and stays as its digest needs it.
     """
-    written = record["scene"]["output"]
-    first, *others = written if isinstance(written, list) else [written]
+    first, *others = outputs_of(record["scene"])
     outputs = [{**first, "record_paths": False}, *others]
     scene = {**record["scene"], "output": outputs if others else outputs[0]}
     volumes = [*scene.get("volumes", [scene.get("volume", {})])]

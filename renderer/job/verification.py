@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import zip_longest
+from itertools import chain
 
 from renderer.errors import HsplatError, InputError, Problem
 from renderer.film import (
@@ -12,7 +12,6 @@ from renderer.film import (
     data_digest,
     decode_known_film,
     file_matches_digest,
-    frame_matches_digest,
     frame_path,
 )
 from renderer.frame import read_film_volumes
@@ -54,59 +53,47 @@ class VerifiedFilm:
 
 def verify_files(original: OriginalFilm, output: OutputSpec) -> FilmFiles:
     """Look at all files of a film, wherever it is now, and decode them. Raises RenderError where ffmpeg is missing."""
-    found = _verify_first(original, output)
-    problems = [*found.problems]
-    for each, record in zip_longest(output.others, original.record.outputs):
-        if each is None or record is None:
-            problems.append(Problem("outputs", "not those of its scene", location=str(original.path)))
-            break
-        problems += _other_problems(original, each, record.digest)
-    return replace(found, problems=problems)
+    record, notes = original.record, list[str]()
+    digests = [record.digest, *(each.digest for each in record.outputs)]
+    found = [[*_file_problems(original, *pair)] for pair in zip(output.files, digests, strict=False)]
+    (first, *_), readable = found, record.frames
+    in_files = [each for each in output.files if each.is_frames]
+    num_unknown = sum(any(frame.digest_of(each.kind) is None for each in in_files) for frame in record.frames)
+    if num_unknown:
+        notes.append(f"{counted(num_unknown, 'frame')} of unknown digest may have been changed")
+    if output.is_frames:
+        readable = tuple(frame for frame in readable if _has_picture(frame, output))
+        num_lost = len(record.frames) - len(readable)
+        if num_lost and not first:
+            first.append(Problem("", f"{counted(num_lost, 'frame')} cannot be decoded", location=str(output.file)))
+    else:
+        if record.digest is None:
+            notes.append("the digest of the film is not recorded: the file may have been changed")
+        readable = readable if all(problem.what == _CHANGED for problem in first) else ()
+    if len(digests) != len(output.files):
+        found.append([Problem("outputs", "not those of its scene", location=str(original.path))])
+    return FilmFiles([*chain(*found)], readable, notes)
 
 
-def _other_problems(original: OriginalFilm, output: OutputFile, digest: str | None) -> Iterator[Problem]:
-    """Yield what is wrong with the files of a further output. digest: that of a film."""
-    frames = [frame for frame in original.record.frames if output.shows(frame.frame)]
-    if not output.is_frames and frames:
-        yield from _film_problems(output, digest, len(frames))
+def _file_problems(original: OriginalFilm, output: OutputFile, digest: str | None) -> Iterator[Problem]:
+    """Yield what is wrong with the files of an output. digest: that of a film; None for one that is not known."""
+    where, part = str(output.file), Part(original.path, original.record, output.file)
+    frames = [frame for frame in part.record.frames if output.shows(frame.frame)]
+    if not frames:  # it shows others
         return
-    for frame in frames:
-        file = frame_path(output.file, frame.frame)
-        if not frame_matches_digest(file, frame.digest_of(output.kind), output.kind):
-            yield Problem("", f"not the picture of frame {frame.frame} that was recorded", location=str(file))
-
-
-def _film_problems(output: OutputFile, digest: str | None, num_frames: int) -> Iterator[Problem]:
-    """Yield what is wrong with a film in one file. digest: None for one that is not known."""
-    where = str(output.file)
+    if output.is_frames:
+        known = [replace(frame, digest=frame.digest_of(output.kind)) for frame in frames]
+        picked = [PickedFrame(each.frame, part, each) for each in known if each.digest is not None]
+        yield from file_problems(picked, output.kind)
+        return
     if digest is not None and output.file.is_file() and not file_matches_digest(output.file, digest):
         yield Problem("", _CHANGED, location=where)
     try:
-        with decode_known_film(output, num_frames) as images:
+        with decode_known_film(output, len(frames)) as images:
             for _ in images:
                 pass
     except InputError as error:
         yield problem_of(error, where)
-
-
-def _verify_first(original: OriginalFilm, output: OutputSpec) -> FilmFiles:
-    frames, notes = original.record.frames, list[str]()
-    if output.is_frames:
-        known = [frame for frame in frames if frame.digest is not None]
-        if len(known) < len(frames):
-            notes.append(f"{counted(len(frames) - len(known), 'frame')} of unknown digest may have been changed")
-        part = Part(original.path, original.record, output.file)
-        problems = [*file_problems([PickedFrame(each.frame, part, each) for each in known], output.kind)]
-        readable = [frame for frame in frames if _has_picture(frame, output)]
-        if len(readable) < len(frames) and not problems:
-            what = f"{counted(len(frames) - len(readable), 'frame')} cannot be decoded"
-            problems.append(Problem("", what, location=str(output.file)))
-        return FilmFiles(problems, readable, notes)
-    if original.record.digest is None:
-        notes.append("the digest of the film is not recorded: the file may have been changed")
-    problems = [*_film_problems(output, original.record.digest, len(frames))]
-    is_whole = all(problem.what == _CHANGED for problem in problems)
-    return FilmFiles(problems, frames if is_whole else (), notes)
 
 
 def _has_picture(frame: FrameRecord, output: OutputSpec) -> bool:

@@ -12,9 +12,8 @@ _PREFIXES = {"": "", "n": "nano", "µ": "micro", "m": "milli", "c": "centi", "k"
 _SPELLINGS = {
     f"{word}met{end}": f"{prefix}m" for prefix, word in _PREFIXES.items() for end in ("er", "ers", "re", "res")
 }
-_SPELLINGS |= dict.fromkeys(("µm", "um", "micron", "microns"), "µm")
-_SPELLINGS |= dict.fromkeys(("å", "angstrom", "angstroms"), "Å")
-_SPELLINGS |= dict.fromkeys(("in", "inch", "inches"), "inch")
+_OTHERS = {"µm": "µm um micron microns", "Å": "å angstrom angstroms", "inch": "in inch inches"}
+_SPELLINGS |= {text: unit for unit, texts in _OTHERS.items() for text in texts.split()}
 _SPELLINGS |= dict.fromkeys(("pixel", "pixels", "voxel", "voxels"), "")
 _SPELLINGS = {unicodedata.normalize("NFKC", text): unit for text, unit in _SPELLINGS.items()}
 

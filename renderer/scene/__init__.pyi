@@ -111,6 +111,7 @@ from .output_section import (
     PictureKind as PictureKind,
     first_output as first_output,
     only_output as only_output,
+    outputs_of as outputs_of,
 )
 from .scene_file import (
     TreeEditor as TreeEditor,

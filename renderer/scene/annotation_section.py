@@ -116,22 +116,22 @@ def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None =
     position, size: by default.
     """
     table = schema.field_table(cls)
-    required = [key for key in schema.required_keys(cls) if key not in ("position", "size")]
     defaults: dict[str, Any] = {"position": position, "size": size}
+    required = [key for key in schema.required_keys(cls) if key not in defaults]
     section = schema.section_field(table, lambda _, given: cls(**defaults | given), required=required)
 
     def parse(node: TreeNode) -> Any:
         if isinstance(node.value, Mapping):
             return section.parse(node)
         if isinstance(node.value, bool) and not required:
-            return section.parse(TreeNode({}, node.path, node.problems)) if node.value else None
+            return cls(**defaults) if node.value else None
         if short is None:
             return node.reject("neither true nor a mapping")
         value = table[short].parser(node)
         return value if value is INVALID else cls(**defaults, **{short: value})
 
-    words = [*["true"] * (not required), *(table[key].expected for key in (short,) if key), "a mapping"]
-    return schema.FieldType(", or ".join(words), parse, table=section.table)
+    words = ["" if required else "true", table[short].expected if short else "", "a mapping"]
+    return schema.FieldType(", or ".join(filter(None, words)), parse, table=section.table)
 
 
 @dataclass(frozen=True)
@@ -163,26 +163,15 @@ class AnnotationSpec:
     @property
     def shows_anything(self) -> bool:
         """Return whether anything is drawn."""
-        return bool(self.entries or self.lines)
+        return bool(self.entries) or self.bounds or self.octree
 
     @property
     def files(self) -> list[Path]:
         """Return the files that it names."""
         return [file for file in (self.font, self.logo.file if self.logo else None) if file is not None]
 
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """Return the keys of the lines that are drawn."""
-        return tuple(key for key in ("octree", "bounds") if getattr(self, key) is True)
-
 
 ANNOTATION_SECTION = schema.dataclass_field(AnnotationSpec)
-
-
-def lines_of(given: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the `lines` of the annotation in the sections of a scene as they were read."""
-    annotation = given.get("annotation")
-    return annotation.lines if isinstance(annotation, AnnotationSpec) else ()
 
 
 def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int, moving: Mapping[str, Any]) -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from renderer.scene import schema
-from renderer.scene.annotation_section import lines_of
 from renderer.scene.camera_section import direction_field
 from renderer.scene.message_text import format_value
 from renderer.scene.schema import TreeNode, Vector
@@ -81,6 +80,6 @@ def check_what_is_clipped(node: TreeNode, given: Mapping[str, Any]) -> None:
     if given.get("clip") and isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
         got, expected = f"splat.footprint: {splat.footprint}", "splat.footprint: integrated"
         node.key("clip").reject("splats cannot be clipped", got=got, expected=expected)
-    if given.get("clip") and "octree" in lines_of(given):
+    if given.get("clip") and getattr(given.get("annotation"), "octree", False) is True:
         got, expected = "annotation.octree: true", "annotation.octree: false"
         node.key("clip").reject("lines cannot be clipped", got=got, expected=expected)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 
 from renderer.scene import schema
-from renderer.scene.annotation_section import lines_of
 from renderer.scene.message_text import join_words
 from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.transfer_section import check_opacities
@@ -101,7 +100,7 @@ def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:
         value = getattr(given.get(section), key, wanted)
         if value not in (wanted, INVALID):
             node.child(section).child(key, value).reject(contradicts, expected=wanted, hint=hint)
-    if mode.is_extremum and "octree" in lines_of(given):
+    if mode.is_extremum and getattr(given.get("annotation"), "octree", False) is True:
         hint = "coarse cells would lose its extremes, so there are none"
         node.child("annotation").child("octree", True).reject(contradicts, expected="false", hint=hint)
 

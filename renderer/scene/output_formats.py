@@ -43,10 +43,6 @@ class Codec:
     has_percent_quality: bool = False
     merges_frames: bool = False
 
-    def pixel_formats_of(self, *, is_transparent: bool) -> tuple[str, ...]:
-        """Return those that have alpha, or those that have none."""
-        return self.with_alpha if is_transparent else self.pixel_formats
-
 
 _H264 = Codec(
     "libx264", ("yuv420p", "yuv444p"), (44.5, 1.4), ("-preset", "medium", *_THREADS, "-x264-params", _X264_PARAMS),

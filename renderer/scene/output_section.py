@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.message_text import did_you_mean, format_value, join_words
-from renderer.scene.motion import Motion, motion_of
+from renderer.scene.motion import motion_of
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
 from renderer.scene.schema import INVALID, Color, TreeNode
 
@@ -73,26 +73,25 @@ _BACKGROUND_WORDS = f"{COLOR_FIELD.expected}, transparent, or {{top, bottom}} wi
 _COLOR_OR_NONE = schema.word_or({"transparent": None}, COLOR_FIELD, _BACKGROUND_WORDS)
 _GRADIENT = dict.fromkeys(("top", "bottom"), COLOR_FIELD)
 _BACKGROUND = replace(_COLOR_OR_NONE, parser=_parse_background)
-_CRF = schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)
+_FRAME = schema.FieldType[Any]("a frame, -1 for the last one, or seconds such as 2.5s", schema.read_frame)
 
 
 class PictureKind(NamedTuple):
     """A kind of pictures that files are made of: (width, height), background, and how numbers are stored.
 
-    depth: bits of a channel, 8 or 16; 32 for floats. motion: of a background that moves.
+    depth: bits of a channel, 8 or 16; 32 for floats.
     """
 
     size: tuple[int, int]
     background: Background
     depth: int
-    motion: Motion | None = None
 
     @property
     def name(self) -> str:
         """Return words that tell it from other kinds: `256 x 256, transparent, 8 bits`."""
         width, height = self.size
-        behind = "transparent" if self.background is None else f"background {self.motion or self.background}"
-        return f"{width} x {height}, {behind}, {self.depth} bits"
+        behind = f"background {motion_of(self.background) or self.background}"
+        return f"{width} x {height}, {'transparent' if self.background is None else behind}, {self.depth} bits"
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -119,10 +118,10 @@ class OutputFile:
     background: Annotated[Background, _BACKGROUND] = (0.0, 0.0, 0.0)
     quality: Annotated[float, schema.number_field(minimum=0, maximum=10, motion=None)] = 8.0
     codec: Annotated[str | None, schema.TEXT_FIELD] = None
-    crf: Annotated[float | None, _CRF] = None
+    crf: Annotated[float | None, schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)] = None
     pixel_format: Annotated[str | None, schema.TEXT_FIELD] = None
     every: Annotated[int, schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)] = 1
-    frame: Annotated[int | None, schema.FRAME_NUMBER_FIELD] = None
+    frame: Annotated[int | None, _FRAME] = None
     record_paths: bool = True
 
     @property
@@ -165,7 +164,7 @@ class OutputFile:
         """Return which pictures it is made of."""
         pixel_format = self.chosen_pixel_format
         depth = 32 if pixel_format == "float" else 16 if pixel_format.endswith(("10", "48")) else 8
-        return PictureKind(self.size, self.background, depth, motion_of(self.background))
+        return PictureKind(self.size, self.background, depth)
 
     def shows(self, frame: int) -> bool:
         """Return whether a frame of the film is in this file."""
@@ -197,7 +196,7 @@ class OutputSpec(OutputFile):
 def _pixel_formats(output: OutputFile) -> tuple[str, ...]:
     if output.is_frames:
         return output.format.pixel_formats
-    return output.chosen_codec.pixel_formats_of(is_transparent=output.background is None)
+    return output.chosen_codec.with_alpha if output.background is None else output.chosen_codec.pixel_formats
 
 
 def _check_file(node: TreeNode, given: dict[str, Any]) -> None:
@@ -208,23 +207,14 @@ def _check_file(node: TreeNode, given: dict[str, Any]) -> None:
     if file_format.max_rate is not None and rate is not INVALID and rate > file_format.max_rate:
         expected = f"at most {file_format.max_rate:g}: viewers slow down faster ones"
         node.child("frames_per_second", rate).reject(f"too fast for {file_format.name}", expected=expected)
-    if _check_codec(node, given, file_format):
-        _check_pixels(node, given, file_format)
-
-
-def _check_codec(node: TreeNode, given: dict[str, Any], file_format: OutputFormat) -> bool:
-    """Refuse an encoder that a format lacks; return whether it has it, or none is named."""
-    named = [key for key in ("codec", "crf") if key in given]
+    name, named = given.get("codec"), [key for key in ("codec", "crf") if key in given]
     if file_format.is_frames and named:
         node.key(named[0]).reject(f"{file_format.name} have no encoder", expected="")
-        return False
-    name, known = given.get("codec"), tuple(file_format.codecs)
-    if name is None or name in known:
-        return True
-    if name is not INVALID:
-        what, hint = f"not an encoder of {output_suffix(given['file'])}", did_you_mean(name, known)
-        node.child("codec", name).reject(what, expected=join_words(known), hint=hint)
-    return False
+    elif name is None or name in file_format.codecs:
+        _check_pixels(node, given, file_format)
+    elif name is not INVALID:
+        what, known = f"not an encoder of {output_suffix(given['file'])}", tuple(file_format.codecs)
+        node.child("codec", name).reject(what, expected=join_words(known), hint=did_you_mean(name, known))
 
 
 def _check_pixels(node: TreeNode, given: dict[str, Any], file_format: OutputFormat) -> None:
@@ -260,36 +250,38 @@ _SHARED_KEYS = ("size", "background")
 
 def _parse_output(node: TreeNode) -> Any:
     """Parse one file, or a list of them, of which the first one has all frames."""
-    if not isinstance(node.value, (list, tuple)):
-        return _with_others(node, node.value, ())
-    if not node.value:
+    nodes = [node]
+    if isinstance(node.value, (list, tuple)):
+        nodes = [node.child(number, each) for number, each in enumerate(node.value)]
+    if not nodes:
         return node.reject("an empty list", got="", expected="one file or more")
-    first, *others = node.value
-    return _with_others(node.child(0, first), first, [node.child(k, each) for k, each in enumerate(others, start=1)])
-
-
-def _with_others(node: TreeNode, written: object, nodes: Sequence[TreeNode]) -> Any:
-    """Read the first file, at `node`, and the others."""
-    num_problems = len(node.problems)
-    first: Any = _FILE.read(node)
-    for key in ("every", "frame"):
-        if isinstance(written, Mapping) and key in written:
-            node.key(key).reject("not for the first output", got="", expected="", hint="it has all frames")
-    others = [_read_other(each, written) for each in nodes]
+    num_problems, (node, *others) = len(node.problems), nodes
+    first = _read_file(node, {}, ("every", "frame"), "not for the first output", hint="it has all frames")
+    wrong, shared = [each.path for each in node.problems[num_problems:]], {}
+    if isinstance(node.value, Mapping):
+        right = [key for key in _SHARED_KEYS if not any(f"{node.path}.{key}" in path for path in wrong)]
+        shared = {key: node.value[key] for key in right if key in node.value}
+    files = [] if wrong else [(node, first)]
+    for each in others:
+        before = len(node.problems)
+        other = _read_file(each, shared, ("record_paths",), "only for the first output")
+        if len(node.problems) == before:
+            files.append((each, other if wrong else _beside(first, other, each)))
+    _check_names(files)
     if len(node.problems) > num_problems:
         return first
-    others = [_beside(first, other, each) for other, each in zip(others, nodes, strict=True)]
-    _check_names([node, *nodes], [first, *others])
-    return OutputSpec(**{each.name: getattr(first, each.name) for each in fields(OutputFile)}, others=tuple(others))
+    own = {each.name: getattr(first, each.name) for each in fields(OutputFile)}
+    return OutputSpec(**own, others=tuple(other for _, other in files[1:]))
 
 
-def _read_other(node: TreeNode, first: Any) -> Any:
-    """Read a further file, which has what the first one, as it is written, has, unless it says something else."""
-    if not isinstance(node.value, Mapping) or not isinstance(first, Mapping):
+def _read_file(
+    node: TreeNode, shared: Mapping[str, Any], left_out: Sequence[str], what: str, hint: str | None = None
+) -> Any:
+    """Read a file, which has what is shared unless it says something else, and not the keys that are left out."""
+    if not isinstance(node.value, Mapping):
         return _FILE.read(node)
-    if "record_paths" in node.value:
-        node.key("record_paths").reject("only for the first output", expected="")
-    shared = {key: first[key] for key in _SHARED_KEYS if key in first}
+    for key in filter(node.value.__contains__, left_out):
+        node.key(key).reject(what, expected="", hint=hint)
     return _FILE.read(replace(node, value={**shared, **node.value}))
 
 
@@ -309,13 +301,16 @@ def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
     return replace(other, frames_per_second=min(slower, other.format.max_rate or slower))
 
 
-def _check_names(nodes: Sequence[TreeNode], files: Sequence[OutputFile]) -> None:
-    known = set[str]()
-    for node, each in zip(nodes, files, strict=True):
+def _check_names(files: Iterable[tuple[TreeNode, OutputFile]]) -> None:
+    """Refuse files that another output, or one of its frames, may have the name of."""
+    known = list[tuple[str, str]]()
+    for node, each in files:
         name = os.path.abspath(each.file)
-        if name in known:
+        pattern = r"\d+".join(map(re.escape, FRAME_FIELD.split(name)[::2]))
+        example = FRAME_FIELD.sub("0", name)
+        if any(re.fullmatch(other, example) or re.fullmatch(pattern, one) for other, one in known):
             node.child("file", str(each.file)).reject("the name of two outputs", expected="another name")
-        known.add(name)
+        known.append((pattern, example))
 
 
 OUTPUT_SECTION = schema.FieldType("a mapping with file, or a list of such", _parse_output, table=_FILE.table)
@@ -323,28 +318,29 @@ OUTPUT_SECTION = schema.FieldType("a mapping with file, or a list of such", _par
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
     """Check that the name of several frames has a number; `given` holds the sections of the whole scene."""
-    camera = given["camera"]
+    camera, output = given["camera"], given["output"]
     num_frames = getattr(getattr(camera, "path", None), "frames", INVALID)
-    output = given["output"]
-    if INVALID in (num_frames, output) or not isinstance(output, OutputFile) or output.file is INVALID:
+    if num_frames is INVALID or not isinstance(output, OutputFile) or output.file is INVALID:
         return
     files = output.files if isinstance(output, OutputSpec) else (output,)
     for k, each in enumerate(files):
         place = node.child(k) if len(files) > 1 else node
-        schema.check_frame_in_path(place.child("frame"), each.frame, camera.num_frames)
         is_one = camera.num_frames <= each.every or each.frame is not None
         if each.is_frames and not each.is_numbered and not is_one:
-            hint = f"write {each.file.stem}-{{frame:04}}{each.file.suffix}"
+            hint = f"write {each.file.stem}-{{frame:04}}{each.file.suffix}" + ", or frame: 0 for one frame" * (k > 0)
             place.child("file", str(each.file)).reject(
                 "frames need a number in their names", expected=_FILE_WORDS, hint=hint
             )
 
 
-def first_output(scene: Mapping[str, Any]) -> Mapping[str, Any]:
+def outputs_of(scene: Mapping[str, Any]) -> Sequence[dict[str, Any]]:
+    """Return the outputs of a scene in plain data, which was read as one."""
+    return scene["output"] if isinstance(scene["output"], (list, tuple)) else [scene["output"]]
+
+
+def first_output(scene: Mapping[str, Any]) -> dict[str, Any]:
     """Return the first output of a scene in plain data, which was read as one."""
-    output: Any = scene["output"]
-    first: Mapping[str, Any] = output[0] if isinstance(output, (list, tuple)) else output
-    return first
+    return outputs_of(scene)[0]
 
 
 def only_output(section: Any, suffix: str) -> Any:

@@ -29,6 +29,7 @@ from renderer.scene.tree_node import (
     TreeNode as TreeNode,
     check_frame_in_path as check_frame_in_path,
     check_frames_ascend as check_frames_ascend,
+    read_frame as read_frame,
     still as still,
 )
 

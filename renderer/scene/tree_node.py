@@ -159,7 +159,7 @@ def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
             continue
         if len(node.problems) > num_problems + _MOST_PROBLEMS:
             return INVALID
-        frame, item = _read_frame(node.key(key, key), film), field.read(replace(node.child(key, written), film=None))
+        frame, item = read_frame(node.key(key, key)), field.read(replace(node.child(key, written), film=None))
         check_frames_ascend(node.key(key), found[-1][0] if found else -1, frame)
         if len(node.problems) == num_problems and found and shape_of(item) != shape_of(found[0][1]):
             place, expected = node.child(key, written), "a value of the same kind as at the first frame"
@@ -190,8 +190,10 @@ def _check_between_keys(field: FieldType[Any], node: TreeNode, motion: Motion) -
             return
 
 
-def _read_frame(node: TreeNode, film: FilmTime) -> Any:
+def read_frame(node: TreeNode) -> Any:
     """Return the number of a frame, which may be counted from the end, or given in seconds."""
+    assert node.film is not None
+    film = node.film
     num_frames, text = film.num_frames or MAX_FRAMES, format_value(node.value).strip("'")
     if not isinstance(node.value, (int, str)) or not _FRAME.fullmatch(text):
         expected = "a frame, -1 for the last one, seconds such as 2.5s, or easing"

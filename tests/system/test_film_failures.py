@@ -3,7 +3,7 @@
 import errno
 import os
 from collections.abc import Callable
-from fractions import Fraction
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ import pytest
 from png_files import open_film
 
 from renderer.errors import RenderError
-from renderer.film import write_staged
+from renderer.film import require_encoder, write_staged
 from renderer.film.atomic import staging
 from renderer.film.encode import open_encoder
 from renderer.scene import OutputSpec
@@ -79,6 +79,15 @@ def test_an_encoder_that_cannot_start(tmp_path: Path, monkeypatch: pytest.Monkey
         write_film(tmp_path / "film.mp4")
 
 
+def test_an_ffmpeg_without_the_encoder_is_told_before_anything_is_drawn(tmp_path, fake_ffmpeg) -> None:
+    output = OutputSpec(tmp_path / "film.mov", codec="hevc", background=None)
+    require_encoder(output)
+    fake_ffmpeg('echo "Supported pixel formats: yuv420p"')
+    require_encoder(replace(output, background=(0.0, 0.0, 0.0)))
+    with pytest.raises(RenderError, match="this ffmpeg cannot encode the film\n  got: no libx265 of yuva420p"):
+        require_encoder(output)
+
+
 def test_an_encoder_that_hangs_is_ended(tmp_path: Path, fake_ffmpeg: Callable[[str], None]) -> None:
     fake_ffmpeg("exec sleep 1000")
     with pytest.raises(KeyboardInterrupt):
@@ -91,7 +100,7 @@ def test_a_full_disk_under_ffmpeg(suffix: str, tmp_path: Path) -> None:
     output = OutputSpec(tmp_path / f"film.{suffix}", size=(64, 64))
 
     def encode() -> None:
-        with open_encoder(output, Fraction(30), Path("/dev/full")) as encode_picture:
+        with open_encoder(output, Path("/dev/full")) as encode_picture:
             for _ in range(30):
                 encode_picture(PICTURE)
 

@@ -77,6 +77,17 @@ def test_each_format_keeps_the_pictures(formats: renderer.Scene, number: int) ->
     assert min(kept) > (99 if usual == 100 else 0.75 * usual), kept
 
 
+@pytest.mark.parametrize("suffix", [suffix for suffix, each in FORMATS.items() if each.codecs])
+def test_a_film_of_one_frame(folder: Path, suffix: str) -> None:
+    background = "transparent" if FORMATS[suffix].has_alpha else "black"
+    scene = scene_of([EXACT, {"file": f"still{suffix}", "background": background, "frame": 2, "quality": 10}])
+    renderer.render(scene)
+    output = scene.output.others[0]
+    with decode_known_film(output, 1) as found:
+        (picture,) = found
+    assert psnr(picture, quantize(exact(2), output.background, output.kind.depth)) > 35
+
+
 def test_files_of_one_drawing(folder: Path) -> None:
     """Each file has the bytes that it has alone; pixels of smaller ones are means of exact pictures."""
     renderer.render(scene_of([*LIST, EXACT]))

@@ -13,7 +13,7 @@ from motion_page import MOTION_PAGE, motion_page
 from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
 
 from hsplat_cli.commands.compare import compare
-from renderer.scene import load_scene, scene_to_dict
+from renderer.scene import FORMATS, load_scene, scene_to_dict
 from renderer.study import COMPARISON_METRICS, STRICTNESSES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,6 +40,20 @@ def test_the_scene_in_the_text_is_legal(document: str, tmp_path: Path) -> None:
         (tmp_path / name).touch()
     (tmp_path / "scene.yaml").write_text(text, "utf-8")
     load_scene(tmp_path / "scene.yaml")
+
+
+def test_the_table_of_formats_has_all_of_them() -> None:
+    table = (ROOT / "docs/scene.md").read_text("utf-8").partition("### Formats")[2].partition("### Several files")[0]
+    rows = [set(re.findall(r"[.\w]+", row)) for row in table.splitlines()]
+    suffix, found = "", set()
+    for row in rows:
+        suffix = next((each for each in FORMATS if each in row), suffix)
+        found |= {(suffix, word) for word in row}
+    for suffix, each in FORMATS.items():
+        names = {*each.pixel_formats, *each.codecs}
+        for codec in each.codecs.values():
+            names |= {*codec.pixel_formats, *codec.with_alpha}
+        assert names <= {word for key, word in found if key == suffix}, suffix
 
 
 def _with_line(scene: str, line: str) -> str:
