@@ -71,16 +71,11 @@ def _of_imagej(fields: dict[str, Any], layout: Layout, count: int) -> tuple[Chan
     for number, own in enumerate(planes.reshape(count, -1).tolist()):
         named = {labels[plane] for plane in own if plane < len(labels)}
         pair = windows[2 * number : 2 * number + 2]
-        brightest = (
-            np.ravel(np.asarray(tables[number], np.float64)[:3, -1] / 255).tolist() if number < len(tables) else []
-        )
-        channels.append(
-            Channel(
-                _text(named.pop()) if len(named) == 1 else "",
-                (brightest[0], brightest[1], brightest[2]) if len(brightest) == 3 else None,
-                (pair[0], pair[1]) if len(pair) == 2 and pair[0] < pair[1] else None,
-            )
-        )
+        table = np.asarray(tables[number], np.float64) if number < len(tables) else np.empty((0, 1))
+        brightest = np.ravel(table[:3, -1] / 255).tolist()
+        color = (brightest[0], brightest[1], brightest[2]) if len(brightest) == 3 else None
+        window = (pair[0], pair[1]) if len(pair) == 2 and pair[0] < pair[1] else None
+        channels.append(Channel(_text(named.pop()) if len(named) == 1 else "", color, window))
     return tuple(channels)
 
 
