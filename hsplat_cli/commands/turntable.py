@@ -61,15 +61,13 @@ def turntable(
     if options["background"] == "transparent" and not FORMATS[f".{kind}"].has_alpha:
         hint = f"--format {', '.join(suffix[1:] for suffix, each in FORMATS.items() if each.has_alpha)}"
         raise InputError(f"a transparent background in .{kind}", where="--background", expected="a color", hint=hint)
-    film = FilmOptions.of(options)
+    film, numbered = FilmOptions.of(options), "/{frame:04}" * FORMATS[f".{kind}"].is_frames
     requests = [
         FilmRequest(
             volume=volume_spec(volume, options),
             film=film,
             scene=folder / f"{film_name}.yaml",
-            output=folder / film_name / f"{{frame:04}}.{kind}"
-            if FORMATS[f".{kind}"].is_frames
-            else folder / f"{film_name}.{kind}",
+            output=folder / f"{film_name}{numbered}.{kind}",
             executor=executor,
             force=force,
         )

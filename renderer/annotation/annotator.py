@@ -23,13 +23,13 @@ Place = tuple[int, int]
 class Annotator:
     """Draws the annotation of a film; what stays the same is drawn once. Make another where `spec` or `facts` change.
 
-    Of a scene and facts in which `annotation_problems` finds none.
+    Of a scene and facts in which `annotation_problems` finds none. margin: to the edges of the picture, in pixels.
     """
 
     def __init__(self, spec: AnnotationSpec, facts: AnnotationFacts) -> None:
         """Read the font. Raises InputError."""
         self._entries, self._facts = spec.entries, facts
-        self._pen = Pen(Font(spec.font), facts)
+        self._pen, self.margin = Pen(Font(spec.font), facts), round(_MARGIN * min(facts.size))
         num = 2 * len(self._entries)  # with what changed last
         self._drawn, self._finished = lru_cache(num)(self._draw), lru_cache(num)(self._finish)
 
@@ -52,7 +52,7 @@ class Annotator:
         places, by_position = dict[str, Place](), dict[str, list[str]]()
         for key in sketches:
             by_position.setdefault(self._entries[key].position, []).append(key)
-        (width, height), (margin, gap) = self._facts.size, self.lengths
+        (width, height), margin, gap = self._facts.size, self.margin, round(_GAP * min(self._facts.size))
         for position, keys in by_position.items():
             room = height - sum(sketches[key].height + gap for key in keys) + gap
             row = {"t": margin, "b": room - margin}.get(position[0], room // 2)
@@ -62,12 +62,6 @@ class Annotator:
                 places[key] = row, column
                 row += sketches[key].height + gap
         return places
-
-    @property
-    def lengths(self) -> tuple[int, int]:
-        """Return the margin, and the gap between entries, in pixels."""
-        shorter = min(self._facts.size)
-        return round(_MARGIN * shorter), round(_GAP * shorter)
 
     def _finish(self, key: str, sketch: Sketch, place: Place) -> Patch:
         """Return a drawing in its colours, at its place."""
@@ -113,7 +107,7 @@ def _without_room(
     annotator: Annotator, facts: AnnotationFacts, sketches: Mapping[str, Sketch]
 ) -> Iterator[tuple[str, InputError]]:
     """Yield the entries that do not fit into the picture, or cover others."""
-    (margin, _), placed = annotator.lengths, dict[str, tuple[int, ...]]()
+    margin, placed = annotator.margin, dict[str, tuple[int, ...]]()
     width, height = (side - 2 * margin for side in facts.size)
     hint = "give it a smaller size, or another position"
     for key, (row, column) in annotator.places(sketches).items():

@@ -52,8 +52,7 @@ class Sketch:
 
     def fill(self, row: int, column: int, height: int, width: int) -> None:
         """Add a rectangle to the ink."""
-        part = self._part(row, column, height, width)  # which replaces the ink where it grows
-        self.ink[part] = 255
+        self.draw(np.full((height, width), 255, np.uint8), row, column)
 
     def color(self, mask: UInt8, color: Color, row: int, column: int) -> None:
         """Paint a mask in a colour, over what is there."""
@@ -111,15 +110,13 @@ def _over(below: UInt8, above: UInt8) -> UInt8:
 
 def widen(mask: UInt8, rim: int) -> UInt8:
     """Return a mask that is wider by `rim` pixels on each side, and softer there."""
-    result, side = np.zeros(mask.shape, np.uint32), (rim + 1) ** 2
-    height, width = mask.shape
-    for down in range(-rim, rim + 1):
-        for across in range(-rim, rim + 1):
-            weight = _RIM * (side - down**2 - across**2) // side
-            if weight > 0:
-                to, at = (slice(max(0, n), k + min(0, n)) for n, k in ((down, height), (across, width)))
-                up, left = (slice(max(0, -n), k + min(0, -n)) for n, k in ((down, height), (across, width)))
-                np.maximum(result[to, at], mask[up, left].astype(np.uint32) * weight // 255, out=result[to, at])
+    (height, width), padded, side = mask.shape, np.pad(mask, rim).astype(np.uint32), (rim + 1) ** 2
+    result = np.zeros_like(mask, np.uint32)
+    for down in range(2 * rim + 1):
+        for across in range(2 * rim + 1):
+            weight = _RIM * (side - (down - rim) ** 2 - (across - rim) ** 2) // side
+            part = padded[down : down + height, across : across + width]
+            np.maximum(result, part * max(weight, 0) // 255, out=result)
     return result.astype(np.uint8)
 
 

@@ -66,8 +66,11 @@ def over_rows(
 ) -> npt.NDArray[np.float64]:
     """Return `over_background` of rows of pixels, [n, w, 4], with a colour behind each: [n, 3]."""
     require_finite(radiance)
-    values = radiance.astype(np.float64)
-    return np.clip(values[..., :3] + (1 - values[..., 3:]) * behind[:, None], 0, 1)
+    picture = np.empty((*radiance.shape[:2], 3))
+    transparency = 1 - radiance[..., 3].astype(np.float64)
+    for channel in range(3):
+        picture[..., channel] = radiance[..., channel] + transparency * behind[:, None, channel]
+    return np.clip(picture, 0, 1, out=picture)
 
 
 def reduce_radiance(image: npt.NDArray[np.float32], factor: int) -> npt.NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Say what the annotation of a film shows, from its stage, and draw it over pictures."""
+"""Make the pictures of a frame that the outputs of a film need, and say what the annotation over them shows."""
 
 from __future__ import annotations
 
@@ -8,19 +8,13 @@ from functools import lru_cache
 import numpy as np
 
 from renderer.accuracy import spread_evenly
-from renderer.annotation import (
-    AnnotationFacts,
-    Annotator,
-    ColorBar,
-    FrameFacts,
-    annotation_problems,
-    draw_annotation,
-)
+from renderer.annotation import AnnotationFacts, Annotator, ColorBar, FrameFacts, annotation_problems, draw_annotation
 from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
-from renderer.frame import Stage, view_of
+from renderer.film import Picture, quantize, reduce_radiance
+from renderer.frame import Frame, Stage, view_of
 from renderer.job.record import FrameRecord
-from renderer.scene import PictureKind, Scene, moving_numbers, moving_values, raise_problems
+from renderer.scene import PictureKind, Scene, moving_numbers, moving_values, raise_problems, values_at
 from renderer.volume import Bools, Float32
 
 _NUM_BAR_SAMPLES = 256
@@ -30,30 +24,49 @@ _MOST_TRIED = 9
 _ANY_ACCURACY = "frame PSNR 100.0 dB"
 
 
-class FilmAnnotation:
-    """Draws the annotation of a film over pictures of each kind, whatever moves. film: its stage."""
+class PictureMaker:
+    """A maker of the pictures of a film's frames, with their annotation, whatever moves. film: its stage."""
 
     def __init__(self, film: Stage) -> None:
-        self.film = film
-        self._annotator = lru_cache(len(film.scene.output.kinds))(Annotator)  # which keeps what does not change
+        self._film, self._output = film, film.scene.output
+        self._annotator = lru_cache(len(self._output.kinds))(Annotator)  # which keeps what does not change
 
-    def draw(self, image: Float32, kind: PictureKind, stage: Stage, record: FrameRecord) -> None:
+    def pictures(self, frame: Frame, record: FrameRecord) -> dict[int, Picture]:
+        """Return the pictures of a frame by the numbers of their kinds: all that files need which show it.
+
+        They are reduced, annotated, over their backgrounds, and rounded. record: with the accuracy if that is shown.
+        """
+        spec, kinds = frame.stage.scene.annotation, self._output.kinds
+        radiance, found = frame.radiance_with_lines(), dict[int, Picture]()
+        for number in self._output.kinds_at(frame.number):
+            if number == 0 and not spec.shows_anything:
+                found[0] = Picture(frame.image)
+                continue
+            kind = PictureKind(*values_at(kinds[number], frame.number))
+            image = reduce_radiance(radiance, self._output.size[0] // kind.size[0])
+            if spec.entries:
+                image = image.copy() if image is frame.radiance else image
+                self._annotate(image, kind, frame.stage, record)
+            found[number] = Picture(quantize(image, kind.background, kind.depth))
+        return found
+
+    def _annotate(self, image: Float32, kind: PictureKind, stage: Stage, record: FrameRecord) -> None:
         """Draw over a picture of a kind, float32 [h, w, 4]. stage: of the frame."""
         accuracy = "" if record.accuracy is None else f"frame PSNR {record.accuracy.psnr:.1f} dB"
-        frame = frame_facts(self.film.scene, stage, record.frame, kind, accuracy)
+        frame = frame_facts(self._film.scene, stage, record.frame, kind, accuracy)
         annotator = self._annotator(stage.scene.annotation, film_facts(stage, kind))
         draw_annotation(image, annotator.patches(frame))
 
     def covered(self, frame: int, record: FrameRecord) -> Bools | None:
         """Return which pixels of a frame's first picture are drawn over, bool [h, w]; None where none is."""
-        stage, kind = self.film.at(frame), self.film.scene.output.kind
+        stage, kind = self._film.at(frame), self._output.kind
         if not stage.scene.annotation.shows_anything:
             return None
         canvas = np.zeros((*kind.shape[:2], 4), np.float32)
         if stage.scene.annotation.bounds:
             for layer in stage.layers:
                 draw_lines(make_outline(layer.volume), view_of(stage, frame), canvas)
-        self.draw(canvas, kind, stage, record)
+        self._annotate(canvas, kind, stage, record)
         return canvas[..., 3] > 0
 
 

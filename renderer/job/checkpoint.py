@@ -15,13 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from renderer.film import (
-    Picture,
-    bytes_digest,
-    frame_matches_digest,
-    frame_path,
-    write_staged,
-)
+from renderer.film import Picture, bytes_digest, frame_matches_digest, frame_path, write_staged
 from renderer.job.executor import DrawnFrame
 from renderer.job.record import FilmFingerprint, FrameRecord, read_frame_record, record_to_json
 from renderer.scene import OutputSpec, PictureKind, read_json_object

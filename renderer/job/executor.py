@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Protocol
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.film import Picture
 from renderer.frame import Frame, Stage, ToleranceController, render_frames
-from renderer.job.annotation import FilmAnnotation
+from renderer.job.annotation import PictureMaker
 from renderer.job.film_accuracy import frame_accuracy
 from renderer.job.make_record import frame_record
-from renderer.job.pictures import make_pictures
 from renderer.job.plan import FilmPlan
 from renderer.job.record import FrameRecord
 from renderer.scene import Scene
@@ -107,14 +106,14 @@ def draw_frames(
 
     prober: measures their accuracy. Other parameters are those of `render_frames`.
     """
-    annotation = FilmAnnotation(stage)
+    maker = PictureMaker(stage)
     for frame in render_frames(stage, numbers, rasterizer, clock=time.perf_counter, controller=controller):
         prober = prober and prober.on(frame.stage)
         record = frame_record(frame, stage)
-        yield DrawnFrame(record, {0: Picture(frame.image)}, partial(_finish, frame, record, annotation, prober))
+        yield DrawnFrame(record, {0: Picture(frame.image)}, partial(_finish, frame, record, maker, prober))
 
 
-def _finish(frame: Frame, record: FrameRecord, annotation: FilmAnnotation, prober: FrameProber | None) -> DrawnFrame:
+def _finish(frame: Frame, record: FrameRecord, maker: PictureMaker, prober: FrameProber | None) -> DrawnFrame:
     """Measure the accuracy of a frame, then make its pictures, over which annotation may be drawn."""
     if prober is not None:
         start = time.perf_counter()
@@ -122,6 +121,6 @@ def _finish(frame: Frame, record: FrameRecord, annotation: FilmAnnotation, probe
         seconds = {**record.seconds, "probe": time.perf_counter() - start}
         record = replace(record, accuracy=frame_accuracy(probe), visible=probe.visible, seconds=seconds)
     start = time.perf_counter()
-    pictures = make_pictures(frame, record, annotation)
+    pictures = maker.pictures(frame, record)
     seconds = {**record.seconds, "pictures": time.perf_counter() - start}
     return DrawnFrame(replace(record, seconds=seconds), pictures)

@@ -75,8 +75,11 @@ class FilmOutput:
                 if record.frame in shown:
                     events.frame_finished(record)
 
+        files = self.shown[1:] if store.is_output else self.shown  # where the store's pictures are the first
+        films = open_films(files, self.spec.kinds, staging_folder=self.folder, before_rename=defer_interrupts)
         # However the block ends, a frame that was drawn is stored before.
-        with self._open_film(store, defer_interrupts) as write, ThreadPoolExecutor(1, "hsplat-background") as thread:
+        with films as write_to_films, ThreadPoolExecutor(1, "hsplat-background") as thread:
+            write = partial(self._write_and_remember, write_to_films)
             self._first_frames.clear()
             thread.submit(bool).result()  # an interrupt while the thread starts would lose its task
             for number in self.frames:
@@ -89,14 +92,6 @@ class FilmOutput:
                 finish(stored)  # a listener may end the job: this frame is being stored already
             finish([each.result() for each in being_stored])
         return records
-
-    @contextlib.contextmanager
-    def _open_film(self, store: FrameStore, defer_interrupts: Callable[[], None]) -> Iterator[WriteFrame]:
-        """Yield what writes a picture to the film; nothing, where the store's pictures are the output."""
-        files = self.shown[1:] if store.is_output else self.shown
-        films = open_films(files, self.spec.kinds, staging_folder=self.folder, before_rename=defer_interrupts)
-        with films as write:
-            yield partial(self._write_and_remember, write)
 
     @property
     def shown(self) -> list[OutputFile]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 from renderer.film import data_digest, file_digest
@@ -17,6 +16,7 @@ from renderer.scene import (
     first_output,
     format_value,
     join_keys,
+    outputs_of,
     scene_to_dict,
     schedule_to_dict,
     spec_to_dict,
@@ -56,10 +56,8 @@ def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str
 
 def fingerprint_of(depends_on: Mapping[str, Any], output: OutputSpec) -> FilmFingerprint:
     """Return the fingerprint of a film whose frames depend on this plain data."""
-    first, *others = (
-        {key: value for key, value in spec_to_dict(each).items() if key not in _NOT_ENCODED}
-        for each in (replace(output, others=()), *output.others)
-    )
+    tree = outputs_of({"output": spec_to_dict(output)})
+    first, *others = ({key: value for key, value in each.items() if key not in _NOT_ENCODED} for each in tree)
     first = {key: value for key, value in first.items() if key not in _DRAWN_KEYS}
     encoding = json.loads(json.dumps({"output": [first, *others] if others else first}))
     return FilmFingerprint(data_digest(depends_on), encoding, depends_on)

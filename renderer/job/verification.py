@@ -7,13 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 from renderer.errors import HsplatError, InputError, Problem
-from renderer.film import (
-    Picture,
-    data_digest,
-    decode_known_film,
-    file_matches_digest,
-    frame_path,
-)
+from renderer.film import Picture, data_digest, decode_known_film, file_matches_digest, frame_path
 from renderer.frame import read_film_volumes
 from renderer.job.assemble.agreement import PickedFrame, file_problems
 from renderer.job.assemble.parts import Part, problem_of

@@ -15,7 +15,7 @@ from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, spread
 from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path
 from renderer.frame import Stage
-from renderer.job.annotation import FilmAnnotation
+from renderer.job.annotation import PictureMaker
 from renderer.job.events import JobEvents
 from renderer.job.film_accuracy import film_accuracy, frame_accuracy
 from renderer.job.record import FilmAccuracy, FrameAccuracy, FrameRecord
@@ -98,10 +98,10 @@ class _Rays:
         if not chosen:
             return []
         prober, found = FrameProber(self.stage, num_rays, seed=seed, num_threads=num_cores()), list[FrameRecord]()
-        annotation = FilmAnnotation(self.stage)
+        maker = PictureMaker(self.stage)
         self.events.started(f"{num_rays} rays a frame", len(chosen))
         for frame, image in self._pictures({frame.frame for frame in chosen}):
-            prober, covered = prober.on(self.stage.at(frame.frame)), annotation.covered(frame.frame, frame)
+            prober, covered = prober.on(self.stage.at(frame.frame)), maker.covered(frame.frame, frame)
             found.append(replace(frame, accuracy=frame_accuracy(prober.probe(frame.frame, image, covered))))
             self.events.frame_finished(found[-1])
         return found

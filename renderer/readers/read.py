@@ -138,11 +138,9 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
     remarks = "; ".join([*notes, *filter(None, [note])]) or None
     named = replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
-    units = image.units
-    if spec.unit is not None:
-        units = units_of(spec.unit, *units[1:])
-    elif spacing is not None and not np.allclose(spacing, replaced or 0.0, rtol=1e-3, atol=0.0):
-        units = units_of("", *units[1:])  # lengths of the scene, which may be in any unit
+    # Lengths of the scene may be in any unit.
+    are_own = spacing is None or np.allclose(spacing, replaced or 0.0, rtol=1e-3, atol=0.0)
+    units = units_of(spec.unit or image.units.length_unit * bool(are_own), *image.units[1:])
     return replace(named, **image.steps._asdict(), **units._asdict())
 
 

@@ -21,11 +21,7 @@ from renderer.scene import schema
 from renderer.scene.annotation_section import ANNOTATION_SECTION, AnnotationSpec, check_annotation
 from renderer.scene.camera_section import CAMERA_FIELD, CameraPath, CameraSpec, PathSequence
 from renderer.scene.clip_section import CLIP_SECTION, ClipSpec, check_what_is_clipped
-from renderer.scene.error_section import (
-    ERROR_SECTION,
-    ErrorSpec,
-    schedule_to_dict,
-)
+from renderer.scene.error_section import ERROR_SECTION, ErrorSpec, schedule_to_dict
 from renderer.scene.labels_section import MASK_SECTION, LabelsSpec, MaskSpec
 from renderer.scene.layers_section import OF_CHANNELS, VOLUMES_SECTION, LayerSpec, check_layers, name_mask, take_labels
 from renderer.scene.limits import proportion_problems, raise_problems
@@ -230,10 +226,7 @@ _MISPLACED_KEY_HINTS = {
         "splat": ("footprint",),
     }.items()
     for key in keys
-} | {
-    "cuts": "cuts is called clip now",
-    "overlay": "overlay: bounds is written annotation: {bounds: true} now",
-}
+} | {"cuts": "cuts is called clip now", "overlay": "overlay: bounds is written annotation: {bounds: true} now"}
 
 
 # Back to plain data
