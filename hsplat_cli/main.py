@@ -123,7 +123,8 @@ def run(arguments: Sequence[str]) -> int:
         _print_error(str(error))
         return 2 if isinstance(error, InputError) else failed
     except (KeyboardInterrupt, click.Abort) as error:
-        return _interrupted(error)
+        _print_error("hsplat: interrupted")
+        return interrupted_status(error)
     except Exception as error:  # the last resort: no traceback reaches a user
         if _is_out_of_memory(error):
             _print_error(format_message("hsplat: out of memory", hint=address_space_hint()))
@@ -133,11 +134,6 @@ def run(arguments: Sequence[str]) -> int:
             what = f"{type(error).__name__}: {error}"
             _print_error(f"hsplat: unexpected {what} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
         return failed
-
-
-def _interrupted(error: BaseException) -> int:
-    _print_error("hsplat: interrupted")
-    return interrupted_status(error)
 
 
 def _invoke(arguments: Sequence[str]) -> int:

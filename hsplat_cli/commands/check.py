@@ -73,9 +73,7 @@ def check(request: SceneRequest, output: str | None) -> None:
 
 def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
     output, camera = scene.output, scene.camera
-    frames = counted(camera.num_frames, "frame")
-    if num_frames < camera.num_frames:
-        frames = f"{num_frames} of {frames}"
+    frames = f"{num_frames} of " * (num_frames < camera.num_frames) + counted(camera.num_frames, "frame")
     path = ", ".join(piece.type for piece in getattr(camera.path, "pieces", [camera.path]))
     return [
         *_volumes(scene),

@@ -201,7 +201,9 @@ def _fact_lines(facts: dict[str, Any], marks: str) -> list[str]:
     file_spacing = facts["replaced_spacing"]
     replaced = "" if file_spacing is None else f", in place of {_numbers(file_spacing, ' x ')}"
     length, value = (f" {unit}" * bool(unit) for unit in (facts["length_unit"], facts["value_unit"]))
-    lines = [
+    low, high, mean = (_number(facts[key]) for key in ("minimum", "maximum", "mean"))
+    matrix = [] if facts["direction"].startswith("axis-aligned") else facts["direction_matrix"]
+    return [
         facts["name"],
         f"  shape        {_numbers(facts['shape'], ' x ')} voxels (x, y, z)",
         f"  type         {facts['dtype']}, {_memory_text(facts['bytes'])}"
@@ -210,13 +212,7 @@ def _fact_lines(facts: dict[str, Any], marks: str) -> list[str]:
         f"  world size   {_numbers(facts['world_size'], ' x ')}{length}",
         f"  origin       {_numbers(facts['origin'])} (centre of the first voxel)",
         f"  direction    {facts['direction']}",
-    ]
-    if not facts["direction"].startswith("axis-aligned"):
-        lines += [
-            f"               [{'  '.join(f'{value:8.5f}' for value in row)}]" for row in facts["direction_matrix"]
-        ]
-    low, high, mean = (_number(facts[key]) for key in ("minimum", "maximum", "mean"))
-    lines += [
+        *(f"               [{'  '.join(f'{value:8.5f}' for value in row)}]" for row in matrix),
         *(["  world axes   to the left, to the back and up in a body (LPS)"] if facts["world_axes"] else []),
         *([f"  time         {_time_text(facts['time'])}"] if facts["time"] else []),
         f"  values       {low} to {high}{value}, mean {mean}",
@@ -227,7 +223,6 @@ def _fact_lines(facts: dict[str, Any], marks: str) -> list[str]:
         "  voxels by value, logarithmic",
         *_histogram(facts, marks),
     ]
-    return lines
 
 
 def _channel(number: int, channel: dict[str, Any]) -> str:

@@ -13,6 +13,7 @@ from hsplat_cli.compare.picture_file import MAX_PIXELS, decode_picture, file_con
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import ANY_FRAME_FIELD, Pixels, count_film_frames, decode_film, frame_path, sidecar_path_of_file
 from renderer.job import accuracy_text, folder_files, parse_film_record
+from renderer.readers import natural_sort_key
 from renderer.scene import (
     FILM_SUFFIXES,
     FRAME_FIELD,
@@ -228,13 +229,6 @@ def _pictures(golden: Path | None, actual: Path | None) -> tuple[Pixels | None, 
     content, other = file_content(golden), file_content(actual)
     picture = decode_picture(content, golden)
     return picture, picture if other == content else decode_picture(other, actual)
-
-
-def natural_sort_key(name: str) -> tuple[list[str | int], str]:
-    """Return a sort key that puts `frame-2.png` before `frame-10.png`."""
-    parts: list[str | int] = list(re.split("([0-9]+)", name))
-    parts[1::2] = [int(digits) for digits in parts[1::2]]
-    return parts, name
 
 
 @contextlib.contextmanager

@@ -7,6 +7,6 @@ from .html import (
     render_page as render_page,
     require_page_packages as require_page_packages,
 )
-from .number_format import ABSENT as ABSENT, bytes_text as bytes_text, short_count_text as short_count_text
+from .number_format import bytes_text as bytes_text, short_count_text as short_count_text
 from .study_html import REPORT_FILES as REPORT_FILES, write_study as write_study
 from .tables import terminal_table as terminal_table

@@ -28,7 +28,7 @@ def bytes_text(num_bytes: int | None) -> str:
 
 def ms_text(seconds: float) -> str:
     """Format seconds as milliseconds without the unit, to three digits or an integer: `0.0412`, `8.12`, `1348`."""
-    return _digits(1000 * seconds, 3) if math.isfinite(seconds) else ABSENT
+    return ratio_text(1000 * seconds) if math.isfinite(seconds) else ABSENT
 
 
 def metric_text(metric: Metric, value: float) -> str:
@@ -45,8 +45,11 @@ def metric_text(metric: Metric, value: float) -> str:
 
 
 def ratio_text(ratio: float) -> str:
-    """Format a ratio: `3.24`, `12.0`, `130`."""
-    return _digits(ratio, 3)
+    """Format with three significant digits, and all digits before the point: `3.24`, `12.0`, `1348`."""
+    if ratio == 0:
+        return "0"
+    magnitude = math.floor(math.log10(abs(float(f"{ratio:.2e}"))))
+    return f"{ratio:.{max(2 - magnitude, 0)}f}"
 
 
 def _scaled(number: float, units: tuple[str, ...]) -> str:
@@ -54,12 +57,4 @@ def _scaled(number: float, units: tuple[str, ...]) -> str:
     power = 0
     while power < len(units) - 1 and float(f"{number:.3g}") >= 1000:
         number, power = number / 1000, power + 1
-    return f"{_digits(number, 3)}{units[power]}"
-
-
-def _digits(number: float, num_digits: int) -> str:
-    """Format with this many significant digits, and all digits before the point."""
-    if number == 0:
-        return "0"
-    magnitude = math.floor(math.log10(abs(float(f"{number:.{num_digits - 1}e}"))))
-    return f"{number:.{max(num_digits - 1 - magnitude, 0)}f}"
+    return f"{ratio_text(number)}{units[power]}"

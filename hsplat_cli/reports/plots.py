@@ -11,16 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hsplat_cli.reports.costs import (
-    OWN,
-    PEER,
-    PROGRAM_NAMES,
-    CostOf,
-    cost_in_splats,
-    group_by_series,
-    pareto_fronts,
-    program_of,
-)
+from hsplat_cli.reports import costs
 from hsplat_cli.reports.html import LIGHT_PALETTE, SERIES_COLORS
 from renderer.accuracy import METRICS
 from renderer.study import Measurement
@@ -41,12 +32,12 @@ class CostAxis:
     """A logarithmic axis of cost. cost: that of a measurement, NaN without one. has_bars: from quartile to quartile."""
 
     title: str
-    cost: CostOf
+    cost: costs.CostOf
     has_bars: bool = False
 
 
 TIME_AXIS = CostAxis("time of a frame, ms", lambda m: 1000 * m.frame_seconds, has_bars=True)
-SPLATS_AXIS = CostAxis("splats of a frame", cost_in_splats)
+SPLATS_AXIS = CostAxis("splats of a frame", costs.cost_in_splats)
 
 
 def _error(metric: str, pixels: str, measurement: Measurement) -> float:
@@ -70,7 +61,7 @@ def plottable(
 
 def plottable_fronts(measurements: Sequence[Measurement], axis: CostAxis) -> dict[str, list[Measurement]]:
     """Return the plottable measurements on the Pareto front of each program."""
-    fronts = pareto_fronts(measurements, axis.cost)
+    fronts = costs.pareto_fronts(measurements, axis.cost)
     return {program: plottable([measurements[i] for i in front], axis) for program, front in fronts.items()}
 
 
@@ -122,17 +113,17 @@ def _draw_front(axes: Axes, program: str, front: Sequence[Measurement], axis: Co
     """
     if not front:
         return
-    costs, psnrs = [axis.cost(m) for m in front], [_psnr(m) for m in front]
+    amounts, psnrs = [axis.cost(m) for m in front], [_psnr(m) for m in front]
     line: dict[str, Any]
     label: dict[str, Any]
-    if program == OWN:
+    if program == costs.OWN:
         line = {"color": LIGHT_PALETTE["front"], "linewidth": 9.0, "solid_capstyle": "round", "zorder": 1.0}
         label = {"xytext": (-5, 4), "ha": "right", "color": LIGHT_PALETTE["ink"]}
     else:
         line = {"color": LIGHT_PALETTE["muted"], "linewidth": 1.4, "linestyle": "--", "zorder": 1.5}
         label = {"xytext": (0, 7), "ha": "center", "color": LIGHT_PALETTE["muted"]}
-    axes.plot(costs, psnrs, label=f"Pareto front of {PROGRAM_NAMES[program]}", **line)
-    for m, cost, psnr in zip(front, costs, psnrs, strict=True):
+    axes.plot(amounts, psnrs, label=f"Pareto front of {costs.PROGRAM_NAMES[program]}", **line)
+    for m, cost, psnr in zip(front, amounts, psnrs, strict=True):
         text = m.setting.label.rpartition(" ")[2]
         axes.annotate(text, (cost, psnr), textcoords="offset points", fontsize=_LABEL_PT, zorder=5, **label)
 
@@ -140,30 +131,30 @@ def _draw_front(axes: Axes, program: str, front: Sequence[Measurement], axis: Co
 def _draw_series(
     axes: Axes, measurements: Sequence[Measurement], axis: CostAxis, value: Callable[[Measurement], float]
 ) -> None:
-    counts = {OWN: itertools.count(), PEER: itertools.count()}
-    for series, numbers in group_by_series(measurements).items():
+    counts = {costs.OWN: itertools.count(), costs.PEER: itertools.count()}
+    for series, numbers in costs.group_by_series(measurements).items():
         members = [measurements[i] for i in numbers]
-        program = program_of(members[0])
+        program = costs.program_of(members[0])
         style = _series_style(program, next(counts[program]))
         shown = plottable(members, axis, value)
         if not shown:
             continue
-        costs, values = np.array([axis.cost(m) for m in shown]), [value(m) for m in shown]
+        amounts, values = np.array([axis.cost(m) for m in shown]), [value(m) for m in shown]
         bars: dict[str, Any] = {}
         if axis.has_bars:
             low, high = 1000 * np.array([m.frame_seconds_spread for m in shown]).T
             # Rounding may put a quartile on the wrong side of the median.
-            bars["xerr"] = np.maximum([costs - low, high - costs], 0)
+            bars["xerr"] = np.maximum([amounts - low, high - amounts], 0)
         if value is _psnr and has_intervals(shown):
             bars["yerr"] = [[_psnr(m) - _psnr_low(m) for m in shown], [_psnr_high(m) - _psnr(m) for m in shown]]
         if bars:
-            axes.errorbar(costs, values, **bars, fmt="none", ecolor=style["color"], elinewidth=1.0, capsize=2.5)
-        axes.plot(costs, values, label=series, **style)
+            axes.errorbar(amounts, values, **bars, fmt="none", ecolor=style["color"], elinewidth=1.0, capsize=2.5)
+        axes.plot(amounts, values, label=series, **style)
 
 
 def _series_style(program: str, number: int) -> dict[str, Any]:
     """Return the style of a program's series with this number."""
-    if program == PEER:
+    if program == costs.PEER:
         style = {"color": LIGHT_PALETTE["ink"], "marker": _PEER_MARKERS[number % len(_PEER_MARKERS)]}
         return style | {"markersize": 7.0, "linewidth": 0.7, "linestyle": ":", "zorder": 2.5}
     shift = number // len(SERIES_COLORS)  # the same colours again, with other markers

@@ -12,17 +12,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from hsplat_cli.reports.costs import (
-    PEER,
-    PROGRAM_NAMES,
-    CostAtPsnr,
-    costs_by_psnr,
-    group_by_series,
-    has_bricks,
-    has_splats,
-    on_pareto_fronts,
-    program_of,
-)
+from hsplat_cli.reports import costs
 from hsplat_cli.reports.html import Chart, format_facts, plot_style, render_page, require_page_packages
 from hsplat_cli.reports.number_format import ABSENT, count_text, ms_text, ratio_text
 from hsplat_cli.reports.plots import (
@@ -67,7 +57,7 @@ def write_study(study: Study, folder: Path, *, date: str) -> list[Path]:
 def study_page(study: Study, *, date: str) -> str:
     """Return the page as text; equal studies and dates give equal text."""
     measurements = study.measurements
-    on_fronts = on_pareto_fronts(measurements)
+    on_fronts = costs.on_pareto_fronts(measurements)
     with plot_style():
         return render_page(
             "study.html",
@@ -78,9 +68,9 @@ def study_page(study: Study, *, date: str) -> str:
             costs=_cost_lines(measurements),
             truths=[(truth.frame, thumbnail(truth.picture)) for truth in study.truths],
             convergence=[_convergence_line(truth) for truth in study.truths],
-            has_peer=any(program_of(m) == PEER for m in measurements),
-            has_bricks=has_bricks(measurements),
-            has_splats=has_splats(measurements),
+            has_peer=any(costs.program_of(m) == costs.PEER for m in measurements),
+            has_bricks=costs.has_bricks(measurements),
+            has_splats=costs.has_splats(measurements),
             primitives=_primitive_nouns(measurements),
             brick_size=BRICK_SIZE,
             gain=f"{DIFFERENCE_GAIN:g}",
@@ -100,7 +90,7 @@ def _facts(study: Study, date: str) -> list[tuple[str, str]]:
     frames = ", ".join(map(str, sorted(numbers)))
     size = study.scene.get("output", {}).get("size", ())
     volume = format_facts({f"volume, {name}" if name != "name" else "volume": v for name, v in study.volume.items()})
-    noun = "frame" if len(numbers) == 1 else "frames"
+    noun = f"frame{'s' * (len(numbers) != 1)}"
     picture = [("pictures", f"{' x '.join(map(str, size))} pixels, {noun} {frames}")] if size else []
     return [*volume, *picture, *format_facts(study.machine), ("date", date)]
 
@@ -109,11 +99,11 @@ def _charts(measurements: Sequence[Measurement]) -> list[Chart]:
     charts = []
     for axis in (TIME_AXIS, SPLATS_AXIS):
         if shown := plottable(measurements, axis):
-            series = ", ".join(group_by_series(shown))
+            series = ", ".join(costs.group_by_series(shown))
             alt = f"PSNR in dB over the {axis.title}, logarithmic, of {series}"
             charts.append(Chart(tradeoff_figure(measurements, axis), _tradeoff_caption(measurements, axis), alt))
     if plottable(measurements, TIME_AXIS) and not has_intervals(measurements):
-        series = ", ".join(group_by_series(measurements))
+        series = ", ".join(costs.group_by_series(measurements))
         alt = f"PSNR on the volume, SSIM, FLIP and pixels over Delta-E 2.3 over the {TIME_AXIS.title}, of {series}"
         charts.append(Chart(metrics_figure(measurements), "The same settings by other metrics.", alt))
     return charts
@@ -122,13 +112,14 @@ def _charts(measurements: Sequence[Measurement]) -> list[Chart]:
 def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis) -> str:
     """Explain labels, bars and omissions."""
     names = [
-        f"{front[0].setting.label.rpartition(' ')[0]} ({PROGRAM_NAMES[program]})"
+        f"{front[0].setting.label.rpartition(' ')[0]} ({costs.PROGRAM_NAMES[program]})"
         for program, front in plottable_fronts(measurements, axis).items()
         if front
     ]
     parts = ["Higher and further to the left is better."]
     parts += [f"Labels at the points of a front, where they fit: {', '.join(names)}."] if names else []
-    parts += ["Settings with bricks are not in this plot."] if axis is SPLATS_AXIS and has_bricks(measurements) else []
+    lacks_bricks = axis is SPLATS_AXIS and costs.has_bricks(measurements)
+    parts += ["Settings with bricks are not in this plot."] * lacks_bricks
     parts += ["Bars reach from the first to the third quartile of the time."] if axis.has_bars else []
     parts += ["Those of the PSNR hold it in 95 % of cases or more."] if has_intervals(measurements) else []
     exact = sum(m.overall.everywhere["psnr"] == math.inf for m in measurements if axis.cost(m) > 0)
@@ -139,7 +130,7 @@ def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis) -> st
 def _cost_lines(measurements: Sequence[Measurement]) -> list[dict[str, str]]:
     """Return the text of each column of the table of costs, for each PSNR."""
     lines = []
-    for cost in costs_by_psnr(measurements):
+    for cost in costs.costs_by_psnr(measurements):
         line = {"PSNR\ndB": f"{cost.psnr:g}", "hsplat\nms a frame": _cost_text(cost.time, ms_text)}
         if cost.splats:
             line["splats\na frame"] = _cost_text(cost.splats, count_text)
@@ -150,7 +141,7 @@ def _cost_lines(measurements: Sequence[Measurement]) -> list[dict[str, str]]:
     return lines
 
 
-def _ratio_text(cost: CostAtPsnr) -> str:
+def _ratio_text(cost: costs.CostAtPsnr) -> str:
     if cost.peer is None or not math.isfinite(cost.ratio):
         return ABSENT
     return f"{'≤ ' if cost.peer.is_bound else '≥ ' if cost.time.is_bound else ''}{ratio_text(cost.ratio)}"
@@ -174,8 +165,8 @@ def _convergence_line(truth: Truth) -> dict[str, str]:
 
 def _primitive_nouns(measurements: Sequence[Measurement]) -> str:
     """Return `bricks`, `splats` or `bricks or splats`, by the footprints."""
-    bricks = has_bricks(measurements)
-    return " or ".join([*["bricks"] * bricks, *["splats"] * (has_splats(measurements) or not bricks)])
+    bricks = costs.has_bricks(measurements)
+    return " or ".join([*["bricks"] * bricks, *["splats"] * (costs.has_splats(measurements) or not bricks)])
 
 
 def _step_columns(measurements: Sequence[Measurement]) -> list[Column]:

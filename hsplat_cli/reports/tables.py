@@ -46,12 +46,7 @@ def cost_columns(measurements: Sequence[Measurement], format_count: Callable[[fl
     return [
         *counts,
         _number("time", "ms", lambda m: m.frame_seconds, ms_text),
-        Column(
-            "quartiles",
-            "ms",
-            lambda m: m.frame_seconds_spread[1] - m.frame_seconds_spread[0],
-            lambda m: " to ".join(map(ms_text, m.frame_seconds_spread)),
-        ),
+        _range("quartiles", "ms", lambda m: m.frame_seconds_spread, ms_text),
         _number("once", "ms", _seconds_once, ms_text),
         _number("memory", "", lambda m: m.peak_bytes, bytes_text),
     ]
@@ -78,10 +73,13 @@ def _interval_column(name: str, pixels: str) -> Column:
     def ends(measurement: Measurement) -> list[float]:
         return [getattr(measurement.overall, pixels)[f"{name}_{end}"] for end in ("low", "high")]
 
-    text = partial(metric_text, METRICS[name])
-    return Column(
-        "95 %", METRICS[name].unit, lambda m: ends(m)[1] - ends(m)[0], lambda m: " to ".join(map(text, ends(m)))
-    )
+    return _range("95 %", METRICS[name].unit, ends, partial(metric_text, METRICS[name]))
+
+
+def _range(
+    title: str, unit: str, ends: Callable[[Measurement], Sequence[float]], text: Callable[[float], str]
+) -> Column:
+    return Column(title, unit, lambda m: ends(m)[1] - ends(m)[0], lambda m: " to ".join(map(text, ends(m))))
 
 
 def _number(title: str, unit: str, value: Callable[[Measurement], float | None], text: Callable[[Any], str]) -> Column:

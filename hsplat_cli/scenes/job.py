@@ -35,6 +35,9 @@ _VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.r
 # Nor do these change it: where it is, and whether that is recorded.
 _PLACE_KEYS = ("output.file", "output.record_paths", *_VOLUME_OPTIONS)
 
+# What appears under the name of the output: the film at once, or coarser passes first.
+Draws = Literal["film", "passes", "nothing"]
+
 
 @dataclass(frozen=True)
 class SceneRequest:
@@ -50,14 +53,11 @@ class SceneRequest:
     output: Path | str | None = None
 
 
-def load_job(
-    request: SceneRequest, draws: Literal["film", "passes", "nothing"] = "film", *, reads: bool = True
-) -> FilmJob:
+def load_job(request: SceneRequest, draws: Draws = "film", *, reads: bool = True) -> FilmJob:
     """Load the job of a scene file or a sidecar, with the changes of the command line's options.
 
-    The job of a sidecar makes its film again, or another one elsewhere. draws: what appears under the name of the
-    output: the film at once, or coarser passes first. reads: the channels and labels of files are found, for which
-    their voxels are read. Raises InputError, and SceneError as `load_scene`.
+    The job of a sidecar makes its film again, or another one elsewhere. reads: the channels and labels of files are
+    found, for which their voxels are read. Raises InputError, and SceneError as `load_scene`.
     """
     content = read_content(request.path)
     if may_be_json(content):
@@ -117,7 +117,7 @@ def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
     return path, record
 
 
-def _load_original(record: FilmRecord, request: SceneRequest, draws: Literal["film", "passes", "nothing"]) -> FilmJob:
+def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> FilmJob:
     """Load the job of a sidecar; parameters as in `load_job`."""
     from renderer.job import late_frame_problems
 

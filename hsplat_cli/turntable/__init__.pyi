@@ -1,5 +1,4 @@
 from .batch import run_batch as run_batch
-from .manifest import update_manifest as update_manifest
 from .one_film import (
     FilmRequest as FilmRequest,
     make_film as make_film,

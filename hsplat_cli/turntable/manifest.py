@@ -32,8 +32,7 @@ _SHORT_LOCK_TIMEOUT_S = 1.0
 _NOTICE_DELAY_S, _POLL_INTERVAL_S = 2.0, 0.02
 
 # Titles of columns, and the keys of records.
-_COLUMNS = {name: name for name in ("volume", "status", "kind", "frames")}
-_COLUMNS |= {"primitives": "primitives", "seconds": "seconds"}
+_COLUMNS = {name: name for name in ("volume", "status", "kind", "frames", "primitives", "seconds")}
 _COLUMNS |= {"file PSNR": "file_psnr", "frames PSNR": "psnr", "film": "film"}
 _NUMBER_COLUMNS = (3, 4, 5, 6, 7)
 

@@ -124,20 +124,17 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     if film.shortfall is not None:
         raise film.shortfall
     frames, accuracy = film.record.frames, film.record.accuracy
-    exact = {} if accuracy is None else {"psnr": round(accuracy.psnr, 2), "psnr_interval": list(accuracy.interval)}
-    in_file = {} if accuracy is None else {"file_psnr": round((accuracy.file or accuracy).psnr, 2)}
-    return (
-        request.record(manifest.FINISHED)
-        | exact
-        | in_file
-        | {
-            "kind": found.suggestion.kind,
-            "reason": found.suggestion.reason,
-            "frames": len(frames),
-            "primitives": round(sum(frame.primitives for frame in frames) / len(frames)),
-            "seconds": round(film.record.seconds["total"], 3),
-        }
-    )
+    record = request.record(manifest.FINISHED)
+    if accuracy is not None:
+        record |= {"psnr": round(accuracy.psnr, 2), "psnr_interval": list(accuracy.interval)}
+        record["file_psnr"] = round((accuracy.file or accuracy).psnr, 2)
+    return record | {
+        "kind": found.suggestion.kind,
+        "reason": found.suggestion.reason,
+        "frames": len(frames),
+        "primitives": round(sum(frame.primitives for frame in frames) / len(frames)),
+        "seconds": round(film.record.seconds["total"], 3),
+    }
 
 
 class _TurntableEvents(FilmEvents):

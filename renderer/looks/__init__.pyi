@@ -9,7 +9,6 @@ from .label_tables import (
 from .look import (
     MAX_LOOK_POINTS as MAX_LOOK_POINTS,
     Look as Look,
-    LookPoint as LookPoint,
     place_look as place_look,
 )
 from .look_file import MAX_LOOK_BYTES as MAX_LOOK_BYTES, LookFile as LookFile

@@ -214,6 +214,7 @@ def _read_afni(file: LookFile) -> tuple[Label, ...]:
     return make_labels(file, rows, 1.0)
 
 
+_FSLEYES_LABELS = "labels of FSLeyes: rows of label, red, green, blue and name"
 _SLICER_LABELS = "labels of 3D Slicer: rows of label, name, red, green, blue and alpha"
 _ITK_LABELS = "labels of ITK-SNAP: rows of label, red, green, blue, alpha, two flags and a name in quotes"
 _NAMES, _COLUMNS = "names of labels: rows of label and name", "labels in columns: index, name and color as #rrggbb"
@@ -221,12 +222,7 @@ _NAMES, _COLUMNS = "names of labels: rows of label and name", "labels in columns
 # The suffix of a file's name, a pattern that its content has, what such a file is, for its errors, and its parser. The
 # first that fits reads the file.
 LABEL_FORMATS: tuple[tuple[str, bytes, str, LabelReader], ...] = (
-    (
-        ".lut",
-        _FSLEYES_ROW,
-        "labels of FSLeyes: rows of label, red, green, blue and name",
-        partial(_read_rows, _FSLEYES, 1.0),
-    ),
+    (".lut", _FSLEYES_ROW, _FSLEYES_LABELS, partial(_read_rows, _FSLEYES, 1.0)),
     (".ctbl", b"", _SLICER_LABELS, partial(_read_rows, _FREESURFER, 255.0)),
     (".txt", rb"\A# Color table file", _SLICER_LABELS, partial(_read_rows, _FREESURFER, 255.0)),
     (".txt", _ITK_SNAP_ROW, _ITK_LABELS, _read_itk_snap),

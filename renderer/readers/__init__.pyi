@@ -10,6 +10,7 @@ from .sniff import (
     find_volume as find_volume,
     is_dicom as is_dicom,
     is_volume_name as is_volume_name,
+    natural_sort_key as natural_sort_key,
     slices_of_pictures as slices_of_pictures,
     volumes_in as volumes_in,
 )

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -263,56 +264,55 @@ def select_index(key: str, wanted: int | None, count: int) -> int:
     return wanted or 0
 
 
-def chosen_part(axes: str, shape: tuple[int, ...], time: int | None, component: int | None) -> tuple[int | slice, ...]:
-    """Return the index of one time step and component in an array.
+class Chosen(NamedTuple):
+    """The part of an array that is read: one time step and one component.
 
-    axes: a letter for each axis: `t` for time, `c` for components, `-` for one of which the first item is chosen, and
-        any other for an axis in space. Raises InputError if `time` or `component` do not fit.
+    part: its index; step, component: their numbers. is_step: whether the time step was asked for.
+    notes: one each if none of several time steps, and of several components, was asked for.
+    channels: what is known of components that are only named; RGB and the like are no light.
+    steps: how many there are in time.
     """
-    lengths = dict(zip(axes, shape, strict=True))
-    step = select_index("time", time, lengths.get("t", 1))
-    chosen = {"t": step, "c": select_index("component", component, lengths.get("c", 1)), "-": 0}
-    return tuple(chosen.get(letter, slice(None)) for letter in axes)
+
+    part: tuple[int | slice, ...]
+    step: int
+    component: int
+    is_step: bool
+    notes: tuple[str, ...]
+    channels: tuple[Channel, ...]
+    steps: TimeSteps
 
 
-def choice_notes(
+def choose(
     axes: str,
     shape: tuple[int, ...],
     time: int | None,
     component: int | None,
     names: Sequence[str] = (),
     by_axis: Mapping[str, str] = MappingProxyType({}),
-) -> tuple[str, ...]:
-    """Return a note each if none of several time steps, and of several components, was asked for.
+) -> Chosen:
+    """Return which part of an array is read. Raises InputError if `time` or `component` do not fit.
 
-    axes, shape: as in `chosen_part`. names: of the components, if they all have one. by_axis: what tells the items of
+    axes: a letter for each axis: `t` for time, `c` for components, `-` for one of which the first item is chosen, and
+        any other for an axis in space. names: of the components, if they all have one. by_axis: what tells the items of
         an axis apart, by its letter.
     """
-    lengths = dict(zip(axes, shape, strict=True))
+    lengths = {"t": 1, "c": 1} | dict(zip(axes, shape, strict=True))
+    step, own = select_index("time", time, lengths["t"]), select_index("component", component, lengths["c"])
     about = {axis: f" (by {short_text(name)})" for axis, name in by_axis.items()}
-    if len(names) == lengths.get("c"):
+    count, channels = lengths["c"], (Channel(),) * (min(lengths["c"], MAX_LISTED) if lengths["c"] > 1 else 0)
+    if len(names) == count > 1:
         about["c"] = f" ({join_some(names)})"
-    may_be_colors = lengths.get("c") in (3, 4) and "c" not in by_axis and _may_be_colors(names)
+        channels = tuple(Channel(name, _PRIMARIES.get(name), is_light=False) for name in names)
+    may_be_colors = count in (3, 4) and "c" not in by_axis and _may_be_colors(names)
     hints = {"c": "; `component: color` draws the colours" * may_be_colors}
-    return tuple(
+    notes = tuple(
         f"{lengths[letter]} {key}s{about.get(letter, '')}; the first is drawn; `{key}: k` chooses another"
         f"{hints.get(letter, '')}"
         for letter, key, wanted in (("t", "time", time), ("c", "component", component))
-        if wanted is None and lengths.get(letter, 1) > 1
+        if wanted is None and lengths[letter] > 1
     )
-
-
-def plain_steps(axes: str, shape: tuple[int, ...]) -> TimeSteps:
-    """Return how many steps there are in time; axes, shape: as in `chosen_part`."""
-    return TimeSteps(dict(zip(axes, shape, strict=True)).get("t", 1))
-
-
-def plain_channels(axes: str, shape: tuple[int, ...], names: Sequence[str] = ()) -> tuple[Channel, ...]:
-    """Return what is known of components that are only named, as in `choice_notes`; RGB and the like are no light."""
-    count = dict(zip(axes, shape, strict=True)).get("c", 1)
-    if count < 2 or len(names) != count:
-        return (Channel(),) * min(count, MAX_LISTED) * (count > 1)
-    return tuple(Channel(name, _PRIMARIES.get(name), is_light=False) for name in names)
+    part = tuple({"t": step, "c": own, "-": 0}.get(letter, slice(None)) for letter in axes)
+    return Chosen(part, step, own, time is not None, notes, channels, TimeSteps(lengths["t"]))
 
 
 def are_light(image: Image) -> bool:
@@ -379,6 +379,11 @@ def errors_about(where: Path | str) -> Iterator[None]:
     except InputError as error:
         error.where = error.where or str(where)
         raise
+
+
+def damaged_error(what: str, got: str | None = None, expected: str | None = None) -> InputError:
+    """Return the error for a file that has something else than it should."""
+    return InputError(what, got=got, expected=expected, hint="the file is truncated or damaged")
 
 
 def unreadable_error(error: Exception) -> InputError:

@@ -15,7 +15,7 @@ from typing import IO
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, choice_notes, plain_channels
+from renderer.readers.common import Image, affine, choose
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field
 from renderer.readers.units import units_of
@@ -51,13 +51,13 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
     if min(*shape, num_values) < 1 or not all(map(float.is_integer, counts)):
         raise first.error("a whole number of atoms, and below it three of voxels")
     layout = Layout(np.dtype(np.float32), (*shape, num_values), (StoredVoxels(path, offset, "text"),))
-    values, left_over = read_stored(layout, "sssc", time, component)
-    notes = (left_over, *choice_notes("sssc", layout.shape, time, component))
+    chosen = choose("sssc", layout.shape, time, component)
+    values, left_over = read_stored(layout, chosen)
     world_from_index = affine(np.ones(3), origin, np.transpose([step[1:] for step in steps]))
-    channels = plain_channels("sssc", layout.shape)
     are_bohr = {n > 0 for n in counts[1:]}
     units = units_of({True: "bohr", False: "Å"}[are_bohr.pop()] if len(are_bohr) == 1 else "")
-    return Image(values.transpose(2, 1, 0), world_from_index, notes, channels=channels, units=units)
+    notes = (left_over, *chosen.notes)
+    return Image(values.transpose(2, 1, 0), world_from_index, notes, channels=chosen.channels, units=units)
 
 
 def _lines(file: IO[bytes], path: Path) -> Iterator[Field]:

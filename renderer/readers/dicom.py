@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, choice_notes, plain_channels, select_index
+from renderer.readers.common import Image, affine, choose
 from renderer.readers.dicom_dimensions import UNEVEN, sort_frames, times_of
 from renderer.readers.dicom_fields import open_dicom, text_of
 from renderer.readers.dicom_folder import FEW, describe_left_out, find_series, one_of_a_series
@@ -43,23 +43,20 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     except InputError:
         _check_alike(frames)  # if they are not, they are at one place by chance
         raise
-    num_samples, num_components = frames[0].num_samples, len(volumes[0])
-    chosen = select_index("component", component, num_components * num_samples)
-    frames = volumes[select_index("time", time, len(volumes))][chosen // num_samples]
+    num_samples = frames[0].num_samples
+    colours = "RGB" * (text_of([open_dicom(frames[0].file)[0]], "PhotometricInterpretation") == "RGB")
+    chosen = choose("tc", (len(volumes), len(volumes[0]) * num_samples), time, component, colours, by_axis)
+    frames = volumes[chosen.step][chosen.component // num_samples]
     _check_alike(frames)
     first = frames[0]
     step = first.normal * first.thickness if len(frames) == 1 else _even_step(frames)
-    values, nodata = _read_values(frames, chosen % num_samples, host)
+    values, nodata = _read_values(frames, chosen.component % num_samples, host)
     axes = np.column_stack([first.across, first.down, step])
     note = None if path.is_dir() or len(frames) > 1 or len(volumes) > 1 else one_of_a_series(path)
-    colours = "RGB" * (text_of([open_dicom(first.file)[0]], "PhotometricInterpretation") == "RGB")
-    shape = len(volumes), num_components * num_samples
     told = describe_left_out(left_out)
-    notes = (f"left out of this series: {told}" if told else None, note, *first.notes)
-    notes += choice_notes("tc", shape, time, component, colours, by_axis)
-    channels = plain_channels("tc", shape, colours)
+    notes = (f"left out of this series: {told}" if told else None, note, *first.notes, *chosen.notes)
     world_from_index, steps = affine(np.ones(3), first.position, axes), times_of(volumes)
-    return Image(values, world_from_index, notes, nodata, channels, steps=steps, units=first.units)
+    return Image(values, world_from_index, notes, nodata, chosen.channels, steps=steps, units=first.units)
 
 
 def _read_values(frames: list[Frame], channel: int, host: Host) -> tuple[Array, tuple[tuple[float, float], ...]]:

@@ -53,11 +53,7 @@ _TOLD_APART = (
     *(Dimension("EchoNumbers", "c"), Dimension("EffectiveEchoTime", "c"), Dimension("EchoTime", "c")),
     *(Dimension("DiffusionBValue and DiffusionGradientOrientation", "c"), Dimension("InversionTime", "c")),
     *(Dimension("NominalPercentageOfCardiacPhase", "t"), Dimension("NominalCardiacTriggerDelayTime", "t")),
-    *(
-        Dimension("TemporalPositionTimeOffset", "t"),
-        Dimension("TriggerTime", "t"),
-        Dimension("FrameReferenceTime", "t"),
-    ),
+    *(Dimension(keyword, "t") for keyword in ("TemporalPositionTimeOffset", "TriggerTime", "FrameReferenceTime")),
     *(Dimension("ComplexImageComponent", "c"), Dimension("FrameType", "c"), IMAGE_TYPE),
     *(Dimension(keyword, "t", is_order=True) for keyword in _ORDERS),
 )

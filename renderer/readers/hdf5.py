@@ -18,17 +18,7 @@ import numpy as np
 
 from renderer.errors import InputError, require_package
 from renderer.readers.arrays import axes_of_array
-from renderer.readers.common import (
-    NO_SPACING,
-    Image,
-    affine,
-    choice_notes,
-    chosen_part,
-    describe_shape,
-    even_steps,
-    plain_channels,
-    plain_steps,
-)
+from renderer.readers.common import NO_SPACING, Image, affine, choose, describe_shape, even_steps
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.units import units_of
 from renderer.scene import did_you_mean, join_some, short_text
@@ -48,13 +38,7 @@ _Dataset = Any
 
 
 def read_hdf5(
-    path: Path,
-    time: int | None,
-    component: int | None,
-    *,
-    has_spacing_override: bool,
-    host: Host,
-    dataset: str | None = None,
+    path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host, dataset: str | None
 ) -> Image:
     """Read one time step and component of a dataset, by its name or else the only one that is a volume.
 
@@ -65,18 +49,18 @@ def read_hdf5(
     import h5py
 
     with h5py.File(path, "r", locking=False) as file:
-        chosen = _choose(file, dataset)
-        _check_dataset(chosen, path)
-        own = [_axis(chosen, k) for k in range(chosen.ndim)]
+        found = _find(file, dataset)
+        _check_dataset(found, path)
+        own = [_axis(found, k) for k in range(found.ndim)]
         axes = _letters(own, time, component)
-        part = chosen_part(axes, chosen.shape, time, component)
-        shape = tuple(n for n, item in zip(chosen.shape, part, strict=True) if isinstance(item, slice))
-        dtype, packing = _packing(chosen)
+        chosen = choose(axes, found.shape, time, component)
+        shape = tuple(n for n, item in zip(found.shape, chosen.part, strict=True) if isinstance(item, slice))
+        dtype, packing = _packing(found)
         is_scaled = packing[1:] != (1.0, 0.0)
         values = allocate_voxels(host, (1,) * (3 - len(shape)) + shape, dtype)
-        stored = values if is_scaled else values.view(chosen.dtype.newbyteorder("="))
+        stored = values if is_scaled else values.view(found.dtype.newbyteorder("="))
         try:
-            chosen.read_direct(stored.reshape(shape), np.s_[part])
+            found.read_direct(stored.reshape(shape), np.s_[chosen.part])
         except OSError as error:
             raise InputError(
                 "the voxels of this dataset cannot be decoded",
@@ -87,14 +71,12 @@ def read_hdf5(
         if is_scaled:
             for plane in values:
                 plane[...] = _unpacked(plane, *packing)
-        nodata = tuple(_nodata(chosen, *packing))
-        world_from_index, length, notes = _place(chosen, own, axes, has_spacing_override)
-        units = units_of(length, value=_text(chosen, "units"))
-        found = f"the only volume in this file, {short_text(chosen.name)}, is read" if dataset is None else None
-        chosen_notes = choice_notes(axes, chosen.shape, time, component)
-        channels, steps = plain_channels(axes, chosen.shape), plain_steps(axes, chosen.shape)
-    all_notes = (found, *notes, *chosen_notes)
-    return Image(values, world_from_index, all_notes, nodata, channels, steps=steps, units=units)
+        nodata = tuple(_nodata(found, *packing))
+        world_from_index, length, notes = _place(found, own, axes, has_spacing_override)
+        units = units_of(length, value=_text(found, "units"))
+        note = f"the only volume in this file, {short_text(found.name)}, is read" if dataset is None else None
+    all_notes = (note, *notes, *chosen.notes)
+    return Image(values, world_from_index, all_notes, nodata, chosen.channels, steps=chosen.steps, units=units)
 
 
 def _packing(dataset: _Dataset) -> tuple[np.dtype[Any], tuple[float, float, float]]:
@@ -139,7 +121,7 @@ def _numbers(owner: Any, name: str) -> Float64:
     return numbers.astype(np.float64) if numbers.dtype.kind in "iuf" else np.zeros(0)
 
 
-def _choose(file: Any, name: str | None) -> _Dataset:
+def _find(file: Any, name: str | None) -> _Dataset:
     """Return the dataset of this name, or the only one with three axes or more.
 
     Links to other files are not followed. Raises InputError if there is none, or there are several.
@@ -212,7 +194,7 @@ class _Axis(NamedTuple):
 
     @property
     def letter(self) -> str:
-        """Return its letter in `chosen_part`: time has a name of time, or a unit such as `days since 2000`."""
+        """Return its letter in `choose`: time has a name of time, or a unit such as `days since 2000`."""
         name = self.name.lower()
         return "t" if name in _TIMES or " since " in self.unit else "c" if name in _COMPONENTS else "s"
 
@@ -240,7 +222,7 @@ def _axis(dataset: _Dataset, axis: int) -> _Axis:
 
 
 def _letters(own: list[_Axis], time: int | None, component: int | None) -> str:
-    """Return what each axis is, by the letters of `chosen_part`.
+    """Return what each axis is, by the letters of `choose`.
 
     Names tell times and components; of more than three others, those of length 1 are left out, and then the rule of
     `.npy` holds. With two axes in space, times or components are the third.

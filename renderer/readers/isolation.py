@@ -223,12 +223,10 @@ def _main() -> None:
             child.send({name: getattr(error, name) for name in _ERROR_FIELDS})
             return
         assert image.values is child.values, "readers return what they have allocated"
-        answer = {"shape": image.values.shape, "dtype": image.values.dtype.str, "notes": image.notes}
-        answer |= {"steps": image.steps, "units": image.units}
-        channels = [astuple(channel) for channel in image.channels]
-        child.send(
-            answer | {"world_from_index": image.world_from_index.tolist(), "nodata": image.nodata, "channels": channels}
-        )
+        answer = {name: getattr(image, name) for name in ("notes", "nodata", "steps", "units")}
+        answer |= {"shape": image.values.shape, "dtype": image.values.dtype.str}
+        answer |= {"world_from_index": image.world_from_index.tolist(), "channels": [*map(astuple, image.channels)]}
+        child.send(answer)
 
 
 if __name__ == "__main__":

@@ -15,27 +15,16 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, choice_notes, plain_channels, plain_steps
+from renderer.readers.common import NO_SPACING, Image, affine, choose
 from renderer.readers.data_files import find_data_files, unquoted
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, add_field, header_lines
 from renderer.readers.units import Units, units_of
 from renderer.volume import Float64
 
-_TYPES = {
-    "MET_CHAR": "int8",
-    "MET_UCHAR": "uint8",
-    "MET_SHORT": "int16",
-    "MET_USHORT": "uint16",
-    "MET_INT": "int32",
-    "MET_UINT": "uint32",
-    "MET_LONG": "int32",
-    "MET_ULONG": "uint32",
-    "MET_LONG_LONG": "int64",
-    "MET_ULONG_LONG": "uint64",
-    "MET_FLOAT": "float32",
-    "MET_DOUBLE": "float64",
-}
+_INTEGERS = {"CHAR": "int8", "SHORT": "int16", "INT": "int32", "LONG": "int32", "LONG_LONG": "int64"}
+_TYPES = {f"MET_{sign}{name}": f"{sign.lower()}{dtype}" for name, dtype in _INTEGERS.items() for sign in ("", "U")}
+_TYPES |= {"MET_FLOAT": "float32", "MET_DOUBLE": "float64"}
 # Fields with several names, of which the first that is there counts.
 _SPACINGS = ("ElementSpacing", "ElementSize")
 _ORIGINS = ("Origin", "Position", "Offset")
@@ -54,12 +43,12 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
     note = None if any(name in fields for name in _SPACINGS) else NO_SPACING
     is_plain = layout.parts[0].encoding == "raw" and layout.parts[0].file != path and "HeaderSize" not in fields
     skip = "HeaderSize = -1" if is_plain else None
-    values, left_over = read_stored(layout, axes, time, component, skip)
-    notes = (note, left_over, *choice_notes(axes, layout.shape, time, component))
-    channels, steps = plain_channels(axes, layout.shape), plain_steps(axes, layout.shape)
+    chosen = choose(axes, layout.shape, time, component)
+    values, left_over = read_stored(layout, chosen, skip)
+    notes = (note, left_over, *chosen.notes)
     world_from_index = _world_from_index(fields, num_axes)
     units = _units(fields, world_from_index)
-    return Image(values, world_from_index, notes, channels=channels, steps=steps, units=units)
+    return Image(values, world_from_index, notes, channels=chosen.channels, steps=chosen.steps, units=units)
 
 
 def _units(fields: dict[str, Field], world_from_index: Float64) -> Units:

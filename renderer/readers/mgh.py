@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, choice_notes, in_lps
+from renderer.readers.common import Image, affine, choose, in_lps
 from renderer.readers.sniff import read_start
-from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units
 from renderer.volume import Float64
@@ -42,12 +41,12 @@ def read_mgh(path: Path, time: int | None, component: int | None) -> Image:
         types = ", ".join(f"{code} ({np.dtype(dtype).name})" for code, dtype in _TYPES.items())
         raise InputError("voxels of this type of MGH cannot be rendered", got=f"type {kind}", expected=types)
     part = StoredVoxels(path, 0, "deflate" if is_compressed else "raw", _NUM_HEADER_BYTES, has_rest=True)
-    shape = tuple(sizes[::-1])
-    values, _ = read_stored(Layout(np.dtype(_TYPES[kind]), shape, (part,)), "tsss", time, component)
+    chosen = choose("tsss", shape := tuple(sizes[::-1]), time, component)
+    values, _ = read_stored(Layout(np.dtype(_TYPES[kind]), shape, (part,)), chosen)
     ras_from_index = _ras_from_index(sizes[:3], _HEADER.unpack(start)[8:] if flag > 0 else _CORONAL)
-    notes = (None if flag > 0 else _NO_PLACE, *choice_notes("tsss", shape, time, component))
+    notes = (None if flag > 0 else _NO_PLACE, *chosen.notes)
     units = Units("mm", "LPS") if flag > 0 else Units()
-    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes, steps=TimeSteps(shape[0]), units=units)
+    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes, steps=chosen.steps, units=units)
 
 
 def _ras_from_index(sizes: list[int], place: tuple[float, ...]) -> Float64:

@@ -13,10 +13,9 @@ from typing import Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, choice_notes
+from renderer.readers.common import NO_SPACING, Image, affine, choose
 from renderer.readers.sniff import MRC_MARK, read_start
-from renderer.readers.steps_in_time import TimeSteps
-from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
+from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units
 from renderer.volume import Array, Float64
 
@@ -56,17 +55,17 @@ def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
     shape, num_slices = (1, *sizes[::-1]), int(header["grid"][2])
     if header["space_group"] in _VOLUME_STACKS and num_slices > 0 and sizes[2] % num_slices == 0:
         shape = (sizes[2] // num_slices, num_slices, *shape[2:])
-    encoding: Encoding = "deflate" if is_compressed else "raw"
-    part = StoredVoxels(path, 0, encoding, _NUM_HEADER_BYTES + extension, has_rest=True)
-    values, left_over = read_stored(Layout(dtype, shape, (part,)), "tsss", time, component)
+    part = StoredVoxels(path, 0, "deflate" if is_compressed else "raw", _NUM_HEADER_BYTES + extension, has_rest=True)
+    chosen = choose("tsss", shape, time, component)
+    values, left_over = read_stored(Layout(dtype, shape, (part,)), chosen)
     has_spacing = header["lengths"].min() > 0 and header["grid"].min() > 0
     spacing = header["lengths"] / header["grid"] if has_spacing else np.ones(3)
     columns = np.array(axes) - 1
     world_from_index = affine(spacing[columns], header["origin"], _cell(header["angles"])[:, columns])
     if not header["origin"].any() or header["mark"] != MRC_MARK:  # older headers have no origin
         world_from_index[:3, 3] = world_from_index[:3, :3] @ header["first"]
-    notes = (None if has_spacing else NO_SPACING, left_over, *choice_notes("tsss", shape, time, component))
-    return Image(values, world_from_index, notes, steps=TimeSteps(shape[0]), units=Units("Å" if has_spacing else ""))
+    notes = (None if has_spacing else NO_SPACING, left_over, *chosen.notes)
+    return Image(values, world_from_index, notes, steps=chosen.steps, units=Units("Å" if has_spacing else ""))
 
 
 def _cell(angles: Array) -> Float64:

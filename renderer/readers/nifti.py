@@ -24,23 +24,10 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.looks import MAX_LOOK_BYTES, read_extension
-from renderer.readers.common import (
-    Image,
-    check_dtype,
-    choice_notes,
-    describe_shape,
-    errors_about,
-    has_volume,
-    in_lps,
-    labels_or_note,
-    plain_channels,
-    require_exists,
-    select_index,
-    unreadable_error,
-)
+from renderer.readers import common
 from renderer.readers.sniff import read_start
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
-from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
+from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units, units_of
 from renderer.volume import Array, Float64, Label
 
@@ -70,7 +57,7 @@ _SILENT = logging.Logger(__name__, logging.CRITICAL + 1)
 _Header = Any
 
 
-def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
+def read_nifti(path: Path, time: int | None, component: int | None) -> common.Image:
     """Read the volume in a NIfTI file, scaled by the header's slope and intercept, if any.
 
     Scaled values are float32 if the stored ones have at most 16 bits or are float32, else float64. Raises InputError
@@ -78,7 +65,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     """
     header_file, data_file = find_pair(path)
     start, is_compressed = read_start(header_file, _NIFTI_2_BYTES + 4)
-    with errors_about(header_file):
+    with common.errors_about(header_file):
         header, notes = _header(start, header_file, is_single=data_file is None)
     if data_file is not None:
         is_compressed = data_file.suffix.lower() == ".gz"
@@ -87,41 +74,35 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     dtype = header.get_data_dtype()
     fields = dtype.names  # RGB24 and RGBA32 are records of bytes
     if fields is None:
-        check_dtype(dtype)
+        common.check_dtype(dtype)
     if shape[5:].count(1) != len(shape[5:]):
-        raise InputError(
-            "the volume has too many axes", got=describe_shape(shape), expected="x, y, z, then time and component"
-        )
+        got, expected = common.describe_shape(shape), "x, y, z, then time and component"
+        raise InputError("the volume has too many axes", got=got, expected=expected)
     offset = int(header["vox_offset"])
-    encoding: Encoding = "deflate" if is_compressed else "raw"
-    part = StoredVoxels(data_file or header_file, 0, encoding, offset, has_rest=True)
+    part = StoredVoxels(data_file or header_file, 0, "deflate" if is_compressed else "raw", offset, has_rest=True)
     layout, names = Layout(dtype, shape[4::-1], (part,)), fields or ()
-    if fields is None:
-        values, left_over = read_stored(layout, "ctsss", time, component)
-    else:
-        records, left_over = read_stored(layout, "-tsss", time, None)
-        values = records[fields[select_index("component", component, len(fields))]]
-        names = _ATLAS if len(fields) == 4 and header["intent_code"] == _LABEL else fields
+    if len(names) == 4 and header["intent_code"] == _LABEL:
+        names = _ATLAS
+    chosen = common.choose("ctsss", (len(names) or shape[4], *layout.shape[1:]), time, component, names)
+    values, left_over = read_stored(layout, chosen._replace(part=(0, *chosen.part[1:])) if fields else chosen)
+    values = values[fields[chosen.component]] if fields else values
     try:
         ras_from_index, axes = _ras_from_index(header)
     except ValueError as error:  # the quaternion is not a rotation
-        raise unreadable_error(error) from error
+        raise common.unreadable_error(error) from error
     slope, intercept = header.get_slope_inter()
     if slope is not None and (slope, intercept) != (1.0, 0.0):
         values = _scaled(values, slope, intercept or 0.0)
-    counts = (shape[4] if fields is None else len(fields), shape[3])
-    notes += [_ANALYZE] * _is_analyze(header) + [left_over]
-    notes += choice_notes("ct", counts, time, component, names)
-    channels = plain_channels("ct", counts, names)
+    notes += [*[_ANALYZE] * _is_analyze(header), left_over, *chosen.notes]
     has_extensions = data_file is None and start[len(header.binaryblock) :][:1] not in (b"", b"\0")
-    labels, wrong = labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
-    world_from_index = in_lps(ras_from_index, (-1.0, -1.0, 1.0))
+    labels, wrong = common.labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
+    world_from_index = common.in_lps(ras_from_index, (-1.0, -1.0, 1.0))
     all_notes, steps = (*notes, wrong), _steps(header, shape[3])
     if _is_analyze(header):
         units = units_of(header["vox_units"].item().decode("latin-1") or "mm")
     else:
         units = Units(_LENGTH_UNITS.get(int(header["xyzt_units"]) & 0b111, ""), axes)
-    return Image(values, world_from_index, all_notes, channels=channels, labels=labels, steps=steps, units=units)
+    return common.Image(values, world_from_index, all_notes, (), chosen.channels, labels, steps, units)
 
 
 def _steps(header: _Header, count: int) -> TimeSteps:
@@ -159,12 +140,12 @@ def find_pair(path: Path) -> tuple[Path, Path | None]:
         return path, None
     start, name, end = pair[1], pair[2], pair[3] or ""
     header, data = (path.with_name(start + (each.upper() if name.isupper() else each) + end) for each in ("hdr", "img"))
-    require_exists(header)
+    common.require_exists(header)
     if not data.is_file():
         raise InputError(
             "the data file that belongs to this header is not there", where=str(header), expected=f"a file {data}"
         )
-    return header, require_exists(data)
+    return header, common.require_exists(data)
 
 
 def _header(start: bytes, path: Path, *, is_single: bool) -> tuple[_Header, list[str | None]]:
@@ -209,7 +190,7 @@ def _mend_sizes(header: _Header) -> list[str | None]:
     axes = range(1, int(header["dim"][0]) + 1)
     voxels = [k for k in axes if header["dim"][k] == 0 and k > 1]
     header["dim"][voxels] = 1
-    has_sform = not _is_analyze(header) and header["sform_code"] > 0 and has_volume(header.get_sform())
+    has_sform = not _is_analyze(header) and header["sform_code"] > 0 and common.has_volume(header.get_sform())
     lengths = [k for k in axes if k < 4 and header["pixdim"][k] == 0 and not has_sform]
     found = (("number of voxels", voxels), ("voxel size", lengths))
     return [
@@ -259,7 +240,7 @@ def _ras_from_index(header: _Header) -> tuple[Float64, str]:
     if _is_analyze(header):  # around SPM's origin, or the middle of the volume
         return np.array(header.get_origin_affine(), np.float64), ""
     for code, affine in (("sform_code", header.get_sform), ("qform_code", header.get_qform)):
-        if header[code] > 0 and has_volume(affine()):
+        if header[code] > 0 and common.has_volume(affine()):
             return np.array(affine(), np.float64), "LPS"
     # Method 1 of the standard: x = pixdim[1] i and so on. nibabel, compatible with Analyze, would mirror it.
     sizes = np.ones(3)

@@ -16,17 +16,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.looks import LookFile, make_labels
-from renderer.readers.common import (
-    NO_SPACING,
-    Image,
-    affine,
-    choice_notes,
-    describe_count,
-    describe_shape,
-    in_lps,
-    labels_or_note,
-    plain_channels,
-)
+from renderer.readers import common
 from renderer.readers.data_files import find_data_files
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
@@ -48,6 +38,7 @@ _FIELDS = frozenset(
         *("axismaxs", "centers", "labels", "units", "kinds"),
     )
 )
+
 _INTEGERS = {
     "int8": "signed char, int8, int8_t",
     "uint8": "uchar, unsigned char, uint8, uint8_t",
@@ -78,7 +69,7 @@ _CENTERS = ("cell", "node", *_UNKNOWN_KINDS)
 _VECTOR = re.compile(r"\(([^()]*)\)|none", re.IGNORECASE)
 
 
-def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
+def read_nrrd(path: Path, time: int | None, component: int | None) -> common.Image:
     """Read one time step and component of a NRRD file, in LPS.
 
     Raises InputError for damaged, truncated and foreign files, and if `time` or `component` do not fit.
@@ -91,21 +82,20 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     if axes == "ssst" and layout.shape[0] > 1 and time is None and not directions and {*kinds} <= {*_UNKNOWN_KINDS}:
         raise InputError(
             "this NRRD file does not say which of its four axes is time, or holds components",
-            got=describe_shape(layout.shape[::-1]),
+            got=common.describe_shape(layout.shape[::-1]),
             expected=f"`time: k` with k from 0 to {layout.shape[0] - 1} if the last one is time",
             hint="if the first one holds components, add a line `kinds: list domain domain domain`",
         )
     skip = "byte skip: -1" if layout.parts[0].encoding == "raw" else "byte skip: {}"
     has_skip = bool({"byteskip", "lineskip"} & fields.keys())
-    values, left_over = read_stored(layout, axes[::-1], time, component, None if has_skip else skip)
     colours = "".join(re.findall(r"([a-z]+)-color", " ".join(kinds))).upper()  # RGB of rgb-color
-    chosen = choice_notes(axes[::-1], layout.shape, time, component, colours)
-    channels = plain_channels(axes[::-1], layout.shape, colours)
-    labels, wrong = labels_or_note(lambda: _segments(path, fields, len(channels), component or 0))
-    notes = (None if has_spacing else NO_SPACING, left_over, *chosen, wrong)
+    chosen = common.choose(axes[::-1], layout.shape, time, component, colours)
+    values, left_over = read_stored(layout, chosen, None if has_skip else skip)
+    labels, wrong = common.labels_or_note(lambda: _segments(path, fields, len(chosen.channels), chosen.component))
+    notes = (None if has_spacing else common.NO_SPACING, left_over, *chosen.notes, wrong)
     steps = _steps(fields, axes, layout.shape[::-1])
     units = _units(fields, axes, has_directions=bool(directions))
-    return Image(values, world_from_index, notes, channels=channels, labels=labels, steps=steps, units=units)
+    return common.Image(values, world_from_index, notes, (), chosen.channels, labels, steps, units)
 
 
 def _units(fields: dict[str, Field], axes: str, *, has_directions: bool) -> Units:
@@ -243,14 +233,14 @@ def _after_lines(file: Path, begin: int, num_lines: int) -> int:
                 raise InputError(
                     "the lines before the voxels do not end",
                     where=str(file),
-                    expected=f"{describe_count(num_lines)} lines in {MAX_HEADER_BYTES >> 20} MiB",
+                    expected=f"{common.describe_count(num_lines)} lines in {MAX_HEADER_BYTES >> 20} MiB",
                     hint="the line skip of the header is wrong, or the file is truncated",
                 )
         return opened.tell()
 
 
 def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Float64 | None]) -> str:
-    """Return what each axis is, from the fastest to the slowest, by the letters of `chosen_part`.
+    """Return what each axis is, from the fastest to the slowest, by the letters of `choose`.
 
     Raises InputError for more axes of a kind than a volume has.
         Of several axes of time or components, those of length 1 do not count.
@@ -260,9 +250,7 @@ def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Flo
     if kinds and len(kinds) != num_axes:
         raise fields["kinds"].error(f"{num_axes} words, one for each axis")
     kinds = kinds or [""] * num_axes
-    space: list[int] = []
-    times: list[int] = []
-    lists: list[int] = []
+    space, times, lists = list[int](), list[int](), list[int]()
     for k, kind in enumerate(kinds):
         if kind in ("time", "domain", "space", *_UNKNOWN_KINDS):
             has_no_place = bool(directions) and directions[k] is None
@@ -320,7 +308,7 @@ def _world_from_index(fields: dict[str, Field], axes: str, directions: list[Floa
     origin = first if origins[0] is None else origins[0]
     factors = _choice(fields["space"], _SPACES) if "space" in fields else (1.0, 1.0, 1.0)
     has_spacing = bool(directions) or "spacings" in fields or {"axismins", "axismaxs"} <= fields.keys()
-    return in_lps(affine(np.ones(3), origin, vectors), factors), has_spacing
+    return common.in_lps(common.affine(np.ones(3), origin, vectors), factors), has_spacing
 
 
 def _scalar_places(fields: dict[str, Field], space: list[int], num_axes: int) -> tuple[Float64, Float64]:

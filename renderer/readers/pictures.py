@@ -12,18 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from renderer.errors import InputError
-from renderer.readers.common import (
-    NO_SPACING,
-    Image,
-    choice_notes,
-    errors_about,
-    plain_channels,
-    require_exists,
-    select_index,
-)
+from renderer.readers.common import NO_SPACING, Image, choose, damaged_error, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
-from renderer.readers.slice_names import sort_slices
+from renderer.readers.slice_names import require_alike, sort_slices
 from renderer.readers.sniff import slices_of_pictures
 
 _FORMATS = ("PNG", "JPEG", "BMP")
@@ -41,25 +32,21 @@ def read_pictures(
     """
     select_index("time", time, 1)
     files = sort_slices(slices_of_pictures(path))
-    values, expected, bands = None, "", ()
+    values, expected, chosen = None, "", None
     for index, file in enumerate(files):
         host.begin_file(file)
         with errors_about(file), _opened(require_exists(file)) as picture:
             bands = picture.getbands()
             found = f"{picture.width} x {picture.height} {picture.mode}"
             expected = expected or found
-            if found != expected:
-                expected = f"{expected} as in {files[0].name}"
-                raise InputError("the slices of this folder differ", got=found, expected=expected)
-            channel = select_index("component", component, len(bands))
-            if values is None:
+            require_alike(found, expected, files[0])
+            if chosen is None or values is None:
+                chosen = choose("c", (len(bands),), None, component, bands if len(bands) > 1 else ())
                 dtype = np.uint16 if picture.mode.startswith("I") else np.uint8
                 values = allocate_voxels(host, (len(files), picture.height, picture.width), dtype)
-            values[index] = np.atleast_3d(np.asarray(picture))[..., channel]
-    assert values is not None, "called without files"
-    names = bands if len(bands) > 1 else ()
-    notes = choice_notes("c", (len(bands),), None, component, names)
-    return Image(values, np.eye(4), (NO_SPACING, *notes), channels=plain_channels("c", (len(bands),), names))
+            values[index] = np.atleast_3d(np.asarray(picture))[..., chosen.component]
+    assert values is not None and chosen is not None, "called without files"
+    return Image(values, np.eye(4), (NO_SPACING, *chosen.notes), channels=chosen.channels)
 
 
 @contextmanager
@@ -74,13 +61,8 @@ def _opened(file: Path) -> Iterator[Any]:
     try:
         with pillow.open(file, formats=_FORMATS) as picture:
             if picture.width * picture.height > _MAX_PACKING * file.stat().st_size:
-                raise InputError(
-                    "this picture has fewer bytes than its pixels need",
-                    got=f"{file.stat().st_size} bytes for {picture.width} x {picture.height} pixels",
-                    hint="the file is truncated or damaged",
-                )
+                got = f"{file.stat().st_size} bytes for {picture.width} x {picture.height} pixels"
+                raise damaged_error("this picture has fewer bytes than its pixels need", got)
             yield picture.convert("RGB") if picture.mode == "P" else picture
     except (OSError, SyntaxError, ValueError, IndexError) as error:
-        raise InputError(
-            "this picture cannot be decoded", expected="PNG, JPEG or BMP", hint="the file is truncated or damaged"
-        ) from error
+        raise damaged_error("this picture cannot be decoded", expected="PNG, JPEG or BMP") from error

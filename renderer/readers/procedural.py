@@ -30,7 +30,7 @@ def procedural_values(source: ProceduralSource) -> Array:
     """Return uint8 [z, y, x]."""
     makers: dict[str, Callable[[ProceduralSource], Array]] = {
         "engine_block": _engine_block,
-        "constant": _constant,
+        "constant": lambda source: np.full(source.shape[::-1], 200, np.uint8),
         "single_voxel": _single_voxel,
         "marschner_lobb": _marschner_lobb,
         "cell_nuclei": functools.partial(_cells, inner=0.0, outer=0.5),
@@ -39,10 +39,6 @@ def procedural_values(source: ProceduralSource) -> Array:
         "cell_membranes": functools.partial(_cells, inner=0.86, outer=1.0),
     }
     return makers[source.name](source)
-
-
-def _constant(source: ProceduralSource) -> Array:
-    return np.full(source.shape[::-1], 200, np.uint8)
 
 
 def _single_voxel(source: ProceduralSource) -> Array:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.sniff import natural_key
+from renderer.readers.sniff import natural_sort_key
 
 
 def sort_slices(files: list[Path]) -> list[Path]:
@@ -18,7 +18,7 @@ def sort_slices(files: list[Path]) -> list[Path]:
     Raises InputError unless the names differ only in numbers, of which one increases from file to file in even steps:
         otherwise slices are missing, or there are several stacks.
     """
-    files = sorted(files, key=natural_key)
+    files = sorted(files, key=lambda file: natural_sort_key(file.name))
     shapes = [re.sub("[0-9]+", "#", file.name.lower()) for file in files]
     for file, shape in zip(files, shapes, strict=True):
         if shape != shapes[0]:
@@ -33,6 +33,12 @@ def sort_slices(files: list[Path]) -> list[Path]:
     if len(files) > 1 and not any(_is_even(column) for column in running):
         raise _uneven(files, running)
     return files
+
+
+def require_alike(found: str, expected: str, first: Path) -> None:
+    """Raise InputError unless a slice is as expected, which is what the first one is, in words."""
+    if found != expected:
+        raise InputError("the slices of this folder differ", got=found, expected=f"{expected} as in {first.name}")
 
 
 def _is_even(column: tuple[int, ...]) -> bool:

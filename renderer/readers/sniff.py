@@ -121,10 +121,11 @@ def is_dicom(path: Path) -> bool:
     return _begins_like_dicom(start) and _DICOM_INDEX not in start
 
 
-def natural_key(path: Path) -> tuple[list[tuple[int, int, str]], str]:
-    """Return a sort key in which runs of digits count as numbers; the name breaks ties such as `1.tif` and `01.tif`."""
-    parts = re.split("([0-9]+)", path.name.lower())
-    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts], path.name
+def natural_sort_key(name: str) -> tuple[list[str | int], str]:
+    """Return a key by which `2.tif` is before `10.tif`; the name breaks ties such as `1.tif` and `01.tif`."""
+    parts: list[str | int] = list(re.split("([0-9]+)", name.lower()))
+    parts[1::2] = map(int, parts[1::2])
+    return parts, name
 
 
 def find_volume(path: Path) -> tuple[Path, Format, str | None]:
@@ -218,7 +219,7 @@ def _search(folder: Path) -> list[Path]:
     num_left, found, pictures = _MAX_ENTRIES, dict[str, Path](), list[Path]()
     for place, folders, files in os.walk(folder):
         here = Path(place)
-        folders[:] = sorted((name for name in folders if name[0] != "."), key=lambda name: natural_key(Path(name)))
+        folders[:] = sorted((name for name in folders if name[0] != "."), key=natural_sort_key)
         num_left -= len(folders) + len(files)
         if num_left < 0:
             raise InputError(
@@ -233,7 +234,7 @@ def _search(folder: Path) -> list[Path]:
         elif slices is not None and here != folder:
             found[place] = here
             continue
-        for file in sorted(map(here.joinpath, files), key=natural_key):
+        for file in map(here.joinpath, sorted(files, key=natural_sort_key)):
             if _is_volume(file):
                 found.setdefault(os.path.realpath(file), file)
     return list(found.values()) or pictures

@@ -19,17 +19,7 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import (
-    bytes_of,
-    check_memory,
-    check_size,
-    chosen_part,
-    describe_count,
-    describe_shape,
-    errors_about,
-    fitting_shapes,
-    stays_mapped,
-)
+from renderer.readers import common
 from renderer.readers.sniff import NIFTI_STARTS, read_start
 from renderer.scene import counted, short_text
 from renderer.volume import Array
@@ -88,18 +78,15 @@ class Layout:
     num_split: int = 0
 
 
-def read_stored(
-    layout: Layout, axes: str, time: int | None, component: int | None, skip: str | None = None
-) -> tuple[Array, str | None]:
+def read_stored(layout: Layout, chosen: common.Chosen, skip: str | None = None) -> tuple[Array, str | None]:
     """Return one time step and component of an array, and a note if bytes of its files are no voxels.
 
     The array has its axes in space alone, that of a plane is [1, y, x].
 
-    axes: as `chosen_part` has them. skip: how the file passes over a header before the voxels, with its length in place
-        of `{}`, if it can. The array may be mapped from its file. Raises InputError if `time` or `component` do not
-        fit, and for files that are missing, truncated, damaged, or too long.
+    skip: how the file passes over a header before the voxels, with its length in place of `{}`, if it can. The array
+        may be mapped from its file. Raises InputError for files that are missing, truncated, damaged, or too long.
     """
-    values, num_left = _read_part(layout, chosen_part(axes, layout.shape, time, component), in_time=time is not None)
+    values, num_left = _read_part(layout, chosen.part, in_time=chosen.is_step)
     note = _left_over_note(layout.parts[0].file, num_left, skip) if num_left else None
     return values if values.ndim == 3 else values[np.newaxis], note
 
@@ -120,14 +107,14 @@ def _read_part(layout: Layout, index: tuple[int | slice, ...], *, in_time: bool)
     index: an item for each axis; slices are whole. Integers for the slowest axes save memory. in_time: other steps may
         be read next, for which what is decoded is kept.
     """
-    num_bytes = check_size(layout.shape[::-1], layout.dtype)
+    num_bytes = common.check_size(layout.shape[::-1], layout.dtype)
     part_shape = layout.shape[layout.num_split :]
     num_left = 0
     for part in layout.parts:
-        with errors_about(part.file):
+        with common.errors_about(part.file):
             num_left += _check_length(part, part_shape[::-1], layout.dtype)
     only = layout.parts[0]
-    if len(layout.parts) == 1 and only.encoding == "raw" and stays_mapped(num_bytes):
+    if len(layout.parts) == 1 and only.encoding == "raw" and common.stays_mapped(num_bytes):
         mapped: Array = np.memmap(only.file, layout.dtype, "r", only.offset + only.num_skipped, layout.shape)
         return mapped[index], num_left
     first, num_chosen = 0, 0
@@ -135,11 +122,11 @@ def _read_part(layout: Layout, index: tuple[int | slice, ...], *, in_time: bool)
         if not isinstance(item, int):
             break
         first, num_chosen = first * length + item, num_chosen + 1
-    check_memory(num_bytes // math.prod(layout.shape[:num_chosen]))
+    common.check_memory(num_bytes // math.prod(layout.shape[:num_chosen]))
     values = np.empty(layout.shape[num_chosen:], layout.dtype)
     begin = first * values.nbytes
     for part in layout.parts:
-        with errors_about(part.file):
+        with common.errors_about(part.file):
             num_left += _copy_part(part, values, begin, part_shape[::-1], in_time=in_time)
         begin -= num_bytes // len(layout.parts)
     return values[index[num_chosen:]], num_left
@@ -154,7 +141,7 @@ def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[i
     low, high = max(begin, 0), min(begin + values.nbytes, num_bytes)
     if low >= high:
         return 0
-    target = bytes_of(values)[low - begin : high - begin]
+    target = common.bytes_of(values)[low - begin : high - begin]
     if part.encoding == "raw":
         with part.file.open("rb") as file:
             file.seek(part.offset + part.num_skipped + low)
@@ -216,7 +203,7 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
     if part.num_skipped > _MAX_SKIPPED:
         raise InputError(
             "there is too much before the voxels",
-            got=f"voxels from byte {describe_count(part.num_skipped)} on",
+            got=f"voxels from byte {common.describe_count(part.num_skipped)} on",
             expected=f"at most {_MAX_SKIPPED} bytes before them",
             hint="if nothing before them is that long, the header is damaged",
         )
@@ -228,7 +215,7 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
     }[part.encoding]
     if found < max(least, part.num_encoded or 0):
         encoded = "text" if part.encoding in ("text", "hex") else "compressed voxels"
-        expected = f"at least {least} bytes ({describe_shape(shape_xyz)} voxels)"
+        expected = f"at least {least} bytes ({common.describe_shape(shape_xyz)} voxels)"
         if part.num_encoded is not None:
             expected = f"{part.num_encoded} bytes of compressed voxels"
         raise _too_short(f"{max(found, 0)} bytes of {encoded}", expected)
@@ -242,18 +229,18 @@ def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...],
     """
     num_bytes = dtype.itemsize * math.prod(shape_xyz)
     is_raw = part.encoding == "raw"
-    expected = f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)"
+    expected = f"{num_bytes} bytes ({common.describe_shape(shape_xyz)} voxels)"
     if found < num_bytes:
         raise _too_short(f"{max(found, 0)} bytes" + " after decoding" * (not is_raw), expected)
     num_left = found - num_bytes
     if part.has_rest or num_left in _HEADERS or num_left < min(num_bytes // n for n in shape_xyz[:3]):
         return num_left
-    fits = fitting_shapes(shape_xyz, dtype.itemsize, found)
+    fits = common.fitting_shapes(shape_xyz, dtype.itemsize, found) if is_raw else []
     raise InputError(
         "the file is longer than its header says",
         got=f"{found} bytes" if is_raw else f"{found} bytes or more after decoding",
         expected=expected,
-        hint=f"these would fit: {'; '.join(map(describe_shape, fits))}" if fits and is_raw else "the header is wrong",
+        hint=f"these would fit: {'; '.join(map(common.describe_shape, fits))}" if fits else "the header is wrong",
     )
 
 

@@ -1,4 +1,4 @@
-"""Read headers of text, of which each line belongs to one field."""
+"""Read headers of text, of which each line belongs to one field, and attributes and numbers in other texts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,18 @@ from renderer.scene import short_text
 # No header comes near this size, even with a file for each slice.
 MAX_HEADER_BYTES = 2**22
 
-NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+
+
+def number_in(text: str | None) -> float:
+    """Return the number that a text spells; NaN for all else."""
+    return float(text) if text and _NUMBER.fullmatch(text) else math.nan
+
+
+def attribute(element: str, name: str) -> str | None:
+    """Return the text of an attribute of an XML element, in either kind of quotes; None if it is missing."""
+    found = re.search(rf"""\b{name}\s*=\s*(?:"([^"]*)"|'([^']*)')""", element)
+    return None if found is None else found[1] if found[1] is not None else found[2]
 
 
 @dataclass(frozen=True)
@@ -49,7 +60,7 @@ class Field:
         whole: whether only whole numbers belong there. least, most: the ends of what does.
         """
         words = self.text.split()
-        numbers = [float(word) for word in words if NUMBER.fullmatch(word)]
+        numbers = [float(word) for word in words if _NUMBER.fullmatch(word)]
         are_right = all(math.isfinite(x) and least <= x <= most and (x.is_integer() or not whole) for x in numbers)
         if len(words) != count or len(numbers) != count or not are_right:
             kind = "whole number" if whole else "finite number"

@@ -20,19 +20,11 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import (
-    Image,
-    choice_notes,
-    chosen_part,
-    errors_about,
-    plain_channels,
-    require_exists,
-    select_index,
-)
+from renderer.readers.common import Image, choose, damaged_error, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
-from renderer.readers.slice_names import sort_slices
+from renderer.readers.slice_names import require_alike, sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
-from renderer.readers.text_header import NUMBER
+from renderer.readers.text_header import number_in
 from renderer.readers.tiff_channels import find_channels, sample_names
 from renderer.readers.tiff_description import (
     Page,
@@ -74,24 +66,24 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
         num_planes = len(slices) if len(slices) > 1 else _num_contiguous(first, path)
         layout = page_layout(first, num_planes)
         num_components = layout.count("C") * first.samplesperpixel
-        channel, sample = divmod(select_index("component", component, num_components), first.samplesperpixel)
-        part = chosen_part(layout.axes.lower(), layout.counts, time, channel)
+        chosen = choose("tc", (layout.count("T"), num_components), time, component, sample_names(first))
+        channel, sample = divmod(chosen.component, first.samplesperpixel)
+        part = choose(layout.axes.lower(), layout.counts, time, channel).part
         places = page_places(first.description, path.name, layout)
-        chosen = [places[k] for k in np.reshape(range(len(places)), layout.counts)[part].ravel()]
-        values = allocate_voxels(host, (len(chosen), first.imagelength, first.imagewidth), _dtype(first))
-        for name in sorted({name for name, _ in chosen}):
+        planes = [places[k] for k in np.reshape(range(len(places)), layout.counts)[part].ravel()]
+        values = allocate_voxels(host, (len(planes), first.imagelength, first.imagewidth), _dtype(first))
+        for name in sorted({name for name, _ in planes}):
             file = _sibling(path, name) if name else path
             host.begin_file(file)
-            numbers = {k: number for k, (other, number) in enumerate(chosen) if other == name}
+            numbers = {k: number for k, (other, number) in enumerate(planes) if other == name}
             with _open_pages(file) if name else nullcontext(pages) as own:
                 _fill(values, numbers, _slices(own, first), sample, file)
         world_from_index, units, note_on_lengths = _world_from_index(first, layout.space, has_spacing_override)
-        notes = choice_notes("tc", (layout.count("T"), num_components), time, component, sample_names(first))
-        channels = find_channels(first, layout, num_components)
+        channels = find_channels(first, layout, chosen.channels)
         nodata, steps = _nodata(first), find_times(first.description, layout.count("T"))
     num_left_out = len(pages) - len(slices)
     note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
-    all_notes = (note_on_images, note, note_on_lengths, layout.note, *notes)
+    all_notes = (note_on_images, note, note_on_lengths, layout.note, *chosen.notes)
     return Image(values, world_from_index, all_notes, nodata, channels, steps=steps, units=units)
 
 
@@ -155,20 +147,15 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
                     got=f"{len(pages)} pages",
                     expected="a slice in each file, or one file with all slices",
                 )
-            if _describe(page) != expected:
-                raise InputError(
-                    "the slices of this folder differ",
-                    got=_describe(page),
-                    expected=f"{expected} as in {files[0].name}",
-                )
-            plane = _plane(page, select_index("component", component, page.samplesperpixel), file)
+            require_alike(_describe(page), expected, files[0])
+            chosen = choose("c", (page.samplesperpixel,), None, component, sample_names(page))
+            plane = _plane(page, chosen.component, file)
             if image is None:  # allocated only after one slice has been read
                 with errors_about(folder):
                     values = allocate_voxels(host, (len(files), *plane.shape), _dtype(page))
                 world_from_index, units, note = _world_from_index(page, "XYZ", has_spacing_override)
-                notes = choice_notes("c", (page.samplesperpixel,), None, component, sample_names(page))
-                channels = plain_channels("c", (page.samplesperpixel,), sample_names(page))
-                image = Image(values, world_from_index, (note, *notes), _nodata(page), channels, units=units)
+                notes = (note, *chosen.notes)
+                image = Image(values, world_from_index, notes, _nodata(page), chosen.channels, units=units)
             image.values[index] = plane
     assert image is not None, "called without files"
     return image
@@ -223,7 +210,7 @@ class _Damage(logging.Handler):
 def _check_pages(pages: list[Page], num_file_bytes: int) -> None:
     """Raise InputError unless every page has one plane of pixels, and all are inside the file, each byte used once."""
     if not pages or not all(np.prod(page.shaped, dtype=object) for page in pages):
-        raise InputError("this TIFF file holds no image", hint="the file is truncated or damaged")
+        raise damaged_error("this TIFF file holds no image")
     if any(page.imagedepth > 1 for page in pages) or (len(pages) == 1 and _has_unlisted_planes(pages[0])):
         raise InputError(
             "this TIFF file has several planes in a page, or planes without one",
@@ -248,12 +235,9 @@ def _check_pages(pages: list[Page], num_file_bytes: int) -> None:
         end = max(map(sum, zip(offsets, lengths, strict=False)), default=0)
         needed = _num_plain_bytes(page) if page.compression == 1 else 0
         if not is_there or end > num_file_bytes or sum(lengths) < needed:
-            raise InputError(
-                f"page {number} of this TIFF file lacks pixels",
-                got=f"{len(offsets)} strips or tiles up to byte {end}, in a file of {num_file_bytes} bytes",
-                expected=f"{num_segments} strips or tiles" + f" of {needed} bytes in all" * (needed > 0),
-                hint="the file is truncated or damaged",
-            )
+            got = f"{len(offsets)} strips or tiles up to byte {end}, in a file of {num_file_bytes} bytes"
+            expected = f"{num_segments} strips or tiles" + f" of {needed} bytes in all" * (needed > 0)
+            raise damaged_error(f"page {number} of this TIFF file lacks pixels", got, expected)
     num_used = sum(sum(page.databytecounts) for page in pages)
     if num_used > num_file_bytes:  # a small file could stand for any number of voxels
         raise InputError(
@@ -348,6 +332,5 @@ def _world_from_index(first: Page, space: str, has_spacing_override: bool) -> tu
 
 def _nodata(page: Page) -> tuple[tuple[float, float], ...]:
     """Return the value that stands for no data to GDAL."""
-    text = str(page.tags.valueof(_GDAL_NODATA) or "").strip()
-    value = float(text) if NUMBER.fullmatch(text) else math.nan
+    value = number_in(str(page.tags.valueof(_GDAL_NODATA) or "").strip())
     return ((value, value),) if math.isfinite(value) else ()

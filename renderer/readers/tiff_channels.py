@@ -11,22 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from renderer.readers.common import MAX_LISTED, plain_channels
-from renderer.readers.text_header import NUMBER
-from renderer.readers.tiff_description import Layout, Page, attribute, is_imagej, is_ome, ome_elements
+from renderer.readers.common import MAX_LISTED
+from renderer.readers.text_header import attribute, number_in
+from renderer.readers.tiff_description import Layout, Page, is_imagej, is_ome, ome_elements
 from renderer.volume import Channel
 
 _RGB = 2  # the photometric interpretation
 _MAX_NAME = 60
 
 
-def find_channels(first: Page, layout: Layout, count: int) -> tuple[Channel, ...]:
+def find_channels(first: Page, layout: Layout, channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
     """Return what a file tells of each of its components; each is light, but for the samples of colour pictures.
 
-    first: the first page. Colours that do not tell the channels apart, such as white for all or black for one,
-    are left out.
+    first: the first page. channels: as of `Chosen`. Colours that do not tell the channels apart, such as white for all
+    or black for one, are left out.
     """
-    channels = plain_channels("c", (count,), sample_names(first))
+    count = len(channels)
     if first.photometric == _RGB or count < 2:
         return tuple(replace(each, is_light=False) for each in channels)
     if is_ome(first.description) and count <= MAX_LISTED:
@@ -55,9 +55,10 @@ def _of_ome(description: str, count: int) -> tuple[Channel, ...]:
 
 def _ome_color(text: str) -> tuple[float, float, float] | None:
     """Return a colour that OME writes as a signed number of 32 bits: red, green, blue and alpha."""
-    if not NUMBER.fullmatch(text) or not -(2**31) <= float(text) < 2**32:
+    number = number_in(text)
+    if not -(2**31) <= number < 2**32:
         return None
-    red, green, blue, _ = (int(float(text)) % 2**32).to_bytes(4, "big")
+    red, green, blue, _ = (int(number) % 2**32).to_bytes(4, "big")
     return red / 255, green / 255, blue / 255
 
 
@@ -70,16 +71,11 @@ def _of_imagej(fields: dict[str, Any], layout: Layout, count: int) -> tuple[Chan
     for number, own in enumerate(planes.reshape(count, -1).tolist()):
         named = {labels[plane] for plane in own if plane < len(labels)}
         pair = windows[2 * number : 2 * number + 2]
-        brightest = (
-            np.ravel(np.asarray(tables[number], np.float64)[:3, -1] / 255).tolist() if number < len(tables) else []
-        )
-        channels.append(
-            Channel(
-                _text(named.pop()) if len(named) == 1 else "",
-                (brightest[0], brightest[1], brightest[2]) if len(brightest) == 3 else None,
-                (pair[0], pair[1]) if len(pair) == 2 and pair[0] < pair[1] else None,
-            )
-        )
+        table = np.asarray(tables[number], np.float64) if number < len(tables) else np.empty((0, 1))
+        brightest = np.ravel(table[:3, -1] / 255).tolist()
+        color = (brightest[0], brightest[1], brightest[2]) if len(brightest) == 3 else None
+        window = (pair[0], pair[1]) if len(pair) == 2 and pair[0] < pair[1] else None
+        channels.append(Channel(_text(named.pop()) if len(named) == 1 else "", color, window))
     return tuple(channels)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from renderer.errors import InputError
-from renderer.readers.text_header import NUMBER
+from renderer.readers.text_header import attribute, number_in
 
 _MAX_COUNT = 2**31 - 1
 _MAX_PLANES = 2**20
@@ -106,12 +106,8 @@ def page_layout(page: Page, num_pages: int) -> Layout:
     else:
         axes, counts = "Z", [num_pages]
     if math.prod(counts) != num_pages:
-        raise InputError(
-            "the description in this TIFF file does not fit its pages",
-            got=f"{num_pages} pages",
-            expected=" x ".join(f"{n} {escaped(axis)}" for axis, n in zip(axes, counts, strict=False)),
-            hint="save it again as a plain stack, all slices in one file",
-        )
+        expected = " x ".join(f"{n} {escaped(axis)}" for axis, n in zip(axes, counts, strict=False))
+        raise _wrong("does not fit its pages", f"{num_pages} pages", expected)
     return _named(axes, counts, plane)
 
 
@@ -201,11 +197,8 @@ def page_places(description: str, own_name: str, layout: Layout) -> list[tuple[s
                 is_own = is_alone or file == own_name or uuid == own_uuid
                 places[plane + k] = ("" if is_own else file, begin + k)
     if len(set(places)) < len(places) or (is_alone and max(places)[1] >= len(places)):
-        raise InputError(
-            "the description in this TIFF file does not give each plane a page",
-            expected=f"TiffData elements for {len(places)} pages" + ", all in this file" * is_alone,
-            hint="save it again as a plain stack, all slices in one file",
-        )
+        expected = f"TiffData elements for {len(places)} pages" + ", all in this file" * is_alone
+        raise _wrong("does not give each plane a page", None, expected)
     return places
 
 
@@ -230,12 +223,6 @@ def ome_elements(description: str, name: str) -> list[str]:
     return re.findall(rf"<(?:\w+:)?{name}\b([^<>]*)>", image)
 
 
-def attribute(element: str, name: str) -> str | None:
-    """Return the text of an attribute of an XML element, in either kind of quotes; None if it is missing."""
-    found = re.search(rf"""\b{name}\s*=\s*(?:"([^"]*)"|'([^']*)')""", element)
-    return None if found is None else found[1] if found[1] is not None else found[2]
-
-
 def ome_pixels(description: str) -> str:
     """Return the first Pixels element of OME's XML, without what is inside it; all of the XML if there is none."""
     found = _PIXELS.search(description)
@@ -249,15 +236,16 @@ def _line(description: str, key: str) -> int | None:
 
 def number(text: str, key: str, least: int | None = None) -> float:
     """Return the number that `text`, the value of `key`, spells: a finite one, or a whole one from `least` on."""
-    value = float(text) if NUMBER.fullmatch(text) else math.nan
+    value = number_in(text)
     if math.isfinite(value) if least is None else value.is_integer() and least <= value <= _MAX_COUNT:
         return value
-    raise InputError(
-        "the description in this TIFF file has something else where a number belongs",
-        got=f"{key}={escaped(text)}",
-        expected="a finite number" if least is None else f"a whole number from {least} to {_MAX_COUNT}",
-        hint="save it again as a plain stack, all slices in one file",
-    )
+    expected = "a finite number" if least is None else f"a whole number from {least} to {_MAX_COUNT}"
+    raise _wrong("has something else where a number belongs", f"{key}={escaped(text)}", expected)
+
+
+def _wrong(how: str, got: str | None, expected: str) -> InputError:
+    hint = "save it again as a plain stack, all slices in one file"
+    return InputError(f"the description in this TIFF file {how}", got=got, expected=expected, hint=hint)
 
 
 def escaped(text: str) -> str:

@@ -15,7 +15,8 @@ from typing import Any
 
 from renderer.errors import InputError
 from renderer.readers.common import GUESSED_LENGTHS, NO_SPACING
-from renderer.readers.tiff_description import attribute, escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
+from renderer.readers.text_header import attribute
+from renderer.readers.tiff_description import escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
 from renderer.readers.units import one_spelling
 
 # Fields by number.
@@ -26,19 +27,9 @@ _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
 _PREFIXES = {"Y": 24, "Z": 21, "E": 18, "P": 15, "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "da": 1, "": 0, "d": -1}
 _PREFIXES |= {"c": -2, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15, "a": -18, "z": -21, "y": -24}
 _INCH = Fraction(254, 10_000)
-_OTHERS = {
-    "Å": Fraction(1, 10**10),
-    "ua": Fraction(149_597_870_700),
-    "ly": Fraction(9_460_730_472_580_800),
-    "pc": Fraction(149_597_870_700 * 648_000 / math.pi),
-    "thou": _INCH / 1000,
-    "li": _INCH / 12,
-    "in": _INCH,
-    "ft": _INCH * 12,
-    "yd": _INCH * 36,
-    "mi": _INCH * 63_360,
-    "pt": _INCH / 72,
-}
+_OTHERS = {"Å": Fraction(1, 10**10), "thou": _INCH / 1000, "pt": _INCH / 72, "li": _INCH / 12, "in": _INCH}
+_OTHERS |= {"ft": _INCH * 12, "yd": _INCH * 36, "mi": _INCH * 63_360, "ua": Fraction(149_597_870_700)}
+_OTHERS |= {"ly": Fraction(9_460_730_472_580_800), "pc": Fraction(149_597_870_700 * 648_000 / math.pi)}
 _METRES = {f"{prefix}m": Fraction(10) ** power for prefix, power in _PREFIXES.items()} | _OTHERS
 _METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METRES.items()}
 
@@ -123,13 +114,8 @@ def _imagej_spacing(description: str, sizes: list[float | None], tag: int | None
     if not others and per == "cm" and unit == _MICRON:
         return [x and x * 1e4, y and y * 1e4, z], unit
     if others or (per and unit not in ("", per)):
-        raise InputError(
-            "the voxel sizes in this TIFF file are in units that cannot be compared",
-            got=f"pixels per {per}; " * bool(per)
-            + ", ".join(f"{axis} in {_unit_shown(units[axis]) or unit}" for axis in units),
-            expected="one unit for all, or pixels per cm and unit=um",
-            hint="`spacing: [x, y, z]` replaces the spacing in the file",
-        )
+        shown = ", ".join(f"{axis} in {_unit_shown(units[axis]) or unit}" for axis in units)
+        raise _units_error(f"pixels per {per}; " * bool(per) + shown, "or pixels per cm and unit=um")
     factor = _MM_PER_UNIT[tag] if tag and per else 1.0
     return [size and size * factor for size in (x, y, z)], "mm" if per else unit
 
@@ -157,12 +143,8 @@ def _ome_spacing(description: str) -> tuple[list[float | None], str]:
     units = {axis: _unit(attributes, axis) for axis in sizes}
     first = next(iter(units.values()), "")
     if any(unit != first and not {unit, first} <= _METRES.keys() for unit in units.values()):
-        raise InputError(
-            "the voxel sizes in this TIFF file are in units that cannot be compared",
-            got=", ".join(f"PhysicalSize{axis}={sizes[axis]:g} {_unit_shown(units[axis])}" for axis in sizes),
-            expected="one unit for all, or units of length such as nm, µm and mm",
-            hint="`spacing: [x, y, z]` replaces the spacing in the file",
-        )
+        shown = ", ".join(f"PhysicalSize{axis}={sizes[axis]:g} {_unit_shown(units[axis])}" for axis in sizes)
+        raise _units_error(shown, "or units of length such as nm, µm and mm")
     return [_converted(sizes[axis], units[axis], first) if axis in sizes else None for axis in "XYZ"], first
 
 
@@ -182,6 +164,13 @@ def _converted(size: float, unit: str, into: str) -> float:
         return float(Fraction(size) * _METRES[unit] / _METRES[into])
     except OverflowError:
         return math.inf
+
+
+def _units_error(got: str, others: str) -> InputError:
+    what, hint = "are in units that cannot be compared", "`spacing: [x, y, z]` replaces the spacing in the file"
+    return InputError(
+        f"the voxel sizes in this TIFF file {what}", got=got, expected=f"one unit for all, {others}", hint=hint
+    )
 
 
 def _unit_shown(unit: str) -> str:

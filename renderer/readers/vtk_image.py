@@ -21,18 +21,9 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import (
-    Image,
-    affine,
-    choice_notes,
-    errors_about,
-    even_steps,
-    plain_channels,
-    require_exists,
-    select_index,
-)
+from renderer.readers.common import Image, affine, choose, errors_about, even_steps, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
-from renderer.readers.text_header import MAX_HEADER_BYTES
+from renderer.readers.text_header import MAX_HEADER_BYTES, attribute
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
@@ -64,9 +55,8 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
         values = allocate_voxels(host, part.values.shape, part.values.dtype)
         values[...] = part.values
         part = replace(part, values=values)
-    shape = (len(part.names),)
-    notes = choice_notes("c", shape, None, component, part.names)
-    return Image(part.values, part.world_from_index, notes, channels=plain_channels("c", shape, part.names))
+    chosen = choose("c", (len(part.names),), None, component, part.names)
+    return Image(part.values, part.world_from_index, chosen.notes, channels=chosen.channels)
 
 
 @dataclass(frozen=True)
@@ -145,7 +135,7 @@ def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
         return []
     pieces, folder = [], os.path.realpath(path.parent)
     for piece in re.finditer(r"<Piece\b[^<>]*", text):
-        source = html.unescape(_value(piece, "Source"))
+        source = html.unescape(attribute(piece[0], "Source") or "")
         file = path.parent / source
         if not source or "\0" in source or not Path(os.path.realpath(file)).is_relative_to(folder):
             raise InputError(
@@ -159,15 +149,9 @@ def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
     return pieces
 
 
-def _value(tag: re.Match[str] | None, name: str) -> str:
-    """Return the value of an attribute; an empty text without one."""
-    found = re.search(rf"""\s{name}\s*=\s*["']([^"']*)["']""", tag[0]) if tag else None
-    return found[1] if found else ""
-
-
 def _extent(tag: re.Match[str] | None, name: str) -> tuple[int, ...]:
     """Return the first and the last point along each axis, by an attribute; raises InputError for anything else."""
-    words = _value(tag, name).split()
+    words = ((tag and attribute(tag[0], name)) or "").split()
     numbers = tuple(int(word) for word in words if re.fullmatch("-?[0-9]{1,9}", word))
     if not len(words) == len(numbers) == 6 or any(numbers[k + 1] < numbers[k] for k in (0, 2, 4)):
         raise _damaged(f"no {name} of six numbers")

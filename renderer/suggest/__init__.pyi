@@ -1,4 +1,3 @@
-from .channels import channel_layers as channel_layers
 from .histogram import (
     Statistics as Statistics,
     compute_statistics as compute_statistics,

@@ -29,7 +29,11 @@ _SAMPLED_SIDE, _LEAST_BRIGHT, _FULL_PERCENTILE, _MOST_WEIGHT = 96, 0.1, 93.0, 50
 _DARK_PERCENTILE = 80.0
 
 
-def channel_layers(layer: LayerSpec, first: Volume, read: Callable[[VolumeSpec], Volume]) -> list[LayerSpec]:
+# Reads the voxels of a volume.
+ReadVolume = Callable[[VolumeSpec], Volume]
+
+
+def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[LayerSpec]:
     """Return a layer for each channel of a volume; a transfer function that is given is that of all.
 
     first: the first channel, or the volume if that has no others. read: reads the voxels of others.
@@ -71,9 +75,8 @@ def suggest_weight(volume: Volume, window: tuple[float, float]) -> float:
     """Return the weight, of two digits, with which the light of bright rays along the axes is about full."""
     steps = [max(1, num // _SAMPLED_SIDE) for num in volume.values.shape]
     sampled = volume.values[tuple(slice(None, None, step) for step in steps)].astype(np.float64)
-    shares = np.clip(
-        (np.nan_to_num(sampled, nan=window[0]) / 2 - window[0] / 2) / (window[1] / 2 - window[0] / 2), 0, 1
-    )
+    low, high = window
+    shares = np.clip((np.nan_to_num(sampled, nan=low) / 2 - low / 2) / (high / 2 - low / 2), 0, 1)
     lengths = volume.spacing[::-1] * steps / (RAMP_THICKNESS * float((volume.spacing * volume.shape_xyz).max()))
     depths = np.concatenate([(shares.sum(axis) * lengths[axis]).ravel() for axis in range(3)])
     bright = depths[depths > _LEAST_BRIGHT * depths.max()]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -26,6 +26,7 @@ from renderer.scene import (
     format_value,
     steps_in_time,
 )
+from renderer.suggest.channels import ReadVolume
 from renderer.suggest.palette import distinct_colors, in_8_bits
 from renderer.volume import Label, Volume, iter_slabs
 
@@ -76,7 +77,7 @@ class KnownLabels:
         return f"the nearest is {min(self.present, key=lambda value: abs(value - key))}"
 
 
-def with_labels(layer: LayerSpec, place: str, read: Callable[[VolumeSpec], Volume], problems: Problems) -> LayerSpec:
+def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Problems) -> LayerSpec:
     """Return a layer in which all labels that are shown have their number, colour and name.
 
     place: of the layer in the scene. read: reads the voxels of volumes whose labels are not known yet. problems: to
@@ -90,9 +91,7 @@ def with_labels(layer: LayerSpec, place: str, read: Callable[[VolumeSpec], Volum
     return replace(layer, transfer_function=look, mask=with_numbers(layer.mask, f"{place}mask", read, problems))
 
 
-def with_numbers(
-    mask: MaskSpec | None, place: str, read: Callable[[VolumeSpec], Volume], problems: Problems
-) -> MaskSpec | None:
+def with_numbers(mask: MaskSpec | None, place: str, read: ReadVolume, problems: Problems) -> MaskSpec | None:
     """Return a mask in which all labels that are shown have their number; as `with_labels`."""
     if mask is None or mask.labels.has_numbers or not isinstance(mask.volume, VolumeSpec):
         return mask
@@ -100,7 +99,7 @@ def with_numbers(
     return replace(mask, labels=LabelsSpec(show=choose_labels(mask.labels, known, place, problems).show))
 
 
-def known_labels(spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], labels: LabelsSpec) -> KnownLabels:
+def known_labels(spec: VolumeSpec, read: ReadVolume, labels: LabelsSpec) -> KnownLabels:
     """Return what is known of the labels of a volume, which are the values of any of its steps in time.
 
     labels: whose names go before those of a table. Raises InputError for a volume that is no labels.

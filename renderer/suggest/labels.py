@@ -64,9 +64,8 @@ def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) ->
 
 def _is_piecewise_constant(sample: VoxelSample) -> bool:
     are_outside = np.abs(sample.normalized - border_mode(sample)) > _SAME
-    equal = (
-        np.mean((np.abs(sample.neighbours - sample.normalized) <= _SAME)[:, are_outside]) if are_outside.any() else 1
-    )
+    are_equal = (np.abs(sample.neighbours - sample.normalized) <= _SAME)[:, are_outside]
+    equal = np.mean(are_equal) if are_equal.size else 1
     if _MIN_EQUAL_NEIGHBOURS_OF_SMALL <= equal < _MIN_EQUAL_NEIGHBOURS:
         return _scatter(sample, are_outside) <= _MAX_SCATTER_OF_SMALL
     return bool(equal >= _MIN_EQUAL_NEIGHBOURS)

@@ -133,13 +133,13 @@ def cast_through(samples: Sequence[VoxelSample]) -> list[TurntableRays]:
     step = max(min(float(box.spacing.min()) for box in boxes), 2 * radius / _MAX_SAMPLES)
     step = min(step, max(min(float(box.half.min()) for box in boxes), 2 * radius / _MAX_SAMPLES_OF_SLABS))
     count = math.ceil(2 * radius / step)
-    found = []
+    found, cells = [], np.indices((_RAYS_PER_SIDE, _RAYS_PER_SIDE)).reshape(2, -1)
     for view in range(_NUM_VIEWS):
         axes = _view_axes(2 * math.pi * (view + 0.3) / _NUM_VIEWS)
         sides = [
             max(abs(box.offset @ axis) + box.half @ np.abs(axis @ box.directions) for box in boxes) for axis in axes
         ]
-        across, along = _jittered_grid(random)
+        across, along = (2 * cells + 2 * random.random(cells.shape)) / _RAYS_PER_SIDE - 1  # one place in each
         lengths = (np.arange(count) + random.random((len(across), 1))) * step - radius
         of_view = [_values_along(box, axes, (across * sides[0], along * sides[1]), lengths) for box in boxes]
         is_met = np.any([is_inside.any(axis=1) for _, is_inside in of_view], axis=0)
@@ -187,19 +187,10 @@ def _values_along(
 
 def _view_axes(azimuth: float) -> tuple[Float64, Float64, Float64]:
     """Return the directions to the right, up and away from the camera, in the world."""
-    right, outward = (
-        np.array([-math.sin(azimuth), math.cos(azimuth), 0.0]),
-        np.array([math.cos(azimuth), math.sin(azimuth), 0.0]),
-    )
-    rise = np.array([0.0, 0.0, 1.0])
+    right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
+    outward, rise = np.array([math.cos(azimuth), math.sin(azimuth), 0.0]), np.array([0.0, 0.0, 1.0])
     sine, cosine = math.sin(_ELEVATION), math.cos(_ELEVATION)
     return right, cosine * rise - sine * outward, -sine * rise - cosine * outward
-
-
-def _jittered_grid(random: np.random.Generator) -> Float64:
-    """Return one place in each cell of a grid over [-1, 1]^2, float64 [2, n]."""
-    corners = np.indices((_RAYS_PER_SIDE, _RAYS_PER_SIDE)).reshape(2, -1)
-    return (2 * corners + 2 * random.random(corners.shape)) / _RAYS_PER_SIDE - 1
 
 
 def measure_visibility(rays: TurntableRays, layers: Sequence[Layer], depths: Float64) -> Visibility:

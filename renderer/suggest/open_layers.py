@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from renderer.errors import Problem
 from renderer.scene import LayerSpec, Motion, Scene, VolumeSpec, moving, raise_problems
-from renderer.suggest.channels import channel_layers, with_own_names
+from renderer.suggest.channels import ReadVolume, channel_layers, with_own_names
 from renderer.suggest.label_choice import with_labels, with_numbers
 from renderer.suggest.volume_suggestion import NO_WISH, read_in_colors, suggest_read
-from renderer.volume import Volume
 
 
-def resolve_scene(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
+def resolve_scene(scene: Scene, read: ReadVolume) -> Scene:
     """Return a scene in which a list of volumes, one for each channel, is in place of each `component: all`, in which
     `time: auto` is a motion, labels have numbers and colours, and voxels that are colours a transfer function.
 
@@ -39,7 +37,7 @@ def resolve_scene(scene: Scene, read: Callable[[VolumeSpec], Volume]) -> Scene:
     return replace(scene, volume=first.volume, transfer_function=first.transfer_function, volumes=volumes, mask=mask)
 
 
-def _with_times(part: Any, num_frames: int, read: Callable[[VolumeSpec], Volume]) -> Any:
+def _with_times(part: Any, num_frames: int, read: ReadVolume) -> Any:
     """Return a layer or a mask, or None, in which `time: auto` is a motion through all steps."""
     volume = part and part.volume
     if isinstance(volume, VolumeSpec) and volume.time == "auto":
@@ -50,6 +48,6 @@ def _with_times(part: Any, num_frames: int, read: Callable[[VolumeSpec], Volume]
     return replace(part, mask=_with_times(part.mask, num_frames, read)) if isinstance(part, LayerSpec) else part
 
 
-def _with_colors(layer: LayerSpec, read: Callable[[VolumeSpec], Volume]) -> LayerSpec:
+def _with_colors(layer: LayerSpec, read: ReadVolume) -> LayerSpec:
     found = suggest_read(*read_in_colors(layer.volume, read(layer.volume), read), NO_WISH)
     return replace(layer, volume=found.volume, transfer_function=found.suggestion.transfer)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from renderer.scene import Color, VolumeSpec, raise_problems, volume_extent, volume_problems
+from renderer.suggest.channels import ReadVolume
 from renderer.suggest.features import VoxelSample, sample_volume
 from renderer.suggest.labels import number_sample
 from renderer.suggest.opacity_calibration import Layer, TurntableRays, balance, cast_through, step_weights
@@ -17,7 +17,7 @@ from renderer.suggest.suggestion import Suggestion, with_8_bit_colors, with_colo
 from renderer.suggest.volume_suggestion import NO_WISH, VolumeSuggestion, read_in_colors, suggest_read
 from renderer.suggest.wishes import Wish
 from renderer.transfer import make_transfer_function
-from renderer.volume import Float32, Float64, Volume
+from renderer.volume import Float32, Float64
 
 # The part of what is seen that the upper volume has, on the rays that meet both.
 UPPER_SHARE = 2 / 3
@@ -31,7 +31,7 @@ _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 def suggest_over(
-    volume: VolumeSpec, under: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH
+    volume: VolumeSpec, under: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH
 ) -> tuple[VolumeSuggestion, VolumeSuggestion]:
     """Suggest how to show a volume and the one underneath, each in its place in the world, with weights.
 
@@ -59,9 +59,7 @@ def suggest_over(
     return replace(upper, weight=of_upper), replace(lower, weight=of_lower)
 
 
-def _suggest(
-    spec: VolumeSpec, read: Callable[[VolumeSpec], Volume], wish: Wish
-) -> tuple[VolumeSuggestion, VoxelSample]:
+def _suggest(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> tuple[VolumeSuggestion, VoxelSample]:
     """Return what is suggested for a volume and holds beside another one, too; and a sample of what it shows."""
     volume = read(spec)
     raise_problems(volume_problems(volume_extent(volume), volume.name))

@@ -131,9 +131,10 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
         "all neighbours: taken for noise, and transparent"
         for outlier in statistics.outliers
     )
+    suggestion = replace(suggestion, outlier_notes=(*outlier_notes, *suggestion.outlier_notes))
     mapping, notes = suggestion.transfer.mapping, suggestion.notes
     if isinstance(mapping, LabelsSpec):  # which leave out what they do not name
-        return replace(suggestion, outlier_notes=(*outlier_notes, *suggestion.outlier_notes))
+        return suggestion
     points: Sequence[ControlPoint]
     if isinstance(mapping, ColormapSpec):
         points = [ControlPoint(at, (0.0, 0.0, 0.0), opacity) for at, opacity in mapping.opacity]
@@ -148,10 +149,7 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
         mapping = replace(mapping, opacity=tuple((point.value, point.opacity) for point in points))
     else:
         mapping, notes = tuple(points), tuple(named.get(point, "") for point in points)
-    transfer = replace(suggestion.transfer, mapping=mapping)
-    return replace(
-        suggestion, transfer=transfer, notes=notes, outlier_notes=(*outlier_notes, *suggestion.outlier_notes)
-    )
+    return replace(_with_mapping(suggestion, mapping), notes=notes)
 
 
 def _values_text(outlier: OutlierValue) -> str:

@@ -7,7 +7,7 @@ object (`separation.py`), and densities are solved for what the picture shows (`
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
@@ -32,7 +32,7 @@ from renderer.scene import (
 )
 from renderer.suggest import features
 from renderer.suggest.absent import suggest_fill
-from renderer.suggest.channels import channel_layers
+from renderer.suggest.channels import ReadVolume, channel_layers
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics, compute_statistics
 from renderer.suggest.label_choice import table_of
@@ -90,7 +90,7 @@ class VolumeSuggestion:
         return replace(scene, transfer_function=transfer, shading=found.shading, clip=clip)
 
 
-def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wish: Wish = NO_WISH) -> VolumeSuggestion:
+def suggest_for(volume: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH) -> VolumeSuggestion:
     """Read a volume and suggest how to show it.
 
     read: reads the voxels; of several channels first those of one, which tells of all; of several steps in time some.
@@ -107,9 +107,7 @@ def suggest_for(volume: VolumeSpec, read: Callable[[VolumeSpec], Volume], *, wis
     return suggest_read(*read_in_colors(volume, found, read, wish), wish)
 
 
-def _suggest_in_time(
-    volume: VolumeSpec, num_times: int, read: Callable[[VolumeSpec], Volume], wish: Wish
-) -> VolumeSuggestion:
+def _suggest_in_time(volume: VolumeSpec, num_times: int, read: ReadVolume, wish: Wish) -> VolumeSuggestion:
     """Suggest how to show all steps of a volume in time: as of some steps the one with the widest range of values."""
 
     def span(step: int) -> float:
@@ -119,16 +117,14 @@ def _suggest_in_time(
     steps = dict.fromkeys(k * (num_times - 1) // (_MOST_STEPS - 1) for k in range(_MOST_STEPS))
     widest = max(steps, key=span)
     found = suggest_for(replace(volume, time=widest), read, wish=wish)
-    reason = (
-        f"{found.suggestion.reason}; step {widest} of {num_times} has the widest range of {len(steps)} that were read"
-    )
+    why = f"step {widest} of {num_times} has the widest range of {len(steps)} that were read"
     layers = tuple(replace(layer, volume=replace(layer.volume, time="auto")) for layer in found.layers)
-    suggestion = replace(found.suggestion, reason=reason)
+    suggestion = replace(found.suggestion, reason=f"{found.suggestion.reason}; {why}")
     return replace(found, volume=replace(found.volume, time="auto"), layers=layers, suggestion=suggestion)
 
 
 def read_in_colors(
-    volume: VolumeSpec, found: Volume, read: Callable[[VolumeSpec], Volume], wish: Wish = NO_WISH
+    volume: VolumeSpec, found: Volume, read: ReadVolume, wish: Wish = NO_WISH
 ) -> tuple[VolumeSpec, Volume, Statistics]:
     """Return a volume with its voxels and their statistics; without a wish, voxels that are colours as such, with the
     opacities of alpha where that varies. found: what was read of it."""
@@ -168,7 +164,7 @@ def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Sug
     return replace(found, kind=_COLORS, reason=reason, transfer=transfer, shading=shading)
 
 
-def _channels_suggestion(volume: VolumeSpec, first: Volume, read: Callable[[VolumeSpec], Volume]) -> VolumeSuggestion:
+def _channels_suggestion(volume: VolumeSpec, first: Volume, read: ReadVolume) -> VolumeSuggestion:
     layers = channel_layers(LayerSpec(volume, OF_CHANNELS), first, read)
     reason = "each is shown in a colour of its own, and their light adds up"
     suggestion = Suggestion(counted(len(layers), "channel"), reason, layers[0].transfer_function, (), None)

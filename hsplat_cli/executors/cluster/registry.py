@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from collections import Counter
@@ -118,7 +119,8 @@ class WorkerRegistry:
         answers = self._ask(lambda: self._client.run(describe_worker, workers=sorted(workers), on_error="return"))
         for worker, answer in answers.items():
             if not isinstance(answer, dict):
-                if _is_missing(answer):
+                # Dask sends some exceptions as text.
+                if isinstance(answer, ImportError) or re.search("ModuleNotFoundError|ImportError", str(answer)):
                     self._excluded[worker] = f"without hsplat ({answer})"
                 elif not isinstance(answer, OSError):  # that one is gone again
                     self._excluded[worker] = str(answer)
@@ -145,11 +147,6 @@ class WorkerRegistry:
             return question()
         except OSError as error:  # of Dask's, too
             raise self._error("the scheduler no longer answers") from error
-
-
-def _is_missing(answer: object) -> bool:
-    """Return whether a worker's answer says that a module is missing; Dask sends some exceptions as text."""
-    return isinstance(answer, ImportError) or "ModuleNotFoundError" in str(answer) or "ImportError" in str(answer)
 
 
 def _count_reasons(reasons: Iterable[str]) -> str:

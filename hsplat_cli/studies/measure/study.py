@@ -225,14 +225,12 @@ def _report(study: Study, folder: Path, reporter: Reporter) -> None:
 
 def scene_notes(scene: Scene) -> list[str]:
     """Return notes on differences between the scene and what is measured."""
-    notes = []
+    notes, here = [], "here each tolerance is measured by itself"
     if scene.error.goal is not None:
         (schedule,) = schedule_to_dict(scene.error)
-        notes.append(
-            f"the scene asks for error.{schedule}, not for a tolerance; here each tolerance is measured by itself"
-        )
+        notes.append(f"the scene asks for error.{schedule}, not for a tolerance; {here}")
     elif motion_of(scene.error.tolerance) is not None:
-        notes.append("the scene changes its tolerance over the film; here each tolerance is measured by itself")
+        notes.append(f"the scene changes its tolerance over the film; {here}")
     if scene.output.background is None:
         notes.append("the scene's background is transparent; pictures are compared over black")
     return notes

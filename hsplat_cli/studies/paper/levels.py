@@ -76,18 +76,12 @@ def measure(
         for title, is_corrected in (("With correction", True), ("Without correction", False)):
             frames = stage.draw_levels(num_levels, opacity_correction=is_corrected)
             pictures = [stage.rgb(frame)[inside] for frame in frames]
-            errors.append(
-                [
-                    LevelError(
-                        level,
-                        frame.num_cells,
-                        float(frame.radiance[..., 3][inside].mean(dtype=np.float64)),
-                        float(np.sqrt(np.mean((picture - pictures[0]) ** 2))),
-                        float(np.abs(picture - pictures[0]).max()),
-                    )
-                    for level, (frame, picture) in enumerate(zip(frames, pictures, strict=True))
-                ]
-            )
+            differences = [picture - pictures[0] for picture in pictures]
+            nums, alphas = [frame.num_cells for frame in frames], [frame.radiance[..., 3][inside] for frame in frames]
+            means = [float(alpha.mean(dtype=np.float64)) for alpha in alphas]
+            rms = [float(np.sqrt(np.mean(difference**2))) for difference in differences]
+            largest = [float(np.abs(difference).max()) for difference in differences]
+            errors.append([*map(LevelError, range(num_levels), nums, means, rms, largest)])
             captions = [f"level {error.level}: {counted(error.num_cells, 'cell')}" for error in errors[-1]]
             rows[title] = [(frame.image, caption) for frame, caption in zip(frames, captions, strict=True)]
     num_judged = (min(volume.shape_xyz) // MIN_CELLS).bit_length()

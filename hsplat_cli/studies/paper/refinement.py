@@ -13,11 +13,7 @@ from renderer.study import DIFFERENCE_GAIN, amplified_difference, rounded
 
 INTERACTIVE_FRAME_S, REFINED_FRAME_S = 0.2, 5.0
 # Seconds of each picture.
-BUDGETS = {
-    "five times a second": INTERACTIVE_FRAME_S,
-    "in five seconds": REFINED_FRAME_S,
-    "full resolution": math.inf,
-}
+BUDGETS = {"five times a second": INTERACTIVE_FRAME_S, "in five seconds": REFINED_FRAME_S, "full resolution": math.inf}
 # The search aims a little below the budget, because no two frames take the same time.
 BUDGET_SHARE = 0.9
 # The search bisects the logarithm of the tolerance between these, down to 9 %.

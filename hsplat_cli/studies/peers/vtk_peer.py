@@ -95,38 +95,34 @@ def vtk_settings(mode: ModeSpec) -> tuple[Setting, ...]:
 def check_vtk(scene: Scene) -> None:
     """Raise InputError if VTK is not installed, or cannot draw the scene."""
     require_package("vtk", extra="vtk")
-    for where, what in _what_vtk_lacks(scene):
-        hint = "measure without the peer, or without it"
-        raise InputError(f"VTK cannot be compared: {what}", where=where, hint=hint)
+    for where, is_asked, what in _what_vtk_lacks(scene):
+        if is_asked:
+            hint = "measure without the peer, or without it"
+            raise InputError(f"VTK cannot be compared: {what}", where=where, hint=hint)
 
 
-def _what_vtk_lacks(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield the keys of what VTK cannot draw, and why."""
-    shading, mode = scene.shading, scene.mode
-    if shading is not None and shading.light != "camera":
-        yield "shading.light", "it has a light at the camera alone"
-    if shading is not None and shading.gradient_opacity:
-        yield "shading.gradient_opacity", "it multiplies opacities by factors, hsplat extinctions"
-    if shading is not None and shading.has_light_grid:
-        yield "shading", "it has neither this occlusion nor these shadows"
-    if len(scene.output.background or ()) == 2:
-        yield "output.background", "it has one colour"
-    if scene.volumes:
-        yield "volumes", "it would draw the first alone"
-    if scene.volume.has_colors:
-        yield "volume.component", "it would draw luminance or alpha alone"
-    if scene.transfer_function.labels is not None:
-        yield "labels", "it would interpolate their numbers"
-    if scene.mask is not None:
-        yield "mask", "it would draw all of the volume"
-    if scene.clip:
-        yield "clip", "it would draw all of the volume"
-    if mode.type not in _BLENDS:
-        yield "mode", f"it has no mode {mode.type}"
-    if mode.color_by == "depth":
-        yield "mode.color_by", "it does not tell where a maximum is"
-    if mode.type == "mean" and _gray_window(make_transfer_function(scene.transfer_function, 1.0)) is None:
-        yield "transfer_function", "its mean is gray, and needs colormap: gray or gray_r"
+def _what_vtk_lacks(scene: Scene) -> list[tuple[str, object, str]]:
+    """Return the keys of what VTK cannot draw, whether the scene asks for it, and why it cannot."""
+    mode, shading, transfer = scene.mode, scene.shading or ShadingSpec(light="camera"), scene.transfer_function
+    is_colored = mode.type == "mean" and _gray_window(make_transfer_function(transfer, 1.0)) is None
+    return [
+        ("shading.light", shading.light != "camera", "it has a light at the camera alone"),
+        (
+            "shading.gradient_opacity",
+            shading.gradient_opacity,
+            "it multiplies opacities by factors, hsplat extinctions",
+        ),
+        ("shading", shading.has_light_grid, "it has neither this occlusion nor these shadows"),
+        ("output.background", len(scene.output.background or ()) == 2, "it has one colour"),
+        ("volumes", scene.volumes, "it would draw the first alone"),
+        ("volume.component", scene.volume.has_colors, "it would draw luminance or alpha alone"),
+        ("labels", transfer.labels, "it would interpolate their numbers"),
+        ("mask", scene.mask, "it would draw all of the volume"),
+        ("clip", scene.clip, "it would draw all of the volume"),
+        ("mode", mode.type not in _BLENDS, f"it has no mode {mode.type}"),
+        ("mode.color_by", mode.color_by == "depth", "it does not tell where a maximum is"),
+        ("transfer_function", is_colored, "its mean is gray, and needs colormap: gray or gray_r"),
+    ]
 
 
 def _gray_window(transfer: TransferFunction) -> tuple[float, float] | None:
@@ -333,7 +329,7 @@ def _points(transfer: TransferFunction, unit: float) -> Float64:
 
 
 def _camera(volume: Volume, view: View) -> dict[str, Any]:
-    """Convert a View to VTK's camera parameters, in the world of the job."""
+    """Convert a View to the size of VTK's window, and the properties of its camera, in the world of the job."""
     finest = volume.finest_spacing
     eye = (view.eye - volume.centre) / finest
     half_extent = np.abs(volume.world_from_index[:3, :3]) @ np.array(volume.shape_xyz) / 2 / finest
@@ -342,16 +338,16 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
     nearest = max(depth - reach, view.near / finest, farthest * _NEAREST_PART)
     width, height = view.size
     half_height = height / 2 / view.scale_px  # a tangent in perspective, else a length
-    return {
-        "size": (width, height),
-        "eye": eye.tolist(),
-        "focus": (eye + view.forward).tolist(),
-        "up": view.axes[1].tolist(),
-        "is_parallel": view.projection == "orthographic",
-        "half_height": half_height / finest,
-        "angle_deg": math.degrees(2 * math.atan(half_height)),
-        "clipping": (nearest, max(farthest, nearest * 2)),
+    camera = {
+        "position": eye.tolist(),
+        "focal_point": (eye + view.forward).tolist(),
+        "view_up": view.axes[1].tolist(),
+        "parallel_projection": view.projection == "orthographic",
+        "parallel_scale": half_height / finest,
+        "view_angle": math.degrees(2 * math.atan(half_height)),
+        "clipping_range": (nearest, max(farthest, nearest * 2)),
     }
+    return {"size": (width, height), "camera": camera}
 
 
 @contextmanager

@@ -25,6 +25,7 @@ from vtkmodules.vtkCommonCore import vtkCommand, vtkLogger, vtkOutputWindow, vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPiecewiseFunction
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkRenderingCore import (
+    vtkCamera,
     vtkColorTransferFunction,
     vtkLight,
     vtkRenderer,
@@ -45,7 +46,8 @@ def main(connection: Connection[Any, Any]) -> None:
     voxels = np.frombuffer(connection.recv_bytes(), job["dtype"]).reshape(job["shape"])
     image = _make_image(voxels, job["spacing"])
     current: Json | None = None
-    window = renderer = None
+    window: Any = None
+    renderer: Any = None
     while True:
         setting, camera = connection.recv()
         if setting != current:
@@ -53,14 +55,14 @@ def main(connection: Connection[Any, Any]) -> None:
                 window.Finalize()  # frees its memory on the device
             current = setting
             window, renderer = _make_window(job, _make_property(setting, job), _make_mapper(setting, image, job))
-        _set_camera(window, renderer, job["cameras"][camera])
+        window.SetSize(job["cameras"][camera]["size"])
+        renderer.SetActiveCamera(vtkCamera(**job["cameras"][camera]["camera"]))
         connection.send(_draw(window, renderer))
 
 
 def describe() -> dict[str, str]:
     """Return VTK's version and the name of its GL renderer."""
-    window = vtkRenderWindow()
-    window.SetOffScreenRendering(1)
+    window = vtkRenderWindow(off_screen_rendering=True)
     window.Render()
     lines = [line.partition("OpenGL renderer string:")[2].strip() for line in window.ReportCapabilities().splitlines()]
     window.Finalize()
@@ -68,9 +70,7 @@ def describe() -> dict[str, str]:
 
 
 def _make_image(voxels: npt.NDArray[Any], spacing: list[float]) -> Any:
-    image = vtkImageData()
-    image.SetDimensions(voxels.shape[::-1])
-    image.SetSpacing(spacing)
+    image = vtkImageData(dimensions=voxels.shape[::-1], spacing=spacing)
     image.GetPointData().SetScalars(numpy_to_vtk(voxels.ravel()))
     return image
 
@@ -85,35 +85,31 @@ def _make_property(setting: Json, job: Json) -> Any:
     for value, red, green, blue, alpha in job["points"]:
         color.AddRGBPoint(value, red, green, blue)
         opacity.AddPoint(value, alpha)
-    volume_property = vtkVolumeProperty()
+    material: Json = {}
+    if light := job["light"]:
+        material = {"shade": True, **{key: light[key] for key in ("ambient", "diffuse", "specular")}}
+        material["specular_power"] = light["shininess"] / (4 if setting["mapper"] == "gpu" else 1)
+    volume_property: Any = vtkVolumeProperty(scalar_opacity_unit_distance=1.0, **material)
     volume_property.SetColor(color)
     volume_property.SetScalarOpacity(opacity)
-    volume_property.SetScalarOpacityUnitDistance(1.0)
     volume_property.SetInterpolationTypeToLinear()
-    if light := job["light"]:
-        volume_property.ShadeOn()
-        volume_property.SetAmbient(light["ambient"])
-        volume_property.SetDiffuse(light["diffuse"])
-        volume_property.SetSpecular(light["specular"])
-        volume_property.SetSpecularPower(light["shininess"] / (4 if setting["mapper"] == "gpu" else 1))
     return volume_property
 
 
 def _make_mapper(setting: Json, image: Any, job: Json) -> Any:
     """Return a mapper that does not adapt to the time of a frame, and adds no jitter."""
     kinds = {"gpu": vtkOpenGLGPUVolumeRayCastMapper, "fixed point": vtkFixedPointVolumeRayCastMapper}
-    mapper: Any = kinds[setting["mapper"]]()
-    if setting["mapper"] == "gpu":
-        mapper.UseJitteringOff()
-    mapper.AutoAdjustSampleDistancesOff()
-    mapper.LockSampleDistanceToInputSpacingOff()
-    mapper.SetSampleDistance(setting["sample_distance"])
-    mapper.SetImageSampleDistance(setting["image_reduction"])
-    mapper.SetBlendMode(getattr(vtkVolumeMapper, job["blend"]))
+    options: Json = {"use_jittering": False} if setting["mapper"] == "gpu" else {}
     if job["window"]:
-        width, level = job["window"]
-        mapper.SetFinalColorWindow(width)
-        mapper.SetFinalColorLevel(level)
+        options["final_color_window"], options["final_color_level"] = job["window"]
+    mapper: Any = kinds[setting["mapper"]](
+        auto_adjust_sample_distances=False,
+        lock_sample_distance_to_input_spacing=False,
+        sample_distance=setting["sample_distance"],
+        image_sample_distance=setting["image_reduction"],
+        blend_mode=getattr(vtkVolumeMapper, job["blend"]),
+        **options,
+    )
     mapper.SetInputData(image)
     return mapper
 
@@ -121,36 +117,16 @@ def _make_mapper(setting: Json, image: Any, job: Json) -> Any:
 def _make_window(job: Json, volume_property: Any, mapper: Any) -> tuple[Any, Any]:
     world_from_image = vtkMatrix4x4()
     world_from_image.DeepCopy([number for row in job["world_from_image"] for number in row])
-    volume = vtkVolume()
-    volume.SetMapper(mapper)
-    volume.SetProperty(volume_property)
-    volume.SetUserMatrix(world_from_image)
-    renderer = vtkRenderer()
-    renderer.AddVolume(volume)
-    renderer.SetBackground(job["background"])
+    renderer = vtkRenderer(background=job["background"])
+    renderer.AddVolume(vtkVolume(mapper=mapper, property=volume_property, user_matrix=world_from_image))
     if job["light"]:
         renderer.SetTwoSidedLighting(job["light"]["two_sided"])
-        headlight = vtkLight()
+        headlight = vtkLight(ambient_color=(1, 1, 1))  # by default the fixed-point mapper leaves the ambient part out
         headlight.SetLightTypeToHeadlight()
-        headlight.SetAmbientColor(1, 1, 1)  # by default the fixed-point mapper leaves the ambient part out
         renderer.AddLight(headlight)
-    window = vtkRenderWindow()
-    window.SetOffScreenRendering(1)
-    window.SetMultiSamples(0)
+    window = vtkRenderWindow(off_screen_rendering=True, multi_samples=0)
     window.AddRenderer(renderer)
     return window, renderer
-
-
-def _set_camera(window: Any, renderer: Any, view: Json) -> None:
-    window.SetSize(view["size"])
-    camera = renderer.GetActiveCamera()
-    camera.SetPosition(view["eye"])
-    camera.SetFocalPoint(view["focus"])
-    camera.SetViewUp(view["up"])
-    camera.SetParallelProjection(view["is_parallel"])
-    camera.SetParallelScale(view["half_height"])
-    camera.SetViewAngle(view["angle_deg"])
-    camera.SetClippingRange(view["clipping"])
 
 
 def _draw(window: Any, renderer: Any) -> tuple[npt.NDArray[np.uint8], float]:
