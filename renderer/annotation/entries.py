@@ -13,7 +13,7 @@ import numpy as np
 
 from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts
 from renderer.annotation.numbers import find_ticks, length_text, plain_text, round_below
-from renderer.annotation.sketch import Sketch, polygon, widen
+from renderer.annotation.sketch import Sketch, grown, polygon, widen
 from renderer.annotation.text import Font
 from renderer.errors import InputError
 from renderer.scene import Color, ColorBarSpec, EntrySpec, LogoSpec, Vector, fill_format, require_file
@@ -108,7 +108,7 @@ def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) ->
             mask, row, column = polygon(corners)
             whole.color(mask, color, row, column)
         line = pen.font.line(name, letter_px)
-        letter, beyond = np.pad(line.mask, rim), reach + 0.75 * letter_px / max(length, 0.3)  # beside the tip
+        letter, beyond = grown(line.mask, rim, rim), reach + 0.75 * letter_px / max(length, 0.3)  # beside the tip
         row = min(max(round(side / 2 + beyond * down - line.baseline / 2) - rim, 0), side - letter.shape[0])
         column = min(max(round(side / 2 + beyond * across - line.mask.shape[1] / 2) - rim, 0), side - letter.shape[1])
         whole.erase(widen(letter, rim), row, column)

@@ -69,7 +69,7 @@ class Sketch:
         more = max(row + height - self.height, 0), max(column + width - self.width, 0)
         if any(more):
             require_room(self.height + more[0], self.width + more[1])
-            self.ink, self.paint = _grown(self.ink, 0, *more), _grown(self.paint, 0, *more)
+            self.ink, self.paint = grown(self.ink, 0, *more), grown(self.paint, 0, *more)
         return slice(row, row + height), slice(column, column + width)
 
     def finish(self, color: Color, rim: int) -> Float32:
@@ -78,7 +78,7 @@ class Sketch:
         The rim makes the drawing readable over anything, and shows only where it is needed.
         """
         opposite = (0.0, 0.0, 0.0) if is_light(color) else (1.0, 1.0, 1.0)
-        ink, paint = (_grown(each, rim, rim) for each in (self.ink, self.paint))
+        ink, paint = (grown(each, rim, rim) for each in (self.ink, self.paint))
         layers = _over(_colored(widen(np.maximum(ink, paint[..., 3]), rim), opposite), _colored(ink, color))
         return np.asarray(_over(layers, paint) / np.float32(255), np.float32)
 
@@ -109,7 +109,7 @@ def _over(below: UInt8, above: UInt8) -> UInt8:
 
 def widen(mask: UInt8, rim: int) -> UInt8:
     """Return a mask that is wider by `rim` pixels on each side, and softer there."""
-    (height, width), padded, side = mask.shape, _grown(mask, rim, rim), (rim + 1) ** 2
+    (height, width), padded, side = mask.shape, grown(mask, rim, rim), (rim + 1) ** 2
     by_weight: dict[int, UInt8] = {}
     for down in range(2 * rim + 1):
         for across in range(2 * rim + 1):
@@ -121,7 +121,7 @@ def widen(mask: UInt8, rim: int) -> UInt8:
     return np.asarray(np.maximum.reduce(scaled))
 
 
-def _grown(array: UInt8, before: int, after: int, across: int | None = None) -> UInt8:
+def grown(array: UInt8, before: int, after: int, across: int | None = None) -> UInt8:
     """Return rows and columns with zeros around them; `across` columns at the end, where these are others than rows."""
     more = before + (after if across is None else across)
     larger = np.zeros((len(array) + before + after, array.shape[1] + more, *array.shape[2:]), np.uint8)

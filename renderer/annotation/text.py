@@ -6,7 +6,7 @@ from the right to the left need a shaping library, which machines may lack.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +26,7 @@ _TALL, _DEEP = "Hdl", "gpq"
 # No font has a glyph for this code point, which will never be a character.
 _NO_CHARACTER = "\U0010ffff"
 _LONGEST = 300
+_KEPT_LINES = 32
 
 
 class Line(NamedTuple):
@@ -36,7 +37,7 @@ class Line(NamedTuple):
 
 
 class Font:
-    """A font, in any size."""
+    """A font, in any size. line: as `_line`, which it keeps the last ones of."""
 
     def __init__(self, file: Path | None) -> None:
         """Read a font; without a file, the one that comes with hsplat. Raises InputError."""
@@ -44,9 +45,10 @@ class Font:
         require_file(file, "a font")
         self._file, self._content = file, read_bounded(file, MAX_FONT_BYTES, "a font")
         self._sized, self._has = cache(self._at_size), cache(self._has_glyph)
+        self.line = lru_cache(_KEPT_LINES)(self._line)
         self.line(_TALL, 9)
 
-    def line(self, text: str, px: int) -> Line:
+    def _line(self, text: str, px: int) -> Line:
         """Return a line of text whose em is `px` pixels high. What is not printable is escaped.
 
         Raises InputError for what the font cannot draw.

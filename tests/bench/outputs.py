@@ -17,8 +17,8 @@ from renderer.film import Picture, decode_png, frame_path, open_films
 from renderer.scene import Scene, parse_scene, scene_to_dict
 
 PAGE = PAGES / "outputs.md"
-SUBJECTS = ("engine, CT", "bonsai, CT", "head, T1 of CIT168", "hydrogen atom")
-SIZE, FRAMES, REPEATS = 512, 30, 5
+SUBJECTS = ("engine, CT", "bonsai, CT", "head, T1 of CIT168")
+SIZE, FRAMES, REPEATS = 512, 40, 3
 ANNOTATION = {"title": "A title"} | dict.fromkeys(("time", "color_bar", "scale_bar", "accuracy", "orientation"), True)
 COLUMNS = "film | one file, s | three, s | encoders of two alone, s | three / (one + encoders) | annotated / one"
 
