@@ -128,7 +128,6 @@ def _read_logo(file: Path, height: int) -> UInt8:
     """Return a picture at this height: premultiplied RGBA, uint8 [h, w, 4]. Raises InputError."""
     from PIL import Image
 
-    Image.MAX_IMAGE_PIXELS = None  # the size is checked below
     expected = "a picture: PNG, JPEG or WebP"
     require_file(file, expected)
     try:
@@ -139,7 +138,7 @@ def _read_logo(file: Path, height: int) -> UInt8:
             width = max(round(height * picture.width / picture.height), 1)
             # Colours of transparent pixels do not count, and no weight is negative: nothing rings.
             scaled = picture.convert("RGBA").convert("RGBa").resize((width, height), Image.Resampling.HAMMING)
-    except (OSError, SyntaxError, ValueError) as error:
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise InputError("this picture cannot be decoded", where=str(file), expected=expected) from error
     return np.array(scaled)
 
