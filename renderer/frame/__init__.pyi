@@ -14,6 +14,7 @@ from .pipeline import (
 )
 from .preparation import (
     FilmVolumes as FilmVolumes,
+    StageMaker as StageMaker,
     read_film_volumes as read_film_volumes,
     seconds_for_layer as seconds_for_layer,
 )

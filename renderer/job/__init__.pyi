@@ -23,7 +23,11 @@ from .film_making import (
     make_film as make_film,
     one_pass as one_pass,
 )
-from .film_visibility import visibility_text as visibility_text
+from .film_visibility import (
+    film_visibility as film_visibility,
+    range_record as range_record,
+    visibility_text as visibility_text,
+)
 from .fingerprint import describe_differences as describe_differences
 from .inputs import (
     expand_pattern as expand_pattern,

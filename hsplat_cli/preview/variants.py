@@ -1,0 +1,90 @@
+"""Draw variants of a scene, each with the lines that make it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from hsplat_cli.preview.studio import Shot, Studio
+from hsplat_cli.scenes import look_lines
+from renderer.accuracy import typical_psnr
+from renderer.frame import Stage
+from renderer.scene import Scene, format_value, with_tolerance
+from renderer.suggest import Wish, compute_statistics, suggest_read
+from renderer.volume import Volume, make_volume
+
+_FACTORS = (0.5, 1.0, 2.0)
+_TOLERANCES = (1.0, 0.3, 0.1)
+# Words of --preset by what the kind of data begins with, or has in it.
+_PRESETS = {
+    "CT": ("bone", "vessels", "skin", "xray"),
+    "scan": ("surface", "xray", "glow"),
+    "object": ("surface", "xray", "glow"),
+    "field": ("surface", "glow"),
+    "density": ("xray", "glow"),
+}
+# The samples along each axis by which looks are suggested, and from which they are drawn.
+_MOST_SAMPLES = 96
+
+
+def variants(studio: Studio, stage: Stage, frame: int) -> Iterator[tuple[str, list[Shot]]]:
+    """Yield rows of variants of a stage's scene, which is plain: a heading, and pictures of a frame."""
+    scene = stage.scene
+    if not scene.mode.is_projection:
+        yield "Opacity", [_denser(studio, stage, frame, factor) for factor in _FACTORS]
+    yield "Tolerance", [_coarser(studio, scene, frame, tolerance) for tolerance in _TOLERANCES]
+    if looks := [*_looks(studio, stage, frame)]:
+        yield "Looks", looks
+
+
+def _denser(studio: Studio, stage: Stage, frame: int, factor: float) -> Shot:
+    """Draw the scene with all extinctions times a factor."""
+    scene, caption = stage.scene, f"opacity × {factor:g}"
+    if scene.volumes:
+        lines = "\n".join(
+            f"volumes.{number}.weight: {format_value(float(f'{factor * layer.weight:.6g}'))}"
+            for number, layer in enumerate(scene.layers)
+        )
+    else:
+        section = "transfer_function" if scene.transfer_function.labels is None else "labels"
+        unit = float(f"{stage.layers[0].transfer.unit / factor:.6g}")
+        lines = f"{section}:\n  unit: {format_value(unit)}"
+        if scene.needs_opengl:
+            denser = replace(scene, transfer_function=replace(scene.transfer_function, unit=unit))
+            return studio.shoot(denser, frame, caption, lines)
+    layers = tuple(replace(layer, weight=factor * layer.weight) for layer in scene.layers)
+    return studio.shoot(replace(scene, volumes=layers), frame, caption, lines)
+
+
+def _coarser(studio: Studio, scene: Scene, frame: int, tolerance: float) -> Shot:
+    psnr = "" if scene.needs_opengl else f", about {typical_psnr(tolerance):.0f} dB"
+    lines = f"error:\n  tolerance: {tolerance:g}"
+    return studio.shoot(with_tolerance(scene, tolerance), frame, f"tolerance {tolerance:g}{psnr}", lines)
+
+
+def _looks(studio: Studio, stage: Stage, frame: int) -> Iterator[Shot]:
+    """Draw the only volume as presets show it that suit its kind, from some of its voxels."""
+    scene, (layer, *others) = stage.scene, stage.layers
+    is_plain = not (others or scene.needs_opengl or scene.mode.is_projection or layer.volume.is_labels)
+    if not is_plain or scene.volume.has_colors or layer.volume.mask is not None:
+        return
+    volume = _sampled(layer.volume)
+    statistics = compute_statistics(volume.values)
+    kind = suggest_read(scene.volume, volume, statistics, Wish()).suggestion.kind
+    words = next((words for part, words in _PRESETS.items() if part in kind), ())
+    for word in words:
+        found = suggest_read(scene.volume, volume, statistics, Wish(preset=word))
+        clip = () if scene.clip else found.suggestion.clip
+        lines = "\n".join(look_lines(replace(found.suggestion, clip=clip)))
+        yield studio.shoot(found.applied_to(scene), frame, f"--preset {word}", lines, volume)
+
+
+def _sampled(volume: Volume) -> Volume:
+    """Return every n-th voxel along each axis."""
+    z, y, x = (-(-side // _MOST_SAMPLES) for side in volume.values.shape)
+    values = np.ascontiguousarray(volume.values[::z, ::y, ::x])
+    num_absent = int(np.count_nonzero(np.isnan(values)))
+    volume.require_unchanged()
+    return make_volume(values, volume.world_from_index @ np.diag([x, y, z, 1.0]), volume.name, num_absent=num_absent)
