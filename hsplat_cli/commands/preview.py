@@ -37,11 +37,18 @@ from renderer.suggest import FilmOptions
     help="Write to this page.  [default: NAME.html in the current folder]",
 )
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of the scene.")
+@click.option("--volume", type=FILE, metavar="FILE", help="Take the volume of a scene from this file.")
 @film_options
 @volume_options()
 @quiet_option()
 def preview(
-    *, source: Path, output: Path | None, overrides: tuple[str, ...], reporter: Reporter, **options: Any
+    *,
+    source: Path,
+    output: Path | None,
+    overrides: tuple[str, ...],
+    volume: Path | None,
+    reporter: Reporter,
+    **options: Any,
 ) -> None:
     """Show a scene or a volume on one page, before its film is made.
 
@@ -54,13 +61,15 @@ def preview(
     page = Path(f"{name}.html") if output is None else output
     if is_scene:
         _require_no_options(options)
-        job = load_job(SceneRequest(source, overrides), "nothing")
+        job = load_job(SceneRequest(source, overrides, volume), "nothing")
         _require_page(page, job.input_files())
     else:
-        film, volume = FilmOptions.of(options), volume_spec(source, options)
-        _require_page(page, chain.from_iterable(map(volume_files, filter(None, (volume, film.under)))))
+        if volume is not None:
+            raise InputError("this is for a scene", where="--volume", got=f"the volume {source}")
+        film, spec = FilmOptions.of(options), volume_spec(source, options)
+        _require_page(page, chain.from_iterable(map(volume_files, filter(None, (spec, film.under)))))
         scene = Path(f"{name}.yaml")
-        text, _ = suggest_scene(volume, film, reporter, scene=scene, output=Path(f"{name}.mp4"))
+        text, _ = suggest_scene(spec, film, reporter, scene=scene, output=Path(f"{name}.mp4"))
         job = load_job(SceneRequest(scene, overrides, content=text.encode()), "nothing")
     # Imported here to keep --help fast.
     from hsplat_cli.preview import NUM_PARTS, preview_page

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from PIL import Image
@@ -58,7 +59,7 @@ def chart_of(layer: Layer, visibility: FilmVisibility | None) -> Chart:
     largest = float(opacities.max())
     across = _across(scalars, low, high)
     return Chart(
-        name=layer.spec.name or volume.name,
+        name=layer.spec.name or Path(volume.name).name,
         is_labels=volume.is_labels,
         bars=_bars(counts, _across(edges, low, high)),
         curve=_line(across, HEIGHT * (1 - 0.95 * opacities / (largest or 1.0))),

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hsplat_cli.preview.charts import HEIGHT, SEEN_HEIGHT, WIDTH, chart_of
-from hsplat_cli.preview.studio import Shot, Studio, pixels_of, shot_of, small_scene
+from hsplat_cli.preview.studio import TOLERANCE, Shot, Studio, pixels_of, shot_of, small_scene
 from hsplat_cli.preview.variants import variants
 from hsplat_cli.reports import render_page, webp_data_uri
 from renderer.accuracy import is_loop, scalar_ranges, spread_evenly
@@ -57,6 +57,8 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
         turn_columns=_TURN_COLUMNS,
         charts=charts,
         num_layers=num_layers,
+        tolerance="its tolerance" if film.error.goal is None else f"tolerance {TOLERANCE:g} in place of its goal",
+        shares_known=visibility is not None,
         width=WIDTH,
         height=HEIGHT,
         seen_height=SEEN_HEIGHT,

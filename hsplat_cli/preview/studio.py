@@ -21,7 +21,7 @@ from renderer.system import num_cores
 from renderer.volume import Volume
 
 # In place of a goal, for which films search.
-_TOLERANCE = 0.1
+TOLERANCE = 0.1
 # What differs less from the background, of 255, is not seen.
 _UNSEEN = 2
 
@@ -68,7 +68,7 @@ def small_scene(scene: Scene, side: int, *, is_annotated: bool = False) -> Scene
     factor = side / max(scene.output.size)
     width, height = (max(1, round(each * factor)) for each in scene.output.size)
     rate, background = scene.output.frames_per_second, scene.output.background
-    scene = scene if scene.error.goal is None else with_tolerance(scene, _TOLERANCE)
+    scene = scene if scene.error.goal is None else with_tolerance(scene, TOLERANCE)
     annotation = scene.annotation if is_annotated else AnnotationSpec()
     return replace(
         scene, annotation=annotation, output=OutputSpec(Path("{frame}.png"), (width, height), rate, background)

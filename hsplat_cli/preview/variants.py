@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,8 @@ from hsplat_cli.preview.studio import Shot, Studio
 from hsplat_cli.scenes import look_lines
 from renderer.accuracy import typical_psnr
 from renderer.frame import Stage
-from renderer.scene import Scene, format_value, with_tolerance
+from renderer.layers import Layer
+from renderer.scene import Scene, with_tolerance
 from renderer.suggest import Wish, compute_statistics, suggest_read
 from renderer.volume import Volume, make_volume
 
@@ -25,32 +26,32 @@ _PRESETS = {
     "field": ("surface", "glow"),
     "density": ("xray", "glow"),
 }
-# The samples along each axis by which looks are suggested, and from which they are drawn.
-_MOST_SAMPLES = 96
+# The voxels along each axis from which looks are suggested, and drawn.
+_MOST_LOOKED_AT, _MOST_DRAWN = 64, 128
 
 
 def variants(studio: Studio, stage: Stage, frame: int) -> Iterator[tuple[str, list[Shot]]]:
     """Yield rows of variants of a stage's scene, which is plain: a heading, and pictures of a frame."""
-    scene = stage.scene
+    scene = replace(stage.scene, camera=stage.camera)  # all are seen from one place
     if not scene.mode.is_projection:
-        yield "Opacity", [_denser(studio, stage, frame, factor) for factor in _FACTORS]
+        yield (
+            "Opacity",
+            [_denser(studio, scene, stage.layers[0].transfer.unit / factor, frame, factor) for factor in _FACTORS],
+        )
     yield "Tolerance", [_coarser(studio, scene, frame, tolerance) for tolerance in _TOLERANCES]
-    if looks := [*_looks(studio, stage, frame)]:
+    if looks := [*_looks(studio, scene, stage.layers, frame)]:
         yield "Looks", looks
 
 
-def _denser(studio: Studio, stage: Stage, frame: int, factor: float) -> Shot:
-    """Draw the scene with all extinctions times a factor."""
-    scene, caption = stage.scene, f"opacity × {factor:g}"
+def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float) -> Shot:
+    """Draw the scene with all extinctions times a factor. unit: of a transfer function that does the same."""
+    caption = f"opacity × {factor:g}"
     if scene.volumes:
-        lines = "\n".join(
-            f"volumes.{number}.weight: {format_value(float(f'{factor * layer.weight:.6g}'))}"
-            for number, layer in enumerate(scene.layers)
-        )
+        weights = [f"  - weight: {factor * layer.weight:.6g}" for layer in scene.volumes]
+        lines = "\n".join(["volumes:", *weights])
     else:
         section = "transfer_function" if scene.transfer_function.labels is None else "labels"
-        unit = float(f"{stage.layers[0].transfer.unit / factor:.6g}")
-        lines = f"{section}:\n  unit: {format_value(unit)}"
+        lines = f"{section}:\n  unit: {unit:.6g}"
         if scene.needs_opengl:
             denser = replace(scene, transfer_function=replace(scene.transfer_function, unit=unit))
             return studio.shoot(denser, frame, caption, lines)
@@ -64,13 +65,13 @@ def _coarser(studio: Studio, scene: Scene, frame: int, tolerance: float) -> Shot
     return studio.shoot(with_tolerance(scene, tolerance), frame, f"tolerance {tolerance:g}{psnr}", lines)
 
 
-def _looks(studio: Studio, stage: Stage, frame: int) -> Iterator[Shot]:
+def _looks(studio: Studio, scene: Scene, layers: Sequence[Layer], frame: int) -> Iterator[Shot]:
     """Draw the only volume as presets show it that suit its kind, from some of its voxels."""
-    scene, (layer, *others) = stage.scene, stage.layers
+    layer, *others = layers
     is_plain = not (others or scene.needs_opengl or scene.mode.is_projection or layer.volume.is_labels)
     if not is_plain or scene.volume.has_colors or layer.volume.mask is not None:
         return
-    volume = _sampled(layer.volume)
+    volume, drawn = _sampled(layer.volume, _MOST_LOOKED_AT), _sampled(layer.volume, _MOST_DRAWN)
     statistics = compute_statistics(volume.values)
     kind = suggest_read(scene.volume, volume, statistics, Wish()).suggestion.kind
     words = next((words for part, words in _PRESETS.items() if part in kind), ())
@@ -78,12 +79,12 @@ def _looks(studio: Studio, stage: Stage, frame: int) -> Iterator[Shot]:
         found = suggest_read(scene.volume, volume, statistics, Wish(preset=word))
         clip = () if scene.clip else found.suggestion.clip
         lines = "\n".join(look_lines(replace(found.suggestion, clip=clip)))
-        yield studio.shoot(found.applied_to(scene), frame, f"--preset {word}", lines, volume)
+        yield studio.shoot(found.applied_to(scene), frame, f"--preset {word}", lines, drawn)
 
 
-def _sampled(volume: Volume) -> Volume:
-    """Return every n-th voxel along each axis."""
-    z, y, x = (-(-side // _MOST_SAMPLES) for side in volume.values.shape)
+def _sampled(volume: Volume, most: int) -> Volume:
+    """Return every n-th voxel along each axis, which has at most so many."""
+    z, y, x = (-(-side // most) for side in volume.values.shape)
     values = np.ascontiguousarray(volume.values[::z, ::y, ::x])
     num_absent = int(np.count_nonzero(np.isnan(values)))
     volume.require_unchanged()

@@ -85,7 +85,7 @@ def test_wrong_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr() == (
         "",
         "hsplat has no command 'chekc'\n"
-        "  expected: render, assemble, verify, cite, check, init, turntable, measure, paper, golden, compare, info\n"
+        "  expected: render, assemble, verify, cite, check, init, preview, turntable, measure, paper, golden, compare, info\n"
         "  hint: did you mean check?\n",
     )
 
