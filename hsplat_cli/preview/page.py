@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from hsplat_cli.preview.charts import HEIGHT, SEEN_HEIGHT, WIDTH, chart_of
-from hsplat_cli.preview.studio import TOLERANCE, Shot, Studio, pixels_of, shot_of, small_scene
+from hsplat_cli.preview.charts import chart_of
+from hsplat_cli.preview.studio import TOLERANCE, Shot, Studio, shot_of, small_scene
 from hsplat_cli.preview.variants import variants
-from hsplat_cli.reports import render_page, webp_data_uri
+from hsplat_cli.reports import render_page
 from renderer.accuracy import is_loop, scalar_ranges, spread_evenly
 from renderer.draw import open_rasterizer
 from renderer.job import FilmJob, FilmVisibility, film_visibility, range_record, require_annotation, visibility_text
-from renderer.scene import Scene, TurntablePath, counted, min_tolerance, with_tolerance
+from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tolerance, with_tolerance
 
 # Of the calls of `advance`.
 NUM_PARTS = 4
@@ -46,22 +46,17 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
             charts = [chart_of(layer, visibility) for layer in stage.layers[:_MOST_CHARTS]]
             advance("values")
             rows = [*variants(studio, stage, frame)]
-            num_layers = len(stage.layers)
         advance("variants")
     return render_page(
         "preview.html",
         title=title,
         facts=_facts(job),
+        tolerance="its tolerance" if film.error.goal is None else f"tolerance {TOLERANCE:g} in place of its goal",
         sheet=sheet,
         turn=turn,
-        turn_columns=_TURN_COLUMNS,
+        columns=_TURN_COLUMNS,
         charts=charts,
-        num_layers=num_layers,
-        tolerance="its tolerance" if film.error.goal is None else f"tolerance {TOLERANCE:g} in place of its goal",
-        shares_known=visibility is not None,
-        width=WIDTH,
-        height=HEIGHT,
-        seen_height=SEEN_HEIGHT,
+        num_layers=len(still.layers),
         hidden="" if visibility is None else visibility_text(visibility),
         variants=rows,
         frame=frame,
@@ -85,28 +80,26 @@ def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | N
         require_annotation(stage, frames)
         ranges = scalar_ranges(stage)
         drawn = studio.draw(stage, frames, _RAYS_A_FRAME if ranges else 0)
-    visibility = film_visibility([each.record for each in drawn], [*map(range_record, ranges)])
     shots = [
         shot_of(each, scene.at(number).output.background, f"frame {number}", side=_FRAME_PX)
         for number, each in zip(frames, drawn, strict=True)
     ]
-    return shots, visibility
+    return shots, film_visibility([each.record for each in drawn], [*map(range_record, ranges)])
 
 
 def _turn(studio: Studio, still: Scene) -> Shot:
     """Draw a turn around the target, all frames in one picture, row by row."""
-    camera, path = still.camera, still.camera.path
+    camera = replace(still.camera, loop="restart")
+    path = camera.path.pieces[0] if isinstance(camera.path, PathSequence) else camera.path
     if isinstance(path, TurntablePath):
-        camera = replace(camera, path=replace(path, frames=_NUM_TURNED), loop="restart")
+        camera = replace(camera, path=replace(path, frames=_NUM_TURNED))
     else:
-        path = TurntablePath(_NUM_TURNED, elevation=_ELEVATION, axis=getattr(path, "axis", TurntablePath.axis))
-        camera = replace(camera, path=path, distance=None, loop="restart")
+        axis = getattr(path, "axis", TurntablePath.axis)
+        camera = replace(camera, path=TurntablePath(_NUM_TURNED, elevation=_ELEVATION, axis=axis), distance=None)
     scene = with_tolerance(still, max(_TURN_TOLERANCE, min_tolerance(still.error)))
     with studio.stage(replace(scene, camera=camera)) as stage:
-        drawn = studio.draw(stage, range(_NUM_TURNED))
-    pixels = np.stack([pixels_of(each) for each in drawn])
-    first = shot_of(drawn[0], still.output.background, "")
-    num, height, width, channels = pixels.shape
-    rows = pixels.reshape(num // _TURN_COLUMNS, _TURN_COLUMNS, height, width, channels).swapaxes(1, 2)
-    uri = webp_data_uri(np.ascontiguousarray(rows.reshape(-1, _TURN_COLUMNS * width, channels)))
-    return replace(first, uri=uri, caption=counted(num, "picture"))
+        shots = [shot_of(each, still.output.background, "") for each in studio.draw(stage, range(_NUM_TURNED))]
+    rows = [
+        np.hstack([shot.pixels for shot in shots[k : k + _TURN_COLUMNS]]) for k in range(0, _NUM_TURNED, _TURN_COLUMNS)
+    ]
+    return replace(shots[0], pixels=np.vstack(rows), caption=str(_NUM_TURNED))

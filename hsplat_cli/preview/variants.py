@@ -40,7 +40,7 @@ def variants(studio: Studio, stage: Stage, frame: int) -> Iterator[tuple[str, li
         )
     yield "Tolerance", [_coarser(studio, scene, frame, tolerance) for tolerance in _TOLERANCES]
     if looks := [*_looks(studio, scene, stage.layers, frame)]:
-        yield "Looks", looks
+        yield "Other looks, of some of the voxels", looks
 
 
 def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float) -> Shot:
@@ -79,7 +79,7 @@ def _looks(studio: Studio, scene: Scene, layers: Sequence[Layer], frame: int) ->
         found = suggest_read(scene.volume, volume, statistics, Wish(preset=word))
         clip = () if scene.clip else found.suggestion.clip
         lines = "\n".join(look_lines(replace(found.suggestion, clip=clip)))
-        yield studio.shoot(found.applied_to(scene), frame, f"--preset {word}", lines, drawn)
+        yield studio.shoot(found.applied_to(scene), frame, f"--preset {word}", lines, [drawn])
 
 
 def _sampled(volume: Volume, most: int) -> Volume:

@@ -88,8 +88,8 @@ def require_page_packages() -> None:
 def render_page(template: str, *, title: str, **values: object) -> str:
     """Return the page of a template of this package; every value but Markup is escaped, and all is printable.
 
-    values: the template's variables; a missing one raises jinja2.UndefinedError. Templates have the
-    filters `data_uri` for uint8 pixels, `sort_key` for numbers, and `svg(name, alt)` for matplotlib figures, inside
+    values: the template's variables; a missing one raises jinja2.UndefinedError. Templates have the filters `data_uri`
+    and `webp_uri` for uint8 pixels, `sort_key` for numbers, and `svg(name, alt)` for matplotlib figures, inside
     `plot_style`.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -102,7 +102,12 @@ def render_page(template: str, *, title: str, **values: object) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"data_uri": png_data_uri, "sort_key": sort_key, "svg": figure_to_svg}
+    environment.filters |= {
+        "data_uri": png_data_uri,
+        "webp_uri": webp_data_uri,
+        "sort_key": sort_key,
+        "svg": figure_to_svg,
+    }
     text: str = environment.get_template(template).render(title=title, palette=PALETTE, **values)
     return join_lines(text.split("\n"))
 

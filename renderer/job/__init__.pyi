@@ -46,6 +46,7 @@ from .record import (
     FilmRecord as FilmRecord,
     FilmVisibility as FilmVisibility,
     FrameRecord as FrameRecord,
+    VisibleRange as VisibleRange,
     late_frame_problems as late_frame_problems,
     parse_film_record as parse_film_record,
     record_to_json as record_to_json,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
+import json
 import re
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from small_scene import contents, small_scene
 
 from hsplat_cli import main
 from renderer.scene import parse_scene
+from renderer.suggest import PRESET_WORDS
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -25,14 +27,17 @@ SCENE = small_scene(frames=5, size="64, 48", error="tolerance: {0: 0.5, 4: 0.1}"
 HOSTILE = "<script>alert('x')</script> {{ 7 * 7 }} \"&"
 TWO = f"""
 volumes:
-  - {{name: {HOSTILE.replace(" ", "_")!r}, procedural: {{name: engine_block, shape: [16, 16, 8]}}, color: red, range: [50, 200]}}
+  - {{name: {json.dumps(HOSTILE)}, procedural: {{name: engine_block, shape: [16, 16, 8]}}, color: red, range: [50, 200]}}
   - {{file: labels.npy, labels: {{show: [1, 2]}}, weight: 0.5}}
-annotation: {{title: {HOSTILE.replace("'", "")!r}, scale_bar: true}}
+annotation: {{title: {json.dumps(HOSTILE)}, scale_bar: true}}
 camera: {{path: [{{type: rocker, frames: 9}}, {{type: hold, frames: 4}}], loop: ping-pong}}
 error: {{psnr: 40}}
-output: {{file: film.mp4, size: [64, 48], background: [white, navy]}}
+output: {{file: film.mp4, size: [64, 48], background: {{top: white, bottom: navy}}}}
 """  # noqa: E501
-MOVING = SCENE.replace("elevation: 20", "elevation: {0: 0, 4: 60}") + "splat: {footprint: gaussian}\n"
+MOVING = SCENE.replace("elevation: 20", "elevation: {0: 0, 4: 60}").replace(
+    "film.mp4", "film.webp\n  background: transparent"
+)
+MOVING += "splat: {footprint: gaussian}\n"
 
 
 def page_of(source: str, *options: str) -> str:
@@ -63,25 +68,26 @@ def test_a_scene_and_the_lines_of_its_variants() -> None:
     for sections in lines_of(text):
         merged = {key: {**(tree.get(key) or {}), **value} for key, value in sections.items() if isinstance(value, dict)}
         parse_scene({**tree, **sections, **merged}, base=Path())
-    (unit,) = lines_of(text)[2]["transfer_function"].values()  # type: ignore[attr-defined]
-    twice = page_of("scene.yaml", "--set", f"transfer_function.unit={unit}")
+    assert lines_of(text)[2] == {"transfer_function": {"unit": 0.5}}
+    twice = page_of("scene.yaml", "--set", "transfer_function.unit=0.5")
     assert np.abs(picture_of(twice, "opacity × 1") - picture_of(text, "opacity × 2")).mean() < 0.5
     assert np.abs(picture_of(text, "opacity × 1") - picture_of(text, "opacity × 2")).mean() > 2
     assert "a turn in 36 pictures" in Page(text).prose.lower() and "from 90" in Page(text).prose
 
 
 def test_volumes_labels_and_what_moves() -> None:
-    np.save("head.npy", head_in_hounsfield_units(32))
-    labels = (ball((0, 0, 0), 0.8, 24) + ball((0, 0, 0.3), 0.4, 24)).astype(np.uint8)
-    np.save("labels.npy", labels)
-    assert all(f"--preset {word}" in page_of("head.npy") for word in ("bone", "vessels", "skin", "xray"))
-    text = page_of("labels.npy", "--background", "transparent", "--size", "64")
-    assert "label 2" in text and "Looks" not in text
+    np.save("head.npy", head_in_hounsfield_units())
+    labels = 1 * ball((0, 0, 0), 0.8, 24) + ball((0, 0, 0.3), 0.4, 24)
+    np.save("labels.npy", labels.astype(np.uint8))
+    text = page_of("head.npy")
+    assert [word for word in PRESET_WORDS if f"--preset {word}" in text] == ["bone", "vessels", "skin", "xray"]
+    text = page_of("labels.npy", "--size", "64")
+    assert "label 2" in text and "--preset" not in text
     Path("two.yaml").write_text(TWO, encoding="utf-8")
     text = page_of("two.yaml")
     assert (
-        "frame 0" in text
-        and "in place of its goal" in text
+        "in place of its goal" in text
+        and HOSTILE in Page(text).prose
         and lines_of(text)[2] == {"volumes": [{"weight": 2}, {"weight": 1}]}
     )
     Path("moving.yaml").write_text(MOVING, encoding="utf-8")
@@ -93,7 +99,6 @@ def test_volumes_labels_and_what_moves() -> None:
     [
         (["scan.npy", "-o", "page.txt"], "not a name for a report"),
         (["scan.npy", "-o", "link.html"], "this output would overwrite an input"),
-        (["scan.npy", "--volume", "scan.npy"], "--volume: this is for a scene"),
         (["scene.yaml", "--frames", "9"], "--frames: this is for a volume without a scene"),
         (["scan.npy", "--set", "output.size=[0, 8]"], "output.size.0"),
     ],

@@ -1,6 +1,6 @@
 // A picture of many frames, row by row, behind a window: a slider, or dragging, chooses which one is seen.
 const turn = document.querySelector(".turn"), slider = turn.querySelector("input"), view = turn.querySelector(".window");
-const number = Number(slider.max) + 1, columns = {{ turn_columns }};
+const number = Number(slider.max) + 1, columns = {{ columns }};
 const show = () => {
   const at = slider.valueAsNumber, angle = `${Math.round((360 * at) / number)}°`;
   view.firstElementChild.style.transform =
