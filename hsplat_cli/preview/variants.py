@@ -22,7 +22,6 @@ _TOLERANCES = (1.0, 0.3, 0.1)
 _PRESETS = {
     "CT": ("bone", "vessels", "skin", "xray"),
     "scan": ("surface", "xray", "glow"),
-    "object": ("surface", "xray", "glow"),
     "field": ("surface", "glow"),
     "density": ("xray", "glow"),
 }
