@@ -18,12 +18,12 @@ from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tole
 
 # Of the calls of `advance`.
 NUM_PARTS = 4
+# Numbers of pictures, and the lengths of their longer sides; annotation is drawn in larger ones, which are reduced.
 _NUM_FRAMES, _FRAME_PX, _ANNOTATED_PX = 12, 192, 512
-_NUM_TURNED, _TURN_PX, _TURN_COLUMNS = 36, 256, 6
-_VARIANT_PX = 256
-# Turning needs no more.
-_TURN_TOLERANCE = 0.3
-_ELEVATION = 20.0
+_NUM_TURNED, _TURN_COLUMNS = 36, 6
+_OTHERS_PX = 256
+# The tolerance of turning pictures, unless the scene's is larger, and their elevation, unless the film is a turntable.
+_TURN_TOLERANCE, _ELEVATION = 0.3, 20.0
 _RAYS_A_FRAME = 96
 _MOST_CHARTS = 8
 
@@ -39,7 +39,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
         studio = Studio(rasterizer)
         sheet, visibility = _sheet(studio, job)
         advance("frames")
-        still = small_scene(film.at(frame), _VARIANT_PX)
+        still = small_scene(film.at(frame), _OTHERS_PX)
         turn = _turn(studio, still)
         advance("turning")
         with studio.stage(still) as stage:

@@ -18,7 +18,7 @@ from renderer.volume import Volume, make_volume
 
 _FACTORS = (0.5, 1.0, 2.0)
 _TOLERANCES = (1.0, 0.3, 0.1)
-# Words of --preset by what the kind of data begins with, or has in it.
+# Words of --preset by a word in the kind of data.
 _PRESETS = {
     "CT": ("bone", "vessels", "skin", "xray"),
     "scan": ("surface", "xray", "glow"),
@@ -33,10 +33,8 @@ def variants(studio: Studio, stage: Stage, frame: int) -> Iterator[tuple[str, li
     """Yield rows of variants of a stage's scene, which is plain: a heading, and pictures of a frame."""
     scene = replace(stage.scene, camera=stage.camera)  # all are seen from one place
     if not scene.mode.is_projection:
-        yield (
-            "Opacity",
-            [_denser(studio, scene, stage.layers[0].transfer.unit / factor, frame, factor) for factor in _FACTORS],
-        )
+        unit = stage.layers[0].transfer.unit
+        yield "Opacity", [_denser(studio, scene, unit / factor, frame, factor) for factor in _FACTORS]
     yield "Tolerance", [_coarser(studio, scene, frame, tolerance) for tolerance in _TOLERANCES]
     if looks := [*_looks(studio, scene, stage.layers, frame)]:
         yield "Other looks, of some of the voxels", looks
