@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
-from renderer.accuracy import spread_evenly
 from renderer.annotation import AnnotationFacts, Annotator, ColorBar, FrameFacts, annotation_problems, draw_annotation
 from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
@@ -79,14 +79,20 @@ class PictureMaker:
 
 def require_annotation(film: Stage, frames: Sequence[int]) -> None:
     """Raise SceneError where some of the frames cannot have their annotation, in pictures of any kind."""
+    if not film.scene.annotation.entries:
+        return
+    # Imported here: exact rays, which are in the same room, take a while to load.
+    from renderer.accuracy import spread_evenly
+
     problems: list[Problem] = []
-    tried = spread_evenly(frames, _MOST_TRIED, is_loop=False)
-    for kind in film.scene.output.kinds if film.scene.annotation.entries else ():
-        stages = [(frame, film.at(frame)) for frame in tried]
-        shown = [
-            frame_facts(film.scene, stage, view_of(stage, frame), frame, kind, _ANY_ACCURACY) for frame, stage in stages
-        ]
-        problems += annotation_problems(film.scene.at(0).annotation, film_facts(stages[0][1], kind), shown)
+    for kind in film.scene.output.kinds:
+        shown = []
+        for frame in spread_evenly(frames, _MOST_TRIED, is_loop=False):
+            # With the layers of the first frame: those of others take a while to make.
+            scene = film.scene.at(frame)
+            stage = replace(film, scene=scene, distance=scene.camera.distance or film.distance, maker=None)
+            shown.append(frame_facts(film.scene, stage, view_of(stage, frame), frame, kind, _ANY_ACCURACY))
+        problems += annotation_problems(film.scene.at(0).annotation, film_facts(film, kind), shown)
     raise_problems(problems)
 
 
