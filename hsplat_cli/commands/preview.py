@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping
 from itertools import chain
 from pathlib import Path
@@ -38,6 +39,8 @@ from renderer.suggest import FilmOptions
 )
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of the scene.")
 @click.option("--volume", type=FILE, metavar="FILE", help="Take the volume of a scene from this file.")
+@click.option("--watch", "watches", is_flag=True, help="Draw a scene again whenever its file is saved.")
+@click.option("--serve", is_flag=True, help="As --watch, on a page of a server for this machine.")
 @film_options
 @volume_options()
 @quiet_option()
@@ -47,6 +50,8 @@ def preview(
     output: Path | None,
     overrides: tuple[str, ...],
     volume: Path | None,
+    watches: bool,
+    serve: bool,
     reporter: Reporter,
     **options: Any,
 ) -> None:
@@ -61,11 +66,17 @@ def preview(
     page = Path(f"{name}.html") if output is None else output
     if is_scene:
         _require_no_options(options)
-        job = load_job(SceneRequest(source, overrides, volume), "nothing")
+        request = SceneRequest(source, overrides, volume)
+        if watches or serve:
+            _watch(request, page, serve=serve, reporter=reporter)
+            return
+        job = load_job(request, "nothing")
         _require_page(page, job.input_files())
     else:
         if volume is not None:
             raise InputError("this is for a scene", where="--volume", got=f"the volume {source}")
+        if watches or serve:
+            raise InputError("this is for a scene", where="--watch", got=f"the volume {source}")
         film, spec = FilmOptions.of(options), volume_spec(source, options)
         _require_page(page, chain.from_iterable(map(volume_files, filter(None, (spec, film.under)))))
         scene = Path(f"{name}.yaml")
@@ -78,6 +89,22 @@ def preview(
         content = preview_page(job, f"Preview of {source.absolute().name}", bar.advance).encode()
     write_staged(page, content)
     reporter.line(f"page: {page}")
+
+
+def _watch(request: SceneRequest, page: Path, *, serve: bool, reporter: Reporter) -> None:
+    """Show a scene on a page, as long as nobody interrupts that."""
+    from hsplat_cli.preview import file_states, served_states, watch
+
+    title = request.path.absolute().name
+    with contextlib.suppress(KeyboardInterrupt):
+        if serve:
+            with served_states(title) as (address, show):
+                reporter.line(f"page: {address} (Ctrl-C ends it)")
+                watch(request, show)
+        _require_page(page, [request.path])
+        show = file_states(page, title)
+        reporter.line(f"page: {page} (Ctrl-C ends it)")
+        watch(request, show)
 
 
 def _require_no_options(options: Mapping[str, Any]) -> None:
