@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -33,21 +34,29 @@ _PAGE = "Write to this page.  [default: NAME.html in the current folder]"
 @click.option("-o", "--output", "page", type=OutputPath(dir_okay=False), metavar="FILE", help=_PAGE)
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of the scene.")
 @click.option("--volume", type=FILE, metavar="FILE", help="Take the volume of the scene from this file.")
+@click.option("--watch", "watches", is_flag=True, help="Draw a scene again whenever its file is saved.")
+@click.option("--serve", is_flag=True, help="As --watch, on a page that this machine alone can open.")
 @film_options
 @volume_options()
 @quiet_option()
-def preview(source: Path, page: Path | None, reporter: Reporter, **options: Any) -> None:
+def preview(*, source: Path, page: Path | None, watches: bool, serve: bool, reporter: Reporter, **options: Any) -> None:
     """Show a scene or a volume on one page, before its film is made.
 
     SCENE is a YAML file, or the JSON file beside a film; VOLUME a file, or a folder of slices, whose scene is
     suggested. The page needs no network: frames of the film, the object as it turns, histograms with what is seen of
     them, slices, and variants with the lines that make them. The other options are those of turntable, for a VOLUME.
+    With --watch it shows one picture of a SCENE, coarse at once and then finer, until Ctrl-C.
     """
     request = SceneRequest(source, options.pop("overrides"), options.pop("volume"))
     if source.suffix.lower() in (".yaml", ".yml", ".json"):
         name = base_name(source.with_suffix(""))
         _require_none_of(options)
+        if watches or serve:
+            _watch(request, page or Path(f"{name}.html"), serve=serve, reporter=reporter)
+            return
     else:
+        if watches or serve:
+            raise InputError("this is for a scene", where="--watch", got=f"the volume {source}")
         name = base_name(source)
         spec, scene = volume_spec(source, options), Path(f"{name}.yaml")
         text, _ = suggest_scene(spec, FilmOptions.of(options), reporter, scene=scene, output=Path(f"{name}.mp4"))
@@ -63,6 +72,22 @@ def preview(source: Path, page: Path | None, reporter: Reporter, **options: Any)
         content = preview_page(job, f"Preview of {source.absolute().name}", bar.advance).encode()
     write_staged(page, content)
     reporter.line(f"page: {page}")
+
+
+def _watch(request: SceneRequest, page: Path, *, serve: bool, reporter: Reporter) -> None:
+    """Show a scene on a page, as long as nobody interrupts that."""
+    from hsplat_cli.compare import ReportFiles
+    from hsplat_cli.preview import file_states, served_states, watch
+
+    title = request.path.absolute().name
+    with contextlib.suppress(KeyboardInterrupt), contextlib.ExitStack() as stack:
+        if serve:
+            address, show = stack.enter_context(served_states(title))
+        else:
+            ReportFiles({"--output": page}).require_names([request.path])
+            address, show = str(page), file_states(page, title)
+        reporter.line(f"page: {address} (Ctrl-C ends it)")
+        watch(request, show)
 
 
 def _require_none_of(options: Iterable[str]) -> None:

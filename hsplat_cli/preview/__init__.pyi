@@ -1,1 +1,3 @@
+from .live_page import file_states as file_states, served_states as served_states
 from .page import NUM_PARTS as NUM_PARTS, preview_page as preview_page
+from .watch import watch as watch

@@ -1,0 +1,90 @@
+"""Watch the file of a scene, and show it as it is now: coarse at once, then finer while nothing changes."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from hsplat_cli.preview.studio import Shot, Studio, small_scene
+from hsplat_cli.scenes import SceneRequest, load_job
+from renderer.draw import open_rasterizer
+from renderer.errors import HsplatError, InputError
+from renderer.frame import StageMaker
+from renderer.scene import Scene, min_tolerance, with_tolerance
+from renderer.system import num_cores
+
+# The longer side of each picture, and the finest tolerance that it may have.
+_STEPS = ((256, 1.0), (512, 0.3), (512, 0.0))
+_POLL_S = 0.1
+# An editor may write a file in pieces: it is read when it has not changed for this long.
+_SETTLED_S = 0.05
+
+
+@dataclass(frozen=True)
+class State:
+    """What a page shows: the last picture that could be drawn, and what is wrong with the scene now."""
+
+    number: int
+    shot: Shot | None = None
+    error: str = ""
+
+
+def watch(request: SceneRequest, show: Callable[[State], object], keeps_on: Callable[[], bool] = lambda: True) -> None:
+    """Call `show` with each state of a scene, until an interrupt.
+
+    keeps_on: is asked while nothing changes. What is wrong with the scene is shown; the last good picture stays.
+    """
+    state, maker = State(0), StageMaker(num_cores(), any_tolerance=True)
+    for mark in _changes(request.path, keeps_on):
+        try:
+            if mark is None:
+                raise InputError("no such file; it is waited for", where=str(request.path))
+            for shot in _shots(load_job(request, "nothing").scene, maker):
+                state = State(state.number + 1, shot)
+                show(state)
+                if _mark(request.path) != mark:
+                    break
+        except HsplatError as error:
+            if _mark(request.path) == mark:
+                state = replace(state, number=state.number + 1, error=str(error))
+                show(state)
+
+
+def _changes(path: Path, keeps_on: Callable[[], bool]) -> Iterator[tuple[int, ...] | None]:
+    """Yield what a file is known by, at first and when it has changed; None while it is not there."""
+    known: tuple[int, ...] | None = ()
+    while keeps_on():
+        mark = _mark(path)
+        if mark != known:
+            time.sleep(_SETTLED_S)
+            if _mark(path) == mark:
+                known = mark
+                yield mark
+        else:
+            time.sleep(_POLL_S)
+
+
+def _mark(path: Path) -> tuple[int, ...] | None:
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size, status.st_ino
+
+
+def _shots(scene: Scene, maker: StageMaker) -> Iterator[Shot]:
+    """Yield the picture of a scene's first frame, or of its middle if it moves: each finer than the one before."""
+    frame = scene.num_frames // 2 if scene.moves else 0
+    wanted = min_tolerance(small_scene(scene, 1).error)
+    with open_rasterizer(scene) as rasterizer:
+        studio, drawn = Studio(rasterizer, maker), set[tuple[int, float]]()
+        for side, finest in _STEPS:
+            tolerance, start = max(finest, wanted), time.perf_counter()
+            if (side, tolerance) not in drawn:
+                drawn.add((side, tolerance))
+                shot = studio.shoot(with_tolerance(small_scene(scene, side), tolerance), frame, "")
+                seconds = time.perf_counter() - start
+                yield replace(shot, caption=f"frame {frame} at tolerance {tolerance:g}, {seconds:.2f} s")
