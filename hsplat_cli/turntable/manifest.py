@@ -53,8 +53,8 @@ def update_manifest(
 
     lock_timeout_s: how long to wait for other processes, on all machines. Raises InputError and RenderError.
     """
-    with _locked(folder, reporter, lock_timeout_s):
-        films = _read(folder)
+    with locked_manifest(folder, reporter, lock_timeout_s):
+        films = read_films(folder)
         changed = {
             Path(record["scene"]).name: _to_be_shared(record)
             for record in records
@@ -79,14 +79,14 @@ def _to_be_shared(record: FilmEntry) -> FilmEntry:
     """Return a record without folders, and without the names and values of an error, if `record_paths` is false."""
     if record.get("record_paths", True):
         return record
-    shown = {key: value for key, value in record.items() if key != "summary"}
+    shown = {key: value for key, value in record.items() if key not in ("summary", "command")}
     shown |= {key: Path(record[key]).name for key in ("volume", "scene", VOLUME_KEY)}
     shown["film"] = str(Path(record["film"]).relative_to(Path(record["scene"]).parent))
     return shown | ({"error": record["summary"]} if "error" in record else {})
 
 
 @contextlib.contextmanager
-def _locked(folder: Path, reporter: Reporter, timeout_s: float) -> Iterator[None]:
+def locked_manifest(folder: Path, reporter: Reporter, timeout_s: float) -> Iterator[None]:
     """Lock turntable.json of a folder, which is made where it is missing; a wait is reported after a moment."""
     file, start, is_reported = folder / MANIFEST_FILE, time.perf_counter(), False
     with contextlib.ExitStack() as stack:
@@ -107,7 +107,7 @@ def _locked(folder: Path, reporter: Reporter, timeout_s: float) -> Iterator[None
         yield
 
 
-def _read(folder: Path) -> dict[str, FilmEntry]:
+def read_films(folder: Path) -> dict[str, FilmEntry]:
     """Return the undamaged records by the names of their scenes; none where the file is something else."""
     films = (read_json_object(folder / MANIFEST_FILE, _MAX_BYTES) or {}).get("films")
     records = filter(_is_record, films if isinstance(films, list) else [])
