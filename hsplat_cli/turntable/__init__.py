@@ -5,7 +5,7 @@ all films. A volume that fails does not stop the others.
 
 - `batch.py`: a process for each volume, one after the other; `one_film.py`: its scene and its film; `manifest.py`: the
   table and turntable.json.
-- `gallery.py`: index.html, a page of all films; `posters.py`: their small pictures, in sheets.
+- `gallery.py`: index.html, a page of all films; `posters.py`: their small pictures.
 """
 
 import lazy_loader
