@@ -85,10 +85,8 @@ def turntable(
     elif len(requests) > 1:
         run_batch(requests, [*arguments, *how], folder, reporter)
     else:
-        try:
-            make_film(requests[0], reporter)
-        finally:
-            Gallery(folder, reporter).finish()
+        make_film(requests[0], reporter)
+        Gallery(folder, reporter).finish()
 
 
 def _given(options: Mapping[str, Any]) -> dict[str, Any]:

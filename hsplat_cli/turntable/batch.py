@@ -54,7 +54,7 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
         # Records of films without scene and volume go with each update.
         missing = [record for record in records if not os.path.exists(record["volume"])]
         manifest.try_to_update(folder, missing, reporter)
-        gallery.finish()
+    gallery.finish()
     exit_codes = [record.get("exit_code") for record in records if record["status"] != manifest.FINISHED]
     if exit_codes:
         error = InputError if set(exit_codes) == {2} else RenderError

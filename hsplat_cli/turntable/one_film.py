@@ -16,7 +16,7 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import suggest_scene, volume_file
 from hsplat_cli.terminal import FilmEvents, Reporter, report_film
 from hsplat_cli.turntable import manifest
-from hsplat_cli.turntable.gallery import CONTACT_FILE, PAGE_FILE
+from hsplat_cli.turntable.gallery import CONTACT_FILE, PAGE_FILE, poster_file
 from hsplat_cli.turntable.manifest import FilmEntry, update_manifest
 from renderer.errors import HsplatError, InputError, OutputLockedError
 from renderer.film import bytes_digest, require_writable, sidecar_path_of_file, translate_os_errors, write_staged
@@ -62,6 +62,7 @@ class FilmRequest:
         """Yield all files that making the film may replace or remove."""
         frames = range(self.film.frames)
         yield from (self.scene.parent / name for name in (self.scene.name, *_FOLDER_FILES))
+        yield poster_file(self.scene.parent, self.scene.stem)
         yield from film_files(OutputSpec(self.output), frames, sidecar_path_of_file(self.output, frames, len(frames)))
 
     def failure_record(self, error: HsplatError) -> FilmEntry:
