@@ -63,9 +63,9 @@ def update_manifest(
         }
         if not changed:
             return
-        kept = {name: record for name, record in films.items() if name not in changed and _is_current(folder, record)}
+        kept = {name: record for name, record in films.items() if name in changed or _is_current(folder, record)}
         # In ASCII even names with bytes that are no UTF-8 have a form.
-        content = json.dumps({"films": [*kept.values(), *changed.values()]}, indent=2, allow_nan=False)
+        content = json.dumps({"films": list((kept | changed).values())}, indent=2, allow_nan=False)
         write_staged(folder / MANIFEST_FILE, f"{content}\n".encode())
 
 
@@ -76,10 +76,10 @@ def try_to_update(folder: Path, records: Sequence[FilmEntry], reporter: Reporter
 
 
 def _to_be_shared(record: FilmEntry) -> FilmEntry:
-    """Return a record without folders, and without the names and values of an error, if `record_paths` is false."""
+    """Return a record without folders, notes, and the names and values of an error, if `record_paths` is false."""
     if record.get("record_paths", True):
         return record
-    shown = {key: value for key, value in record.items() if key not in ("summary", "command")}
+    shown = {key: value for key, value in record.items() if key not in ("summary", "command", "notes")}
     shown |= {key: Path(record[key]).name for key in ("volume", "scene", VOLUME_KEY)}
     shown["film"] = str(Path(record["film"]).relative_to(Path(record["scene"]).parent))
     return shown | ({"error": record["summary"]} if "error" in record else {})
