@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from hsplat_cli.commands.options import quiet_option
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor
 from hsplat_cli.scenes import expand_volumes, film_options, name_volumes, volume_options, volume_spec
 from hsplat_cli.terminal import OutputPath, Reporter
-from hsplat_cli.turntable import FilmRequest, make_film, print_film_record, require_inputs_kept, run_batch
+from hsplat_cli.turntable import FilmRequest, Gallery, make_film, print_film_record, require_inputs_kept, run_batch
 from renderer.errors import InputError
 from renderer.scene import FORMATS
 from renderer.suggest import FilmOptions
@@ -52,9 +55,9 @@ def turntable(
     """Render turntables of volumes without a scene file.
 
     Each VOLUME is a file, a folder of slices or of volumes, or a pattern such as 'scans/*.nrrd'. FOLDER gets NAME.yaml,
-    a scene with a transfer function that suits the values, to be edited; NAME.mp4; and turntable.json, which lists the
-    result of each. A volume that fails does not stop the others; the exit code is then 1, or 2 if wrong inputs and
-    locked outputs were the only reasons.
+    a scene with a transfer function that suits the values, to be edited; NAME.mp4; turntable.json, which lists the
+    result of each; and index.html, which shows all of them. A volume that fails does not stop the others; the exit code
+    is then 1, or 2 if wrong inputs and locked outputs were the only reasons.
     """
     executor = ExecutorSpec(workers, scheduler)
     require_executor(executor)
@@ -62,6 +65,8 @@ def turntable(
         hint = f"--format {', '.join(suffix[1:] for suffix, each in FORMATS.items() if each.has_alpha)}"
         raise InputError(f"a transparent background in .{kind}", where="--background", expected="a color", hint=hint)
     film, numbered = FilmOptions.of(options), "/{frame:04}" * FORMATS[f".{kind}"].is_frames
+    arguments = [*_as_arguments(_given(options) | {"format": kind, "force": force}), f"--output={folder}"]
+    how = [*_as_arguments({"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler})]
     requests = [
         FilmRequest(
             volume=volume_spec(volume, options),
@@ -70,6 +75,7 @@ def turntable(
             output=folder / f"{film_name}{numbered}.{kind}",
             executor=executor,
             force=force,
+            command=shlex.join(["hsplat", "turntable", *arguments, "--", str(volume)]),
         )
         for film_name, volume in _named_volumes(volumes, name, reporter).items()
     ]
@@ -77,11 +83,26 @@ def turntable(
     if name is not None:
         print_film_record(requests[0], reporter)
     elif len(requests) > 1:
-        child_options = options | {"format": kind, "force": force}
-        child_options |= {"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler}
-        run_batch(requests, child_options, folder, reporter)
+        run_batch(requests, [*arguments, *how], folder, reporter)
     else:
         make_film(requests[0], reporter)
+        Gallery(folder, reporter).finish()
+
+
+def _given(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those options that are on the command line."""
+    source = click.get_current_context().get_parameter_source
+    return {name: value for name, value in options.items() if source(name) is ParameterSource.COMMANDLINE}
+
+
+def _as_arguments(options: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the command line of parsed options: `frames=30` becomes `--frames=30`; None and False are left out."""
+    for name, value in options.items():
+        flag = "--" + name.replace("_", "-")
+        if value is True:
+            yield flag
+        elif value is not None and value is not False:
+            yield f"{flag}={','.join(map(str, value)) if isinstance(value, tuple) else value}"
 
 
 def _named_volumes(volumes: tuple[str, ...], name: str | None, reporter: Reporter) -> dict[str, Path]:

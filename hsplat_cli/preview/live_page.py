@@ -12,7 +12,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 from hsplat_cli.preview.watch import State
-from hsplat_cli.reports import render_page
+from hsplat_cli.reports import render_page, webp_data_uri
 from renderer.film import staged_files, write_staged
 
 _LOOPBACK = "127.0.0.1"
@@ -100,5 +100,5 @@ def served_states(title: str) -> Iterator[tuple[str, Callable[[State], None]]]:
 def _json(state: State) -> str:
     """Return a state in one line of ASCII."""
     shot = state.shot
-    seen = {} if shot is None else {"uri": shot.uri, "size": shot.size, "alt": shot.seen, "caption": shot.caption}
+    seen = {} if shot is None else {"uri": webp_data_uri(shot.pixels), "alt": shot.seen, "caption": shot.caption}
     return json.dumps({"number": state.number, "error": state.error, **seen})

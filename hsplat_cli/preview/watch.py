@@ -85,6 +85,6 @@ def _shots(scene: Scene, maker: StageMaker) -> Iterator[Shot]:
             tolerance, start = max(finest, wanted), time.perf_counter()
             if (side, tolerance) not in drawn:
                 drawn.add((side, tolerance))
-                shot = studio.shoot(with_tolerance(small_scene(scene, side), tolerance), frame, "")
+                shot = studio.shoot(with_tolerance(small_scene(scene, side), tolerance), frame, "", "")
                 seconds = time.perf_counter() - start
                 yield replace(shot, caption=f"frame {frame} at tolerance {tolerance:g}, {seconds:.2f} s")

@@ -10,14 +10,14 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from hsplat_cli.scenes import volume_file
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import manifest
+from hsplat_cli.turntable.gallery import Gallery
 from hsplat_cli.turntable.manifest import FilmEntry
 from hsplat_cli.turntable.one_film import FilmRequest
 from renderer.errors import InputError, RenderError
@@ -30,20 +30,22 @@ from renderer.system import ChildProcesses, describe_exit, join_lines
 _TERMINATE_TIMEOUT_S = 10.0
 
 
-def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folder: Path, reporter: Reporter) -> None:
+def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder: Path, reporter: Reporter) -> None:
     """Make the films, and print a table, also after an interrupt.
 
-    options: of the command line, for all of them. Each process adds its film to turntable.json.
+    arguments: of the command line, for all of them. Each process adds its film to turntable.json.
     Raises InputError if films failed for their inputs or locked outputs alone, RenderError if one failed otherwise.
     """
     require_writable(folder / manifest.MANIFEST_FILE)
     records: list[FilmEntry] = []
+    gallery = Gallery(folder, reporter)
     try:
         for number, request in enumerate(requests, start=1):
             reporter.status(f"[{number}/{len(requests)}] {volume_file(request.volume)}")
-            records.append(_make_in_process(request, options, reporter))
+            records.append(_make_in_process(request, arguments, reporter))
             if records[-1]["status"] != manifest.FINISHED:
                 reporter.warning(join_lines(records[-1]["error"].splitlines()))
+            gallery.grow()
     finally:
         remaining = requests[len(records) :]
         statuses = [manifest.INTERRUPTED, *[manifest.NOT_STARTED] * len(remaining)]
@@ -52,6 +54,7 @@ def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folde
         # Records of films without scene and volume go with each update.
         missing = [record for record in records if not os.path.exists(record["volume"])]
         manifest.try_to_update(folder, missing, reporter)
+    gallery.finish()
     exit_codes = [record.get("exit_code") for record in records if record["status"] != manifest.FINISHED]
     if exit_codes:
         error = InputError if set(exit_codes) == {2} else RenderError
@@ -62,13 +65,12 @@ def run_batch(requests: Sequence[FilmRequest], options: Mapping[str, Any], folde
         )
 
 
-def _make_in_process(request: FilmRequest, options: Mapping[str, Any], reporter: Reporter) -> FilmEntry:
+def _make_in_process(request: FilmRequest, arguments: Sequence[str], reporter: Reporter) -> FilmEntry:
     """Make a film in another process; return its record, which describes the failure if there was one."""
     start = time.perf_counter()
-    arguments = ["turntable", *_as_arguments(options), f"--output={request.scene.parent}"]
-    arguments += [f"--name={request.scene.stem}", "--", str(volume_file(request.volume))]
+    of_film = [f"--name={request.scene.stem}", "--", str(volume_file(request.volume))]
     with ChildProcesses() as child_processes:
-        process = child_processes.start("hsplat_cli", arguments, stdout=subprocess.PIPE)
+        process = child_processes.start("hsplat_cli", ["turntable", *arguments, *of_film], stdout=subprocess.PIPE)
         try:
             output, _ = process.communicate()
         except KeyboardInterrupt:  # no signal has reached the process
@@ -91,13 +93,3 @@ def _make_in_process(request: FilmRequest, options: Mapping[str, Any], reporter:
     record = request.failure_record(error) | {"exit_code": process.returncode} | seconds
     manifest.try_to_update(request.scene.parent, [record], reporter)
     return record
-
-
-def _as_arguments(options: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the command line of parsed options: `frames=30` becomes `--frames=30`; None and False are left out."""
-    for name, value in options.items():
-        flag = "--" + name.replace("_", "-")
-        if value is True:
-            yield flag
-        elif value is not None and value is not False:
-            yield f"{flag}={','.join(map(str, value)) if isinstance(value, tuple) else value}"

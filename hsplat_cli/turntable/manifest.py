@@ -53,8 +53,8 @@ def update_manifest(
 
     lock_timeout_s: how long to wait for other processes, on all machines. Raises InputError and RenderError.
     """
-    with _locked(folder, reporter, lock_timeout_s):
-        films = _read(folder)
+    with locked_manifest(folder, reporter, lock_timeout_s):
+        films = read_films(folder)
         changed = {
             Path(record["scene"]).name: _to_be_shared(record)
             for record in records
@@ -63,9 +63,9 @@ def update_manifest(
         }
         if not changed:
             return
-        kept = {name: record for name, record in films.items() if name not in changed and _is_current(folder, record)}
+        kept = {name: record for name, record in films.items() if name in changed or _is_current(folder, record)}
         # In ASCII even names with bytes that are no UTF-8 have a form.
-        content = json.dumps({"films": [*kept.values(), *changed.values()]}, indent=2, allow_nan=False)
+        content = json.dumps({"films": list((kept | changed).values())}, indent=2, allow_nan=False)
         write_staged(folder / MANIFEST_FILE, f"{content}\n".encode())
 
 
@@ -76,17 +76,17 @@ def try_to_update(folder: Path, records: Sequence[FilmEntry], reporter: Reporter
 
 
 def _to_be_shared(record: FilmEntry) -> FilmEntry:
-    """Return a record without folders, and without the names and values of an error, if `record_paths` is false."""
+    """Return a record without folders, notes, and the names and values of an error, if `record_paths` is false."""
     if record.get("record_paths", True):
         return record
-    shown = {key: value for key, value in record.items() if key != "summary"}
+    shown = {key: value for key, value in record.items() if key not in ("summary", "command", "notes")}
     shown |= {key: Path(record[key]).name for key in ("volume", "scene", VOLUME_KEY)}
     shown["film"] = str(Path(record["film"]).relative_to(Path(record["scene"]).parent))
     return shown | ({"error": record["summary"]} if "error" in record else {})
 
 
 @contextlib.contextmanager
-def _locked(folder: Path, reporter: Reporter, timeout_s: float) -> Iterator[None]:
+def locked_manifest(folder: Path, reporter: Reporter, timeout_s: float) -> Iterator[None]:
     """Lock turntable.json of a folder, which is made where it is missing; a wait is reported after a moment."""
     file, start, is_reported = folder / MANIFEST_FILE, time.perf_counter(), False
     with contextlib.ExitStack() as stack:
@@ -107,7 +107,7 @@ def _locked(folder: Path, reporter: Reporter, timeout_s: float) -> Iterator[None
         yield
 
 
-def _read(folder: Path) -> dict[str, FilmEntry]:
+def read_films(folder: Path) -> dict[str, FilmEntry]:
     """Return the undamaged records by the names of their scenes; none where the file is something else."""
     films = (read_json_object(folder / MANIFEST_FILE, _MAX_BYTES) or {}).get("films")
     records = filter(_is_record, films if isinstance(films, list) else [])

@@ -16,19 +16,22 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import suggest_scene, volume_file
 from hsplat_cli.terminal import FilmEvents, Reporter, report_film
 from hsplat_cli.turntable import manifest
+from hsplat_cli.turntable.gallery import CONTACT_FILE, PAGE_FILE, poster_file
 from hsplat_cli.turntable.manifest import FilmEntry, update_manifest
 from renderer.errors import HsplatError, InputError, OutputLockedError
 from renderer.film import bytes_digest, require_writable, sidecar_path_of_file, translate_os_errors, write_staged
 from renderer.job import FilmJob, expand_pattern, film_files, require_no_input, volume_files
 from renderer.scene import OutputSpec, VolumeSpec, accuracy_of, parse_scene_content
-from renderer.suggest import FilmOptions
+from renderer.suggest import FilmOptions, Suggestion
+
+_FOLDER_FILES = (manifest.MANIFEST_FILE, manifest.LOCK_FILE, PAGE_FILE, CONTACT_FILE)
 
 
 @dataclass(frozen=True)
 class FilmRequest:
     """A film to make. scene: the file for its scene.
 
-    force: an edited scene may be overwritten, and finished frames are drawn again.
+    force: an edited scene may be overwritten, and finished frames are drawn again. command: what makes this film alone.
     """
 
     volume: VolumeSpec
@@ -37,6 +40,7 @@ class FilmRequest:
     output: Path
     executor: ExecutorSpec
     force: bool
+    command: str = ""
 
     def record(self, status: str) -> FilmEntry:
         """Return what the record of the film has in any case."""
@@ -57,7 +61,8 @@ class FilmRequest:
     def output_files(self) -> Iterator[Path]:
         """Yield all files that making the film may replace or remove."""
         frames = range(self.film.frames)
-        yield from (self.scene.parent / name for name in (self.scene.name, manifest.MANIFEST_FILE, manifest.LOCK_FILE))
+        yield from (self.scene.parent / name for name in (self.scene.name, *_FOLDER_FILES))
+        yield poster_file(self.scene.parent, self.scene.stem)
         yield from film_files(OutputSpec(self.output), frames, sidecar_path_of_file(self.output, frames, len(frames)))
 
     def failure_record(self, error: HsplatError) -> FilmEntry:
@@ -65,7 +70,7 @@ class FilmRequest:
         status = manifest.NOT_STARTED if isinstance(error, OutputLockedError) else manifest.FAILED
         summary = {"summary": error.summary} if self.film.no_paths else {}
         exit_code = 2 if isinstance(error, InputError) else 1
-        return self.record(status) | {"exit_code": exit_code, "error": str(error)} | summary
+        return self.record(status) | {"exit_code": exit_code, "error": str(error), "command": self.command} | summary
 
 
 def require_inputs_kept(requests: Sequence[FilmRequest]) -> None:
@@ -114,7 +119,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     from renderer.suggest import resolve_scene
 
     scene = resolve_scene(scene, read_volume)  # of steps in time
-    from renderer.job import make_film as draw_film, one_pass
+    from renderer.job import make_film as draw_film, one_pass, visibility_text
 
     job = FilmJob(scene, range(scene.num_frames), accuracy_of(scene.error))
     open_this = partial(open_executor, request.executor, reporter)
@@ -123,7 +128,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     report_film(film, reporter)
     if film.shortfall is not None:
         raise film.shortfall
-    frames, accuracy = film.record.frames, film.record.accuracy
+    frames, accuracy, visibility = film.record.frames, film.record.accuracy, film.record.visibility
     record = request.record(manifest.FINISHED)
     if accuracy is not None:
         record |= {"psnr": round(accuracy.psnr, 2), "psnr_interval": list(accuracy.interval)}
@@ -131,10 +136,19 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     return record | {
         "kind": found.suggestion.kind,
         "reason": found.suggestion.reason,
+        "values": _shown_values(found.suggestion),
+        "hidden": "" if visibility is None else visibility_text(visibility),
+        "notes": [*film.record.notes, *found.suggestion.outlier_notes],
         "frames": len(frames),
         "primitives": round(sum(frame.primitives for frame in frames) / len(frames)),
         "seconds": round(film.record.seconds["total"], 3),
     }
+
+
+def _shown_values(suggestion: Suggestion) -> str:
+    """Return `18.9 to 255`; empty where it is not known which values are shown."""
+    ends = [end for layer in suggestion.visible for each in layer.ranges for end in each]
+    return f"{min(ends):g} to {max(ends):g}" if ends else ""
 
 
 class _TurntableEvents(FilmEvents):

@@ -160,7 +160,7 @@ def test_scenes_and_reports(capsys) -> None:
     refused(capsys, "films/scan.mp4", "scan.nrrd", "turntable", "scan.nrrd", "-o", "films")
 
 
-@pytest.mark.parametrize("output", ["turntable.json", ".turntable.json.lock", "scan.yaml", "other.mp4"])
+@pytest.mark.parametrize("output", ["turntable.json", ".turntable.json.lock", "index.html", "scan.yaml", "other.mp4"])
 def test_turntables(output: str, capsys) -> None:
     """All volumes are compared with the outputs of all films."""
     header(output)

@@ -161,7 +161,7 @@ def test_turntables_without_paths() -> None:
     volumes = [f"{Path.cwd()}/{SECRET}/{name}.npy" for name in ("broken", "scan")]
     arguments = ["--output=films", "--frames=2", "--size=32", "--no-paths", "--quiet"]
     assert main.run(["turntable", *volumes, *arguments]) == 2
-    assert_no_secret("films/turntable.json", "films/scan.mp4.json")
+    assert_no_secret("films/turntable.json", "films/scan.mp4.json", "films/index.html")
     films = {film["volume"]: film for film in json.loads(Path("films/turntable.json").read_text())["films"]}
     assert films["broken.npy"]["status"] == "failed"
     assert films["broken.npy"]["error"]

@@ -178,7 +178,8 @@ def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
     assert err.endswith("hsplat: interrupted\n")
     assert [record["status"] for record in report()] == ["done", "interrupted"]
     assert [line.split()[1] for line in out.splitlines()[-3:]] == ["done", "interrupted", "not"]
-    names = [*(f"labels.{end}" for end in ("mp4", "mp4.json", "yaml")), "signed.yaml", "turntable.json"]
+    names = ["index.html", *(f"labels.{end}" for end in ("mp4", "mp4.json", "yaml"))]
+    names += ["posters/labels.jpg", "signed.yaml", "turntable.json"]
     assert [name for name in files("out") if "unfinished" not in name] == names
 
 

@@ -99,9 +99,9 @@ def test_several_processes_lose_no_record(tmp_path: Path) -> None:
 
 def test_a_wait_is_reported_and_ends(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.setattr(manifest_module, "_NOTICE_DELAY_S", 0.1)
-    imports = "from hsplat_cli.terminal import Reporter\nfrom hsplat_cli.turntable.manifest import _locked"
+    imports = "from hsplat_cli.terminal import Reporter\nfrom hsplat_cli.turntable.manifest import locked_manifest"
     with (
-        other_process(imports, f"_locked(Path({str(tmp_path)!r}), Reporter(), 1)") as number,
+        other_process(imports, f"locked_manifest(Path({str(tmp_path)!r}), Reporter(), 1)") as number,
         pytest.raises(RenderError) as caught,
     ):
         update_manifest(tmp_path, [record("a")], 0.2)

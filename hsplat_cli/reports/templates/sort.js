@@ -1,5 +1,6 @@
 // Tables of class "sortable": a click on a heading sorts the rows by its column, another one the other way round.
 // A cell's key is its data-value, if it has one, as a number, else its text; cells without a number come last.
+const collator = new Intl.Collator("en", { numeric: true });
 for (const table of document.querySelectorAll("table.sortable")) {
   const headings = [...table.tHead.rows[table.tHead.rows.length - 1].cells];
   const body = table.tBodies[0];
@@ -8,7 +9,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
     return "value" in cell.dataset ? parseFloat(cell.dataset.value) : cell.textContent.trim();
   };
   const compare = (a, b, sign) => {
-    if (typeof a === "string") return sign * a.localeCompare(b, "en", { numeric: true });
+    if (typeof a === "string") return sign * collator.compare(a, b);
     if (isNaN(a) || isNaN(b)) return isNaN(a) - isNaN(b);
     return a === b ? 0 : sign * (a < b ? -1 : 1);
   };

@@ -1,0 +1,124 @@
+"""Write index.html, a page over all films of turntable.json, with their posters, and contact.png.
+
+The page refers to files of its folder alone. What turntable.json says is text from anywhere: it is shown as text, and a
+film that cannot be shown is told of and stops nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from hsplat_cli.terminal import Reporter
+from hsplat_cli.turntable.manifest import FINISHED, LOCK_TIMEOUT_S, FilmEntry, locked_manifest, read_films
+from renderer.errors import HsplatError, InputError
+from renderer.film import frame_path, translate_os_errors, write_staged
+from renderer.scene import FORMATS, output_suffix, require_file
+from renderer.system import join_lines
+
+PAGE_FILE, CONTACT_FILE = "index.html", "contact.png"
+# In each page that is ours; another one of this name stays.
+_MARK = b"/* by hsplat turntable */"
+# While a batch runs, writing takes at most this part of the time, and adds so many posters of films made earlier.
+_SHARE, _MAX_POSTERS = 0.05, 100
+_TEXTS, _NUMBERS = ("status", "kind", "values", "hidden", "error", "command"), ("psnr", "file_psnr", "seconds")
+
+
+class Gallery:
+    """A gallery of the films of a folder, which grows while they are made. Failures to write it are warnings."""
+
+    def __init__(self, folder: Path, reporter: Reporter) -> None:
+        self._folder, self._reporter, self._next_s = folder, reporter, 0.0
+
+    def grow(self) -> None:
+        """Write the page, unless that was done a moment ago."""
+        start = time.perf_counter()
+        if start >= self._next_s:
+            self._write(_MAX_POSTERS)
+            self._next_s = time.perf_counter() + (time.perf_counter() - start) / _SHARE
+
+    def finish(self) -> None:
+        """Write the page with all posters, and contact.png."""
+        self._write(None)
+
+    def _write(self, max_posters: int | None) -> None:
+        """Write posters that are missing, and the page; without a limit contact.png, too."""
+        # Imported here to keep --help fast.
+        from hsplat_cli.reports import render_page
+        from hsplat_cli.turntable.posters import contact_sheet
+
+        folder = self._folder
+        if not (films := read_films(folder)):
+            return
+        try:
+            _require_own(folder / PAGE_FILE)
+            problems = _make_posters(folder, films.values(), max_posters)  # nobody waits for the lock meanwhile
+            with locked_manifest(folder, self._reporter, LOCK_TIMEOUT_S):
+                shown = [_shown(folder, record, problems) for record in read_films(folder).values()]
+                page = render_page("gallery.html", title=f"Films in {folder.resolve().name}", films=shown)
+                write_staged(folder / PAGE_FILE, page.encode(errors="backslashreplace"), is_durable=False)
+            posters = [(poster_file(folder, film["name"]), film["name"]) for film in shown if film["poster"]]
+            if max_posters is None and posters:
+                write_staged(folder / CONTACT_FILE, contact_sheet(posters), is_durable=False)
+        except HsplatError as error:
+            self._reporter.warning(join_lines(["the gallery is not written", *str(error).splitlines()]))
+
+
+def _require_own(page: Path) -> None:
+    """Raise InputError for a page of somebody else."""
+    require_file(page, "a page of this command")
+    with translate_os_errors(page):
+        is_own = not page.exists() or _MARK in page.read_bytes()
+    if not is_own:
+        raise InputError("another page has this name", where=str(page), hint="move it, or give another --output")
+
+
+def poster_file(folder: Path, name: str) -> Path:
+    """Return the file of a film's poster. name: of the scene, without its suffix."""
+    return folder / "posters" / f"{name}.jpg"
+
+
+def _make_posters(folder: Path, films: Iterable[FilmEntry], limit: int | None) -> dict[str, str]:
+    """Make posters of films that have none, so many; return what is wrong with other films, by their scenes."""
+    from hsplat_cli.turntable.posters import is_poster_of, make_poster
+
+    found = ((record["scene"], _film_file(folder, record)) for record in films)
+    files = [(scene, film, poster_file(folder, Path(scene).stem)) for scene, film in found if film is not None]
+    problems = {}
+    for scene, film, poster in [each for each in files if not is_poster_of(*each[1:])][:limit]:
+        try:
+            make_poster(film, poster)
+        except HsplatError as error:
+            problems[scene] = f"no picture: {error.summary}"
+    return problems
+
+
+def _film_file(folder: Path, record: FilmEntry) -> Path | None:
+    """Return a film, or the file of its first frame; None where it is not made, or is not a film in the folder."""
+    film, beside = Path(record["film"]), Path(record["scene"]).parent
+    film = frame_path(film.relative_to(beside) if film.is_relative_to(beside) else film, 0)
+    is_inside = not film.is_absolute() and ".." not in film.parts
+    is_film = record["status"] == FINISHED and is_inside and output_suffix(film) in FORMATS
+    return folder / film if is_film and os.path.isfile(folder / film) else None
+
+
+def _shown(folder: Path, record: FilmEntry, problems: Mapping[str, str]) -> dict[str, Any]:
+    """Return what the page shows of a film: texts and numbers, and references to the film and its poster."""
+    from hsplat_cli.turntable.posters import is_poster_of
+
+    name, film, notes = Path(record["scene"]).stem, _film_file(folder, record), record.get("notes")
+    poster = poster_file(folder, name)
+    has_poster = film is not None and is_poster_of(film, poster)
+    problem = "there is no film" if film is None and record["status"] == FINISHED else problems.get(record["scene"])
+    return {
+        "name": name,
+        "film": film and quote(os.fsencode(film.relative_to(folder))),
+        "poster": has_poster and quote(os.fsencode(poster.relative_to(folder))),
+        "notes": [str(each) for each in (problem, *(notes if isinstance(notes, list) else ())) if each],
+        **{key: value if isinstance(value := record.get(key), str) else "" for key in _TEXTS},
+        **{key: f"{value:.1f}" if isinstance(value := record.get(key), (int, float)) else "" for key in _NUMBERS},
+    }
