@@ -1,0 +1,124 @@
+"""Predict what a film costs here, in seconds and in bytes, from some of its frames, which are drawn and encoded."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+import time
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+from statistics import fmean
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.film import Picture, open_films
+from renderer.frame import LODCostEstimator, Stage, Stopwatch
+from renderer.job.events import JobEvents
+from renderer.job.executor import DrawnFrame, Executor
+from renderer.job.plan import make_plan
+from renderer.layers import layer_parts
+from renderer.scene import OutputFile, Scene, changing_frames
+from renderer.volume import Float64
+
+# Frames are drawn at this many places along the path. At each, one follows upon another as in the film: what it costs
+# differs from what the first one does, and encoders of video need a few to show what a frame adds.
+_NUM_PLACES, NUM_NEIGHBOURS = 3, 3
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """A prediction of what a film costs: seconds, and the bytes of each output by its file."""
+
+    seconds: float
+    num_bytes: Mapping[Path, float]
+
+    @property
+    def seconds_text(self) -> str:
+        """Return `2.1 s`, `35 s` or `12 min`."""
+        return f"{self.seconds:.2g} s" if self.seconds < 99.5 else f"{self.seconds / 60:.0f} min"
+
+    def bytes_text(self, files: Collection[Path]) -> str:
+        """Return `2.1 MB` or `850 MB`, for some files together."""
+        megabytes = sum(self.num_bytes.get(file, 0.0) for file in files) / 1e6
+        return f"{megabytes:.2g} MB" if megabytes < 99.5 else f"{megabytes:.0f} MB"
+
+
+class Trial(NamedTuple):
+    """Some frames of a film that are drawn to predict it, one after the other. num: of frames like them."""
+
+    frames: Sequence[int]
+    num: int
+
+
+def forecast_frames(
+    stage: Stage, executor: Executor, frames: Sequence[int], start: float, events: JobEvents
+) -> Forecast:
+    """Predict what a film of these frames costs, by drawing some of them. start: of the work, by `perf_counter`."""
+    trials = choose_trials(stage.scene, frames)
+    numbers = [number for trial in trials for number in trial.frames]
+    plan = make_plan(LODCostEstimator(stage), sorted({*numbers}), lambda: executor.rasterizer, events)
+    events.started("cost", len(numbers))
+    pictures, laps, watch = dict[int, Mapping[int, Picture]](), list[float](), Stopwatch(time.perf_counter)
+    with contextlib.closing(executor.draw(plan, numbers)) as drawing:
+        for frame in map(DrawnFrame.finished, drawing):
+            pictures[frame.record.frame] = frame.pictures
+            for picture in frame.pictures.values():
+                _ = picture.content  # as the checkpoint stores it
+            laps.append(watch.lap("frame"))
+            events.frame_finished(frame.record)
+    seconds, output, sizes, rest = time.perf_counter() - start, stage.scene.output, dict[Path, float](), iter(laps)
+    for trial in trials:
+        taken = list(islice(rest, len(trial.frames)))
+        seconds += (trial.num - len(taken)) * fmean(taken[1:] or taken)
+    for each in output.files:
+        kind, shown = output.kinds.index(each.kind), [[*filter(each.shows, trial.frames)] for trial in trials]
+        pairs = [pair for pair in zip(trials, shown, strict=True) if pair[1] and len(pair[1]) == max(map(len, shown))]
+        if pairs:
+            costs = [film_cost(each, [pictures[number][kind] for number in some], frames) for _, some in pairs]
+            encoding, sizes[each.file] = np.average(costs, axis=0, weights=[trial.num for trial, _ in pairs]).tolist()
+            seconds += encoding
+    return Forecast(seconds, sizes)
+
+
+def choose_trials(scene: Scene, frames: Sequence[int]) -> list[Trial]:
+    """Return trials along the path of a film: of frames on which a layer is made anew, of others, and for some files.
+
+    Of files that leave frames out, the first ones that they show are drawn, too.
+    """
+    moving = [(layer.volume, layer.transform, *layer_parts(layer, scene)) for layer in scene.layers]
+    anew = {frame for first, last in changing_frames(moving) for frame in range(first, last + 1)}
+    groups = [[frame for frame in frames if (frame in anew) == is_anew] for is_anew in (True, False)]
+    num_places, trials = _NUM_PLACES - all(groups), list[Trial]()
+    for group in groups:
+        num = min(num_places, -(-len(group) // NUM_NEIGHBOURS))
+        for place in range(num):
+            part = group[place * len(group) // num : (place + 1) * len(group) // num]
+            middle = max(0, (len(part) - NUM_NEIGHBOURS) // 2)
+            trials.append(Trial(part[middle : middle + NUM_NEIGHBOURS], len(part)))
+    for each in scene.output.others:
+        if (each.every, each.frame) != (1, None) and (first := [*filter(each.shows, frames)][:2]):
+            trials.append(Trial(first, len(first)))
+    return trials
+
+
+def film_cost(output: OutputFile, pictures: Sequence[Picture], frames: Sequence[int]) -> Float64:
+    """Return the seconds and the bytes that encoding a film of these frames takes, if all are like these pictures."""
+    one, several = np.array([_encode(output, pictures[:1]), _encode(output, pictures)])
+    following = one if len(pictures) == 1 else np.maximum(several - one, 0.0) / (len(pictures) - 1)
+    total: Float64 = one + (sum(map(output.shows, frames)) - 1) * following
+    return total
+
+
+def _encode(output: OutputFile, pictures: Sequence[Picture]) -> tuple[float, float]:
+    """Write a film of these pictures alone, and return the seconds and the bytes that it takes."""
+    start = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="hsplat-") as folder:
+        film = replace(output, file=Path(folder) / output.file.name, every=1, frame=None)
+        with open_films([film], [film.kind]) as write:
+            for number, picture in enumerate(pictures):
+                write(number, {0: picture})
+        seconds = time.perf_counter() - start
+        return seconds, float(sum(file.stat().st_size for file in Path(folder).iterdir()))
