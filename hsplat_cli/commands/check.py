@@ -90,7 +90,7 @@ def _costs(request: SceneRequest) -> tuple[list[tuple[str, str]], Forecast | Non
         with FilmEvents(Reporter(), job.scene.splat.primitive_name) as events:
             found = forecast_film(job, open_local_executor, events)
     except HsplatError as error:
-        return [("note", f"the cost is not known: {error.summary}")], None
+        return [("note", f"the cost is not known: {str(error).partition(chr(10))[0]}")], None
     return [("cost", f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}")], found
 
 

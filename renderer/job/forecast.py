@@ -41,9 +41,10 @@ class Forecast:
         return f"{self.seconds:.2g} s" if self.seconds < 99.5 else f"{self.seconds / 60:.0f} min"
 
     def bytes_text(self, files: Collection[Path]) -> str:
-        """Return `2.1 MB` or `850 MB`, for some files together."""
-        megabytes = sum(self.num_bytes.get(file, 0.0) for file in files) / 1e6
-        return f"{megabytes:.2g} MB" if megabytes < 99.5 else f"{megabytes:.0f} MB"
+        """Return `35 kB`, `2.1 MB` or `850 MB`, for some files together."""
+        kilobytes = sum(self.num_bytes.get(file, 0.0) for file in files) / 1e3
+        number, unit = (kilobytes, "kB") if kilobytes < 99.5 else (kilobytes / 1e3, "MB")
+        return f"{number:.2g} {unit}" if number < 99.5 else f"{number:.0f} {unit}"
 
 
 class Trial(NamedTuple):
@@ -88,7 +89,7 @@ def choose_trials(scene: Scene, frames: Sequence[int]) -> list[Trial]:
 
     Of files that leave frames out, the first ones that they show are drawn, too.
     """
-    moving = [(layer.volume, layer.transform, *layer_parts(layer, scene)) for layer in scene.layers]
+    moving = tuple((layer.volume, layer.transform, *layer_parts(layer, scene)) for layer in scene.layers)
     anew = {frame for first, last in changing_frames(moving) for frame in range(first, last + 1)}
     groups = [[frame for frame in frames if (frame in anew) == is_anew] for is_anew in (True, False)]
     num_places, trials = _NUM_PLACES - all(groups), list[Trial]()

@@ -1,0 +1,62 @@
+"""What a film costs is predicted from few of its frames: by `check` before it is made, or while a long one is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from small_scene import small_tree
+
+from renderer.job import (
+    FilmJob,
+    Forecast,
+    JobEvents,
+    film_making,
+    forecast_film,
+    make_film,
+    one_pass,
+    open_local_executor,
+)
+from renderer.job.forecast import choose_trials
+from renderer.scene import accuracy_of, parse_scene
+
+FILES = [{"file": "a.mp4", "size": [64, 64]}, {"file": "b.gif", "every": 6}, {"file": "c-{frame}.png"}]
+RAMPS = [
+    [{"value": low, "color": "white", "opacity": 0}, {"value": 255, "color": "white", "opacity": 1}] for low in (50, 90)
+]
+
+
+class Told(JobEvents):
+    forecast: Forecast | None = None
+
+    def predicted(self, forecast: Forecast) -> None:
+        self.forecast = forecast
+
+
+def test_the_sizes_of_a_film(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = parse_scene(small_tree(frames=36, output=[*FILES, {"file": "still.exr", "frame": 9}]), base=Path())
+    job, told = FilmJob(scene, range(36), accuracy_of(scene.error)), Told()
+    before = forecast_film(job, open_local_executor, JobEvents())
+    assert before.seconds > 0 and not [*folder.iterdir()]
+    monkeypatch.setattr(film_making, "_LONG_S", 0.0)
+    make_film(job, open_local_executor, one_pass, told)
+    for each in scene.output.files:
+        size = sum(file.stat().st_size for file in folder.glob(each.file.name.replace("{frame}", "*")))
+        assert before.num_bytes[each.file] == pytest.approx(size, rel=0.15)
+        if each.frame is None:  # the first frames alone were known
+            assert told.forecast is not None and told.forecast.num_bytes[each.file] == pytest.approx(size, rel=0.3)
+
+
+def test_trials_stand_for_all_frames() -> None:
+    still, moving = small_tree(frames=60), {"transfer_function": {"points": {20: RAMPS[0], 50: RAMPS[1]}}}
+    assert [*choose_trials(parse_scene(still, base=Path()), range(5))] == [([0, 1], 2), ([2, 3, 4], 3)]
+    trials = choose_trials(parse_scene(still | moving, base=Path()), range(60))
+    assert trials == [([27, 28, 29], 15), ([42, 43, 44], 15), ([6, 7, 8], 15), ([51, 52, 53], 15)]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "num_bytes", "text"), [(2.06, 3499, "2.1 s, 3.5 kB"), (723, 2.5e8, "12 min, 250 MB")]
+)
+def test_amounts(seconds: float, num_bytes: float, text: str) -> None:
+    forecast = Forecast(seconds, {Path("film.mp4"): num_bytes})
+    assert f"{forecast.seconds_text}, {forecast.bytes_text(forecast.num_bytes)}" == text
