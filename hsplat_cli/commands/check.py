@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -41,7 +39,7 @@ from renderer.scene import (
     motion_of,
     moving_values,
 )
-from renderer.system import join_lines, num_cores
+from renderer.system import join_lines
 
 if TYPE_CHECKING:  # it loads kernels
     from renderer.job import Forecast
@@ -120,27 +118,19 @@ def _output_text(output: OutputFile, num_frames: int, costs: Forecast | None) ->
 
 
 def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield what moves, and what that makes anew on which frames; how long that takes here, a small layer tells."""
+    """Yield what moves, and what that makes anew on which frames."""
     in_time = ["all steps in time"] * any(layer.volume.time == "auto" for layer in scene.layers)
     if scene.moves or in_time:
         yield "motion", join_some([*in_time, *moving_values(scene, 0)])
     if not scene.moves:
         return
-    from renderer.frame import seconds_for_layer
     from renderer.layers import layer_parts
 
-    for layer, plain in zip(scene.layers, scene.at(0).layers, strict=True):
-        runs = changing_frames((layer.volume, layer.transform, *layer_parts(layer, scene)))
-        if not runs:
-            continue
-        num, shape = sum(last - first + 1 for first, last in runs), getattr(layer.volume.source, "shape", None)
-        seconds = seconds_for_layer(plain, scene.at(0), clock=time.perf_counter, num_threads=num_cores())
-        took = f"{seconds:.1g} s a frame for each million voxels"
-        if shape is not None:
-            took = f"{num * math.prod(shape) * seconds / 1e6:.2g} s"
-        frames = first_few([f"{first} to {last}" if last > first else f"{first}" for first, last in runs])
-        name = f"{layer.name} " * bool(layer.name)
-        yield "layer", f"{name}made anew on {counted(num, 'frame')} ({frames}): about {took} here"
+    for layer in scene.layers:
+        if runs := changing_frames((layer.volume, layer.transform, *layer_parts(layer, scene))):
+            num = sum(last - first + 1 for first, last in runs)
+            frames = first_few([f"{first} to {last}" if last > first else f"{first}" for first, last in runs])
+            yield "layer", f"{layer.name} " * bool(layer.name) + f"made anew on {counted(num, 'frame')}: {frames}"
 
 
 def _volumes(scene: Scene) -> Iterator[tuple[str, str]]:
