@@ -62,25 +62,26 @@ def forecast_frames(
     numbers = [number for trial in trials for number in trial.frames]
     plan = make_plan(LODCostEstimator(stage), sorted({*numbers}), lambda: executor.rasterizer, events)
     events.started("cost", len(numbers))
-    pictures, laps, watch = dict[int, Mapping[int, Picture]](), list[float](), Stopwatch(time.perf_counter)
+    output, seconds, costs = stage.scene.output, time.perf_counter() - start, dict[Path, list[tuple[float, ...]]]()
     with contextlib.closing(executor.draw(plan, numbers)) as drawing:
-        for frame in map(DrawnFrame.finished, drawing):
-            pictures[frame.record.frame] = frame.pictures
-            for picture in frame.pictures.values():
-                _ = picture.content  # as the checkpoint stores it
-            laps.append(watch.lap("frame"))
-            events.frame_finished(frame.record)
-    seconds, output, sizes, rest = time.perf_counter() - start, stage.scene.output, dict[Path, float](), iter(laps)
-    for trial in trials:
-        taken = list(islice(rest, len(trial.frames)))
-        seconds += (trial.num - len(taken)) * fmean(taken[1:] or taken)
-    for each in output.files:
-        kind, shown = output.kinds.index(each.kind), [[*filter(each.shows, trial.frames)] for trial in trials]
-        pairs = [pair for pair in zip(trials, shown, strict=True) if pair[1] and len(pair[1]) == max(map(len, shown))]
-        if pairs:
-            costs = [film_cost(each, [pictures[number][kind] for number in some], frames) for _, some in pairs]
-            encoding, sizes[each.file] = np.average(costs, axis=0, weights=[trial.num for trial, _ in pairs]).tolist()
-            seconds += encoding
+        for trial in trials:
+            pictures, laps, watch = dict[int, Mapping[int, Picture]](), list[float](), Stopwatch(time.perf_counter)
+            for frame in map(DrawnFrame.finished, islice(drawing, len(trial.frames))):
+                pictures[frame.record.frame] = frame.pictures
+                for picture in frame.pictures.values():
+                    _ = picture.content  # as the checkpoint stores it
+                laps.append(watch.lap("frame"))
+                events.frame_finished(frame.record)
+            seconds += sum(laps) + (trial.num - len(laps)) * fmean(laps[1:] or laps)
+            for each in output.files:
+                kind = output.kinds.index(each.kind)
+                if shown := [pictures[number][kind] for number in trial.frames if each.shows(number)]:
+                    costs.setdefault(each.file, []).append((len(shown), trial.num, *film_cost(each, shown, frames)))
+    sizes = dict[Path, float]()
+    for file, found in costs.items():  # a film is predicted by the trials of which it shows most
+        rows = np.array([row for row in found if row[0] == max(found)[0]])
+        encoding, sizes[file] = np.average(rows[:, 2:], axis=0, weights=rows[:, 1]).tolist()
+        seconds += encoding
     return Forecast(seconds, sizes)
 
 

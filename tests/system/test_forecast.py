@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from small_scene import small_tree
+from small_scene import engine_block, small_tree
 
 from renderer.job import (
     FilmJob,
@@ -20,10 +20,9 @@ from renderer.job import (
 from renderer.job.forecast import choose_trials
 from renderer.scene import accuracy_of, parse_scene
 
+CROPS = [[[0, 24], [0, 24], [first, 12]] for first in (0, 6)]
 FILES = [{"file": "a.mp4", "size": [64, 64]}, {"file": "b.gif", "every": 6}, {"file": "c-{frame}.png"}]
-RAMPS = [
-    [{"value": low, "color": "white", "opacity": 0}, {"value": 255, "color": "white", "opacity": 1}] for low in (50, 90)
-]
+STILL = {"file": "still.png", "frame": 9, "background": "transparent"}
 
 
 class Told(JobEvents):
@@ -34,7 +33,7 @@ class Told(JobEvents):
 
 
 def test_the_sizes_of_a_film(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = parse_scene(small_tree(frames=36, output=[*FILES, {"file": "still.exr", "frame": 9}]), base=Path())
+    scene = parse_scene(small_tree(frames=36, output=[*FILES, STILL]), base=Path())
     job, told = FilmJob(scene, range(36), accuracy_of(scene.error)), Told()
     before = forecast_film(job, open_local_executor, JobEvents())
     assert before.seconds > 0 and not [*folder.iterdir()]
@@ -48,15 +47,11 @@ def test_the_sizes_of_a_film(folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_trials_stand_for_all_frames() -> None:
-    still, moving = small_tree(frames=60), {"transfer_function": {"points": {20: RAMPS[0], 50: RAMPS[1]}}}
+    still, moving = small_tree(frames=60), {"volume": engine_block(24, 24, 12, crop={20: CROPS[0], 50: CROPS[1]})}
     assert [*choose_trials(parse_scene(still, base=Path()), range(5))] == [([0, 1], 2), ([2, 3, 4], 3)]
     trials = choose_trials(parse_scene(still | moving, base=Path()), range(60))
     assert trials == [([27, 28, 29], 15), ([42, 43, 44], 15), ([6, 7, 8], 15), ([51, 52, 53], 15)]
-
-
-@pytest.mark.parametrize(
-    ("seconds", "num_bytes", "text"), [(2.06, 3499, "2.1 s, 3.5 kB"), (723, 2.5e8, "12 min, 250 MB")]
-)
-def test_amounts(seconds: float, num_bytes: float, text: str) -> None:
-    forecast = Forecast(seconds, {Path("film.mp4"): num_bytes})
-    assert f"{forecast.seconds_text}, {forecast.bytes_text(forecast.num_bytes)}" == text
+    amounts = [(2.06, 3499, "2.1 s, 3.5 kB"), (99.4, 2.54e6, "99 s, 2.5 MB"), (723, 2.5e8, "12 min, 250 MB")]
+    for seconds, num_bytes, text in amounts:
+        forecast = Forecast(seconds, {Path("film.mp4"): num_bytes})
+        assert f"{forecast.seconds_text}, {forecast.bytes_text(forecast.num_bytes)}" == text
