@@ -7,16 +7,7 @@ from pathlib import Path
 import pytest
 from small_scene import engine_block, small_tree
 
-from renderer.job import (
-    FilmJob,
-    Forecast,
-    JobEvents,
-    film_making,
-    forecast_film,
-    make_film,
-    one_pass,
-    open_local_executor,
-)
+from renderer import job as jobs
 from renderer.job.forecast import choose_trials
 from renderer.scene import accuracy_of, parse_scene
 
@@ -25,8 +16,8 @@ FILES = [{"file": "a.mp4", "size": [64, 64]}, {"file": "b.gif", "every": 6}, {"f
 STILL = {"file": "still.png", "frame": 9, "background": "transparent"}
 
 
-class Told(JobEvents):
-    forecast: Forecast | None = None
+class Told(jobs.JobEvents):
+    forecast: jobs.Forecast | None = None
 
     def predicted(self, forecast: Forecast) -> None:
         self.forecast = forecast
@@ -34,11 +25,11 @@ class Told(JobEvents):
 
 def test_the_sizes_of_a_film(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = parse_scene(small_tree(frames=36, output=[*FILES, STILL]), base=Path())
-    job, told = FilmJob(scene, range(36), accuracy_of(scene.error)), Told()
-    before = forecast_film(job, open_local_executor, JobEvents())
+    job, told = jobs.FilmJob(scene, range(36), accuracy_of(scene.error)), Told()
+    before = jobs.forecast_film(job, jobs.open_local_executor, jobs.JobEvents())
     assert before.seconds > 0 and not [*folder.iterdir()]
-    monkeypatch.setattr(film_making, "_LONG_S", 0.0)
-    make_film(job, open_local_executor, one_pass, told)
+    monkeypatch.setattr("renderer.job.film_making._LONG_S", 0.0)
+    jobs.make_film(job, jobs.open_local_executor, jobs.one_pass, told)
     for each in scene.output.files:
         size = sum(file.stat().st_size for file in folder.glob(each.file.name.replace("{frame}", "*")))
         assert before.num_bytes[each.file] == pytest.approx(size, rel=0.15)
@@ -47,11 +38,11 @@ def test_the_sizes_of_a_film(folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_trials_stand_for_all_frames() -> None:
-    still, moving = small_tree(frames=60), {"volume": engine_block(24, 24, 12, crop={20: CROPS[0], 50: CROPS[1]})}
+    still, moving = small_tree(frames=60), {"volume": engine_block(24, 24, 12) | {"crop": {20: CROPS[0], 50: CROPS[1]}}}
     assert [*choose_trials(parse_scene(still, base=Path()), range(5))] == [([0, 1], 2), ([2, 3, 4], 3)]
     trials = choose_trials(parse_scene(still | moving, base=Path()), range(60))
     assert trials == [([27, 28, 29], 15), ([42, 43, 44], 15), ([6, 7, 8], 15), ([51, 52, 53], 15)]
     amounts = [(2.06, 3499, "2.1 s, 3.5 kB"), (99.4, 2.54e6, "99 s, 2.5 MB"), (723, 2.5e8, "12 min, 250 MB")]
     for seconds, num_bytes, text in amounts:
-        forecast = Forecast(seconds, {Path("film.mp4"): num_bytes})
+        forecast = jobs.Forecast(seconds, {Path("film.mp4"): num_bytes})
         assert f"{forecast.seconds_text}, {forecast.bytes_text(forecast.num_bytes)}" == text
