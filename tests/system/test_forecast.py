@@ -19,7 +19,7 @@ STILL = {"file": "still.png", "frame": 9, "background": "transparent"}
 class Told(jobs.JobEvents):
     forecast: jobs.Forecast | None = None
 
-    def predicted(self, forecast: Forecast) -> None:
+    def predicted(self, forecast: jobs.Forecast) -> None:
         self.forecast = forecast
 
 
