@@ -6,6 +6,7 @@ import contextlib
 import tempfile
 import time
 from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -63,16 +64,16 @@ def forecast_frames(
     plan = make_plan(LODCostEstimator(stage), sorted({*numbers}), lambda: executor.rasterizer, events)
     events.started("cost", len(numbers))
     output, seconds, costs = stage.scene.output, time.perf_counter() - start, dict[Path, list[tuple[float, ...]]]()
-    with contextlib.closing(executor.draw(plan, numbers)) as drawing:
+    with contextlib.closing(executor.draw(plan, numbers)) as drawing, ThreadPoolExecutor(1) as thread:
         for trial in trials:
-            pictures, laps, watch = dict[int, Mapping[int, Picture]](), list[float](), Stopwatch(time.perf_counter)
-            for frame in map(DrawnFrame.finished, islice(drawing, len(trial.frames))):
-                pictures[frame.record.frame] = frame.pictures
-                for picture in frame.pictures.values():
-                    _ = picture.content  # as the checkpoint stores it
+            stored, laps, watch = list[Future[DrawnFrame]](), list[float](), Stopwatch(time.perf_counter)
+            for frame in islice(drawing, len(trial.frames)):
+                wait(stored)  # as in a film, one is stored while the next one is drawn
+                stored.append(thread.submit(_store, frame))
                 laps.append(watch.lap("frame"))
                 events.frame_finished(frame.record)
             seconds += sum(laps) + (trial.num - len(laps)) * fmean(laps[1:] or laps)
+            pictures = {each.record.frame: each.pictures for each in (future.result() for future in stored)}
             for each in output.files:
                 kind = output.kinds.index(each.kind)
                 if shown := [pictures[number][kind] for number in trial.frames if each.shows(number)]:
@@ -83,6 +84,14 @@ def forecast_frames(
         encoding, sizes[file] = np.average(rows[:, 2:], axis=0, weights=rows[:, 1]).tolist()
         seconds += encoding
     return Forecast(seconds, sizes)
+
+
+def _store(frame: DrawnFrame) -> DrawnFrame:
+    """Return the frame with its accuracy, and with pictures that are made, and encoded as the checkpoint has them."""
+    frame = frame.finished()
+    for picture in frame.pictures.values():
+        _ = picture.content
+    return frame
 
 
 def choose_trials(scene: Scene, frames: Sequence[int]) -> list[Trial]:
