@@ -32,6 +32,7 @@ COMMANDS = {
     "cite": "Print how a film was made, for a paper, and BibTeX.",
     "check": "Check a scene file and list everything that is wrong with it.",
     "init": "Write a scene file for a volume, to start from.",
+    "preview": "Show a scene or a volume on one page, before its film is made.",
     "turntable": "Render turntables of volumes without a scene file.",
     "measure": "Measure what a scene costs and how near to the truth it comes.",
     "paper": "Reproduce the figures of Laur and Hanrahan 1991 on one page.",

@@ -46,7 +46,7 @@ _Steps = npt.NDArray[np.float32]
 
 
 def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
-    """Return the page as text; equal comparisons and pictures give equal text. Needs the package jinja2."""
+    """Return the page as text; equal comparisons and pictures give equal text."""
     outcomes = comparison.outcomes
     frames, num_bytes, largest = [], 0, 0
     for frame in gallery.gallery_frames:  # worst first, as many as fit

@@ -18,7 +18,7 @@ from hsplat_cli.compare.comparison_html import Gallery, comparison_page
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status, figure_text
 from hsplat_cli.compare.rules import LIMITS_FILE
 from hsplat_cli.terminal import format_table
-from renderer.errors import HsplatError, InputError, require_package
+from renderer.errors import HsplatError, InputError
 from renderer.film import require_writable, staged_files, translate_os_errors
 from renderer.job import require_no_input, shorten_paths
 from renderer.scene import MAX_SIDECAR_BYTES, counted, read_json_object
@@ -26,7 +26,7 @@ from renderer.study import COMPARISON_METRICS
 from renderer.system import PrintableText, join_lines, printable
 
 # No frame or scene file has these suffixes, so that a typing mistake overwrites none of them.
-_SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm")}
+_SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm"), "--output": (".html", ".htm")}
 # Only the worst failing frames are printed, so that they fit on a screen; files have all frames.
 MAX_ROWS = 20
 
@@ -74,8 +74,6 @@ class ReportFiles:
                 path.unlink(missing_ok=True)
         for path in self.paths.values():
             require_writable(path)
-        if "--html" in self.paths:
-            require_package("jinja2", extra="compare")
 
     def write(self, comparison: Comparison, gallery: Gallery) -> None:
         """Write all reports, or none."""

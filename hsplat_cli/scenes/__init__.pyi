@@ -4,7 +4,12 @@ from .job import (
     load_job as load_job,
     read_film_record as read_film_record,
 )
-from .scene_text import suggest_scene as suggest_scene, transfer_lines as transfer_lines, volume_file as volume_file
+from .scene_text import (
+    look_lines as look_lines,
+    suggest_scene as suggest_scene,
+    transfer_lines as transfer_lines,
+    volume_file as volume_file,
+)
 from .volume_arguments import (
     film_options as film_options,
     read_with_options as read_with_options,

@@ -43,7 +43,7 @@ Draws = Literal["film", "passes", "nothing"]
 class SceneRequest:
     """A scene that a command line names: the file of a scene or a sidecar, and what options change in it.
 
-    overrides: of `--set`. frames: a Python slice, as text.
+    overrides: of `--set`. frames: a Python slice, as text. content: of a file that need not exist.
     """
 
     path: Path
@@ -51,6 +51,7 @@ class SceneRequest:
     volume: Path | None = None
     frames: str | None = None
     output: Path | str | None = None
+    content: bytes | None = None
 
 
 def load_job(request: SceneRequest, draws: Draws = "film", *, reads: bool = True) -> FilmJob:
@@ -59,7 +60,7 @@ def load_job(request: SceneRequest, draws: Draws = "film", *, reads: bool = True
     The job of a sidecar makes its film again, or another one elsewhere. reads: the channels and labels of files are
     found, for which their voxels are read. Raises InputError, and SceneError as `load_scene`.
     """
-    content = read_content(request.path)
+    content = read_content(request.path) if request.content is None else request.content
     if may_be_json(content):
         from renderer.job import parse_film_record
 

@@ -176,6 +176,11 @@ def _one_volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
     yield "volume:"
     yield from (f"  {line}" for line in _volume_lines(found.volume, folder, has_absent=found.has_absent))
     yield from ("", _LABELS_COMMENT if suggestion.transfer.labels else _TRANSFER_COMMENT)
+    yield from look_lines(suggestion)
+
+
+def look_lines(suggestion: Suggestion) -> Iterator[str]:
+    """Yield the sections of a scene that say how its volume looks: colours and opacities, light, and clip planes."""
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
     yield from _light_lines(suggestion)
 
@@ -190,7 +195,7 @@ def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Pat
         yield f"  - name: {yaml_string(name)}"
         section = [*_volume_lines(found.volume, folder, has_absent=found.has_absent)]
         section += [_with_comment(f"weight: {format_value(found.weight)}", "a factor on how dense it is", indent=2)]
-        section += [*transfer_lines(suggestion.transfer, suggestion.notes), *filter(None, _light_lines(suggestion))]
+        section += [*filter(None, look_lines(suggestion))]
         yield from (f"    {line}" for line in section)
 
 

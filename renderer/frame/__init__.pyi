@@ -14,6 +14,7 @@ from .pipeline import (
 )
 from .preparation import (
     FilmVolumes as FilmVolumes,
+    StageMaker as StageMaker,
     read_film_volumes as read_film_volumes,
 )
 from .primitives import make_primitive as make_primitive

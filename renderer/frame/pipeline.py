@@ -62,6 +62,7 @@ def prepare_stage(
     volumes: Sequence[Volume] | None = None,
     known: Mapping[VolumeSpec, str] | None = None,
     any_tolerance: bool = False,
+    maker: StageMaker | None = None,
 ) -> Stage:
     """Read the volumes, make their layers, and frame what is visible. Raises InputError for an unusable volume.
 
@@ -69,10 +70,11 @@ def prepare_stage(
     known: the fingerprints that volumes of other frames must have, as of `FilmVolumes`.
     any_tolerance: build the pyramid for every tolerance and level, as bricks always do, and not only for those that
         the scene's schedule can ask for.
+    maker: of stages of similar scenes, one after the other; it keeps what the last one was made from.
     """
     scene, watch = with_draw_order(scene), Stopwatch(clock)
     first, size = scene.at(0), scene.output.size
-    maker = StageMaker(num_threads, any_tolerance, known=known or {})
+    maker = maker or StageMaker(num_threads, any_tolerance, known=known or {})
     if volumes is not None:
         maker.volumes = [volume_key(layer) for layer in first.layers], volumes
     volumes = maker.volumes_of(first)

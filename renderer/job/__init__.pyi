@@ -24,7 +24,11 @@ from .film_making import (
     make_film as make_film,
     one_pass as one_pass,
 )
-from .film_visibility import visibility_text as visibility_text
+from .film_visibility import (
+    film_visibility as film_visibility,
+    range_record as range_record,
+    visibility_text as visibility_text,
+)
 from .fingerprint import describe_differences as describe_differences
 from .forecast import Forecast as Forecast
 from .inputs import (
@@ -44,6 +48,7 @@ from .record import (
     FilmRecord as FilmRecord,
     FilmVisibility as FilmVisibility,
     FrameRecord as FrameRecord,
+    VisibleRange as VisibleRange,
     late_frame_problems as late_frame_problems,
     parse_film_record as parse_film_record,
     record_to_json as record_to_json,

@@ -218,5 +218,5 @@ def test_a_missing_package_is_reported_before_anything_is_written(tmp_path, monk
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError) as caught:
         write_study(CASES["all"], tmp_path, date=DATE)
-    assert str(caught.value) == "the package jinja2 is not installed\n  hint: pip install 'hsplat[measure]'"
+    assert str(caught.value) == "the package matplotlib is not installed\n  hint: pip install 'hsplat[measure]'"
     assert list(tmp_path.iterdir()) == []

@@ -25,7 +25,7 @@ ORDER = {
         "study", "job",
     ],
     "hsplat_cli": [
-        "terminal", "scenes", "executors", "reports", "compare", "studies", "turntable", "commands",
+        "terminal", "scenes", "executors", "reports", "compare", "studies", "turntable", "preview", "commands",
     ],
 }  # fmt: skip
 API = "renderer.api"

@@ -84,9 +84,7 @@ def test_wrong_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["chekc", "x"]) == 2
     assert capsys.readouterr() == (
         "",
-        "hsplat has no command 'chekc'\n"
-        "  expected: render, assemble, verify, cite, check, init, turntable, measure, paper, golden, compare, info\n"
-        "  hint: did you mean check?\n",
+        f"hsplat has no command 'chekc'\n  expected: {', '.join(main.COMMANDS)}\n  hint: did you mean check?\n",
     )
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from gallery_page import PAGE as GALLERY_PAGE, gallery_scenes
 from motion_page import MOTION_PAGE, motion_page
 from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
 
@@ -54,6 +55,15 @@ def test_the_table_of_formats_has_all_of_them() -> None:
         for codec in each.codecs.values():
             names |= {*codec.pixel_formats, *codec.with_alpha}
         assert names <= {word for key, word in found if key == suffix}, suffix
+
+
+def test_the_gallery_shows_legal_scenes(tmp_path: Path) -> None:
+    scenes = gallery_scenes()
+    assert len(scenes) == len(re.findall("(?m)^## ", GALLERY_PAGE.read_text("utf-8"))) == 24
+    for name, text in scenes.items():
+        (tmp_path / "scene.yaml").write_text(text, "utf-8")
+        assert load_scene(tmp_path / "scene.yaml").output.file == Path(f"{name}.webp")
+        assert (GALLERY_PAGE.with_name("gallery") / f"{name}.webp").is_file()
 
 
 def _with_line(scene: str, line: str) -> str:

@@ -1,0 +1,74 @@
+"""Run `hsplat preview SCENE|VOLUME`: show a scene, or what is suggested for a volume, on one page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from hsplat_cli.commands.options import FILE, quiet_option
+from hsplat_cli.scenes import (
+    SceneRequest,
+    base_name,
+    film_options,
+    load_job,
+    suggest_scene,
+    volume_options,
+    volume_spec,
+)
+from hsplat_cli.terminal import OutputPath, Reporter
+from renderer.errors import InputError
+from renderer.film import require_writable_dry_run, write_staged
+from renderer.suggest import FilmOptions
+
+_PAGE = "Write to this page.  [default: NAME.html in the current folder]"
+
+
+@click.command()
+@click.argument("source", type=FILE, metavar="SCENE|VOLUME")
+@click.option("-o", "--output", "page", type=OutputPath(dir_okay=False), metavar="FILE", help=_PAGE)
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of the scene.")
+@click.option("--volume", type=FILE, metavar="FILE", help="Take the volume of the scene from this file.")
+@film_options
+@volume_options()
+@quiet_option()
+def preview(source: Path, page: Path | None, reporter: Reporter, **options: Any) -> None:
+    """Show a scene or a volume on one page, before its film is made.
+
+    SCENE is a YAML file, or the JSON file beside a film; VOLUME a file, or a folder of slices, whose scene is
+    suggested. The page needs no network: frames of the film, the object as it turns, histograms with what is seen of
+    them, slices, and variants with the lines that make them. The other options are those of turntable, for a VOLUME.
+    """
+    request = SceneRequest(source, options.pop("overrides"), options.pop("volume"))
+    if source.suffix.lower() in (".yaml", ".yml", ".json"):
+        name = base_name(source.with_suffix(""))
+        _require_none_of(options)
+    else:
+        name = base_name(source)
+        spec, scene = volume_spec(source, options), Path(f"{name}.yaml")
+        text, _ = suggest_scene(spec, FilmOptions.of(options), reporter, scene=scene, output=Path(f"{name}.mp4"))
+        request = replace(request, path=scene, content=text.encode())
+    job, page = load_job(request, "nothing"), page or Path(f"{name}.html")
+    # Imported here to keep --help fast.
+    from hsplat_cli.compare import ReportFiles
+    from hsplat_cli.preview import NUM_PARTS, preview_page
+
+    ReportFiles({"--output": page}).require_names([source, *job.input_files()])
+    require_writable_dry_run(page)
+    with reporter.progress([1.0] * NUM_PARTS, label="preview", unit="parts") as bar:
+        content = preview_page(job, f"Preview of {source.absolute().name}", bar.advance).encode()
+    write_staged(page, content)
+    reporter.line(f"page: {page}")
+
+
+def _require_none_of(options: Iterable[str]) -> None:
+    """Raise InputError where one of these options is given."""
+    context = click.get_current_context()
+    for name in options:
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            where, hint = f"--{name.replace('_', '-')}", "--set changes a value of a scene"
+            raise InputError("this is for a volume without a scene", where=where, hint=hint)

@@ -1,0 +1,103 @@
+"""Lay out the histogram of a volume with its transfer function, what is seen of it, and slices in its colours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from hsplat_cli.preview.studio import Shot
+from renderer.job import FilmVisibility, VisibleRange
+from renderer.layers import Layer
+from renderer.scene import format_value
+from renderer.suggest import Statistics, compute_statistics, format_percent, rebin
+from renderer.view import visible_centre, visible_points
+from renderer.volume import Array, Float64, UInt8
+
+_COLUMNS = 160
+_SLICE_PX = 256
+
+
+def chart_of(layer: Layer, visibility: FilmVisibility | None) -> dict[str, Any]:
+    """Lay out the chart of a layer, from 0 to 1 across and, downwards, up; and draw its slices.
+
+    visibility: of the scene's only layer. The template `preview.html` draws it as SVG.
+    """
+    volume, transfer = layer.volume, layer.transfer
+    statistics = compute_statistics(volume.values, volume.source)
+    counts, edges = rebin(statistics, _COLUMNS)
+    low, high = float(edges[0]), float(edges[-1])
+    low, high = (low, high) if low < high else (low - 1, high + 1)
+
+    def across(values: Any) -> Any:
+        return (np.clip(values, low, high) / 2 - low / 2) / (high / 2 - low / 2)  # halves do not overflow
+
+    inner = transfer.values[(transfer.values > low) & (transfer.values < high)]
+    scalars = np.sort(np.concatenate([np.linspace(low, high, _COLUMNS), inner, np.nextafter(inner, low)]))
+    colors, opacities = _classified(layer, scalars)
+    heights = np.log1p(counts) / np.log1p(counts.max())
+    bars = zip(heights, across(edges[1:]), strict=True)
+    curve = zip(across(scalars), 1 - 0.95 * opacities / (opacities.max() or 1.0), strict=True)
+    shown = [] if visibility is None else visibility.ranges
+    ranges = [] if volume.is_labels else shown
+    ends = np.array([(each.low, each.high) for each in ranges], np.float64).reshape(-1, 2)  # None becomes NaN
+    ends = across(np.where(np.isnan(ends), (low, high), ends)).tolist()
+    return {
+        "name": layer.spec.name or Path(volume.name).name,
+        "is_labels": volume.is_labels,
+        "bars": "".join(f"V{1 - height:.4f}H{end:.4f}" for height, end in bars),
+        "curve": "L".join(f"{x:.4f} {y:.4f}" for x, y in curve),
+        "stops": [
+            (f"{x:.4f}", "#" + "".join(f"{round(255 * part):02x}" for part in color))
+            for x, color in zip(across(scalars), colors.tolist(), strict=True)
+        ],
+        "ends": (format_value(statistics.minimum), format_value(statistics.maximum)),
+        "largest": f"{opacities.max():.3g}",
+        "unit": f"{transfer.unit:.4g} {volume.length_unit}".strip(),
+        "ranges": [(*pair, each.share, format_percent(each.share)) for pair, each in zip(ends, ranges, strict=True)],
+        "rows": [*map(_row, shown)],
+        "slices": _slices(layer, statistics),
+    }
+
+
+def _row(each: VisibleRange) -> dict[str, str]:
+    """Return a row of the table of what is seen."""
+    ends = [f"{word} {end:.6g}" for word, end in (("from", each.low), ("to", each.high)) if end is not None]
+    seen = {"largest\nopacity": f"{each.opacity:.3g}", "seen": format_percent(each.share)}
+    return {"values": each.name or " ".join(ends) or "all"} | seen
+
+
+def _classified(layer: Layer, scalars: Float64) -> tuple[Float64, Float64]:
+    """Return colours, and opacities for the transfer function's unit."""
+    colors, extinctions = layer.transfer.classify(scalars)
+    return colors, -np.expm1(-extinctions * layer.transfer.unit)
+
+
+def _slices(layer: Layer, statistics: Statistics) -> list[Shot]:
+    """Return slices through the middle of what is visible, across x, y and z, each with the last axis upwards."""
+    volume, shots = layer.volume, []
+    middle = np.array([*visible_centre(visible_points(layer.pyramid)), 1.0])
+    index = np.clip(np.round(np.linalg.solve(volume.world_from_index, middle)[:3]), 0, np.array(volume.shape_xyz) - 1)
+    for axis, (right, up) in enumerate(((1, 2), (0, 2), (0, 1))):
+        at = int(index[axis])
+        picture = _colored(layer, statistics, np.take(volume.values, at, 2 - axis)[::-1])
+        lengths = np.array(picture.shape[1::-1]) * volume.spacing[[right, up]]
+        size = tuple(np.maximum(1, np.round(_SLICE_PX * lengths / lengths.max()).astype(int)).tolist())
+        pixels = np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.BILINEAR))
+        shots.append(Shot(f"{'xyz'[axis]} = {at}", pixels, f"{'xyz'[right]} to the right, {'xyz'[up]} upwards"))
+    volume.require_unchanged()
+    return shots
+
+
+def _colored(layer: Layer, statistics: Statistics, values: Array) -> UInt8:
+    """Return a slice in the colours of the transfer function, by the root of its opacities, over grey."""
+    has_data = np.isfinite(values)
+    scalars = np.where(has_data, values, statistics.minimum).astype(np.float64)
+    colors, opacities = _classified(layer, scalars)
+    share = np.sqrt(opacities / (opacities.max() or 1.0))[..., None]
+    low, high = statistics.percentiles[1.0], statistics.percentiles[99.0]
+    low, high = (low, high) if low < high else (statistics.minimum, max(statistics.maximum, low + 1))
+    grey = np.interp(scalars, (low, high), (0.0, 1.0))[..., None]
+    return np.asarray(np.round(255 * has_data[..., None] * (share * colors + (1 - share) * grey)), np.uint8)

@@ -1,0 +1,105 @@
+"""Make the page: draw each of its parts, and render them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from hsplat_cli.preview.charts import chart_of
+from hsplat_cli.preview.studio import TOLERANCE, Shot, Studio, shot_of, small_scene
+from hsplat_cli.preview.variants import variants
+from hsplat_cli.reports import render_page
+from renderer.accuracy import is_loop, scalar_ranges, spread_evenly
+from renderer.draw import open_rasterizer
+from renderer.job import FilmJob, FilmVisibility, film_visibility, range_record, require_annotation, visibility_text
+from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tolerance, with_tolerance
+
+# Of the calls of `advance`.
+NUM_PARTS = 4
+# Numbers of pictures, and the lengths of their longer sides; annotation is drawn in larger ones, which are reduced.
+_NUM_FRAMES, _FRAME_PX, _ANNOTATED_PX = 12, 192, 512
+_NUM_TURNED, _TURN_COLUMNS = 36, 6
+_OTHERS_PX = 256
+# The tolerance of turning pictures, unless the scene's is larger, and their elevation, unless the film is a turntable.
+_TURN_TOLERANCE, _ELEVATION = 0.3, 20.0
+_RAYS_A_FRAME = 96
+_MOST_CHARTS = 8
+
+
+def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> str:
+    """Return the page of a film. advance: takes the name of each part that is done.
+
+    Raises InputError, SceneError, and RenderError where a scene with splats finds no OpenGL.
+    """
+    film = job.scene
+    frame = film.num_frames // 2 if film.moves else 0
+    with open_rasterizer(film) as rasterizer:
+        studio = Studio(rasterizer)
+        sheet, visibility = _sheet(studio, job)
+        advance("frames")
+        still = small_scene(film.at(frame), _OTHERS_PX)
+        turn = _turn(studio, still)
+        advance("turning")
+        with studio.stage(still) as stage:
+            charts = [chart_of(layer, visibility) for layer in stage.layers[:_MOST_CHARTS]]
+            advance("values")
+            rows = [*variants(studio, stage, frame)]
+        advance("variants")
+    return render_page(
+        "preview.html",
+        title=title,
+        facts=_facts(job),
+        tolerance="its tolerance" if film.error.goal is None else f"tolerance {TOLERANCE:g} in place of its goal",
+        sheet=sheet,
+        turn=turn,
+        columns=_TURN_COLUMNS,
+        charts=charts,
+        num_layers=len(still.layers),
+        hidden="" if visibility is None else visibility_text(visibility),
+        variants=rows,
+        frame=frame,
+    )
+
+
+def _facts(job: FilmJob) -> list[tuple[str, str]]:
+    """Return what the film will be, for the head of the page."""
+    output = job.scene.output
+    seconds = len(job.frames) / output.frames_per_second
+    size = f"{output.size[0]} × {output.size[1]} pixels"
+    return [("film", f"{output.file.name}, {size}, {counted(len(job.frames), 'frame')}, {seconds:.3g} s")]
+
+
+def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None]:
+    """Draw some frames of the film with their annotation, and find what they show by exact rays."""
+    has_text = bool(job.scene.annotation.entries)  # which is made for larger pictures
+    scene = small_scene(job.scene, _ANNOTATED_PX if has_text else _FRAME_PX, is_annotated=True)
+    frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.camera.path))
+    with studio.stage(scene) as stage:
+        require_annotation(stage, frames)
+        ranges = scalar_ranges(stage)
+        drawn = studio.draw(stage, frames, _RAYS_A_FRAME if ranges else 0)
+    shots = [
+        shot_of(each, scene.at(number).output.background, f"frame {number}", side=_FRAME_PX)
+        for number, each in zip(frames, drawn, strict=True)
+    ]
+    return shots, film_visibility([each.record for each in drawn], [*map(range_record, ranges)])
+
+
+def _turn(studio: Studio, still: Scene) -> Shot:
+    """Draw a turn around the target, all frames in one picture, row by row."""
+    camera = replace(still.camera, loop="restart")
+    path = camera.path.pieces[0] if isinstance(camera.path, PathSequence) else camera.path
+    if isinstance(path, TurntablePath):
+        camera = replace(camera, path=replace(path, frames=_NUM_TURNED))
+    else:
+        axis = getattr(path, "axis", TurntablePath.axis)
+        camera = replace(camera, path=TurntablePath(_NUM_TURNED, elevation=_ELEVATION, axis=axis), distance=None)
+    scene = with_tolerance(still, max(_TURN_TOLERANCE, min_tolerance(still.error)))
+    with studio.stage(replace(scene, camera=camera)) as stage:
+        shots = [shot_of(each, still.output.background, "") for each in studio.draw(stage, range(_NUM_TURNED))]
+    rows = [
+        np.hstack([shot.pixels for shot in shots[k : k + _TURN_COLUMNS]]) for k in range(0, _NUM_TURNED, _TURN_COLUMNS)
+    ]
+    return replace(shots[0], pixels=np.vstack(rows), caption=str(_NUM_TURNED))
