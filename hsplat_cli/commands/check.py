@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,6 +12,7 @@ from hsplat_cli.commands.options import takes_scene
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import Reporter
 from renderer.accuracy import finer_than_kept, psnr, typical_kept_psnr, typical_psnr, wanted_error
+from renderer.errors import HsplatError
 from renderer.film import (
     frame_path,
     require_own_folder,
@@ -39,7 +39,10 @@ from renderer.scene import (
     motion_of,
     moving_values,
 )
-from renderer.system import join_lines, num_cores
+from renderer.system import join_lines
+
+if TYPE_CHECKING:  # it loads kernels
+    from renderer.job import Forecast
 
 # The number of values of a schedule that are listed.
 _MAX_TURNS = 4
@@ -48,15 +51,17 @@ _MAX_TURNS = 4
 @click.command()
 @takes_scene("As for render.")
 @click.option("--output", metavar="FILE", help="As for render.")
-def check(request: SceneRequest, output: str | None) -> None:
+@click.option("--no-cost", is_flag=True, help="Read and draw nothing to predict what the film costs.")
+def check(request: SceneRequest, *, output: str | None, no_cost: bool) -> None:
     """Check a scene file and list everything that is wrong with it.
 
     SCENE is a YAML file, or the JSON file beside a film. Finds all that render refuses before it loads a library to
-    read voxels, to draw or to encode. Nothing is written, and only the first bytes of the volume are read. What only
-    those libraries find remains: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg, a
-    full disk.
+    read voxels, to draw or to encode. Nothing is written. Of a scene that is right, some frames are drawn and encoded,
+    which tells what the film costs here; with --no-cost, only the first bytes of the volume are read. Where that fails,
+    a note says why: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg.
     """
-    job = load_job(replace(request, output=output), reads=False)
+    request = replace(request, output=output)
+    job = load_job(request, reads=False)
     outputs = [frame_path(each.file, job.frames[0]) for each in job.scene.output.files]
     for file in (*outputs, sidecar_path(job.scene, job.frames)):
         require_writable_dry_run(file)
@@ -67,11 +72,27 @@ def check(request: SceneRequest, output: str | None) -> None:
             if isinstance(volume.source, FileSource):
                 for file in volume.source.steps or (volume.source.file,):
                     find_volume(file)
-    rows = [f"  {name:<8} {text}" for name, text in _summary(job.scene, len(job.frames))]
+    cost_rows, costs = ([], None) if no_cost else _costs(request)
+    rows = [f"  {name:<8} {text}" for name, text in [*_summary(job.scene, len(job.frames), costs), *cost_rows]]
     Reporter().result(join_lines([f"{request.path}: ok", *rows]))
 
 
-def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
+def _costs(request: SceneRequest) -> tuple[list[tuple[str, str]], Forecast | None]:
+    """Return a row with what the film costs if this process draws it, and that forecast; or why that is not known."""
+    # Imported here: they load kernels.
+    from hsplat_cli.terminal import FilmEvents
+    from renderer.job import forecast_film, open_local_executor
+
+    try:
+        job = load_job(request)
+        with FilmEvents(Reporter(), job.scene.splat.primitive_name) as events:
+            found = forecast_film(job, open_local_executor, events)
+    except HsplatError as error:
+        return [("note", f"the cost is not known: {str(error).partition(chr(10))[0]}")], None
+    return [("cost", f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}")], found
+
+
+def _summary(scene: Scene, num_frames: int, costs: Forecast | None) -> list[tuple[str, str]]:
     output, camera = scene.output, scene.camera
     frames = f"{num_frames} of " * (num_frames < camera.num_frames) + counted(camera.num_frames, "frame")
     path = ", ".join(piece.type for piece in getattr(camera.path, "pieces", [camera.path]))
@@ -80,15 +101,15 @@ def _summary(scene: Scene, num_frames: int) -> list[tuple[str, str]]:
         ("camera", f"{path}{', to and fro' * (camera.loop == 'ping-pong')}, {frames}"),
         *_motion(scene),
         ("error", _schedule(scene)),
-        *(("output", _output_text(each, num_frames)) for each in output.files),
+        *(("output", _output_text(each, num_frames, costs if output.others else None)) for each in output.files),
         *(("note", note) for note in scene.import_notes),
         *([("note", advice)] if (advice := _advice(scene)) is not None else []),
     ]
 
 
-def _output_text(output: OutputFile, num_frames: int) -> str:
+def _output_text(output: OutputFile, num_frames: int, costs: Forecast | None) -> str:
     width, height = output.size
-    text = f"{output.file}, {width} x {height}"
+    text = f"{output.file}, {width} x {height}{'' if costs is None else f', {costs.bytes_text([output.file])}'}"
     if output.frame is not None:
         return f"{text}, frame {output.frame}"
     rate = "1 frame" if output.frames_per_second == 1 else f"{output.frames_per_second:g} frames"
@@ -97,27 +118,19 @@ def _output_text(output: OutputFile, num_frames: int) -> str:
 
 
 def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield what moves, and what that makes anew on which frames; how long that takes here, a small layer tells."""
+    """Yield what moves, and what that makes anew on which frames."""
     in_time = ["all steps in time"] * any(layer.volume.time == "auto" for layer in scene.layers)
     if scene.moves or in_time:
         yield "motion", join_some([*in_time, *moving_values(scene, 0)])
     if not scene.moves:
         return
-    from renderer.frame import seconds_for_layer
     from renderer.layers import layer_parts
 
-    for layer, plain in zip(scene.layers, scene.at(0).layers, strict=True):
-        runs = changing_frames((layer.volume, layer.transform, *layer_parts(layer, scene)))
-        if not runs:
-            continue
-        num, shape = sum(last - first + 1 for first, last in runs), getattr(layer.volume.source, "shape", None)
-        seconds = seconds_for_layer(plain, scene.at(0), clock=time.perf_counter, num_threads=num_cores())
-        took = f"{seconds:.1g} s a frame for each million voxels"
-        if shape is not None:
-            took = f"{num * math.prod(shape) * seconds / 1e6:.2g} s"
-        frames = first_few([f"{first} to {last}" if last > first else f"{first}" for first, last in runs])
-        name = f"{layer.name} " * bool(layer.name)
-        yield "layer", f"{name}made anew on {counted(num, 'frame')} ({frames}): about {took} here"
+    for layer in scene.layers:
+        if runs := changing_frames((layer.volume, layer.transform, *layer_parts(layer, scene))):
+            num = sum(last - first + 1 for first, last in runs)
+            frames = first_few([f"{first} to {last}" if last > first else f"{first}" for first, last in runs])
+            yield "layer", f"{layer.name} " * bool(layer.name) + f"made anew on {counted(num, 'frame')}: {frames}"
 
 
 def _volumes(scene: Scene) -> Iterator[tuple[str, str]]:

@@ -11,7 +11,7 @@ from renderer.job import FrameRecord, JobEvents
 from renderer.scene import counted
 
 if TYPE_CHECKING:
-    from renderer.job import FinishedFilm
+    from renderer.job import FinishedFilm, Forecast
 
 _PERCENT = 100
 
@@ -39,6 +39,12 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
         """Advance the bar."""
         assert self._bar is not None, "a pass has started"
         self._bar.advance(counted(record.primitives, self._noun))
+
+    def predicted(self, forecast: Forecast) -> None:
+        """Print what a long pass costs."""
+        assert self._bar is not None, "a pass has started"
+        size = forecast.bytes_text(forecast.num_bytes)
+        self._bar.say(f"about {forecast.seconds_text}, {size}, if all frames are like the first ones")
 
     def pass_finished(self, summary: str) -> None:
         """Print the line about a pass."""

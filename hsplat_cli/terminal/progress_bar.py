@@ -54,6 +54,11 @@ class Progress:
         if self._is_due(now):
             self._show(now, note)
 
+    def say(self, text: str) -> None:
+        """Print a line; on a terminal below the bar, which the next step shows below it."""
+        if self._stream is not None:
+            print(f"{chr(10) * self._is_terminal}{self._label}: {printable(text)}", file=self._stream, flush=True)
+
     def close(self) -> None:
         """Leave the line of a terminal."""
         if self._is_terminal:

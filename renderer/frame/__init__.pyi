@@ -16,7 +16,6 @@ from .preparation import (
     FilmVolumes as FilmVolumes,
     StageMaker as StageMaker,
     read_film_volumes as read_film_volumes,
-    seconds_for_layer as seconds_for_layer,
 )
 from .primitives import make_primitive as make_primitive
 from .stage import (

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.frame.stage import Clock, Resolution, Stage
+from renderer.frame.stage import Resolution, Stage
 from renderer.layers import Layer, LayerGroup, group_layers, layer_digest, make_layer, mask_volume
 from renderer.pyramid import EVERY_CUT, FinestCut
 from renderer.readers import mix_steps, read_volume
@@ -22,8 +22,6 @@ from renderer.scene import (
     ClipSpec,
     LayerSpec,
     MaskSpec,
-    ModeSpec,
-    ProceduralSource,
     Scene,
     Vector,
     VolumeSpec,
@@ -32,7 +30,6 @@ from renderer.scene import (
     motion_of,
     motions_in,
     raise_problems,
-    ramp,
     steps_in_time,
     values_at,
     volume_extent,
@@ -167,19 +164,6 @@ class StageMaker:
             order_blending = make_order_blending(placed, camera.path, (target, distance))
         self.last = Stage(scene, layers, target, distance, groups, resolutions, order_blending, {})
         return self.last
-
-
-def seconds_for_layer(layer: LayerSpec, scene: Scene, *, clock: Clock, num_threads: int) -> float:
-    """Return about how long it takes here to make such a layer, for each million voxels, by making a small one."""
-    source = VolumeSpec(ProceduralSource("engine_block", (64, 64, 64)))
-    volume, look = read_volume(source), ramp((1.0, 1.0, 1.0), (0.0, 255.0))
-    alike = LayerSpec(source, look, layer.shading)
-    plain, seconds = replace(scene, mode=ModeSpec(), clip=()), []
-    for _ in range(2):  # the first one loads what draws
-        start = clock()
-        make_layer(alike, plain, volume, num_threads=num_threads, lap=lambda _: None)
-        seconds.append(clock() - start)
-    return seconds[-1] * 1e6 / volume.values.size
 
 
 @dataclass(frozen=True)

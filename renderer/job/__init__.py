@@ -5,6 +5,7 @@ A film that is up to date is not drawn again, and one that was stopped resumes w
 
 - `film_job.py`: what is to be made, perhaps again.
 - `film_making.py`: the job, step by step, in one pass; `refinement.py`: in several.
+- `forecast.py`: what a film costs here, from frames that are drawn and encoded.
 - `film_output.py`: the loop over frames, each of which is stored while the next one is drawn; and the sidecar.
 - `plan.py`: the tolerances for what a scene requests; `goals.py`: whether it was reached.
 - `film_accuracy.py`: how exact frames and film are, in records and words; `film_visibility.py`: what they show;

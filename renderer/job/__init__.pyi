@@ -20,6 +20,7 @@ from .film_accuracy import accuracy_text as accuracy_text
 from .film_job import FilmJob as FilmJob, OriginalFilm as OriginalFilm
 from .film_making import (
     FinishedFilm as FinishedFilm,
+    forecast_film as forecast_film,
     make_film as make_film,
     one_pass as one_pass,
 )
@@ -29,6 +30,7 @@ from .film_visibility import (
     visibility_text as visibility_text,
 )
 from .fingerprint import describe_differences as describe_differences
+from .forecast import Forecast as Forecast
 from .inputs import (
     expand_pattern as expand_pattern,
     film_files as film_files,

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from renderer.job.record import FrameRecord
+
+if TYPE_CHECKING:
+    from renderer.job.forecast import Forecast
 
 # Takes the number of finished frames, and that of all frames that are drawn.
 OnProgress = Callable[[int, int], object]
@@ -33,6 +36,9 @@ class JobEvents:
 
     def frame_finished(self, record: FrameRecord) -> None:
         """Take note that one of these frames is stored, and in the film."""
+
+    def predicted(self, forecast: Forecast) -> None:
+        """Take note what a long pass costs if all its frames are like the first ones."""
 
     def pass_finished(self, summary: str) -> None:
         """Take note that a pass is a whole film. summary: what it has, and what it cost."""

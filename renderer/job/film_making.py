@@ -16,16 +16,17 @@ from typing import Any
 
 from renderer.accuracy import finer_than_kept
 from renderer.errors import InputError, RenderError
-from renderer.film import film_notes
+from renderer.film import film_notes, require_encoder
 from renderer.frame import FilmVolumes, LODCostEstimator, Stage, framing_note, prepare_stage, read_film_volumes
 from renderer.job.annotation import annotation_notes, require_annotation
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
-from renderer.job.executor import DrawnFrame, Executor
+from renderer.job.executor import DrawnFrame, Executor, LocalExecutor
 from renderer.job.existing_film import ExistingFilm, find_existing_film
 from renderer.job.film_job import FilmJob
 from renderer.job.film_output import FilmOutput, locked_film_output
 from renderer.job.fingerprint import describe_mismatch, film_fingerprint
+from renderer.job.forecast import NUM_NEIGHBOURS, Forecast, film_cost, forecast_frames
 from renderer.job.goals import find_shortfall, summary_parts
 from renderer.job.make_record import film_record
 from renderer.job.plan import FilmPlan, make_plan
@@ -34,6 +35,8 @@ from renderer.layers import placement_notes
 from renderer.scene import Scene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
 
+# A pass that takes longer is told what it costs when its first frames are drawn.
+_LONG_S = 60.0
 OpenExecutor = Callable[[Scene], AbstractContextManager[Executor]]
 Passes = Callable[["FilmInProgress"], "FinishedFilm"]
 
@@ -96,6 +99,15 @@ def make_film(
                 )
                 made = passes(film)
     return made
+
+
+def forecast_film(job: FilmJob, open_executor: OpenExecutor, events: JobEvents) -> Forecast:
+    """Predict what a film costs here, by drawing some of its frames; nothing is written. Raises as `make_film`."""
+    start = time.perf_counter()
+    require_encoder(job.scene.output)
+    with open_executor(job.scene) as executor, open_job_stage(job, read_film_volumes(job.scene)) as stage:
+        require_annotation(stage, job.frames)
+        return forecast_frames(stage, executor, job.frames, start, events)
 
 
 def _kept_film(
@@ -176,9 +188,13 @@ class FilmInProgress:
         """
 
         def draw() -> Iterator[DrawnFrame]:
-            for frame in drawing:
+            start = 0.0
+            for num, frame in enumerate(drawing):
                 yield frame
                 on_step()
+                start = start or time.perf_counter()  # after the first one, which loads what others share
+                if num == NUM_NEIGHBOURS and isinstance(self.executor, LocalExecutor):
+                    self._tell_cost(len(missing) * (time.perf_counter() - start) / num)
 
         missing = [number for number in self.output.frames if number not in store.records]
         # On a time budget each frame is stored before the next one is drawn: both count.
@@ -187,6 +203,14 @@ class FilmInProgress:
             return self.output.write_frames(
                 store, draw(), label, self.events, defer_interrupts, is_overlapped=is_overlapped
             )
+
+    def _tell_cost(self, seconds: float) -> None:
+        """Tell what a pass costs, if that is long. seconds: to draw and store its frames."""
+        if seconds >= _LONG_S:
+            first = self.output.first_pictures  # one frame is still being stored
+            known = [(each, first[each.file][:NUM_NEIGHBOURS]) for each in self.output.shown if each.file in first]
+            sizes = {each.file: film_cost(each, pictures, self.output.frames)[1] for each, pictures in known}
+            self.events.predicted(Forecast(seconds, sizes))
 
     def finish(
         self, plan: FilmPlan, frames: Sequence[FrameRecord], *, num_resumed: int = 0, passes: Sequence[PassRecord] = ()

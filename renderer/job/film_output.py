@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -14,7 +15,6 @@ from renderer.accuracy import MOST_DB, encoding_loss, psnr
 from renderer.errors import RenderError
 from renderer.film import (
     Picture,
-    Pixels,
     WriteFrame,
     file_digest,
     locked_output,
@@ -43,8 +43,8 @@ class FilmOutput:
     frames: Sequence[int]
     sidecar: Path
     folder: Path
-    # The first frames of each film that was written last, to compare with what the file keeps of them.
-    _first_frames: dict[Path, list[Pixels]] = field(default_factory=dict)
+    # The first pictures of each file that was written last, to compare with what a film keeps of them.
+    first_pictures: dict[Path, list[Picture]] = field(default_factory=dict)
 
     def write_frames(
         self,
@@ -80,7 +80,7 @@ class FilmOutput:
         # However the block ends, a frame that was drawn is stored before.
         with films as write_to_films, ThreadPoolExecutor(1, "hsplat-background") as thread:
             write = partial(self._write_and_remember, write_to_films)
-            self._first_frames.clear()
+            self.first_pictures.clear()
             thread.submit(bool).result()  # an interrupt while the thread starts would lose its task
             for number in self.frames:
                 is_new = number in missing
@@ -101,10 +101,11 @@ class FilmOutput:
     def _write_and_remember(self, write: WriteFrame, number: int, pictures: Mapping[int, Picture]) -> None:
         write(number, pictures)
         kinds = self.spec.kinds
-        for each in (each for each in self.spec.files if not each.is_frames and each.shows(number)):
-            first, pixels = self._first_frames.setdefault(each.file, []), pictures[kinds.index(each.kind)].pixels
-            if len(first) < min(_MAX_COMPARED, max(1, _MAX_COMPARED_BYTES // pixels.nbytes)):
-                first.append(pixels)
+        for each in (each for each in self.spec.files if each.shows(number)):
+            first = self.first_pictures.setdefault(each.file, [])
+            num_bytes = math.prod(each.kind.shape) * each.kind.depth // 8
+            if len(first) < min(_MAX_COMPARED, max(1, _MAX_COMPARED_BYTES // num_bytes)):
+                first.append(pictures[kinds.index(each.kind)])
 
     def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
         """Write the sidecar of a film, and return its record.
@@ -116,7 +117,7 @@ class FilmOutput:
         digests = {} if fingerprint is None else {each.file: _digest(each.file) for each in films}
         losses = {} if accuracy is None else {each.file: self._loss(each) for each in films}
         if accuracy is not None and self.spec.file in losses:
-            num_compared = len(self._first_frames[self.spec.file])
+            num_compared = len(self.first_pictures[self.spec.file])
             accuracy = with_encoding_loss(accuracy, losses[self.spec.file], num_compared)
         outputs = tuple(
             OutputRecord(
@@ -133,7 +134,8 @@ class FilmOutput:
         return record
 
     def _loss(self, output: OutputFile) -> float:
-        return encoding_loss(output, sum(map(output.shows, self.frames)), self._first_frames[output.file])
+        first = [picture.pixels for picture in self.first_pictures[output.file]]
+        return encoding_loss(output, sum(map(output.shows, self.frames)), first)
 
 
 @contextlib.contextmanager

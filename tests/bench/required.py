@@ -162,7 +162,7 @@ def start() -> Iterator[str]:
         return lambda: subprocess.run([sys.executable, *words], check=True, cwd=ROOT, capture_output=True)
 
     loading = process("-c", "import renderer.frame.pipeline, renderer.draw.gl.raster")
-    for words in (["--help"], ["check", "configs/demo.yaml"]):
+    for words in (["--help"], ["check", "configs/demo.yaml", "--no-cost"]):
         costs = timed(process("-m", "hsplat_cli", *words), loading, clock=time.perf_counter)
         yield row(f"`hsplat {words[0]}`", costs, "numpy, kernels and OpenGL", "ms")
 

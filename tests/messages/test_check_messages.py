@@ -19,6 +19,7 @@ def folder(scene_folder: Path) -> Path:
     for name in ("folder.mp4", "007.png", "slices", "film.gif.json", "notes/more"):
         Path(name).mkdir(parents=True)
     Path("notes/readme").write_text("no volume here")
+    Path("damaged.nrrd").write_text("NRRD0004\n")
     for name in ("empty.vtk", "taken.mp4.unfinished"):
         Path(name).touch()
     links = {"link": "nowhere", "circle": "circle", "null.mp4": "/dev/null", "lost.mha": "gone.mha"}
