@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import suggest_scene, volume_file
@@ -22,7 +23,10 @@ from renderer.errors import HsplatError, InputError, OutputLockedError
 from renderer.film import bytes_digest, require_writable, sidecar_path_of_file, translate_os_errors, write_staged
 from renderer.job import FilmJob, expand_pattern, film_files, require_no_input, volume_files
 from renderer.scene import OutputSpec, VolumeSpec, accuracy_of, parse_scene_content
-from renderer.suggest import FilmOptions, Suggestion
+from renderer.suggest import FilmOptions
+
+if TYPE_CHECKING:
+    from renderer.suggest import Suggestion
 
 _FOLDER_FILES = (manifest.MANIFEST_FILE, manifest.LOCK_FILE, PAGE_FILE, CONTACT_FILE)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from annotation_page import ALL, BARS, LEGEND, axes_of
+from annotations import ALL, BARS, LEGEND, axes_of
 from film_stages import PLAIN
 from PIL import Image
 
