@@ -118,7 +118,7 @@ def _output_text(output: OutputFile, num_frames: int, costs: Forecast | None) ->
 
 
 def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield what moves, and what that makes anew on which frames."""
+    """Yield what moves, and on which frames layers are made again for it."""
     in_time = ["all steps in time"] * any(layer.volume.time == "auto" for layer in scene.layers)
     if scene.moves or in_time:
         yield "motion", join_some([*in_time, *moving_values(scene, 0)])
@@ -130,7 +130,7 @@ def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
         if runs := changing_frames((layer.volume, layer.transform, *layer_parts(layer, scene))):
             num = sum(last - first + 1 for first, last in runs)
             frames = first_few([f"{first} to {last}" if last > first else f"{first}" for first, last in runs])
-            yield "layer", f"{layer.name} " * bool(layer.name) + f"made anew on {counted(num, 'frame')}: {frames}"
+            yield "layer", f"{layer.name} " * bool(layer.name) + f"made again on {counted(num, 'frame')}: {frames}"
 
 
 def _volumes(scene: Scene) -> Iterator[tuple[str, str]]:

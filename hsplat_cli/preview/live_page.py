@@ -45,7 +45,7 @@ def served_states(title: str) -> Iterator[tuple[str, Callable[[State], None]]]:
         def do_GET(self) -> None:
             name = self.path.removeprefix("/").split("/")
             # A page of another origin can ask for a name of its own that leads to this address.
-            is_own = self.headers.get("Host") == f"{_LOOPBACK}:{self.server.server_port}"  # type: ignore[attr-defined]
+            is_own = self.headers.get("Host") == f"{_LOOPBACK}:{server.server_port}"
             if len(name) != 2 or not is_own or not hmac.compare_digest(name[0].encode(), token.encode()):
                 self.send_error(404)
             elif name[1] == "":

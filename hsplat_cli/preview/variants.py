@@ -80,7 +80,7 @@ def _looks(studio: Studio, scene: Scene, layers: Sequence[Layer], frame: int) ->
 
 
 def _sampled(volume: Volume, most: int) -> Volume:
-    """Return every n-th voxel along each axis, which has at most so many."""
+    """Return every n-th voxel along each axis, of which there are at most `most`."""
     z, y, x = (-(-side // most) for side in volume.values.shape)
     values = np.ascontiguousarray(volume.values[::z, ::y, ::x])
     num_absent = int(np.count_nonzero(np.isnan(values)))

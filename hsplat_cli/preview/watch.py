@@ -1,4 +1,4 @@
-"""Watch the file of a scene, and show it as it is now: coarse at once, then finer while nothing changes."""
+"""Watch the file of a scene, and draw the scene when the file changes: coarse at once, then finer."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SETTLED_S = 0.05
 
 @dataclass(frozen=True)
 class State:
-    """What a page shows: the last picture that could be drawn, and what is wrong with the scene now."""
+    """A state of the page: the last picture that could be drawn, and what is wrong with the scene now."""
 
     number: int
     shot: Shot | None = None

@@ -1,7 +1,7 @@
 """Write index.html, a page over all films of turntable.json, with their posters, and contact.png.
 
-The page refers to files of its folder alone. What turntable.json says is text from anywhere: it is shown as text, and a
-film that cannot be shown is told of and stops nothing.
+The page refers to files of its folder alone. turntable.json may come from anywhere: all in it is shown as text. A film
+that cannot be shown has a note, and does not stop the others.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from renderer.system import join_lines
 PAGE_FILE, CONTACT_FILE = "index.html", "contact.png"
 # In each page that is ours; another one of this name stays.
 _MARK = b"/* by hsplat turntable */"
-# While a batch runs, writing takes at most this part of the time, and adds so many posters of films made earlier.
+# While a batch runs, writing takes at most this part of the time, and adds at most this number of older posters.
 _SHARE, _MAX_POSTERS = 0.05, 100
 _TEXTS, _NUMBERS = ("status", "kind", "values", "hidden", "error", "command"), ("psnr", "file_psnr", "seconds")
 
@@ -83,7 +83,7 @@ def poster_file(folder: Path, name: str) -> Path:
 
 
 def _make_posters(folder: Path, films: Iterable[FilmEntry], limit: int | None) -> dict[str, str]:
-    """Make posters of films that have none, so many; return what is wrong with other films, by their scenes."""
+    """Make up to `limit` missing posters; return what is wrong with the films that have none, by their scenes."""
     from hsplat_cli.turntable.posters import is_poster_of, make_poster
 
     found = ((record["scene"], _film_file(folder, record)) for record in films)

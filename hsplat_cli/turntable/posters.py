@@ -22,7 +22,7 @@ from renderer.study import rounded
 
 _POSTER_PX, _QUALITY = 320, 85
 _MAX_FILM_PIXELS = 2**26  # anybody may have put the film there
-# The picture with names: at most so many films in rows of ten, their size, and the space for a name below.
+# The picture with names: the largest number of films, in rows of ten, their size, and the space for a name below.
 _MAX_NAMED, _COLUMNS, _NAMED_PX = 200, 10, 160
 _LINE_PX, _FONT_PX, _NAME_COLOR = 20, 11, "#e6e6e3"
 

@@ -34,7 +34,7 @@ _AXIS_COLORS: tuple[Color, ...] = ((0.95, 0.32, 0.30), (0.30, 0.75, 0.35), (0.30
 
 @dataclass(frozen=True)
 class Pen:
-    """What all entries are drawn with: the font, and what they show of the film."""
+    """A pen that draws all entries: it has the font, and what they show of the film."""
 
     font: Font
     facts: AnnotationFacts

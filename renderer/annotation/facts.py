@@ -9,7 +9,7 @@ from renderer.scene import Color, Vector
 
 @dataclass(frozen=True)
 class ColorBar:
-    """The colours of a transfer function over a range of its scalar.
+    """A record of the colours of a transfer function over a range of its scalar.
 
     colors, opacities: samples at even distances of the bar, from `low` to `high`; no opacities of a projection.
     layer: the number of its volume. is_log: whether the samples are even in the logarithm of the scalar.
@@ -27,7 +27,7 @@ class ColorBar:
 
 @dataclass(frozen=True)
 class AnnotationFacts:
-    """What an annotation shows on all frames of a film.
+    """A record of what an annotation shows on all frames of a film.
 
     size: (width, height) of the picture. background: the colours of its top and its bottom row, None if transparent.
     unit: of world lengths: `mm`, or `voxels` where it is not known. is_perspective: of the camera.
@@ -46,7 +46,7 @@ class AnnotationFacts:
 
 @dataclass(frozen=True)
 class FrameFacts:
-    """What an annotation shows on one frame.
+    """A record of what an annotation shows on one frame.
 
     seconds: of the film before it. time: of the step that is shown, None if there is none. moving: numbers by key.
     accuracy: how exact the frame is, in words. world_per_pixel: a pixel's side, at the camera's target.

@@ -168,7 +168,7 @@ class StageMaker:
 
 @dataclass(frozen=True)
 class FilmVolumes:
-    """The volumes of a film: those of its first frame, and the fingerprint of all.
+    """A record of the volumes of a film: those of its first frame, and the fingerprint of all.
 
     known: the fingerprints of those that other frames show, too, each by itself.
     """

@@ -95,7 +95,7 @@ def _store(frame: DrawnFrame) -> DrawnFrame:
 
 
 def choose_trials(scene: Scene, frames: Sequence[int]) -> list[Trial]:
-    """Return trials along the path of a film: of frames on which a layer is made anew, of others, and for some files.
+    """Return trials along the path of a film: of frames for which a layer is made again, of others, and for some files.
 
     Of files that leave frames out, the first ones that they show are drawn, too.
     """

@@ -265,7 +265,7 @@ def select_index(key: str, wanted: int | None, count: int) -> int:
 
 
 class Chosen(NamedTuple):
-    """The part of an array that is read: one time step and one component.
+    """A choice of the part of an array that is read: one time step and one component.
 
     part: its index; step, component: their numbers. is_step: whether the time step was asked for.
     notes: one each if none of several time steps, and of several components, was asked for.

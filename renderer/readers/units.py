@@ -19,7 +19,7 @@ _SPELLINGS = {unicodedata.normalize("NFKC", text): unit for text, unit in _SPELL
 
 
 class Units(NamedTuple):
-    """What a file says of its numbers; an empty text where it does not say.
+    """A record of the units that a file states; an empty text where it states none.
 
     length_unit: of lengths in the world. world_axes: `LPS` where x, y and z of the world point to the left of a body,
     to its back and up. value_unit: of the values.

@@ -78,7 +78,7 @@ class EntrySpec:
 
 @dataclass(frozen=True, kw_only=True)
 class ColorBarSpec(EntrySpec):
-    """The colours and opacities of transfer functions.
+    """An entry that shows the colours and opacities of transfer functions.
 
     label: by default the name and the unit of the scalar. length: by the height of the picture.
     layer: the number of one volume, from 0; None shows those of all.
@@ -136,7 +136,7 @@ def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None =
 
 @dataclass(frozen=True)
 class AnnotationSpec:
-    """What is drawn over finished pictures; entries are drawn in this order.
+    """A list of what is drawn over finished pictures; entries are drawn in this order.
 
     bounds: lines around the volume, with ticks. octree: lines along the cells that are drawn.
     font: the file of the font of all texts; None is DejaVu Sans.

@@ -173,7 +173,7 @@ class OutputFile:
 
 @dataclass(frozen=True)
 class OutputSpec(OutputFile):
-    """All that a drawing makes: the first file, which has every frame, and the others."""
+    """A list of the files that one drawing makes: the first one, which has every frame, and the others."""
 
     others: tuple[OutputFile, ...] = ()
 

@@ -35,7 +35,7 @@ INVALID: Any = object()
 
 @dataclass(frozen=True)
 class FilmTime:
-    """The frames of a film, in which values may move.
+    """A film of so many frames, in which values may move.
 
     num_frames: None where that is not known. at: the frame at which values are read; None keeps their motions.
     keys: the frames of all motions that were read.
