@@ -3,7 +3,7 @@
 In: a scene file, a Scene or a numpy array [z, y, x]. Out: a frame, a film, or the exact picture, drawn in this process
 to the same bytes as by the command `hsplat render`. `docs/api.md` has all of it, with examples.
 
-- `api.py`: the functions of this door. `errors.py`: every error that a user sees.
+- `api.py`: the functions of this door; `api_scenes.py`: what they take. `errors.py`: every error that a user sees.
 """
 
 import lazy_loader

@@ -1,8 +1,10 @@
 from .api import (
     Film as Film,
     FrameImage as FrameImage,
+    Page as Page,
     integrate as integrate,
     load_scene as load_scene,
+    preview as preview,
     render as render,
     render_frame as render_frame,
     suggest_scene as suggest_scene,

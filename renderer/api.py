@@ -6,19 +6,28 @@ Draws in this process, on all cores, to the same bytes as the command `hsplat re
 from __future__ import annotations
 
 import base64
-import contextlib
 import html
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer.errors import InputError, SceneError
+from renderer.api_scenes import (
+    CameraLike,
+    SceneLike,
+    TransferLike,
+    argument_text,
+    frame_number,
+    frame_numbers,
+    make_scene,
+    scene_file,
+)
+from renderer.errors import InputError
 from renderer.film import encode_png, frame_path
 from renderer.frame import LODCostEstimator, Stage, prepare_stage
 from renderer.job import (
@@ -36,45 +45,17 @@ from renderer.job import (
     open_local_executor,
     require_annotation,
 )
-from renderer.readers import is_volume_name, read_volume
+from renderer.readers import is_volume_name
 from renderer.scene import (
-    MAX_DEPTH,
-    ArraySource,
-    CameraSpec,
-    ProceduralSource,
     Scene,
-    TransferSpec,
     accuracy_of,
     format_of,
-    format_value,
     load_scene as load_scene_file,
-    only_output,
-    output_suffix,
-    parse_scene,
-    scene_to_dict,
-    short_text,
-    spec_to_dict,
 )
-from renderer.suggest import FilmOptions, Wish, resolve_scene
 from renderer.system import num_cores, printable
-
-SceneLike: TypeAlias = "Scene | str | os.PathLike[str] | npt.ArrayLike"
-TransferLike: TypeAlias = "str | Sequence[Any] | Mapping[str, Any] | TransferSpec"
-CameraLike: TypeAlias = "Mapping[str, Any] | CameraSpec"
 
 # An output that may have any size and background; it is not written.
 _ANY_PICTURE = "{frame}.png"
-# The parameters by which users of this module know the keys of a scene.
-_PARAMETERS = {
-    "volume.procedural.spacing": "spacing",
-    "volume.procedural.shape": "the array's shape",
-    "volume.spacing": "spacing",
-    "volume.file": "volume",
-    "output.size": "size",
-    "output.background": "background",
-    "output.file": "output",
-    "error.tolerance": "tolerance",
-}
 
 
 class FrameImage(np.ndarray[tuple[int, ...], np.dtype[np.uint8]]):  # npt.NDArray is no class from NumPy 2.5 on
@@ -125,6 +106,18 @@ class Film:
         return f"<figure>{element.format(data)}<figcaption>{caption}</figcaption></figure>"
 
 
+@dataclass(frozen=True)
+class Page:
+    """A page that stands alone, which notebooks display. html: the whole file."""
+
+    html: str
+
+    def _repr_html_(self) -> str:
+        """Return the page in a frame of its own."""
+        content = html.escape(self.html)
+        return f'<iframe sandbox="allow-scripts" srcdoc="{content}" width="100%" height="640"></iframe>'
+
+
 def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -> Scene:
     """Read and check a scene file.
 
@@ -143,8 +136,8 @@ def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -
     is_list = isinstance(overrides, Sequence) and not isinstance(overrides, (str, bytes))
     if not is_list or not all(isinstance(each, str) for each in overrides):
         expected = 'a list of texts, such as ["error.tolerance=0.2"]'
-        raise InputError("not a list of overrides", where="overrides", got=_repr(overrides), expected=expected)
-    return load_scene_file(_scene_file(path), overrides=overrides)
+        raise InputError("not a list of overrides", where="overrides", got=argument_text(overrides), expected=expected)
+    return load_scene_file(scene_file(path), overrides=overrides)
 
 
 def suggest_scene(
@@ -184,7 +177,7 @@ def suggest_scene(
     """
     options: dict[str, Any] = {"spacing": spacing, "transfer_function": transfer_function, "camera": camera}
     options |= {"size": size, "background": background, "tolerance": tolerance, "output": output}
-    return _scene(volume, options, is_volume=True)
+    return make_scene(volume, options, is_volume=True)
 
 
 def render_frame(
@@ -218,8 +211,8 @@ def render_frame(
     options: dict[str, Any] = {"spacing": spacing, "transfer_function": transfer_function, "camera": camera}
     # Nothing is written: whatever the output is, the picture may be odd in size or transparent.
     options |= {"size": size, "background": background, "tolerance": tolerance, "output": _ANY_PICTURE}
-    made = _scene(scene, options)
-    numbers = [_number(frame, made)]
+    made = make_scene(scene, options)
+    numbers = [frame_number(frame, made)]
     with open_local_executor(made) as executor, _open_stage(made) as stage:
         require_annotation(stage, numbers)
         plan = make_plan(LODCostEstimator(stage), numbers, lambda: executor.rasterizer, JobEvents())
@@ -264,11 +257,11 @@ def render(
     >>> film = renderer.render("scene.yaml", output="draft.gif", frames=range(0, 120, 10))
     >>> film.path, film.sidecar
     """
-    made = _scene(scene, {"output": output}, is_single_frame=True)
-    numbers = _numbers(frames, made)
-    made = _scene(made, {}, is_single_frame=len(numbers) == 1)
+    made = make_scene(scene, {"output": output}, is_single_frame=True)
+    numbers = frame_numbers(frames, made)
+    made = make_scene(made, {}, is_single_frame=len(numbers) == 1)
     is_file = isinstance(scene, (str, os.PathLike)) and not is_volume_name(scene)
-    path = _scene_file(scene) if is_file else None
+    path = scene_file(scene) if is_file else None
     job = FilmJob(made, numbers, accuracy_of(made.error), path=path)
     events = ProgressEvents(on_progress or NotebookBar())
     film = make_film(job, open_local_executor, one_pass, events, resumes=resume)
@@ -278,6 +271,28 @@ def render(
     record = film.record
     told = record.accuracy, record.visibility
     return Film(film.file, record.numbers, film.sidecar, (*notes, *record.notes), *told)
+
+
+def preview(scene: SceneLike) -> Page:
+    """Show a scene on one page before its film is made: the page of `hsplat preview`. Nothing is written.
+
+    Parameters
+    ----------
+    scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
+
+    Returns the page, which notebooks display; its `html` is a file that stands alone.
+    Raises InputError, SceneError, and RenderError where a scene with splats finds no OpenGL.
+
+    Example
+    -------
+    >>> Path("page.html").write_text(renderer.preview(array).html, "utf-8")
+    """
+    from hsplat_cli.preview import preview_page
+
+    made = make_scene(scene, {})
+    title = f"Preview of {Path(scene).name if isinstance(scene, (str, os.PathLike)) else 'a scene'}"
+    job = FilmJob(made, range(made.num_frames), accuracy_of(made.error))
+    return Page(preview_page(job, title, lambda _: None))
 
 
 def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
@@ -301,199 +316,11 @@ def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     """
     from renderer.accuracy import TRUTH_TOLERANCE, compute_truth
 
-    made = _scene(scene, {"output": _ANY_PICTURE})
-    number = _number(frame, made)
+    made = make_scene(scene, {"output": _ANY_PICTURE})
+    number = frame_number(frame, made)
     with _open_stage(made) as stage:
         truth = compute_truth(stage, number, TRUTH_TOLERANCE, num_threads=num_cores())
     return truth.picture.astype(np.float32)
-
-
-# Scenes
-
-
-def _scene(
-    source: SceneLike, options: Mapping[str, Any], *, is_volume: bool = False, is_single_frame: bool = False
-) -> Scene:
-    """Return a checked scene with these options in it; those that are None are not given.
-
-    is_volume: a name is that of a volume's file, and not of a scene file.
-    """
-    if isinstance(source, (str, os.PathLike)) and not (is_volume or is_volume_name(source)):
-        source = load_scene_file(_scene_file(source), is_single_frame=True)
-    given = {name: _plain(value) for name, value in options.items() if value is not None}
-    is_new, array = not isinstance(source, Scene), None
-    if isinstance(source, Scene):
-        tree, array = scene_to_dict(source), source.volume.source
-    elif isinstance(source, (str, os.PathLike)):
-        tree = _turntable() | {"volume": {"file": os.fspath(source)}}
-    else:
-        tree, array = _turntable() | {"volume": {}}, _array_source(source)
-    if isinstance(array, ArraySource):  # of which only the shape and the spacing can be parsed
-        section = {"name": "constant", "shape": list(array.shape), "spacing": given.pop("spacing", array.spacing)}
-        tree["volume"] = {key: value for key, value in tree["volume"].items() if key != "array"}
-        tree["volume"]["procedural"] = section
-    wish = _wish(given.get("transfer_function"))
-    scene = _parse(_with_options(tree, given), is_single_frame=is_single_frame)
-    if isinstance(array, ArraySource):
-        assert isinstance(scene.volume.source, ProceduralSource)
-        placed = replace(array, spacing=scene.volume.source.spacing)
-        scene = replace(scene, volume=replace(scene.volume, source=placed))
-    if isinstance(source, Scene) and "transfer_function" not in given:  # plain data do not say where it is from
-        scene = replace(scene, transfer_function=source.transfer_function)
-    suggests = wish is not None or (is_new and "transfer_function" not in given)
-    return resolve_scene(_with_suggestion(scene, wish) if suggests else scene, read_volume)
-
-
-def _wish(transfer_function: Any) -> Wish | None:
-    """Return what a suggestion shall be, if an option asks for one."""
-    match transfer_function:
-        case str(colormap):
-            return Wish(colormap)
-        case {"preset": str(preset), **others} if not others:
-            return Wish(preset=preset)
-    return None
-
-
-def _turntable() -> dict[str, Any]:
-    """Return what `hsplat init` suggests, too, with a transfer function that is still to be replaced."""
-    film = FilmOptions()
-    path = {"type": "turntable", "frames": film.frames, "elevation": film.elevation, "axis": film.axis}
-    return {
-        "transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 1}]},
-        "camera": {"target": "visible", "path": path},
-        "error": {"tolerance": film.tolerance},
-        "output": {"file": "film.mp4"},
-    }
-
-
-def _scene_file(name: Any) -> Path:
-    """Return the path of a scene file. Raises InputError for anything but a name."""
-    if not isinstance(name, (str, os.PathLike)) or not isinstance(os.fspath(name), str) or not os.fspath(name):
-        raise InputError("not the name of a scene file", got=_repr(name), expected="a name such as scene.yaml")
-    return Path(name)
-
-
-def _array_source(values: npt.ArrayLike) -> ArraySource:
-    if np.ma.is_masked(values):
-        raise InputError(
-            "a masked array, whose masked voxels would be drawn",
-            expected="an array without a mask",
-            hint="`array.astype(float).filled(numpy.nan)` hides the masked voxels, as NaN is hidden",
-        )
-    try:
-        array = values if isinstance(values, np.memmap) else np.asarray(values)
-    except (ValueError, TypeError, RuntimeError) as error:  # ragged lists; tensors that are on another device
-        got = short_text(" ".join(str(error).split()))
-        raise InputError(
-            "this cannot be made an array", got=got, expected="numbers in three axes, [z, y, x]"
-        ) from error
-    if array.ndim != 3:
-        what = "the array does not have the axes of a volume"
-        got = f"shape {format_value(list(array.shape))}" if array.ndim else _repr(values)
-        raise InputError(what, got=got, expected="three axes, [z, y, x]")
-    return ArraySource(array.view(np.uint8) if array.dtype == np.bool_ else array)
-
-
-def _plain(value: Any, num_levels: int = MAX_DEPTH) -> Any:
-    """Return an option as a scene file would have it. Raises InputError for more than this number of levels."""
-    if num_levels == 0:
-        raise InputError(f"an option of more than {MAX_DEPTH} levels", hint="does it contain itself?")
-    if isinstance(value, (np.ndarray, np.generic)):
-        return value.tolist()
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if isinstance(value, CameraSpec):  # all of it, with what it leaves to its defaults
-        return {"target": None, "distance": None} | spec_to_dict(value)
-    if isinstance(value, TransferSpec):
-        return {"labels": spec_to_dict(value)} if value.labels is not None else spec_to_dict(value)
-    if isinstance(value, Mapping):
-        return {key: _plain(item, num_levels - 1) for key, item in value.items()}
-    return [_plain(item, num_levels - 1) for item in value] if isinstance(value, (list, tuple)) else value
-
-
-def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a scene's tree with options of `suggest_scene` in it."""
-    if "spacing" in given:
-        tree["volume"]["spacing"] = given["spacing"]
-    if "camera" in given:
-        camera = given["camera"]
-        if isinstance(camera, dict):
-            camera = {key: value for key, value in (tree["camera"] | camera).items() if value is not None}
-        tree["camera"] = camera
-    if "tolerance" in given:
-        rest = {key: value for key, value in tree["error"].items() if key in ("measure", "of", "finest_level")}
-        tree["error"] = rest | {"tolerance": given["tolerance"]}
-    names = {"output": "file", "size": "size", "background": "background"}
-    if "output" in given:
-        tree["output"] = only_output(tree["output"], output_suffix(str(given["output"])))
-    first = tree["output"][0] if isinstance(tree["output"], list) else tree["output"]
-    first |= {key: given[name] for name, key in names.items() if name in given}
-    if "transfer_function" in given:
-        tree.pop("labels", None)
-    match given.get("transfer_function"):
-        case {"labels": labels, **others} if not others:
-            tree.pop("transfer_function", None)
-            tree["labels"] = labels
-        case str(colormap):  # the rest is suggested
-            tree["transfer_function"] = {"colormap": colormap, "range": [0, 1], "opacity": [[0, 1]]}
-        case [*points]:
-            tree["transfer_function"] = {"points": [_control_point(point) for point in points]}
-        case section if section is not None and _wish(section) is None:
-            tree["transfer_function"] = section
-    return tree
-
-
-def _control_point(point: Any) -> Any:
-    """Return `(value, color, opacity)` as a mapping."""
-    keys = ("value", "color", "opacity")
-    is_triple = isinstance(point, list) and len(point) == len(keys)
-    return dict(zip(keys, point, strict=True)) if is_triple else point
-
-
-def _parse(tree: dict[str, Any], *, is_single_frame: bool) -> Scene:
-    try:
-        return parse_scene(tree, base=Path.cwd(), is_single_frame=is_single_frame)
-    except SceneError as error:
-        raise SceneError([replace(each, path=_parameter(each.path)) for each in error.problems]) from None
-
-
-def _parameter(path: str) -> str:
-    """Return what the user calls a key of the scene."""
-    key = next((key for key in _PARAMETERS if path == key or path.startswith(f"{key}.")), None)
-    return path if key is None else _PARAMETERS[key] + path.removeprefix(key)
-
-
-def _with_suggestion(scene: Scene, wish: Wish | None) -> Scene:
-    """Return the scene with all that is suggested for its volume."""
-    from renderer.suggest import suggest_for
-
-    return suggest_for(scene.volume, read_volume, wish=wish or Wish()).applied_to(scene)
-
-
-def _number(frame: int, scene: Scene) -> int:
-    """Return the number of this frame of the scene's path. Raises InputError where it is not on it."""
-    if not isinstance(frame, (int, np.integer)):
-        raise InputError("not the number of a frame", where="frame", got=_repr(frame), expected="a whole number")
-    return _numbers(frame, scene)[0]
-
-
-def _numbers(frames: int | slice | Sequence[int] | None, scene: Scene) -> Sequence[int]:
-    """Return the numbers of these frames of the scene's path. Raises InputError where they are not on it."""
-    path = range(scene.num_frames)
-    with contextlib.suppress(IndexError, TypeError, ValueError):  # ValueError: a slice with the step 0
-        if frames is None or isinstance(frames, slice):
-            picked: Sequence[int] = path[frames or slice(None)]
-        else:
-            picked = [path[frames]] if isinstance(frames, (int, np.integer)) else [path[frame] for frame in frames]
-        if picked and list(picked) == sorted(set(picked)):
-            return picked
-    expected = f"whole numbers from 0 to {path[-1]}, ascending, or from -1 for the last one"
-    raise InputError("no such frames", where="frames", got=_repr(frames), expected=expected)
-
-
-def _repr(value: object) -> str:
-    """Return an argument as Python writes it, cut to a readable length."""
-    return short_text(repr(value))
 
 
 def _open_stage(scene: Scene) -> Stage:

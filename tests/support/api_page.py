@@ -31,7 +31,7 @@ its child `SceneError`, for what is wrong with a scene, a volume or a parameter,
 
 This page is made from the docstrings by `tests/support/api_page.py`.
 """
-_NAMES = ("render_frame", "render", "load_scene", "suggest_scene", "integrate", "Film", "FrameImage")
+_NAMES = ("render_frame", "render", "load_scene", "suggest_scene", "preview", "integrate", "Film", "FrameImage", "Page")
 _SECTIONS = ("Parameters", "Attributes", "Example")
 
 

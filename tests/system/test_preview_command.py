@@ -17,6 +17,7 @@ from kinds_of_data import ball, head_in_hounsfield_units
 from PIL import Image
 from small_scene import contents, small_scene
 
+import renderer
 from hsplat_cli import main
 from renderer.scene import parse_scene
 from renderer.suggest import PRESET_WORDS
@@ -92,6 +93,13 @@ def test_volumes_labels_and_what_moves() -> None:
     )
     Path("moving.yaml").write_text(MOVING, encoding="utf-8")
     assert "Frame 2 with other lines" in page_of("moving.yaml")
+
+
+def test_a_notebook_shows_the_page_of_an_array() -> None:
+    page = renderer.preview(renderer.suggest_scene(ball((0, 0, 0), 0.8, 16) * 1, size=(32, 32), output="film.gif"))
+    assert_sound_and_alone(page.html)
+    shown = page._repr_html_()
+    assert html.unescape(shown.partition('srcdoc="')[2].partition('"')[0]) == page.html and not contents()
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ def test_importing_the_door_loads_no_array_library() -> None:
 
 
 def test_every_function_has_parameters_returns_errors_and_an_example() -> None:
-    for name in ("render", "render_frame", "load_scene", "suggest_scene", "integrate"):
+    for name in ("render", "render_frame", "load_scene", "suggest_scene", "preview", "integrate"):
         text = getattr(renderer, name).__doc__
         assert all(word in text for word in ("Parameters\n", "Returns ", "Raises ", "Example\n", ">>> ")), name
 

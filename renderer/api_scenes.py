@@ -1,0 +1,236 @@
+"""Turn what callers of the Python API pass into scenes and frames; errors name parameters."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import InputError, SceneError
+from renderer.readers import is_volume_name, read_volume
+from renderer.scene import (
+    MAX_DEPTH,
+    ArraySource,
+    CameraSpec,
+    ProceduralSource,
+    Scene,
+    TransferSpec,
+    format_value,
+    load_scene,
+    only_output,
+    output_suffix,
+    parse_scene,
+    scene_to_dict,
+    short_text,
+    spec_to_dict,
+)
+from renderer.suggest import FilmOptions, Wish, resolve_scene
+
+SceneLike: TypeAlias = "Scene | str | os.PathLike[str] | npt.ArrayLike"
+TransferLike: TypeAlias = "str | Sequence[Any] | Mapping[str, Any] | TransferSpec"
+CameraLike: TypeAlias = "Mapping[str, Any] | CameraSpec"
+
+# The parameters by which users of this module know the keys of a scene.
+_PARAMETERS = {
+    "volume.procedural.spacing": "spacing",
+    "volume.procedural.shape": "the array's shape",
+    "volume.spacing": "spacing",
+    "volume.file": "volume",
+    "output.size": "size",
+    "output.background": "background",
+    "output.file": "output",
+    "error.tolerance": "tolerance",
+}
+
+
+def make_scene(
+    source: SceneLike, options: Mapping[str, Any], *, is_volume: bool = False, is_single_frame: bool = False
+) -> Scene:
+    """Return a checked scene with these options in it; those that are None are not given.
+
+    is_volume: a name is that of a volume's file, and not of a scene file.
+    """
+    if isinstance(source, (str, os.PathLike)) and not (is_volume or is_volume_name(source)):
+        source = load_scene(scene_file(source), is_single_frame=True)
+    given = {name: _plain(value) for name, value in options.items() if value is not None}
+    is_new, array = not isinstance(source, Scene), None
+    if isinstance(source, Scene):
+        tree, array = scene_to_dict(source), source.volume.source
+    elif isinstance(source, (str, os.PathLike)):
+        tree = _turntable() | {"volume": {"file": os.fspath(source)}}
+    else:
+        tree, array = _turntable() | {"volume": {}}, _array_source(source)
+    if isinstance(array, ArraySource):  # of which only the shape and the spacing can be parsed
+        section = {"name": "constant", "shape": list(array.shape), "spacing": given.pop("spacing", array.spacing)}
+        tree["volume"] = {key: value for key, value in tree["volume"].items() if key != "array"}
+        tree["volume"]["procedural"] = section
+    wish = _wish(given.get("transfer_function"))
+    scene = _parse(_with_options(tree, given), is_single_frame=is_single_frame)
+    if isinstance(array, ArraySource):
+        assert isinstance(scene.volume.source, ProceduralSource)
+        placed = replace(array, spacing=scene.volume.source.spacing)
+        scene = replace(scene, volume=replace(scene.volume, source=placed))
+    if isinstance(source, Scene) and "transfer_function" not in given:  # plain data do not say where it is from
+        scene = replace(scene, transfer_function=source.transfer_function)
+    suggests = wish is not None or (is_new and "transfer_function" not in given)
+    return resolve_scene(_with_suggestion(scene, wish) if suggests else scene, read_volume)
+
+
+def _wish(transfer_function: Any) -> Wish | None:
+    """Return what a suggestion shall be, if an option asks for one."""
+    match transfer_function:
+        case str(colormap):
+            return Wish(colormap)
+        case {"preset": str(preset), **others} if not others:
+            return Wish(preset=preset)
+    return None
+
+
+def _turntable() -> dict[str, Any]:
+    """Return what `hsplat init` suggests, too, with a transfer function that is still to be replaced."""
+    film = FilmOptions()
+    path = {"type": "turntable", "frames": film.frames, "elevation": film.elevation, "axis": film.axis}
+    return {
+        "transfer_function": {"points": [{"value": 0, "color": "white", "opacity": 1}]},
+        "camera": {"target": "visible", "path": path},
+        "error": {"tolerance": film.tolerance},
+        "output": {"file": "film.mp4"},
+    }
+
+
+def scene_file(name: Any) -> Path:
+    """Return the path of a scene file. Raises InputError for anything but a name."""
+    if not isinstance(name, (str, os.PathLike)) or not isinstance(os.fspath(name), str) or not os.fspath(name):
+        raise InputError("not the name of a scene file", got=argument_text(name), expected="a name such as scene.yaml")
+    return Path(name)
+
+
+def _array_source(values: npt.ArrayLike) -> ArraySource:
+    if np.ma.is_masked(values):
+        raise InputError(
+            "a masked array, whose masked voxels would be drawn",
+            expected="an array without a mask",
+            hint="`array.astype(float).filled(numpy.nan)` hides the masked voxels, as NaN is hidden",
+        )
+    try:
+        array = values if isinstance(values, np.memmap) else np.asarray(values)
+    except (ValueError, TypeError, RuntimeError) as error:  # ragged lists; tensors that are on another device
+        got = short_text(" ".join(str(error).split()))
+        raise InputError(
+            "this cannot be made an array", got=got, expected="numbers in three axes, [z, y, x]"
+        ) from error
+    if array.ndim != 3:
+        what = "the array does not have the axes of a volume"
+        got = f"shape {format_value(list(array.shape))}" if array.ndim else argument_text(values)
+        raise InputError(what, got=got, expected="three axes, [z, y, x]")
+    return ArraySource(array.view(np.uint8) if array.dtype == np.bool_ else array)
+
+
+def _plain(value: Any, num_levels: int = MAX_DEPTH) -> Any:
+    """Return an option as a scene file would have it. Raises InputError for more than this number of levels."""
+    if num_levels == 0:
+        raise InputError(f"an option of more than {MAX_DEPTH} levels", hint="does it contain itself?")
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, CameraSpec):  # all of it, with what it leaves to its defaults
+        return {"target": None, "distance": None} | spec_to_dict(value)
+    if isinstance(value, TransferSpec):
+        return {"labels": spec_to_dict(value)} if value.labels is not None else spec_to_dict(value)
+    if isinstance(value, Mapping):
+        return {key: _plain(item, num_levels - 1) for key, item in value.items()}
+    return [_plain(item, num_levels - 1) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a scene's tree with options of `suggest_scene` in it."""
+    if "spacing" in given:
+        tree["volume"]["spacing"] = given["spacing"]
+    if "camera" in given:
+        camera = given["camera"]
+        if isinstance(camera, dict):
+            camera = {key: value for key, value in (tree["camera"] | camera).items() if value is not None}
+        tree["camera"] = camera
+    if "tolerance" in given:
+        rest = {key: value for key, value in tree["error"].items() if key in ("measure", "of", "finest_level")}
+        tree["error"] = rest | {"tolerance": given["tolerance"]}
+    names = {"output": "file", "size": "size", "background": "background"}
+    if "output" in given:
+        tree["output"] = only_output(tree["output"], output_suffix(str(given["output"])))
+    first = tree["output"][0] if isinstance(tree["output"], list) else tree["output"]
+    first |= {key: given[name] for name, key in names.items() if name in given}
+    if "transfer_function" in given:
+        tree.pop("labels", None)
+    match given.get("transfer_function"):
+        case {"labels": labels, **others} if not others:
+            tree.pop("transfer_function", None)
+            tree["labels"] = labels
+        case str(colormap):  # the rest is suggested
+            tree["transfer_function"] = {"colormap": colormap, "range": [0, 1], "opacity": [[0, 1]]}
+        case [*points]:
+            tree["transfer_function"] = {"points": [_control_point(point) for point in points]}
+        case section if section is not None and _wish(section) is None:
+            tree["transfer_function"] = section
+    return tree
+
+
+def _control_point(point: Any) -> Any:
+    """Return `(value, color, opacity)` as a mapping."""
+    keys = ("value", "color", "opacity")
+    is_triple = isinstance(point, list) and len(point) == len(keys)
+    return dict(zip(keys, point, strict=True)) if is_triple else point
+
+
+def _parse(tree: dict[str, Any], *, is_single_frame: bool) -> Scene:
+    try:
+        return parse_scene(tree, base=Path.cwd(), is_single_frame=is_single_frame)
+    except SceneError as error:
+        raise SceneError([replace(each, path=_parameter(each.path)) for each in error.problems]) from None
+
+
+def _parameter(path: str) -> str:
+    """Return what the user calls a key of the scene."""
+    key = next((key for key in _PARAMETERS if path == key or path.startswith(f"{key}.")), None)
+    return path if key is None else _PARAMETERS[key] + path.removeprefix(key)
+
+
+def _with_suggestion(scene: Scene, wish: Wish | None) -> Scene:
+    """Return the scene with all that is suggested for its volume."""
+    from renderer.suggest import suggest_for
+
+    return suggest_for(scene.volume, read_volume, wish=wish or Wish()).applied_to(scene)
+
+
+def frame_number(frame: int, scene: Scene) -> int:
+    """Return the number of this frame of the scene's path. Raises InputError where it is not on it."""
+    if not isinstance(frame, (int, np.integer)):
+        raise InputError(
+            "not the number of a frame", where="frame", got=argument_text(frame), expected="a whole number"
+        )
+    return frame_numbers(frame, scene)[0]
+
+
+def frame_numbers(frames: int | slice | Sequence[int] | None, scene: Scene) -> Sequence[int]:
+    """Return the numbers of these frames of the scene's path. Raises InputError where they are not on it."""
+    path = range(scene.num_frames)
+    with contextlib.suppress(IndexError, TypeError, ValueError):  # ValueError: a slice with the step 0
+        if frames is None or isinstance(frames, slice):
+            picked: Sequence[int] = path[frames or slice(None)]
+        else:
+            picked = [path[frames]] if isinstance(frames, (int, np.integer)) else [path[frame] for frame in frames]
+        if picked and list(picked) == sorted(set(picked)):
+            return picked
+    expected = f"whole numbers from 0 to {path[-1]}, ascending, or from -1 for the last one"
+    raise InputError("no such frames", where="frames", got=argument_text(frames), expected=expected)
+
+
+def argument_text(value: object) -> str:
+    """Return an argument as Python writes it, cut to a readable length."""
+    return short_text(repr(value))
