@@ -159,6 +159,7 @@ from .transfer_section import (
     ControlPoint as ControlPoint,
     ImportedLook as ImportedLook,
     TransferSpec as TransferSpec,
+    map_values as map_values,
 )
 from .volume_files import (
     SOURCE_FIELD as SOURCE_FIELD,
