@@ -6,7 +6,7 @@ or a suggested scene as text. Also declares the click options that several comma
 - `job.py`: a scene or sidecar and the frames to draw.
 - `volume_arguments.py`: options of commands without a scene; `volume_names.py`: patterns of volumes, and the names of
   their films.
-- `scene_text.py`: a scene that shows a volume, as YAML with comments.
+- `scene_text.py`: a scene that shows a volume, as YAML with comments; `shared_look.py`: one with the look of another.
 """
 
 import lazy_loader

@@ -91,6 +91,7 @@ from .motion import (
     motion_of as motion_of,
     motions_in as motions_in,
     moving as moving,
+    moving_result as moving_result,
     values_at as values_at,
 )
 from .output_formats import (
@@ -183,6 +184,7 @@ from .yaml_tree import (
     NotYamlError as NotYamlError,
     TextPosition as TextPosition,
     YamlTree as YamlTree,
+    dump_yaml as dump_yaml,
     format_location as format_location,
     parse_yaml as parse_yaml,
     parse_yaml_file as parse_yaml_file,
