@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from hsplat_cli.scenes.scene_text import place_in, volume_file
 from hsplat_cli.scenes.volume_arguments import read_with_options
 from hsplat_cli.terminal import Reporter
-from renderer.errors import Problem, SceneError
+from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
     FRAME_FIELD,
     FlightPath,
@@ -28,6 +28,7 @@ from renderer.scene import (
     file_source,
     is_pattern,
     map_values,
+    may_be_json,
     missing_file_error,
     moving_result,
     output_suffix,
@@ -63,6 +64,9 @@ class SharedLook:
     def load(cls, path: Path, reference: Path | None) -> SharedLook:
         """Read a look. Raises InputError, and SceneError with all that is wrong with it for any volume."""
         look = cls(path, read_content(path), reference)
+        if may_be_json(look.content):
+            hint = "the YAML file of the scene, such as that beside a film of turntable"
+            raise InputError("not a scene", where=str(path), expected=hint)
         if reference is not None and not reference.exists():
             raise missing_file_error(reference)
         raise_problems(look._editor.located_problems(look._problems()))

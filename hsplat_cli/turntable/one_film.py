@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
@@ -84,13 +85,11 @@ class FilmRequest:
 
 
 def require_inputs_kept(requests: Sequence[FilmRequest]) -> None:
-    """Raise InputError if an output of one of the films is a file of a volume or a look, or an output of another."""
-    known = dict[str, Path]()
-    for request in requests:
-        for file in (each.file for each in request.outputs.files):
-            if known.setdefault(str(file).lower(), request.scene) != request.scene:
-                hint = "give their outputs other names in the look, or each volume its own --output"
-                raise InputError("two films would have one file", where=str(file), hint=hint)
+    """Raise InputError if an output of one of the films is a file of a volume or a look, or another output."""
+    names = Counter(str(each.file).lower() for request in requests for each in request.outputs.files)
+    if (twice := names.most_common(1)[0])[1] > 1:
+        hint = "give outputs of the look other names, or each volume its own --output"
+        raise InputError("two outputs would have one name", where=twice[0], hint=hint)
     outputs = chain.from_iterable(request.output_files() for request in requests)
     volumes = {each for request in requests for each in (request.volume, request.film.under) if each is not None}
     require_no_input(outputs, chain(_look_files(requests[0].look), chain.from_iterable(map(volume_files, volumes))))

@@ -123,7 +123,9 @@ def exact_percentiles(
     chunks = partial(_chunks_of_data, values, source)
     minimum, maximum, size = _extent(chunks)
     ordered_keys = make_ordered_keys(values.dtype, minimum, maximum)
-    counts = np.sum([ordered_keys.count(chunk) for chunk in chunks()], axis=0)
+    counts = np.zeros(ordered_keys.num, np.int64)
+    for chunk in chunks():
+        counts += ordered_keys.count(chunk)
     return _values_at(percents, size, counts, ordered_keys, chunks)
 
 
