@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 # Comments begin here, unless the line is longer.
 _COMMENT_COLUMN = 30
 
+SCENE_HINT = "Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys."
 _TRANSFER_COMMENT = (
     "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all."
 )
@@ -136,7 +137,7 @@ def scene_text(
     lines = [
         f"# A turntable of {about[0]}",
         *(f"# {line}" for line in about[1:]),
-        "# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.",
+        f"# {SCENE_HINT}",
         "version: 1",
         "",
         *subject,

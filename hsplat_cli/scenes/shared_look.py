@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hsplat_cli.scenes.scene_text import place_in, volume_file
+from hsplat_cli.scenes.scene_text import SCENE_HINT, place_in, volume_file
 from hsplat_cli.scenes.volume_arguments import read_with_options
 from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, Problem, SceneError
@@ -149,11 +149,7 @@ class SharedLook:
             _map_layer(_own_entries(tree)[0] if "volumes" in tree else tree, self.scene.layers[0], line)
         for output, file in zip(outputs_of(tree), self.outputs(scene.parent, scene.stem).files, strict=True):
             output["file"] = str(file.file)
-        about = [
-            f"A film of {name} with the look of {printable(self.path.name)}.",
-            *notes,
-        ]
-        about.append("Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.")
+        about = [f"A film of {name} with the look of {printable(self.path.name)}.", *notes, SCENE_HINT]
         return "\n".join([*(f"# {line}" for line in about), dump_yaml(tree)]), notes
 
     def _match(self, volume: VolumeSpec, reporter: Reporter) -> ValueLine:

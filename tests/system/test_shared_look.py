@@ -57,7 +57,7 @@ def pixels(file: str) -> Any:
 def test_percentiles_give_volumes_of_any_scale_one_look(capfd: pytest.CaptureFixture[str]) -> None:
     """Files of the look are the same for the scenes, which are replaced unless they were edited."""
     assert turntable("in", "--scene", "looks/look.yaml", "-o", "out/films") == 2
-    assert "looks/look.yaml:3:1: transfer_function: these percentiles of five.npy are one" in capfd.readouterr().err
+    assert "looks/look.yaml:3:20: transfer_function: these percentiles of five.npy are one" in capfd.readouterr().err
     films = json.loads(Path("out/films/turntable.json").read_text(encoding="utf-8"))["films"]
     assert [(each["status"], each.get("kind")) for each in films[:2]] == [("done", "look.yaml")] * 2
     given, found = yaml.safe_load(LOOK), scene("out/films/b.yaml")
