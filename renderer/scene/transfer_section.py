@@ -79,7 +79,7 @@ class ImportedLook:
     has_opacities: bool
     shading: Mapping[str, Any]
     left_out: tuple[str, ...]
-    look: Look
+    look: Any
     range: tuple[float, float] | None
     opacity: tuple[tuple[float, float], ...] | None
 
