@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,57 +10,77 @@ import numpy as np
 from PIL import Image
 
 from hsplat_cli.preview.studio import Shot
-from renderer.job import FilmVisibility, VisibleRange
+from renderer.job import VisibleRange
 from renderer.layers import Layer
-from renderer.scene import format_value
+from renderer.scene import ColormapSpec, format_value
 from renderer.suggest import Statistics, compute_statistics, format_percent, rebin
 from renderer.view import visible_centre, visible_points
-from renderer.volume import Array, Float64, UInt8
+from renderer.volume import Array, Float64, Int64, UInt8, Volume
 
 _COLUMNS = 160
+# Voxels along each axis, of which logarithms are counted.
+_MOST_COUNTED = 128
 _SLICE_PX = 256
 
 
-def chart_of(layer: Layer, visibility: FilmVisibility | None) -> dict[str, Any]:
+def chart_of(layer: Layer, shown: Sequence[VisibleRange]) -> dict[str, Any]:
     """Lay out the chart of a layer, from 0 to 1 across and, downwards, up; and draw its slices.
 
-    visibility: of the scene's only layer. The template `preview.html` draws it as SVG.
+    shown: what is seen of it. The template `preview.html` draws it as SVG.
     """
     volume, transfer = layer.volume, layer.transfer
     statistics = compute_statistics(volume.values, volume.source)
-    counts, edges = rebin(statistics, _COLUMNS)
+    first = _first_of_logarithms(layer)
+    counts, edges = rebin(statistics, _COLUMNS) if first is None else _count_logarithms(volume, first)
     low, high = float(edges[0]), float(edges[-1])
     low, high = (low, high) if low < high else (low - 1, high + 1)
 
-    def across(values: Any) -> Any:
-        return (np.clip(values, low, high) / 2 - low / 2) / (high / 2 - low / 2)  # halves do not overflow
+    def on_axis(values: Any) -> Any:
+        return np.clip(values if first is None else np.log10(np.maximum(values, first)), low, high)
 
-    inner = transfer.values[(transfer.values > low) & (transfer.values < high)]
-    scalars = np.sort(np.concatenate([np.linspace(low, high, _COLUMNS), inner, np.nextafter(inner, low)]))
+    def across(places: Any) -> Any:
+        return (places / 2 - low / 2) / (high / 2 - low / 2)  # halves do not overflow
+
+    even, places = np.linspace(low, high, _COLUMNS), on_axis(transfer.values)
+    inner = transfer.values[(places > low) & (places < high)]
+    even = even if first is None else 10.0**even
+    scalars = np.sort(np.concatenate([even, inner, np.nextafter(inner, -np.inf)]))
     colors, opacities = _classified(layer, scalars)
     heights = np.log1p(counts) / np.log1p(counts.max())
     bars = zip(heights, across(edges[1:]), strict=True)
-    curve = zip(across(scalars), 1 - 0.95 * opacities / (opacities.max() or 1.0), strict=True)
-    shown = [] if visibility is None else visibility.ranges
+    curve = zip(across(on_axis(scalars)), 1 - 0.95 * opacities / (opacities.max() or 1.0), strict=True)
     ranges = [] if volume.is_labels else shown
     ends = np.array([(each.low, each.high) for each in ranges], np.float64).reshape(-1, 2)  # None becomes NaN
-    ends = across(np.where(np.isnan(ends), (low, high), ends)).tolist()
+    ends = across(np.where(np.isnan(ends), (low, high), on_axis(ends))).tolist()
     return {
         "name": layer.spec.name or Path(volume.name).name,
-        "is_labels": volume.is_labels,
         "bars": "".join(f"V{1 - height:.4f}H{end:.4f}" for height, end in bars),
         "curve": "L".join(f"{x:.4f} {y:.4f}" for x, y in curve),
         "stops": [
             (f"{x:.4f}", "#" + "".join(f"{round(255 * part):02x}" for part in color))
-            for x, color in zip(across(scalars), colors.tolist(), strict=True)
+            for x, color in zip(across(on_axis(scalars)), colors.tolist(), strict=True)
         ],
-        "ends": (format_value(statistics.minimum), format_value(statistics.maximum)),
+        "ends": tuple(map(format_value, (statistics.minimum if first is None else first, statistics.maximum))),
+        "axis": "shown labels, in their order" if volume.is_labels else "value" + ", logarithmic" * (first is not None),
         "largest": f"{opacities.max():.3g}",
         "unit": f"{transfer.unit:.4g} {volume.length_unit}".strip(),
         "ranges": [(*pair, each.share, format_percent(each.share)) for pair, each in zip(ends, ranges, strict=True)],
         "rows": [*map(_row, shown)],
         "slices": _slices(layer, statistics),
     }
+
+
+def _first_of_logarithms(layer: Layer) -> float | None:
+    """Return the first value of a logarithmic colormap, as which all smaller ones are drawn; None without one."""
+    mapping = layer.spec.transfer_function.mapping
+    return mapping.range[0] if isinstance(mapping, ColormapSpec) and mapping.scale == "log" else None
+
+
+def _count_logarithms(volume: Volume, first: float) -> tuple[Int64, Float64]:
+    """Return a histogram of the logarithms of some of the voxels."""
+    z, y, x = (-(-side // _MOST_COUNTED) for side in volume.values.shape)
+    values = volume.values[::z, ::y, ::x].astype(np.float64)
+    return np.histogram(np.log10(np.maximum(values[np.isfinite(values)], first)), _COLUMNS)
 
 
 def _row(each: VisibleRange) -> dict[str, str]:

@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 
 from hsplat_cli.preview.charts import chart_of
 from hsplat_cli.preview.studio import TOLERANCE, Shot, Studio, shot_of, small_scene
-from hsplat_cli.preview.variants import variants
+from hsplat_cli.preview.variants import draw_tolerances, suggest_looks, variants
 from hsplat_cli.reports import render_page
 from renderer.accuracy import is_loop, scalar_ranges, spread_evenly
 from renderer.draw import open_rasterizer
-from renderer.job import FilmJob, FilmVisibility, film_visibility, range_record, require_annotation, visibility_text
+from renderer.job import (
+    FilmJob,
+    FilmVisibility,
+    VisibleRange,
+    film_visibility,
+    range_record,
+    require_annotation,
+    visibility_text,
+)
 from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tolerance, with_tolerance
 
 # Of the calls of `advance`.
 NUM_PARTS = 4
 # Numbers of pictures, and the lengths of their longer sides; annotation is drawn in larger ones, which are reduced.
 _NUM_FRAMES, _FRAME_PX, _ANNOTATED_PX = 12, 192, 512
-_NUM_TURNED, _TURN_COLUMNS = 36, 6
+_NUM_TURNED, _TURN_COLUMNS, _TURN_PX = 30, 6, 224
 _OTHERS_PX = 256
 # The tolerance of turning pictures, unless the scene's is larger, and their elevation, unless the film is a turntable.
 _TURN_TOLERANCE, _ELEVATION = 0.3, 20.0
@@ -35,18 +44,22 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
     """
     film = job.scene
     frame = film.num_frames // 2 if film.moves else 0
-    with open_rasterizer(film) as rasterizer:
+    with open_rasterizer(film) as rasterizer, ThreadPoolExecutor(1) as beside:
         studio = Studio(rasterizer)
-        sheet, visibility = _sheet(studio, job)
+        sheet, visibility, prepared_s = _sheet(studio, job)
         advance("frames")
+        coarser = draw_tolerances(studio, job, frame, _OTHERS_PX, prepared_s)
+        advance("tolerances")
         still = small_scene(film.at(frame), _OTHERS_PX)
-        turn = _turn(studio, still)
-        advance("turning")
         with studio.stage(still) as stage:
-            charts = [chart_of(layer, visibility) for layer in stage.layers[:_MOST_CHARTS]]
-            advance("values")
-            rows = [*variants(studio, stage, frame)]
-        advance("variants")
+            # While others are drawn: this takes one processor.
+            shown = [*enumerate(stage.layers[:_MOST_CHARTS])]
+            charts = beside.submit(lambda: [chart_of(layer, _of_layer(visibility, number)) for number, layer in shown])
+            looks = beside.submit(suggest_looks, stage)
+            turn = _turn(studio, still)
+            advance("turning")
+            rows = [*variants(studio, stage, frame, coarser, looks.result())]
+            advance("variants")
     return render_page(
         "preview.html",
         title=title,
@@ -55,7 +68,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
         sheet=sheet,
         turn=turn,
         columns=_TURN_COLUMNS,
-        charts=charts,
+        charts=charts.result(),
         num_layers=len(still.layers),
         hidden="" if visibility is None else visibility_text(visibility),
         variants=rows,
@@ -71,8 +84,11 @@ def _facts(job: FilmJob) -> list[tuple[str, str]]:
     return [("film", f"{output.file.name}, {size}, {counted(len(job.frames), 'frame')}, {seconds:.3g} s")]
 
 
-def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None]:
-    """Draw some frames of the film with their annotation, and find what they show by exact rays."""
+def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None, float]:
+    """Draw some frames of the film with their annotation, and find what they show by exact rays.
+
+    Returns these, and the seconds that preparing them took.
+    """
     has_text = bool(job.scene.annotation.entries)  # which is made for larger pictures
     scene = small_scene(job.scene, _ANNOTATED_PX if has_text else _FRAME_PX, is_annotated=True)
     frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.camera.path))
@@ -84,7 +100,13 @@ def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | N
         shot_of(each, scene.at(number).output.background, f"frame {number}", side=_FRAME_PX)
         for number, each in zip(frames, drawn, strict=True)
     ]
-    return shots, film_visibility([each.record for each in drawn], [*map(range_record, ranges)])
+    visibility = film_visibility([each.record for each in drawn], [*map(range_record, ranges)])
+    return shots, visibility, sum(stage.seconds.values())
+
+
+def _of_layer(visibility: FilmVisibility | None, number: int) -> list[VisibleRange]:
+    """Return the ranges of one volume."""
+    return [each for each in visibility.ranges if each.layer in (None, number)] if visibility is not None else []
 
 
 def _turn(studio: Studio, still: Scene) -> Shot:

@@ -2,42 +2,51 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from hsplat_cli.preview.studio import Shot, Studio
+from hsplat_cli.preview.studio import Shot, Studio, shot_of
 from hsplat_cli.scenes import look_lines
-from renderer.accuracy import typical_psnr
+from renderer.errors import HsplatError
 from renderer.frame import Stage
-from renderer.layers import Layer
+from renderer.job import FilmJob, JobEvents, LocalExecutor, forecast_frames
 from renderer.scene import Scene, with_tolerance
-from renderer.suggest import Wish, compute_statistics, suggest_read
+from renderer.suggest import VolumeSuggestion, Wish, compute_statistics, hounsfield_zero, suggest_read
 from renderer.volume import Volume, make_volume
 
 _FACTORS = (0.5, 1.0, 2.0)
 _TOLERANCES = (1.0, 0.3, 0.1)
-# Words of --preset by a word in the kind of data.
-_PRESETS = {
-    "CT": ("bone", "vessels", "skin", "xray"),
-    "scan": ("surface", "xray", "glow"),
-    "field": ("surface", "glow"),
-    "density": ("xray", "glow"),
-}
+# Exact rays, by which it is known how exact they are.
+_NUM_RAYS = 512
+# Words of --preset: of computed tomography, and of all else.
+_CT_PRESETS, _PRESETS = ("bone", "vessels", "skin", "xray"), ("surface", "xray", "glow")
 # The voxels along each axis from which looks are suggested, and drawn.
 _MOST_LOOKED_AT, _MOST_DRAWN = 64, 128
 
 
-def variants(studio: Studio, stage: Stage, frame: int) -> Iterator[tuple[str, list[Shot]]]:
-    """Yield rows of variants of a stage's scene, which is plain: a heading, and pictures of a frame."""
+# A word of --preset, and what it suggests.
+Looks = Sequence[tuple[str, VolumeSuggestion]]
+
+
+def variants(
+    studio: Studio, stage: Stage, frame: int, coarser: list[Shot], looks: Looks
+) -> Iterator[tuple[str, list[Shot]]]:
+    """Yield rows of variants of a stage's scene, which is plain: a heading, and pictures of a frame.
+
+    coarser: those of `draw_tolerances`. looks: those of `suggest_looks`.
+    """
     scene = replace(stage.scene, camera=stage.camera)  # all are seen from one place
     if not scene.mode.is_projection:
         unit = stage.layers[0].transfer.unit
         yield "Opacity", [_denser(studio, scene, unit / factor, frame, factor) for factor in _FACTORS]
-    yield "Tolerance", [_coarser(studio, scene, frame, tolerance) for tolerance in _TOLERANCES]
-    if looks := [*_looks(studio, scene, stage.layers, frame)]:
-        yield "Other looks, of some of the voxels", looks
+    yield "Tolerance, and what the whole film costs", coarser
+    if looks:
+        drawn = [_sampled(stage.layers[0].volume, _MOST_DRAWN)]
+        shots = [_look(studio, scene, frame, word, found, drawn) for word, found in looks]
+        yield "Other looks, of some of the voxels", shots
 
 
 def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float) -> Shot:
@@ -56,27 +65,49 @@ def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float
     return studio.shoot(replace(scene, volumes=layers), frame, caption, lines)
 
 
-def _coarser(studio: Studio, scene: Scene, frame: int, tolerance: float) -> Shot:
-    psnr = "" if scene.needs_opengl else f", about {typical_psnr(tolerance):.0f} dB"
-    lines = f"error:\n  tolerance: {tolerance:g}"
-    return studio.shoot(with_tolerance(scene, tolerance), frame, f"tolerance {tolerance:g}{psnr}", lines)
+def draw_tolerances(studio: Studio, job: FilmJob, frame: int, side: int, prepared_s: float) -> list[Shot]:
+    """Draw a frame of a film at some tolerances, measure it by exact rays, and predict what the film costs.
+
+    side: of the pictures, in pixels. prepared_s: how long preparing the film takes.
+    """
+    shots = []
+    for tolerance in _TOLERANCES:
+        with studio.stage(with_tolerance(job.scene, tolerance)) as stage:
+            start, executor = time.perf_counter() - prepared_s, LocalExecutor(studio.rasterizer)
+            try:
+                found = forecast_frames(stage, executor, job.frames, start, JobEvents(), num_places=1)
+                cost = f"the film takes about {found.seconds_text} here, and {found.bytes_text(found.num_bytes)}"
+            except HsplatError as error:
+                cost = f"what the film costs is not known: {error.summary}"
+            (drawn,) = studio.draw(stage, [frame], _NUM_RAYS)
+        assert drawn.record.accuracy is not None, "it was measured"
+        low, high = drawn.record.accuracy.interval
+        caption = f"tolerance {tolerance:g}: PSNR {low:.1f} to {high:.1f} dB before encoding; {cost}"
+        lines = f"error:\n  tolerance: {tolerance:g}"
+        shots.append(shot_of(drawn, stage.scene.at(frame).output.background, caption, lines, side))
+    return shots
 
 
-def _looks(studio: Studio, scene: Scene, layers: Sequence[Layer], frame: int) -> Iterator[Shot]:
-    """Draw the only volume as presets show it that suit its kind, from some of its voxels."""
-    layer, *others = layers
+def suggest_looks(stage: Stage) -> Looks:
+    """Suggest looks of a stage's only volume by presets that suit its values, from some of its voxels."""
+    scene, (layer, *others) = stage.scene, stage.layers
     is_plain = not (others or scene.needs_opengl or scene.mode.is_projection or layer.volume.is_labels)
     if not is_plain or scene.volume.has_colors or layer.volume.mask is not None:
-        return
-    volume, drawn = _sampled(layer.volume, _MOST_LOOKED_AT), _sampled(layer.volume, _MOST_DRAWN)
+        return []
+    volume = _sampled(layer.volume, _MOST_LOOKED_AT)
     statistics = compute_statistics(volume.values)
-    kind = suggest_read(scene.volume, volume, statistics, Wish()).suggestion.kind
-    words = next((words for part, words in _PRESETS.items() if part in kind), ())
-    for word in words:
-        found = suggest_read(scene.volume, volume, statistics, Wish(preset=word))
-        clip = () if scene.clip else found.suggestion.clip
-        lines = "\n".join(look_lines(replace(found.suggestion, clip=clip)))
-        yield studio.shoot(found.applied_to(scene), frame, f"--preset {word}", lines, [drawn])
+    if statistics.minimum == statistics.maximum:
+        return []
+    words = _PRESETS if hounsfield_zero(statistics) is None else _CT_PRESETS
+    return [(word, suggest_read(scene.volume, volume, statistics, Wish(preset=word))) for word in words]
+
+
+def _look(
+    studio: Studio, scene: Scene, frame: int, word: str, found: VolumeSuggestion, drawn: Sequence[Volume]
+) -> Shot:
+    clip = () if scene.clip else found.suggestion.clip
+    lines = "\n".join(look_lines(replace(found.suggestion, clip=clip)))
+    return studio.shoot(found.applied_to(scene), frame, f"--preset {word}", lines, drawn)
 
 
 def _sampled(volume: Volume, most: int) -> Volume:

@@ -16,7 +16,7 @@ from renderer.scene import join_some
 
 # Endings of volumes; only the last one of a name such as scan.v2.nii.gz is removed.
 _ENDINGS = re.compile(
-    r"\.(nii|img|hdr|nrrd|nhdr|m(h[ad]|g[hz]|rcs?|ap|at)|ccp4|rec|raw|tiff?|npy|dcm|vt[kir]|pvd|pvti|h(df)?5|nc4?|ims)"
+    r"\.(nii|img|hdr|nrrd|nhdr|m(h[ad]|g[hz]|rcs?|ap|at)|ccp4|rec|raw|tiff?|np[yz]|cube?|dcm|vt[kir]|pvd|pvti|h(df)?5|nc4?|ims)"
     r"(\.gz|\.bz2)?$",
     re.IGNORECASE,
 )

@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.frame import Stage
+from renderer.layers import Layer
 from renderer.scene import LabelStyle
 from renderer.transfer import TransferFunction
 from renderer.volume import Float64
 
 # Colormaps have 256 control points.
 _MOST_RANGES = 12
-# Up to this many labels have a range each.
+# Up to this many labels have a range each. Several volumes share these numbers.
 _MOST_LABELS = 48
 # A millionth of a picture is less than a pixel of most, and keeps records short.
 _DIGITS = 6
@@ -28,7 +29,7 @@ class ScalarRange(NamedTuple):
     """A range of scalars, low <= scalar < high, which may be infinite.
 
     opacity: the largest one, per unit of the transfer function. first: its first interval. name: of labels, whose
-    values are those from `low` to `high`.
+    values are those from `low` to `high`. layer: of several volumes, which one.
     """
 
     low: float
@@ -36,19 +37,26 @@ class ScalarRange(NamedTuple):
     opacity: float
     first: int
     name: str | None = None
+    layer: int | None = None
 
 
 def scalar_ranges(stage: Stage) -> list[ScalarRange]:
-    """Return the ranges of a stage's only layer, ascending; none of several, or where the mode has no opacities."""
-    if stage.scene.mode.is_projection or len(stage.layers) > 1:
-        return []
-    (layer,) = stage.layers
+    """Return the ranges of a stage's layers, of each ascending; none where the mode has no opacities."""
+    found, first, num = list[ScalarRange](), 0, len(stage.layers)
+    for number, layer in enumerate(() if stage.scene.mode.is_projection else stage.layers):
+        place = number if num > 1 else None
+        found += [each._replace(first=first + each.first, layer=place) for each in _ranges_of(layer, num)]
+        first += len(layer.optics.values) + 1
+    return found
+
+
+def _ranges_of(layer: Layer, num_layers: int) -> list[ScalarRange]:
     labels = layer.spec.transfer_function.labels
     if labels is None:
-        return visible_ranges(layer.transfer, *layer.volume.value_range())
-    styles = labels.styles
-    found = visible_ranges(layer.transfer, 0, len(styles), most=_MOST_LABELS)
-    return [_of_labels(each, styles) for each in found]
+        most = max(1, _MOST_RANGES // num_layers)
+        return visible_ranges(layer.transfer, *layer.volume.value_range(), most=most)
+    styles, most = labels.styles, max(1, _MOST_LABELS // num_layers)
+    return [_of_labels(each, styles) for each in visible_ranges(layer.transfer, 0, len(styles), most=most)]
 
 
 def _of_labels(numbers: ScalarRange, styles: Sequence[LabelStyle]) -> ScalarRange:

@@ -30,7 +30,7 @@ from .film_visibility import (
     visibility_text as visibility_text,
 )
 from .fingerprint import describe_differences as describe_differences
-from .forecast import Forecast as Forecast
+from .forecast import Forecast as Forecast, forecast_frames as forecast_frames
 from .inputs import (
     expand_pattern as expand_pattern,
     film_files as film_files,

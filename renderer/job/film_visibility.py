@@ -24,7 +24,7 @@ _HIDDEN_PART = 0.1
 def range_record(found: ScalarRange) -> VisibleRange:
     """Return the record of a range of scalars whose share is not known yet; its ends may be infinite."""
     low, high = (end if isfinite(end) else None for end in (found.low, found.high))
-    return VisibleRange(0.0, round(found.opacity, _DIGITS), low, high, found.name)
+    return VisibleRange(0.0, round(found.opacity, _DIGITS), low, high, found.name, found.layer)
 
 
 def film_visibility(frames: Sequence[FrameRecord], ranges: Sequence[VisibleRange]) -> FilmVisibility | None:
@@ -45,14 +45,14 @@ def visibility_text(visibility: FilmVisibility) -> str:
 
     Neighbours are one range.
     """
-    largest = max(each.opacity for each in visibility.ranges)
-    is_of_labels = visibility.ranges[0].name is not None
-    least = _HIDDEN_PART / len(visibility.ranges) if is_of_labels else _HIDDEN_SHARE
 
     def is_hidden(each: VisibleRange) -> bool:
-        return each.share < least and each.opacity >= _LEAST_OPACITY * largest
+        opacities = [other.opacity for other in visibility.ranges if other.layer == each.layer]
+        least = _HIDDEN_SHARE if each.name is None else _HIDDEN_PART / len(opacities)
+        return each.share < least and each.opacity >= _LEAST_OPACITY * max(opacities)
 
-    groups = [list(group) for hidden, group in groupby(visibility.ranges, is_hidden) if hidden]
+    runs = groupby(visibility.ranges, lambda each: (is_hidden(each), each.layer))
+    groups = [list(group) for (hidden, _), group in runs if hidden]
     parts = [f"{_ends_text(group[0], group[-1])}, {_percent(group)}" for group in groups]
     return f"hardly seen: {'; '.join(parts)} of what is visible" if parts else ""
 
@@ -62,7 +62,9 @@ def _percent(ranges: Sequence[VisibleRange]) -> str:
 
 
 def _ends_text(first: VisibleRange, last: VisibleRange) -> str:
+    volume = "" if first.layer is None else f" of volume {first.layer + 1}"
     if first.name is not None and first.low is not None and last.high is not None:
-        return printable(first.name) if first is last else f"labels {first.low + 0.5:g} to {last.high - 0.5:g}"
+        name = printable(first.name) if first is last else f"labels {first.low + 0.5:g} to {last.high - 0.5:g}"
+        return name + volume
     ends = [f"{word} {end:g}" for word, end in (("from", first.low), ("to", last.high)) if end is not None]
-    return " ".join(["values", *ends])
+    return " ".join(["values", *ends]) + volume

@@ -24,9 +24,9 @@ from renderer.layers import layer_parts
 from renderer.scene import OutputFile, Scene, changing_frames
 from renderer.volume import Float64
 
-# Frames are drawn at this many places along the path. At each, one follows upon another as in the film: what it costs
-# differs from what the first one does, and encoders of video need a few to show what a frame adds.
-_NUM_PLACES, NUM_NEIGHBOURS = 3, 3
+# At each place along the path, so many frames are drawn. One follows upon another as in the film: what it costs differs
+# from what the first one does, and encoders of video need a few to show what a frame adds.
+NUM_NEIGHBOURS = 3
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,13 @@ class Trial(NamedTuple):
 
 
 def forecast_frames(
-    stage: Stage, executor: Executor, frames: Sequence[int], start: float, events: JobEvents
+    stage: Stage, executor: Executor, frames: Sequence[int], start: float, events: JobEvents, num_places: int = 3
 ) -> Forecast:
-    """Predict what a film of these frames costs, by drawing some of them. start: of the work, by `perf_counter`."""
-    trials = choose_trials(stage.scene, frames)
+    """Predict what a film of these frames costs, by drawing some of them.
+
+    start: of the work, by `perf_counter`. num_places: as of `choose_trials`.
+    """
+    trials = choose_trials(stage.scene, frames, num_places)
     numbers = [number for trial in trials for number in trial.frames]
     plan = make_plan(LODCostEstimator(stage), sorted({*numbers}), lambda: executor.rasterizer, events)
     events.started("cost", len(numbers))
@@ -94,15 +97,16 @@ def _store(frame: DrawnFrame) -> DrawnFrame:
     return frame
 
 
-def choose_trials(scene: Scene, frames: Sequence[int]) -> list[Trial]:
+def choose_trials(scene: Scene, frames: Sequence[int], num_places: int = 3) -> list[Trial]:
     """Return trials along the path of a film: of frames for which a layer is made again, of others, and for some files.
 
-    Of files that leave frames out, the first ones that they show are drawn, too.
+    num_places: along the path, at each of which there are trials, one or more. Of files that leave frames out, the
+    first ones that they show are drawn, too.
     """
     moving = tuple((layer.volume, layer.transform, *layer_parts(layer, scene)) for layer in scene.layers)
     anew = {frame for first, last in changing_frames(moving) for frame in range(first, last + 1)}
     groups = [[frame for frame in frames if (frame in anew) == is_anew] for is_anew in (True, False)]
-    num_places, trials = _NUM_PLACES - all(groups), list[Trial]()
+    num_places, trials = max(1, num_places - all(groups)), list[Trial]()
     for group in groups:
         num = min(num_places, -(-len(group) // NUM_NEIGHBOURS))
         for place in range(num):

@@ -276,6 +276,7 @@ class VisibleRange:
     low: Annotated[float | None, _COORDINATE, "Its smallest scalar; left out where there is none."] = None
     high: Annotated[float | None, _COORDINATE, "The scalar at which it ends; left out where there is none."] = None
     name: Annotated[str | None, "Of labels: which they are; their values lie between the two."] = None
+    layer: Annotated[int | None, _COUNT, "Of several volumes, which one, from 0."] = None
 
 
 @dataclass(frozen=True)
@@ -297,7 +298,7 @@ class FilmVisibility:
     coverage: Annotated[float, _AMOUNT, "The mean opacity of the pictures."]
     ranges: Annotated[
         tuple[VisibleRange, ...],
-        "Between control points of the transfer function, at most 12; at most 48 of labels.",
+        "Between control points of the transfer function, at most 12, or 48 of labels; several volumes share these.",
     ]
 
 

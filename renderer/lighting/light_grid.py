@@ -96,8 +96,9 @@ def _remove(depths: Float32, volume: Volume, level: int, are_removed: Callable[[
     """Let light through the cells whose middles are removed. depths: with a border; updated."""
     z, y, x = ((np.arange(-1, num - 1) + 0.5) * 2**level - 0.5 for num in depths.shape)
     for plane, at in zip(depths, z, strict=True):
-        middles = np.stack(np.meshgrid(x, y, [at], indexing="xy"), axis=-1).reshape(-1, 3) - volume.centre_index
-        plane[are_removed(np.stack([middles, middles], axis=1)).reshape(plane.shape)] = 0.0
+        row, column = np.nonzero(plane)
+        middles = np.column_stack([x[column], y[row], np.full(len(row), at)]) - volume.centre_index
+        plane[row, column] *= ~are_removed(np.stack([middles, middles], axis=1))
 
 
 def _transmission(

@@ -259,7 +259,13 @@ def without(sample: VoxelSample, are_away: Bools) -> VoxelSample:
     """Return a sample with background, noise included, in place of some of its voxels, bool [z, y, x]."""
     background, (border, _) = find_background(sample), sample.valid_values()
     noise = border[(border >= background.low) & (border <= background.high)]
-    return sample.mapped(lambda values: np.where(are_away, np.resize(noise, values.shape), values))
+
+    def filled(values: Float64) -> Float64:
+        values, away = values.copy(), np.flatnonzero(np.broadcast_to(are_away, values.shape))
+        values.flat[away] = noise[away % len(noise)]
+        return values
+
+    return sample.mapped(filled)
 
 
 def shortest_interval(ascending: Float64, part: float) -> tuple[float, float]:

@@ -64,7 +64,7 @@ def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) ->
 
 def _is_piecewise_constant(sample: VoxelSample) -> bool:
     are_outside = np.abs(sample.normalized - border_mode(sample)) > _SAME
-    are_equal = (np.abs(sample.neighbours - sample.normalized) <= _SAME)[:, are_outside]
+    are_equal = np.abs(sample.neighbours[:, are_outside] - sample.normalized[are_outside]) <= _SAME
     equal = np.mean(are_equal) if are_equal.size else 1
     if _MIN_EQUAL_NEIGHBOURS_OF_SMALL <= equal < _MIN_EQUAL_NEIGHBOURS:
         return _scatter(sample, are_outside) <= _MAX_SCATTER_OF_SMALL

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise, product
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -152,16 +152,23 @@ def _are_holders(cells: Bools, sides: Float64) -> Bools:
 
 def _label_parts(cells: Bools) -> Int64:
     """Return a number for each connected part: the lowest flat index of its cells; -1 elsewhere."""
-    outside = cells.size
-    labels = np.where(cells, np.arange(cells.size).reshape(cells.shape), outside)
-    before = np.full_like(labels, -1)
-    while not np.array_equal(before, labels):
-        before = labels.copy()
-        for axis in range(3):
-            for plane in (np.moveaxis(labels, axis, 0), np.moveaxis(labels, axis, 0)[::-1]):
-                for last, this in pairwise(plane):  # in place: a number runs through the whole volume
-                    np.minimum(this, last, out=this, where=this < outside)
-    return np.where(cells, labels, -1)
+    places = np.arange(cells.size).reshape(cells.shape)
+    begins = cells.copy()
+    begins[..., 1:] &= ~cells[..., :-1]
+    runs = np.maximum.accumulate(np.where(begins, places, 0), axis=2)  # along x, by their first cells
+    pairs = [np.empty((2, 0), np.int64)]
+    for axis in range(2):
+        run, are_in, begin = (np.moveaxis(each, axis, 0) for each in (runs, cells, begins))
+        meet = are_in[:-1] & are_in[1:] & (begin[:-1] | begin[1:])
+        pairs.append(np.array([run[:-1][meet], run[1:][meet]]))
+    labels, joined = np.where(cells, runs, places).ravel(), np.concatenate(pairs, axis=1)
+    while joined.size:
+        low, high = np.sort(labels[joined], axis=0)
+        np.minimum.at(labels, high, low)
+        while not np.array_equal(labels, jumped := labels[labels]):
+            labels = jumped
+        joined = joined[:, labels[joined[0]] != labels[joined[1]]]
+    return np.where(cells, labels.reshape(cells.shape), -1)
 
 
 class _Parts(NamedTuple):

@@ -47,7 +47,7 @@ class SceneRays:
         return self._sum([each.integrate(view, pixels, [step_voxels])[0] for each in self._integrators], view, pixels)
 
     def integrate_by_interval(self, view: View, pixels: Int64, step_voxels: float) -> tuple[Float64, Float64]:
-        """Return what `integrate` does, and the `visible` part of each interval of the transfer functions.
+        """Return what `integrate` does, and the `visible` part of each interval of the layers' transfer functions.
 
         visible: float64 [n, intervals], as of `RayIntegrator.integrate`; [n, 0] of projections, which have no opacity.
         """

@@ -67,9 +67,10 @@ def are_clipped_away(clip: ClipRegion, bounds: Float64) -> Bools:
 
     bounds: float64 [n, 2, 3], lowest and highest corners in index space relative to the volume's centre.
     """
-    low, high = _span(clip.slabs, bounds)
+    middles, halves = _middles_and_halves(bounds)
+    low, high = _span(clip.slabs, middles, halves)
     is_outside = np.any((high <= clip.slabs[:, _LOW]) | (low >= clip.slabs[:, _HIGH]), axis=1)
-    low, high = _span(clip.boxes, bounds)
+    low, high = _span(clip.boxes, middles, halves)
     is_inside = np.all((low >= clip.boxes[..., _LOW]) & (high <= clip.boxes[..., _HIGH]), axis=2)
     return np.asarray(is_outside | np.any(is_inside, axis=1))
 
@@ -79,17 +80,22 @@ def are_near_faces(clip: ClipRegion, volume: Volume, bounds: Float64) -> Bools:
 
     bounds: float64 [n, 2, 3], in index coordinates.
     """
-    depth, bounds = FACE_DEPTH * volume.finest_spacing, bounds - volume.centre_index
-    low, high = _span(clip.slabs, bounds)
+    depth, (middles, halves) = FACE_DEPTH * volume.finest_spacing, _middles_and_halves(bounds - volume.centre_index)
+    low, high = _span(clip.slabs, middles, halves)
     is_beside = np.any((high > clip.slabs[:, _HIGH] - depth) | (low < clip.slabs[:, _LOW] + depth), axis=1)
-    low, high = _span(clip.boxes, bounds)
+    low, high = _span(clip.boxes, middles, halves)
     meets = np.all((low < clip.boxes[..., _HIGH] + depth) & (high > clip.boxes[..., _LOW] - depth), axis=2)
     return np.asarray(is_beside | np.any(meets, axis=1))
 
 
-def _span(slabs: Float64, bounds: Float64) -> tuple[Float64, Float64]:
+def _middles_and_halves(bounds: Float64) -> tuple[Float64, Float64]:
+    """Return the middles of boxes, and the halves of their sides: float64 [n, 3]."""
+    return (bounds[:, 0] + bounds[:, 1]) / 2, (bounds[:, 1] - bounds[:, 0]) / 2
+
+
+def _span(slabs: Float64, middles: Float64, halves: Float64) -> tuple[Float64, Float64]:
     """Return the least and the largest n . p of each box for slabs [..., 8]: float64 [n, ...]."""
     normals = slabs[..., _NORMAL]
-    middle = np.tensordot(bounds.mean(axis=1), normals, (1, -1))
-    half = np.tensordot(np.diff(bounds, axis=1)[:, 0] / 2, np.abs(normals), (1, -1))
+    middle = np.tensordot(middles, normals, (1, -1))
+    half = np.tensordot(halves, np.abs(normals), (1, -1))
     return middle - half, middle + half

@@ -14,7 +14,7 @@ from brickwork import transfer_of
 from ray_integrals import look, volume
 from small_scene import small_tree
 
-from renderer.accuracy import FrameProber, ScalarRange
+from renderer.accuracy import FrameProber, ScalarRange, scalar_ranges
 from renderer.accuracy.visibility import visible_ranges
 from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames, view_of
@@ -28,6 +28,7 @@ from renderer.view import View
 from renderer.volume import Float64, Volume
 
 GREY = (0.5, 0.5, 0.5)
+PICTURE = np.zeros((30, 40, 3), np.uint8)
 STEPS = transfer_of(
     *((0.0, GREY, 0.0), (0.2, GREY, 0.0), (0.2, GREY, 0.3), (0.5, GREY, 0.3)),
     *((0.5, GREY, 1.5), (0.8, GREY, 0.4), (0.8, GREY, 0.0), (0.9, GREY, 0.0), (0.9, GREY, 4.0)),
@@ -133,10 +134,25 @@ def test_a_frame_shows_what_all_its_rays_show() -> None:
     assert min(low, high) > 0.01
 
 
+def test_each_of_several_volumes_has_ranges() -> None:
+    """The same one twice, three times as dense: of each pair of ranges, the second shows three times as much."""
+    tree = small_tree(output={"file": "{frame}.png", "size": [40, 30]})
+    one = tree.pop("volume") | {"transfer_function": tree.pop("transfer_function")}
+    scene = parse_scene(tree | {"volumes": [one, one | {"weight": 3}]}, base=Path())
+    stage = prepare_stage(scene, clock=perf_counter, num_threads=2)
+    num, visible = len(scalar_ranges(stage)) // 2, FrameProber(stage, 900).probe(3, PICTURE).visible
+    assert num == 2 and visible[num:] == pytest.approx([3 * each for each in visible[:num]], abs=3e-6)
+    assert min(visible) > 0.01 and [each.layer for each in scalar_ranges(stage)] == [0, 0, 1, 1]
+    faint = [replace(range_record(each), share=0.0) for each in scalar_ranges(stage)]
+    found = visibility_text(FilmVisibility(1.0, tuple(faint)))
+    places = [f"values from 90 to 255 of volume {number}, 0 %" for number in (1, 2)]
+    assert found == f"hardly seen: {'; '.join(places)} of what is visible"
+
+
 def test_projections_have_no_visibility() -> None:
     for mode in ("maximum", "mean"):
         stage = stage_of(mode=mode, transfer_function={"colormap": "gray", "range": [0, 255]})
-        assert FrameProber(stage, 32).probe(3, np.zeros((30, 40, 3), np.uint8)).visible == ()
+        assert FrameProber(stage, 32).probe(3, PICTURE).visible == ()
 
 
 ENDS = ((-np.inf, 50.0, 0.5), (50.0, 180.0, 0.1), (180.0, np.inf, 0.5))
