@@ -130,7 +130,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     expand_pattern(str(volume_file(request.volume)))  # raises where no file matches
     # Before the volume is read, which may take long.
     require_writable(request.scene)
-    text, facts = _scene_text(request, reporter)
+    text, facts, notes = _scene_text(request, reporter)
     content = marked_scene(text, request.volume_path)
     _require_replaceable(request, content)
     # Imported here to keep --help fast.
@@ -156,25 +156,25 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
         record |= {"psnr": round(accuracy.psnr, 2), "psnr_interval": list(accuracy.interval)}
         record["file_psnr"] = round((accuracy.file or accuracy).psnr, 2)
     return record | {
-        "values": _visible_values(scene),
         **facts,
+        "values": facts.get("values", _visible_values(scene)),
         "hidden": "" if visibility is None else visibility_text(visibility),
-        "notes": [*film.record.notes, *facts["notes"]],
+        "notes": [*film.record.notes, *notes],
         "frames": len(frames),
         "primitives": round(sum(frame.primitives for frame in frames) / len(frames)),
         "seconds": round(film.record.seconds["total"], 3),
     }
 
 
-def _scene_text(request: FilmRequest, reporter: Reporter) -> tuple[str, FilmEntry]:
-    """Return the scene, and what it tells of the film's record. Raises HsplatError."""
+def _scene_text(request: FilmRequest, reporter: Reporter) -> tuple[str, FilmEntry, Sequence[str]]:
+    """Return the scene, what it tells of the film's record, and notes. Raises HsplatError."""
     if request.look is not None:
         text, notes = request.look.scene_text(request.volume, request.scene, reporter)
-        return text, {"kind": request.look.path.name, "reason": "", "notes": notes}
+        return text, {"kind": request.look.path.name, "reason": ""}, notes
     text, found = suggest_scene(request.volume, request.film, reporter, scene=request.scene, output=request.output)
     chosen = found.suggestion
     facts = {"kind": chosen.kind, "reason": chosen.reason, "values": _shown_values(chosen)}
-    return text, facts | {"notes": [*chosen.outlier_notes]}
+    return text, facts, chosen.outlier_notes
 
 
 def _visible_values(scene: Scene) -> str:
