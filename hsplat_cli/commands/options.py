@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial, wraps
 from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, option_group
+from renderer.errors import InputError
 
 FILE = click.Path(path_type=Path, readable=False)  # not checked by click, whose messages differ from ours
 _SCENE = click.argument("scene", type=FILE)
@@ -61,3 +63,12 @@ def takes_scene(
         return options(with_request)
 
     return declare
+
+
+def require_none_of(options: Iterable[str], hint: str) -> None:
+    """Raise InputError where one of these options is given, which are for a volume without a scene."""
+    context = click.get_current_context()
+    for name in options:
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            option = next(each for each in context.command.params if each.name == name)
+            raise InputError("this is for a volume without a scene", where=option.opts[0], hint=hint)

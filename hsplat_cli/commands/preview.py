@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
-from click.core import ParameterSource
 
-from hsplat_cli.commands.options import FILE, quiet_option
+from hsplat_cli.commands.options import FILE, quiet_option, require_none_of
 from hsplat_cli.scenes import (
     SceneRequest,
     base_name,
@@ -50,7 +48,7 @@ def preview(*, source: Path, page: Path | None, watches: bool, serve: bool, repo
     request = SceneRequest(source, options.pop("overrides"), options.pop("volume"))
     if source.suffix.lower() in (".yaml", ".yml", ".json"):
         name = base_name(source.with_suffix(""))
-        _require_none_of(options)
+        require_none_of(options, "--set changes a value of a scene")
         if watches or serve:
             _watch(request, page or Path(f"{name}.html"), serve=serve, reporter=reporter)
             return
@@ -88,12 +86,3 @@ def _watch(request: SceneRequest, page: Path, *, serve: bool, reporter: Reporter
             address, show = str(page), file_states(page, title)
         reporter.line(f"page: {address} (Ctrl-C ends it)")
         watch(request, show)
-
-
-def _require_none_of(options: Iterable[str]) -> None:
-    """Raise InputError where one of these options is given."""
-    context = click.get_current_context()
-    for name in options:
-        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-            where, hint = f"--{name.replace('_', '-')}", "--set changes a value of a scene"
-            raise InputError("this is for a volume without a scene", where=where, hint=hint)

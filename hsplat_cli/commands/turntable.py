@@ -1,4 +1,4 @@
-"""Run `hsplat turntable VOLUME...`: render a film of each volume, without a scene file."""
+"""Run `hsplat turntable VOLUME...`: render a film of each volume, without a scene file or with one for all."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from hsplat_cli.commands.options import quiet_option
+from hsplat_cli.commands.options import FILE, quiet_option, require_none_of
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor
-from hsplat_cli.scenes import expand_volumes, film_options, name_volumes, volume_options, volume_spec
+from hsplat_cli.scenes import SharedLook, expand_volumes, film_options, name_volumes, volume_options, volume_spec
 from hsplat_cli.terminal import OutputPath, Reporter
 from hsplat_cli.turntable import FilmRequest, Gallery, make_film, print_film_record, require_inputs_kept, run_batch
 from renderer.errors import InputError
@@ -34,6 +34,14 @@ from renderer.suggest import FilmOptions
 @click.option(
     "--format", "kind", type=click.Choice([suffix[1:] for suffix in FORMATS]), default="mp4", show_default=True
 )
+@click.option(
+    "--scene",
+    "look",
+    type=FILE,
+    metavar="FILE",
+    help="Give all volumes the look of this scene: transfer function, light, clip, camera, annotation, outputs.",
+)
+@click.option("--match", "reference", type=FILE, metavar="FILE", help="Match values with those of this volume.")
 @film_options
 @volume_options()
 @executor_options
@@ -45,6 +53,8 @@ def turntable(
     volumes: tuple[str, ...],
     folder: Path,
     kind: str,
+    look: Path | None,
+    reference: Path | None,
     workers: int | None,
     scheduler: str | None,
     force: bool,
@@ -58,6 +68,9 @@ def turntable(
     a scene with a transfer function that suits the values, to be edited; NAME.mp4; turntable.json, which lists the
     result of each; and index.html, which shows all of them. A volume that fails does not stop the others; the exit code
     is then 1, or 2 if wrong inputs and locked outputs were the only reasons.
+
+    With --scene all have the look of a scene, each framed on its own. Its values may be percentiles (relative: true);
+    with --match they are those of a reference, and are shifted and scaled to each volume by their histograms.
     """
     executor = ExecutorSpec(workers, scheduler)
     require_executor(executor)
@@ -65,17 +78,22 @@ def turntable(
         hint = f"--format {', '.join(suffix[1:] for suffix, each in FORMATS.items() if each.has_alpha)}"
         raise InputError(f"a transparent background in .{kind}", where="--background", expected="a color", hint=hint)
     film, numbered = FilmOptions.of(options), "/{frame:04}" * FORMATS[f".{kind}"].is_frames
-    arguments = [*_as_arguments(_given(options) | {"format": kind, "force": force}), f"--output={folder}"]
+    shared = _shared_look(look, reference)
+    chosen = {"format": kind} if shared is None else {"scene": look, "match": reference}
+    if shared is not None:
+        film = FilmOptions(shared.scene.num_frames, no_paths=not shared.scene.output.record_paths)
+    arguments = [*_as_arguments(_given(options) | chosen | {"force": force}), f"--output={folder}"]
     how = [*_as_arguments({"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler})]
     requests = [
         FilmRequest(
             volume=volume_spec(volume, options),
             film=film,
             scene=folder / f"{film_name}.yaml",
-            output=folder / f"{film_name}{numbered}.{kind}",
+            output=shared.outputs(folder, film_name).file if shared else folder / f"{film_name}{numbered}.{kind}",
             executor=executor,
             force=force,
             command=shlex.join(["hsplat", "turntable", *arguments, "--", str(volume)]),
+            look=shared,
         )
         for film_name, volume in _named_volumes(volumes, name, reporter).items()
     ]
@@ -87,6 +105,17 @@ def turntable(
     else:
         make_film(requests[0], reporter)
         Gallery(folder, reporter).finish()
+
+
+def _shared_look(look: Path | None, reference: Path | None) -> SharedLook | None:
+    """Return the look of all volumes, if there is one. Raises InputError for options that contradict it."""
+    if look is None and reference is not None:
+        hint = "--scene names a scene whose values are those of this volume"
+        raise InputError("needs --scene", where=f"--match {reference}", hint=hint)
+    if look is None:
+        return None
+    require_none_of(["kind", *FilmOptions.__dataclass_fields__], "the scene says it: change it there")
+    return SharedLook.load(look, reference)
 
 
 def _given(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from .scene_text import (
     transfer_lines as transfer_lines,
     volume_file as volume_file,
 )
+from .shared_look import SharedLook as SharedLook
 from .volume_arguments import (
     film_options as film_options,
     read_with_options as read_with_options,

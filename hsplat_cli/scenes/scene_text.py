@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hsplat_cli.scenes.volume_arguments import read_with_options
 from hsplat_cli.scenes.volume_names import name_volumes
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 # Comments begin here, unless the line is longer.
 _COMMENT_COLUMN = 30
 
+SCENE_HINT = "Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys."
 _TRANSFER_COMMENT = (
     "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all."
 )
@@ -136,7 +137,7 @@ def scene_text(
     lines = [
         f"# A turntable of {about[0]}",
         *(f"# {line}" for line in about[1:]),
-        "# Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys.",
+        f"# {SCENE_HINT}",
         "version: 1",
         "",
         *subject,
@@ -218,13 +219,16 @@ def _channel_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
     yield _with_comment("blend: add", "light adds up, as of fluorescence; mix: colours hide each other")
 
 
+def place_in(folder: Path, file: Any) -> Any:
+    """Return a file, or a list of files, as a scene in a folder names it: relative, unless it is absolute."""
+    if isinstance(file, list):
+        return [place_in(folder, each) for each in file]
+    return file if os.path.isabs(file) else os.path.relpath(file, os.path.realpath(folder))
+
+
 def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iterator[str]:
-    source, written = volume.source, spec_to_dict(volume.source)["file"]
-    places = [
-        yaml_string(each if os.path.isabs(each) else os.path.relpath(each, os.path.realpath(folder)))
-        for each in (written if isinstance(written, list) else [written])
-    ]
-    place = f"[{', '.join(places)}]" if isinstance(written, list) else places[0]
+    source, written = volume.source, place_in(folder, spec_to_dict(volume.source)["file"])
+    place = f"[{', '.join(map(yaml_string, written))}]" if isinstance(written, list) else yaml_string(written)
     if isinstance(source, RawSource):
         yield f"raw: {{file: {place}, shape: {list(source.shape)}, dtype: {yaml_string(source.dtype)},"
         yield f"      byte_order: {source.byte_order}, spacing: {_list(source.spacing)}, offset: {source.offset}}}"

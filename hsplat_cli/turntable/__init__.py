@@ -1,7 +1,7 @@
 """Many volumes to as many films.
 
-In: names and patterns of volumes. Out: a suggested scene and a film for each, a table, turntable.json, and a page of
-all films. A volume that fails does not stop the others.
+In: names and patterns of volumes. Out: a scene, suggested or with the look of another, and a film for each, a table,
+turntable.json, and a page of all films. A volume that fails does not stop the others.
 
 - `batch.py`: a process for each volume, one after the other; `one_film.py`: its scene and its film; `manifest.py`: the
   table and turntable.json.

@@ -5,24 +5,25 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hsplat_cli.executors import ExecutorSpec
-from hsplat_cli.scenes import suggest_scene, volume_file
+from hsplat_cli.scenes import SharedLook, suggest_scene, volume_file
 from hsplat_cli.terminal import FilmEvents, Reporter, report_film
 from hsplat_cli.turntable import manifest
 from hsplat_cli.turntable.gallery import CONTACT_FILE, PAGE_FILE, poster_file
 from hsplat_cli.turntable.manifest import FilmEntry, update_manifest
 from renderer.errors import HsplatError, InputError, OutputLockedError
 from renderer.film import bytes_digest, require_writable, sidecar_path_of_file, translate_os_errors, write_staged
-from renderer.job import FilmJob, expand_pattern, film_files, require_no_input, volume_files
-from renderer.scene import OutputSpec, VolumeSpec, accuracy_of, parse_scene_content
+from renderer.job import FilmJob, expand_pattern, film_files, require_no_input, scene_files, volume_files
+from renderer.scene import ColormapSpec, OutputSpec, Scene, VolumeSpec, accuracy_of, file_source, parse_scene_content
 from renderer.suggest import FilmOptions
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ _FOLDER_FILES = (manifest.MANIFEST_FILE, manifest.LOCK_FILE, PAGE_FILE, CONTACT_
 
 @dataclass(frozen=True)
 class FilmRequest:
-    """A film to make. scene: the file for its scene.
+    """A film to make. scene: the file for its scene. look: whose it has, unless one is suggested.
 
     force: an edited scene may be overwritten, and finished frames are drawn again. command: what makes this film alone.
     """
@@ -45,6 +46,12 @@ class FilmRequest:
     executor: ExecutorSpec
     force: bool
     command: str = ""
+    look: SharedLook | None = None
+
+    @property
+    def outputs(self) -> OutputSpec:
+        """Return all outputs."""
+        return self.look.outputs(self.scene.parent, self.scene.stem) if self.look else OutputSpec(self.output)
 
     def record(self, status: str) -> FilmEntry:
         """Return what the record of the film has in any case."""
@@ -67,7 +74,7 @@ class FilmRequest:
         frames = range(self.film.frames)
         yield from (self.scene.parent / name for name in (self.scene.name, *_FOLDER_FILES))
         yield poster_file(self.scene.parent, self.scene.stem)
-        yield from film_files(OutputSpec(self.output), frames, sidecar_path_of_file(self.output, frames, len(frames)))
+        yield from film_files(self.outputs, frames, sidecar_path_of_file(self.output, frames, len(frames)))
 
     def failure_record(self, error: HsplatError) -> FilmEntry:
         """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
@@ -78,10 +85,20 @@ class FilmRequest:
 
 
 def require_inputs_kept(requests: Sequence[FilmRequest]) -> None:
-    """Raise InputError if an output of one of the films is a file of one of the volumes."""
+    """Raise InputError if an output of one of the films is a file of a volume or a look, or another output."""
+    names = Counter(str(each.file).lower() for request in requests for each in request.outputs.files)
+    if (twice := names.most_common(1)[0])[1] > 1:
+        hint = "give outputs of the look other names, or each volume its own --output"
+        raise InputError("two outputs would have one name", where=twice[0], hint=hint)
     outputs = chain.from_iterable(request.output_files() for request in requests)
     volumes = {each for request in requests for each in (request.volume, request.film.under) if each is not None}
-    require_no_input(outputs, chain.from_iterable(map(volume_files, volumes)))
+    require_no_input(outputs, chain(_look_files(requests[0].look), chain.from_iterable(map(volume_files, volumes))))
+
+
+def _look_files(look: SharedLook | None) -> Iterator[Path]:
+    if look is not None:
+        yield from (look.path, *scene_files(look.scene))
+        yield from volume_files(VolumeSpec(file_source(look.reference))) if look.reference is not None else ()
 
 
 def make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
@@ -113,16 +130,17 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     expand_pattern(str(volume_file(request.volume)))  # raises where no file matches
     # Before the volume is read, which may take long.
     require_writable(request.scene)
-    text, found = suggest_scene(request.volume, request.film, reporter, scene=request.scene, output=request.output)
+    text, facts, notes = _scene_text(request, reporter)
     content = marked_scene(text, request.volume_path)
     _require_replaceable(request, content)
-    scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job
     # Imported here to keep --help fast.
     from hsplat_cli.executors import open_executor
     from renderer.readers import read_volume
     from renderer.suggest import resolve_scene
 
-    scene = resolve_scene(scene, read_volume)  # of steps in time
+    with request.look.located() if request.look else nullcontext():
+        scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job
+        scene = resolve_scene(scene, read_volume)  # of steps in time, and percentiles
     from renderer.job import make_film as draw_film, one_pass, visibility_text
 
     job = FilmJob(scene, range(scene.num_frames), accuracy_of(scene.error))
@@ -138,15 +156,35 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
         record |= {"psnr": round(accuracy.psnr, 2), "psnr_interval": list(accuracy.interval)}
         record["file_psnr"] = round((accuracy.file or accuracy).psnr, 2)
     return record | {
-        "kind": found.suggestion.kind,
-        "reason": found.suggestion.reason,
-        "values": _shown_values(found.suggestion),
+        **facts,
+        "values": facts.get("values", _visible_values(scene)),
         "hidden": "" if visibility is None else visibility_text(visibility),
-        "notes": [*film.record.notes, *found.suggestion.outlier_notes],
+        "notes": [*film.record.notes, *notes],
         "frames": len(frames),
         "primitives": round(sum(frame.primitives for frame in frames) / len(frames)),
         "seconds": round(film.record.seconds["total"], 3),
     }
+
+
+def _scene_text(request: FilmRequest, reporter: Reporter) -> tuple[str, FilmEntry, Sequence[str]]:
+    """Return the scene, what it tells of the film's record, and notes. Raises HsplatError."""
+    if request.look is not None:
+        text, notes = request.look.scene_text(request.volume, request.scene, reporter)
+        return text, {"kind": request.look.path.name, "reason": ""}, notes
+    text, found = suggest_scene(request.volume, request.film, reporter, scene=request.scene, output=request.output)
+    chosen = found.suggestion
+    facts = {"kind": chosen.kind, "reason": chosen.reason, "values": _shown_values(chosen)}
+    return text, facts, chosen.outlier_notes
+
+
+def _visible_values(scene: Scene) -> str:
+    """Return `18.9 to 255` of those values of the first volume between which anything shows; empty of labels."""
+    transfer = scene.at(0).transfer_function
+    pairs = [(point.value, point.opacity) for point in transfer.points]
+    if isinstance(transfer.mapping, ColormapSpec):
+        pairs = [*transfer.mapping.opacity]
+    ends = [value for pair in pairwise(pairs) if pair[0][1] or pair[1][1] for value, _ in pair]
+    return f"{min(ends):g} to {max(ends):g}" if ends else ""
 
 
 def _shown_values(suggestion: Suggestion) -> str:
@@ -167,7 +205,9 @@ class _TurntableEvents(FilmEvents):
         write_scene(self._request, self._content, self._reporter)
 
     def volume_noted(self, text: str) -> None:
-        """Print nothing: this was printed when the scene was suggested."""
+        """Print nothing where this was printed when the scene was suggested."""
+        if self._request.look is not None:
+            super().volume_noted(text)
 
     def prepared(self) -> None:
         """Record the film; one that is up to date is not started."""

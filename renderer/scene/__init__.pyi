@@ -91,6 +91,7 @@ from .motion import (
     motion_of as motion_of,
     motions_in as motions_in,
     moving as moving,
+    moving_result as moving_result,
     values_at as values_at,
 )
 from .output_formats import (
@@ -159,6 +160,7 @@ from .transfer_section import (
     ControlPoint as ControlPoint,
     ImportedLook as ImportedLook,
     TransferSpec as TransferSpec,
+    map_values as map_values,
 )
 from .volume_files import (
     SOURCE_FIELD as SOURCE_FIELD,
@@ -182,6 +184,7 @@ from .yaml_tree import (
     NotYamlError as NotYamlError,
     TextPosition as TextPosition,
     YamlTree as YamlTree,
+    dump_yaml as dump_yaml,
     format_location as format_location,
     parse_yaml as parse_yaml,
     parse_yaml_file as parse_yaml_file,

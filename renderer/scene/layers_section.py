@@ -71,12 +71,17 @@ class LayerSpec:
         return {"volume": self.volume} | ({"mask": mask} if isinstance(mask, VolumeSpec) else {})
 
     @property
+    def has_open_colors(self) -> bool:
+        """Return whether its voxels are colours without a transfer function."""
+        return self.volume.has_colors and self.transfer_function == OF_CHANNELS
+
+    @property
     def depends_on_voxels(self) -> bool:
         """Return whether the voxels must be read to say how they are shown."""
         labels, mask = self.transfer_function.labels, self.mask
         if any(volume.time == "auto" for volume in self.volumes.values()):
             return True
-        is_open = self.volume.component == "all" or (self.volume.has_colors and self.transfer_function == OF_CHANNELS)
+        is_open = self.volume.component == "all" or self.transfer_function.relative or self.has_open_colors
         has_open_labels = labels is not None and not labels.has_colors
         return is_open or has_open_labels or (mask is not None and not mask.labels.has_numbers)
 

@@ -262,6 +262,12 @@ def values_at(value: Any, frame: float) -> Any:
     return _with_parts(value, [values_at(part, frame) for part in parts]) if parts else value
 
 
+def at_keys(function: Callable[[Any], Any], value: Any) -> Any:
+    """Return what a function makes of a value, or of one that moves at each of its keys."""
+    motion = motion_of(value)
+    return function(value) if motion is None else moving(replace(motion, values=tuple(map(function, motion.values))))
+
+
 def moving_result(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return what a function makes of arguments, some of which may move; it is affine in each of them."""
     found = list(motions_in(arguments))

@@ -334,6 +334,8 @@ def _of_file(plain: dict[str, Any]) -> dict[str, Any]:
 def _of_transfer(transfer: TransferSpec, plain: dict[str, Any]) -> dict[str, Any]:
     mapping = plain.pop("mapping")
     plain.pop("imported", None)
+    if not transfer.relative:
+        del plain["relative"]
     if isinstance(transfer.mapping, ColormapSpec):
         mapping = {"colormap": mapping.pop("name")} | mapping
     return ({"points": mapping} if transfer.points else mapping) | plain

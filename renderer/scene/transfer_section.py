@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -16,7 +16,7 @@ from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.input_file import read_bounded, require_file
 from renderer.scene.labels_section import LABELS_TABLE, LabelsSpec, build_labels
 from renderer.scene.message_text import format_value
-from renderer.scene.motion import moving_result
+from renderer.scene.motion import at_keys, motion_of, motions_in, moving_result, values_at
 from renderer.scene.schema import INVALID, Color, TreeNode
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _WHITE: Color = (1.0, 1.0, 1.0)
 _NUMBER, _PART = schema.number_field(), schema.number_field(minimum=0, maximum=1)
+_PERCENTILE = schema.number_field(minimum=0, maximum=100)
 
 
 def _parse_colormap(node: TreeNode) -> Any:
@@ -70,6 +71,7 @@ class ImportedLook:
 
     name: of a preset, or of the file without its folder. file: None for a preset. has_opacities: whether the file or
     the scene gives them. shading: what it says of light, as a scene's `shading`. left_out: clauses on what is missing.
+    look, range, opacity: what was put where, for values that are percentiles.
     """
 
     name: str
@@ -77,6 +79,9 @@ class ImportedLook:
     has_opacities: bool
     shading: Mapping[str, Any]
     left_out: tuple[str, ...]
+    look: Any
+    range: tuple[float, float] | None
+    opacity: tuple[tuple[float, float], ...] | None
 
 
 @dataclass(frozen=True)
@@ -84,12 +89,14 @@ class TransferSpec:
     """A map from scalar to colour and extinction: control points, values not descending, a colormap, or labels.
 
     `unit` is the world length that opacities refer to; None means the volume's finest spacing. What was imported is in
-    the control points, so that `imported` changes nothing and is not recorded.
+    the control points, so that `imported` changes nothing and is not recorded. relative: values are percentiles of the
+    volume's voxels with data, in place of which `renderer.suggest.resolve_scene` puts values.
     """
 
     mapping: tuple[ControlPoint, ...] | ColormapSpec | LabelsSpec
     unit: Annotated[float | None, schema.LENGTH_FIELD] = None
     imported: ImportedLook | None = field(default=None, compare=False)
+    relative: bool = False
 
     @property
     def points(self) -> tuple[ControlPoint, ...]:
@@ -135,6 +142,7 @@ _IMPORT_FIELDS: schema.FieldTable = {
 }
 _FIELDS: schema.FieldTable = {
     "unit": schema.LENGTH_FIELD,
+    "relative": schema.BOOLEAN_FIELD,
     "points": schema.sequence_field(
         schema.dataclass_field(ControlPoint),
         "a list of {value: ..., color: ..., opacity: ...}, one or more",
@@ -143,6 +151,28 @@ _FIELDS: schema.FieldTable = {
     **_COLORMAP_FIELDS,
     **_IMPORT_FIELDS,
 }
+
+
+def _read_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
+    relative = given.get("relative") is True
+    if relative:
+        _check_percentiles(node, given)
+    return replace(_build_transfer(node, given), relative=relative)
+
+
+def _check_percentiles(node: TreeNode, given: Mapping[str, Any]) -> None:
+    """Check that values are percentiles, which nothing shifts."""
+    for key in ("points", "range", "opacity"):
+        for number, item in enumerate(given[key] if isinstance(given.get(key), tuple) else ()):
+            place, value = node.child(key).child(number), item
+            if isinstance(item, ControlPoint):
+                place, value = place.child("value"), item.value
+            elif isinstance(item, tuple):
+                place, value = place.child(0), item[0]
+            if value is not INVALID:
+                _PERCENTILE.parse(replace(place, value=value))
+    for key in schema.valid_keys(given, "shift", "scale") if "import" in given else ():
+        node.key(key).reject(f"contradicts {node.path}.relative", expected="", hint="range says where its values are")
 
 
 def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
@@ -175,7 +205,7 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
         opacity = ((low_high[0], 1.0),)
     pairs = _check_opacity(node.child("opacity"), opacity)
     scale = given.get("scale")
-    if scale == "log":
+    if scale == "log" and given.get("relative") is not True:
         low = low_high[0] if isinstance(low_high, tuple) else INVALID
         _check_positive(node.child("range"), low)
         for index, (value, _) in enumerate(pairs):
@@ -190,7 +220,7 @@ def _points(opacities: Sequence[tuple[float, float]]) -> tuple[ControlPoint, ...
 
 def _has_opacities_alone(section: Mapping[str, Any]) -> bool:
     """Return whether a transfer function has no colours: then it is white, for voxels that are colours."""
-    return "opacity" in section and section.keys() <= {"opacity", "unit"}
+    return "opacity" in section and section.keys() <= {"opacity", "unit", "relative"}
 
 
 def _require_colormap(node: TreeNode, given: Mapping[str, Any]) -> None:
@@ -213,7 +243,7 @@ def _check_positive(node: TreeNode, value: Any) -> None:
 
 def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     """Return the points of a file or a preset where the scene wants them; its own opacities and unit go first."""
-    from renderer.looks import MAX_LOOK_POINTS, place_look
+    from renderer.looks import MAX_LOOK_POINTS
 
     span, opacities, num_problems = given.get("range"), given.get("opacity"), len(node.problems)
     if not all(map(_is_valid, given.values())):
@@ -223,26 +253,34 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     if found is None or len(node.problems) > num_problems:
         return TransferSpec((INVALID,))
     file, look = found
-    if look.is_share and span is None:
+    relative = given.get("relative") is True
+    if (look.is_share or relative) and span is None:
         hint = "its values are shares of a range; `hsplat info` shows the values of a volume"
+        hint = "it is stretched from one percentile to another: [50, 99]" if relative else hint
         _FIELDS["range"].reject(node.child("range"), "missing", hint=hint)
         return TransferSpec((INVALID,))
 
-    def place_points(span: Any, scale: float, shift: float, opacities: Any) -> tuple[ControlPoint, ...]:
-        placed = place_look(look, span=span, scale=scale, shift=shift, opacities=opacities)
-        return tuple(ControlPoint(*point) for point in placed)
-
-    points = moving_result(place_points, span, given.get("scale", 1.0), given.get("shift", 0.0), opacities)
+    points = _place_points(look, span, opacities, given.get("scale", 1.0), given.get("shift", 0.0))
     place = node.child("import", given["import"])
     if not all(math.isfinite(point.value) for point in points):
         place.reject("its values become too large for a number")
     if len(points) > MAX_LOOK_POINTS:
         place.reject("too many points", got=str(len(points)), expected=f"at most {MAX_LOOK_POINTS}")
     _check_points(place, [(point.value, point.opacity) for point in points], 0)
-    imported = ImportedLook(
-        Path(given["import"]).name, file, look.has_opacities or opacities is not None, look.shading, look.left_out
-    )
+    name, has_opacities = Path(given["import"]).name, look.has_opacities or opacities is not None
+    imported = ImportedLook(name, file, has_opacities, look.shading, look.left_out, look, span, opacities)
     return TransferSpec(points, given.get("unit", look.unit), imported)
+
+
+def _place_points(look: Look, span: Any, opacities: Any, scale: float = 1.0, shift: float = 0.0) -> Any:
+    """Return the control points of a look, as of `place_look`; all of these parameters may move."""
+    from renderer.looks import place_look
+
+    def place(span: Any, scale: float, shift: float, opacities: Any) -> tuple[ControlPoint, ...]:
+        placed = place_look(look, span=span, scale=scale, shift=shift, opacities=opacities)
+        return tuple(ControlPoint(*point) for point in placed)
+
+    return moving_result(place, span, scale, shift, opacities)
 
 
 def _is_valid(value: Any) -> bool:
@@ -307,7 +345,44 @@ def check_opacities(node: TreeNode, transfer: object) -> None:
             _PART.reject(node.child("points").child(index).child("opacity"), "missing")
 
 
-TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _build_transfer)
+TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _read_transfer)
+
+
+def map_values(transfer: TransferSpec, function: Callable[[float], float]) -> TransferSpec:
+    """Return a transfer function with what a function, which does not descend, makes of its values; not of labels.
+
+    Values that move are mapped at their keys. Of points that come to have one value, the first and the last remain.
+    """
+
+    def mapped(part: Any) -> Any:
+        if motion_of(part) is not None:
+            return at_keys(mapped, part)
+        if isinstance(part, ControlPoint):
+            return replace(part, value=mapped(part.value))
+        return tuple(map(mapped, part)) if isinstance(part, tuple) else function(part)
+
+    def mapped_pairs(pairs: Any) -> Any:
+        points = _without_ties(mapped(moving_result(_points, pairs)))
+        return moving_result(lambda points: tuple((point.value, point.opacity) for point in points), points)
+
+    mapping, imported = transfer.mapping, transfer.imported
+    if transfer.relative and imported is not None:
+        opacities = None if imported.opacity is None else mapped_pairs(imported.opacity)
+        mapping = _place_points(imported.look, mapped(imported.range), opacities)
+    elif isinstance(mapping, ColormapSpec):
+        mapping = replace(mapping, range=mapped(mapping.range), opacity=mapped_pairs(mapping.opacity))
+    elif isinstance(mapping, tuple):
+        mapping = _without_ties(mapped(mapping))
+    return replace(transfer, mapping=mapping, relative=False)
+
+
+def _without_ties(points: Any) -> Any:
+    """Return points without those that have, at each key of a motion, the value of the point before and after."""
+    frames = {frame for motion in motions_in(points) for frame in motion.frames} or {0}
+    values = list(zip(*([point.value for point in values_at(points, frame)] for frame in frames), strict=True))
+    last = len(values) - 1
+    kept = [k for k in range(last + 1) if k in (0, last) or not values[k - 1] == values[k] == values[k + 1]]
+    return at_keys(lambda points: tuple(points[k] for k in kept), points)
 
 
 def _build_labels(node: TreeNode, given: dict[str, Any]) -> TransferSpec:

@@ -1,4 +1,4 @@
-"""Parse YAML text to plain data, with the line and column of every key and value.
+"""Parse YAML text to plain data, with the line and column of every key and value, and write plain data as YAML.
 
 Scenes need mappings, lists, text, numbers, true, false, null, and anchors within bounds. Numbers follow YAML 1.2: by
 YAML 1.1, PyYAML reads 1e-3 as text, 010 as 8 and 1:30 as 90.
@@ -149,6 +149,21 @@ for _name, _pattern, _first in (
     ("float", r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", list("-+.")),
 ):
     _Loader.add_implicit_resolver(_TAG + _name, re.compile(f"(?:{_pattern})$"), _first)
+
+
+class _Dumper(yaml.SafeDumper):
+    """A dumper of text that the loader reads back: its scalars are those of YAML 1.2, too."""
+
+    yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def dump_yaml(data: Any) -> str:
+    """Return plain data as YAML, with mappings and lists of scalars on one line."""
+    text: str = yaml.dump(data, Dumper=_Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110)
+    return text
 
 
 class _Builder(YamlTree):

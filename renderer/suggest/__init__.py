@@ -15,7 +15,9 @@ Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
 - `presets.py`: layers and colours for each kind of data; `opacity_calibration.py`: how dense they are, so that each has
   its part of the picture; `opacity.py`: depths as opacities.
 - `channels.py`: a layer for each channel of a file, for `component: all`; `label_choice.py`: which labels are shown,
-  and their colours; `open_layers.py`: both, where a scene leaves them open.
+  and their colours; `relative.py`: values for percentiles; `open_layers.py`: all of these, where a scene leaves them
+  open.
+- `matching.py`: how the values of one scan become those of another, by their histograms.
 - `over.py`: two volumes, one over the other; its weights are searched by `opacity_calibration.py`.
 - `turntable.py`: the defaults of the film around it.
 """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from renderer.suggest.isolated import OutlierValue, find_isolated
-from renderer.suggest.percentiles import Chunks, make_ordered_keys, values_at_ranks
+from renderer.suggest.percentiles import Chunks, OrderedKeys, make_ordered_keys, values_at_ranks
 from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
 
 # Every value of 16-bit data has its own bin; wider types are resolved as finely.
@@ -93,9 +93,7 @@ def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]
 
 def _statistics(dtype: np.dtype[Any], chunks: Chunks) -> Statistics:
     """Return the statistics of all values."""
-    ends = [(chunk.min().item(), chunk.max().item(), chunk.size) for chunk in chunks()]
-    minimum, maximum = min(low for low, _, _ in ends), max(high for _, high, _ in ends)
-    size = sum(num for _, _, num in ends)
+    minimum, maximum, size = _extent(chunks)
     scale = np.float64(safe_scale(minimum, maximum))
     low, extent = minimum * scale, maximum * scale - minimum * scale
     is_counted = dtype.kind in "iu" and maximum - minimum < MAX_BINS
@@ -114,10 +112,35 @@ def _statistics(dtype: np.dtype[Any], chunks: Chunks) -> Statistics:
         if not is_counted:  # a constant volume has the index 0
             index = ((chunk * scale - low) / (extent / MAX_BINS or 1.0)).astype(np.int64)
             counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
-    ranks = {percent: max(math.ceil(percent * size / 100), 1) - 1 for percent in PERCENTILES}
-    found = values_at_ranks([*ranks.values()], key_counts, ordered_keys, chunks)
-    percentiles = {percent: found[rank] for percent, rank in ranks.items()}
+    percentiles = _values_at(PERCENTILES, size, key_counts, ordered_keys, chunks)
     return Statistics(minimum, maximum, total / size / scale, counts, bins, width, percentiles)
+
+
+def exact_percentiles(
+    values: Array, source: MappedFile | None, percents: Sequence[float]
+) -> Mapping[float, int | float]:
+    """Return percentiles as those of `Statistics`; of 0 the smallest value. Parameters and errors as there."""
+    chunks = partial(_chunks_of_data, values, source)
+    minimum, maximum, size = _extent(chunks)
+    ordered_keys = make_ordered_keys(values.dtype, minimum, maximum)
+    counts = np.zeros(ordered_keys.num, np.int64)
+    for chunk in chunks():
+        counts += ordered_keys.count(chunk)
+    return _values_at(percents, size, counts, ordered_keys, chunks)
+
+
+def _extent(chunks: Chunks) -> tuple[int | float, int | float, int]:
+    """Return the smallest and the largest value, and how many there are."""
+    ends = [(chunk.min().item(), chunk.max().item(), chunk.size) for chunk in chunks()]
+    return min(low for low, _, _ in ends), max(high for _, high, _ in ends), sum(num for _, _, num in ends)
+
+
+def _values_at(
+    percents: Sequence[float], size: int, counts: Int64, ordered_keys: OrderedKeys, chunks: Chunks
+) -> dict[float, int | float]:
+    ranks = {percent: max(math.ceil(percent * size / 100), 1) - 1 for percent in percents}
+    found = values_at_ranks([*ranks.values()], counts, ordered_keys, chunks)
+    return {percent: found[rank] for percent, rank in ranks.items()}
 
 
 def _values_between(chunks: Chunks, low: float, high: float) -> Iterator[Array]:

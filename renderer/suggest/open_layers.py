@@ -1,4 +1,4 @@
-"""Choose what a scene leaves open: the layers of `component: all`, the looks of labels and those of colours."""
+"""Choose what a scene leaves open: the layers of `component: all`, looks of labels and colours, and percentiles."""
 
 from __future__ import annotations
 
@@ -9,25 +9,28 @@ from renderer.errors import Problem
 from renderer.scene import LayerSpec, Motion, Scene, VolumeSpec, moving, raise_problems
 from renderer.suggest.channels import ReadVolume, channel_layers, with_own_names
 from renderer.suggest.label_choice import with_labels, with_numbers
+from renderer.suggest.relative import with_values
 from renderer.suggest.volume_suggestion import NO_WISH, read_in_colors, suggest_read
 
 
 def resolve_scene(scene: Scene, read: ReadVolume) -> Scene:
     """Return a scene in which a list of volumes, one for each channel, is in place of each `component: all`, in which
-    `time: auto` is a motion, labels have numbers and colours, and voxels that are colours a transfer function.
+    `time: auto` is a motion, labels have numbers and colours, voxels that are colours a transfer function, and values
+    are in place of percentiles.
 
     read: reads the voxels: those of one channel, and of those without a window. Raises InputError as it does, and as
-    `with_labels`; SceneError for labels that are not there.
+    `with_labels`; SceneError for labels that are not there, and percentiles that do not differ.
     """
     given = scene.volumes or (LayerSpec(scene.volume, scene.transfer_function),)
-    layers: list[LayerSpec] = []
-    for layer in (_with_times(layer, scene.num_frames, read) for layer in given):
+    layers, problems = list[LayerSpec](), list[Problem]()
+    for number, layer in enumerate(_with_times(layer, scene.num_frames, read) for layer in given):
         if layer.volume.component == "all":
-            layers += channel_layers(layer, read(replace(layer.volume, component=0)), read)
+            own = channel_layers(layer, read(replace(layer.volume, component=0)), read)
         else:
-            is_open = layer.volume.has_colors and layer.depends_on_voxels
-            layers.append(_with_colors(layer, read) if is_open else layer)
-    is_list, problems = bool(scene.volumes) or scene.volume.component == "all", list[Problem]()
+            own = [_with_colors(layer, read) if layer.has_open_colors else layer]
+        place = f"volumes.{number}." if scene.volumes else ""
+        layers += [with_values(each, f"{place}transfer_function", read, problems) for each in own]
+    is_list = bool(scene.volumes) or scene.volume.component == "all"
     places = [f"volumes.{number}." if is_list else "" for number in range(len(layers))]
     named = zip(with_own_names(layers), places, strict=True)
     found = tuple(with_labels(layer, place, read, problems) for layer, place in named)

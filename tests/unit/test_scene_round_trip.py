@@ -148,7 +148,7 @@ SCENES = {
     ),
     "attenuation": replace(
         PLAIN,
-        transfer_function=TransferSpec(ColormapSpec("gray", (0.5, 1.0), ((0.5, 1.0),), "log")),
+        transfer_function=TransferSpec(ColormapSpec("gray", (0.5, 1.0), ((0.5, 1.0),), "log"), relative=True),
         mode=ModeSpec("attenuation", 0.1, -1000.0),
     ),
     "depth": replace(PLAIN, mode=ModeSpec("maximum", color_by="depth")),
