@@ -158,20 +158,6 @@ def value_or_nearest(values: Array, x: int, y: int, z: int) -> float:
     return float(np.mean(near[min(near)]))
 
 
-def test_a_homogeneous_block_has_the_depth_of_its_voxels() -> None:
-    values = np.full((12, 12, 12), np.nan, np.float32)
-    values[3:8, 2:11, 4:6] = 1.0
-    volume = volume_of(values, np.eye(4))
-    stage = stage_of(volume, points=[{"value": 0, "color": "red", "opacity": 0.2}])
-    _, directions, *_ = index_rays(volume, view_of(stage, NUMBER), np.arange(SIZE[0] * SIZE[1]))
-    origins, *_ = index_rays(volume, view_of(stage, NUMBER), np.arange(SIZE[0] * SIZE[1]))
-    one = (np.array([3.5, 1.5, 2.5]) - origins) / directions
-    other = (np.array([5.5, 10.5, 7.5]) - origins) / directions
-    length = np.maximum(np.maximum(one, other).min(axis=1) - np.minimum(one, other).max(axis=1), 0)
-    np.testing.assert_allclose(exact(stage)[..., 3].ravel(), 1 - 0.8**length, atol=1e-12)
-    assert np.abs(drawn(stage)[..., 3].ravel() - (1 - 0.8**length)).max() < 0.01
-
-
 @pytest.mark.parametrize("tolerance", [0.05, 0.3])
 @pytest.mark.parametrize("values", [with_holes(), ball()], ids=["holes", "ball"])
 def test_coarser_pictures_keep_their_tolerance(values: Array, tolerance: float) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import struct as struct_module
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,27 +31,6 @@ def bin_one(**changes: Any) -> tuple[list[int], list[int]]:
 @pytest.mark.parametrize("name", HEADER.arguments)
 def test_python_lays_structs_out_as_the_compiler_does(name: str) -> None:
     assert getattr(kernels(), name)  # compares sizes
-
-
-def test_a_layout_has_the_padding_of_c() -> None:
-    inner = "struct In {\n    bool a;\n    float b[3];\n};\n"
-    outer = "struct Out {\n    bool c;\n    Maybe<In> d;\n    double e;\n};\nKERNEL(f, Out)\n"
-    struct = header.Header(inner + outer).struct_of("f")
-    assert {name: offset for name, (offset, _) in struct.members.items()} == {"c": 0, "d": 4, "e": 24}
-    assert struct.size == 32
-
-
-def test_structs_lie_one_behind_the_other() -> None:
-    inner, outer = (
-        "struct In {\n    bool a;\n    double b;\n};\n",
-        "struct Out {\n    Array<const In, 1> c;\n};\nKERNEL(f, Out)\n",
-    )
-    struct = header.Header(inner + outer)
-    numbers: list[Any] = []
-    kept: list[Any] = []
-    struct.struct_of("f").add({"c": [{"a": True, "b": 0.5}, {"a": False, "b": -2.0}]}, numbers, kept)
-    assert numbers == [kept[-1].ctypes.data, 2]
-    assert kept[-1].tobytes() == struct_module.pack("=?7xd?7xd", True, 0.5, False, -2.0)
 
 
 def test_a_kernel_fills_arrays() -> None:
