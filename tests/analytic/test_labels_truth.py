@@ -50,8 +50,6 @@ def seen(layer: TrueLayer, origins: Float64, directions: Float64, end: float) ->
     return radiance[:, 0]
 
 
-
-
 def winners(of: Volume, index: Float64) -> Float64:
     """The label at [n, 3] points (x, y, z), by its definition; ties apart."""
     nearest = np.floor(index + 0.5).astype(int)
