@@ -26,15 +26,11 @@ POINTS = [
 ]
 GLOSS = {"light": "camera", "ambient": 0.3, "diffuse": 0.7, "specular": 0.4, "two_sided": True}
 LOOKS: dict[str, dict[str, Any]] = {
-    "emission": {},
-    "lambert": {"shading": {"ambient": 0.3, "diffuse": 0.7}},
-    "gloss": {"shading": GLOSS},
-    "gradients": {"shading": {"gradient_opacity": [[0.0, 0.0], [0.3, 1.0]]}},
-    "maximum": {"mode": "maximum"},
-    "minimum": {"mode": "minimum"},
-    "mean": {"mode": "mean"},
+    "emission": {}, "lambert": {"shading": {"ambient": 0.3, "diffuse": 0.7}}, "gloss": {"shading": GLOSS},
+    "gradients": {"shading": {"gradient_opacity": [[0.0, 0.0], [0.3, 1.0]]}}, "maximum": {"mode": "maximum"},
+    "minimum": {"mode": "minimum"}, "mean": {"mode": "mean"},
     "attenuation": {"mode": {"type": "attenuation", "scale": 0.05, "zero": -2}},
-}
+}  # fmt: skip
 EACH_LOOK = pytest.mark.parametrize("look", LOOKS)
 AFFINE = np.array([[1.0, 0.1, 0.0, 3.0], [-0.2, 0.8, 0.1, 0.0], [0.0, 0.2, 1.5, -7.0], [0.0, 0.0, 0.0, 1.0]])
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from brickwork import hills, transfer_of
@@ -91,3 +93,15 @@ def test_each_visible_voxel_lies_in_one_cell_that_meets_the_tolerance(
                 assert np.all(errors[level][z // 2, y // 2, x // 2] >= tolerance * (1 - HALF_RTOL))
         if finest == 0 and (tolerance == 0 or (is_mixed and of.name == "blobs" and len(of.values) > 1)):
             assert (0 < np.count_nonzero(cut.levels) < len(cut)) == is_mixed
+
+
+@pytest.mark.parametrize("precision", ["half", "single"])
+@pytest.mark.parametrize("deepest", [9.0, 40.0])
+def test_averages_of_opacities_near_1_are_no_deeper_than_the_deepest_voxel(precision: Any, deepest: float) -> None:
+    of = plain(np.full((16, 16, 16), 250, np.uint8))
+    pyramid = build(of, transfer(deepest), spec=PyramidSpec("opacity", precision))
+    for tolerance in (0.0, 1.0):
+        depths = cut_pyramid(pyramid, tolerance).depths
+        assert np.all(depths[:, 3] <= np.float32(deepest))
+        assert np.all(depths[:, 3] > min(0.99 * deepest, 16))  # float32 resolves opacities to 2^-24, a depth of 16.6
+        np.testing.assert_allclose(depths[:, :3], depths[:, 3:] * [0.2, 1, 0.4], rtol=HALF_RTOL)

@@ -100,6 +100,18 @@ def test_the_cache_computes_only_missing_bricks(
     assert found == computed
 
 
+def test_the_cache_is_empty_while_the_device_holds_all_bricks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bricks of different levels have entries of their own."""
+    pyramid = make_bricks(volume_of((64, 64, 128), "uint8"), SOFT, spec=PyramidSpec(), error=ErrorSpec()).pyramid
+    found, cache = record_recomputed(monkeypatch), MeanCache()
+    for is_enabled in (False, False, True, True, False, True):
+        cache.begin(is_enabled=is_enabled)
+        cache.get(pyramid, 2, CELLS[:2])
+    assert found == [2, 2, 2, 0, 2, 2]
+    for level in (1, 2, 1):
+        np.testing.assert_array_equal(cache.get(pyramid, level, CELLS[:2]), recompute_means(pyramid, level, CELLS[:2]))
+
+
 def record_recomputed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list to which each computation of means appends its number of bricks."""
     found: list[int] = []

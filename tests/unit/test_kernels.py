@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import struct as struct_module
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,19 @@ def bin_one(**changes: Any) -> tuple[list[int], list[int]]:
 @pytest.mark.parametrize("name", HEADER.arguments)
 def test_python_lays_structs_out_as_the_compiler_does(name: str) -> None:
     assert getattr(kernels(), name)  # compares sizes
+
+
+def test_structs_lie_one_behind_the_other() -> None:
+    inner, outer = (
+        "struct In {\n    bool a;\n    double b;\n};\n",
+        "struct Out {\n    Array<const In, 1> c;\n};\nKERNEL(f, Out)\n",
+    )
+    struct = header.Header(inner + outer)
+    numbers: list[Any] = []
+    kept: list[Any] = []
+    struct.struct_of("f").add({"c": [{"a": True, "b": 0.5}, {"a": False, "b": -2.0}]}, numbers, kept)
+    assert numbers == [kept[-1].ctypes.data, 2]
+    assert kept[-1].tobytes() == struct_module.pack("=?7xd?7xd", True, 0.5, False, -2.0)
 
 
 def test_a_kernel_fills_arrays() -> None:
