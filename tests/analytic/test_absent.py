@@ -26,15 +26,11 @@ POINTS = [
 ]
 GLOSS = {"light": "camera", "ambient": 0.3, "diffuse": 0.7, "specular": 0.4, "two_sided": True}
 LOOKS: dict[str, dict[str, Any]] = {
-    "emission": {},
-    "lambert": {"shading": {"ambient": 0.3, "diffuse": 0.7}},
-    "gloss": {"shading": GLOSS},
-    "gradients": {"shading": {"gradient_opacity": [[0.0, 0.0], [0.3, 1.0]]}},
-    "maximum": {"mode": "maximum"},
-    "minimum": {"mode": "minimum"},
-    "mean": {"mode": "mean"},
+    "emission": {}, "lambert": {"shading": {"ambient": 0.3, "diffuse": 0.7}}, "gloss": {"shading": GLOSS},
+    "gradients": {"shading": {"gradient_opacity": [[0.0, 0.0], [0.3, 1.0]]}}, "maximum": {"mode": "maximum"},
+    "minimum": {"mode": "minimum"}, "mean": {"mode": "mean"},
     "attenuation": {"mode": {"type": "attenuation", "scale": 0.05, "zero": -2}},
-}
+}  # fmt: skip
 EACH_LOOK = pytest.mark.parametrize("look", LOOKS)
 AFFINE = np.array([[1.0, 0.1, 0.0, 3.0], [-0.2, 0.8, 0.1, 0.0], [0.0, 0.2, 1.5, -7.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -156,20 +152,6 @@ def value_or_nearest(values: Array, x: int, y: int, z: int) -> float:
         if all(0 <= at < n for at, n in zip(place, values.shape, strict=True)) and not np.isnan(values[place]):
             near.setdefault(i * i + j * j + k * k, []).append(values[place])
     return float(np.mean(near[min(near)]))
-
-
-def test_a_homogeneous_block_has_the_depth_of_its_voxels() -> None:
-    values = np.full((12, 12, 12), np.nan, np.float32)
-    values[3:8, 2:11, 4:6] = 1.0
-    volume = volume_of(values, np.eye(4))
-    stage = stage_of(volume, points=[{"value": 0, "color": "red", "opacity": 0.2}])
-    _, directions, *_ = index_rays(volume, view_of(stage, NUMBER), np.arange(SIZE[0] * SIZE[1]))
-    origins, *_ = index_rays(volume, view_of(stage, NUMBER), np.arange(SIZE[0] * SIZE[1]))
-    one = (np.array([3.5, 1.5, 2.5]) - origins) / directions
-    other = (np.array([5.5, 10.5, 7.5]) - origins) / directions
-    length = np.maximum(np.maximum(one, other).min(axis=1) - np.minimum(one, other).max(axis=1), 0)
-    np.testing.assert_allclose(exact(stage)[..., 3].ravel(), 1 - 0.8**length, atol=1e-12)
-    assert np.abs(drawn(stage)[..., 3].ravel() - (1 - 0.8**length)).max() < 0.01
 
 
 @pytest.mark.parametrize("tolerance", [0.05, 0.3])

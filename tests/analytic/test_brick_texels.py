@@ -7,20 +7,19 @@ from typing import Literal
 import numpy as np
 import pytest
 from brick_reference import index_gradients
-from dense_bricks import OBLIQUE, Shape, depths_of, means_over_cells, patches, random_transfer
+from dense_bricks import OBLIQUE, Shape, depths_of, means_over_cells, patches
 from number_types import TYPES, limits
 
 from renderer.bricks import BRICK_SIZE, Bricks, make_bricks, mean_texels, scalar_texels
 from renderer.bricks.layout import HALO
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer import VISIBILITY_THRESHOLD, TransferFunction
+from renderer.transfer import TransferFunction
 from renderer.volume import Array, Bools, Float64, Int32, Int64, Volume, make_volume
 
 SHAPES: list[Shape] = [(1, 1, 1), (1, 40, 20), (5, 17, 33), (33, 17, 5), (16, 32, 48), (35, 30, 66)]
 each_shape = pytest.mark.parametrize("shape", SHAPES, ids=str)
 PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO
 # Of the field between texels: far from their places, at them, and at the faces between cells.
-SAMPLES = np.arange(0, BRICK_SIZE + 0.01, 0.25)
 UNIT = np.finfo(np.float32).eps / 2
 
 
@@ -158,67 +157,3 @@ def test_a_ramp_stays_a_ramp_on_every_level(shape: Shape) -> None:
             there = inside(bricks, level, cells)
             np.testing.assert_allclose(got[there][:, 3], want[there], rtol=7**3 * 4 * UNIT)
             np.testing.assert_allclose(got[there][:, 1], 0.6 * want[there], rtol=7**3 * 4 * UNIT)
-
-
-@each_shape
-@pytest.mark.parametrize(
-    ("precision", "shading"), [("half", None), ("single", ShadingSpec(ambient=1.37, diffuse=0.5))], ids=str
-)
-def test_a_constant_is_exactly_constant(
-    shape: Shape, precision: Literal["half", "single"], shading: ShadingSpec | None
-) -> None:
-    for extinction in (0.1, 0.37, 23.0):
-        volume = make_volume(np.full(shape, 7, np.uint8), OBLIQUE, "constant")
-        bricks = bricks_of(volume, linear(0, 10, extinction, extinction), precision, shading)
-        color = np.array([1, 0.6, 0.1]) * (shading.ambient if shading else 1)
-        for level in range(1, len(bricks.levels)):
-            cells = all_cells(bricks, level)
-            texels = mean_texels(bricks, level, cells)[inside(bricks, level, cells)]
-            assert np.all(texels == texels[0])
-            want = np.append(color, 1) * extinction * volume.finest_spacing
-            np.testing.assert_allclose(texels[0], want, rtol=2.0**-11 if precision == "half" else 4 * UNIT)
-
-
-def sampled(texels: Float64, samples: tuple[Float64, Float64, Float64]) -> Float64:
-    """Return the linear field between texels [18, 18, 18, ...] on a grid (z, y, x) in cells from the brick's corner."""
-    for axis in range(3):
-        place = samples[axis] - 0.5 + HALO
-        k = np.minimum(np.floor(place).astype(int), PADDED_BRICK_SIZE - 2)
-        t = (place - k).reshape([-1 if n == axis else 1 for n in range(texels.ndim)])
-        texels = (1 - t) * texels.take(k, axis) + t * texels.take(k + 1, axis)
-    return texels
-
-
-def samples_in(bricks: Bricks, level: int, cell: Array) -> tuple[Float64, Float64, Float64]:
-    ends = [n / 2.0**level - BRICK_SIZE * c for n, c in zip(bricks.volume.shape_xyz, cell.tolist(), strict=True)]
-    x, y, z = (SAMPLES[end >= SAMPLES] for end in ends)
-    return z, y, x
-
-
-@each_shape
-def test_visible_samples_lie_in_the_visible_bounds(shape: Shape) -> None:
-    """Of a lattice in the volume, every point outside the visible bounds is transparent, on every level."""
-    num_seen = 0
-    for seed in range(4):
-        rng = np.random.default_rng(seed)
-        volume = make_volume((patches(shape, seed, side=5) * 250).astype(np.uint8), OBLIQUE, "patches")
-        transfer = random_transfer(rng, 0.0, 250.0)
-        bricks = bricks_of(volume, transfer, "half")
-        first, last = bricks.scalar_range
-        for level, of_level in enumerate(bricks.levels):
-            cells = all_cells(bricks, level)
-            texels = mean_texels(bricks, level, cells)[..., 3] if level else scalar_texels(bricks, cells, lit=False)
-            for cell, part in zip(cells, texels, strict=True):
-                z, y, x = samples_in(bricks, level, cell)
-                field = sampled(part.astype(np.float64), (z, y, x))
-                if level == 0:
-                    # Where rounding to float32 takes scalars off a plateau they are none that lie between corners.
-                    scalars = np.round(first + field * (last - first), 3)
-                    field = transfer.classify(scalars)[1] * volume.finest_spacing
-                seen = np.argwhere(field >= VISIBILITY_THRESHOLD)
-                num_seen += len(seen)
-                low, high = of_level.visible_bounds[cell[2], cell[1], cell[0]]
-                for axis, places in enumerate((z, y, x)):
-                    at = places[seen[:, axis]]
-                    assert np.all((low[2 - axis] <= at) & (at <= high[2 - axis]))
-    assert num_seen > 0 or shape == (1, 1, 1)

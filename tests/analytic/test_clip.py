@@ -22,15 +22,11 @@ BEFORE_CAMERA = {"plane": {"point": [1, 2, 3], "normal": [0.2, 0.1, 1]}, "fixed"
 CORNER = {"box": [[10, -1, 5], [25, 20, 40]]}
 IN_A_ROW = [{"box": [[5, 5, 5], [12, 30, 25]]}, {"box": [[18, 3, 5], [30, 30, 25]]}]
 CLIPS: dict[str, list[dict[str, Any]]] = {
-    "plane": [PLANE],
-    "inverted plane": [PLANE | {"invert": True}],
-    "plane before the camera": [BEFORE_CAMERA],
-    "box": [CORNER],
-    "inverted box": [CORNER | {"invert": True}],
-    "box before the camera": [{"box": [[-5, -6, -3], [7, 8, 40]], "fixed": "camera"}],
-    "boxes in a row": IN_A_ROW,
+    "plane": [PLANE], "inverted plane": [PLANE | {"invert": True}], "plane before the camera": [BEFORE_CAMERA],
+    "box": [CORNER], "inverted box": [CORNER | {"invert": True}],
+    "box before the camera": [{"box": [[-5, -6, -3], [7, 8, 40]], "fixed": "camera"}], "boxes in a row": IN_A_ROW,
     "overlapping boxes and planes": [*IN_A_ROW, CORNER, BEFORE_CAMERA, PLANE | {"invert": True}],
-}
+}  # fmt: skip
 
 
 BLOCK = engine_block(40, 36, 30, spacing=[1, 1.2, 0.9])

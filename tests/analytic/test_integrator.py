@@ -52,18 +52,6 @@ def test_linear_field_in_an_oblique_volume(projection: str, distance: float, sha
     assert 0.3 < alpha.max() < 0.95
 
 
-def test_linear_ramp_of_color() -> None:
-    """Constant tau, colour falling from 1 to 0 over a cell of length 2: the integral of (1 - s / 2) tau exp(-tau s)."""
-    tau, length = 0.7, 2.0
-    image = along_z([0, 1], transfer_of((0, (0, 0, 0), tau), (1, (1, 1, 1), tau)), spacing=length)
-    depth = tau * length
-    cell = 1.0 - (-np.expm1(-depth)) / depth
-    expected = -np.expm1(-depth / 2) + np.exp(-depth / 2) * cell
-    # Quadrature of the eighth order on steps of 0.7 in optical depth.
-    np.testing.assert_allclose(image[:3], expected, atol=1e-10)
-    assert image[3] == pytest.approx(-np.expm1(-2 * depth), abs=EXACT)
-
-
 WHITE = (1, 1, 1)
 STEP = transfer_of((0.25, WHITE, 0.0), (0.25, WHITE, 2.0))
 HAT = transfer_of((0.5 - 1e-7, WHITE, 0.0), (0.5, WHITE, 1e7), (0.5 + 1e-7, WHITE, 0.0))

@@ -50,10 +50,6 @@ def seen(layer: TrueLayer, origins: Float64, directions: Float64, end: float) ->
     return radiance[:, 0]
 
 
-def depths_seen(layer: TrueLayer, origins: Float64, directions: Float64) -> Float64:
-    return -np.log1p(-seen(layer, origins, directions, 20.0)[:, 3])
-
-
 def winners(of: Volume, index: Float64) -> Float64:
     """The label at [n, 3] points (x, y, z), by its definition; ties apart."""
     nearest = np.floor(index + 0.5).astype(int)
@@ -119,44 +115,6 @@ def test_pictures_are_riemann_sums(shading: ShadingSpec | None) -> None:
         expected = [*(np.exp(-before) * -np.expm1(-depth)) @ color, -np.expm1(-depth.sum())]
         np.testing.assert_allclose(found, expected, rtol=0, atol=3e-4)
     assert np.ptp(image[:, 3]) > 0.5
-
-
-def test_a_voxel_alone_keeps_its_centre() -> None:
-    """Along an axis through it, its weight is 0.64 (0.8 - 0.2 t - 0.8 t^2), and 0.5 at its ends."""
-    origins, layer = np.array([[-9.0, 2.0, 2.0]]), TrueLayer(labels_of(np.pad([[[1]]], 2)), steps(0, 1))
-    half = (np.sqrt(0.2**2 + 3.2 * 0.01875) - 0.2) / 1.6
-    assert depths_seen(layer, origins, np.eye(3)[0])[0] == pytest.approx(2.0 * half, abs=1e-11)
-
-
-def test_no_label_is_seen_that_no_voxel_has() -> None:
-    """Between voxels of 1 and 3, which are red and blue, 2 is not seen, which is green."""
-    values = np.array([0, 1, 3, 3, 1, 3, 3])[scattered().values]
-    tf = replace(steps(0, 1, 9, 1), colors=np.repeat(np.eye(4)[:, 1:], 2, axis=0))
-    points, directions = np.random.default_rng(9).uniform(-0.5, 4.5, (2, 500, 3))
-    image = seen(TrueLayer(labels_of(values), tf), points, directions - 2.0, 20.0)
-    assert (image[:, 1] == 0.0).all()
-    assert (image[:, [0, 2]].max(axis=0) > 0.5).all()
-
-
-def ball(centre: float) -> Array:
-    """32^3 voxels: whether they are inside of a ball of radius 9.3."""
-    return np.linalg.norm(np.mgrid[:32, :32, :32] - np.full((3, 1, 1, 1), centre), axis=0) <= 9.3
-
-
-def test_a_ball_has_its_radius_and_its_normals() -> None:
-    """Rays meet it at right angles."""
-    directions = np.random.default_rng(7).normal(size=(500, 3))
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    origins, light = 15.2 - 20.0 * directions, ShadingSpec(0.0, 1.0, "camera")
-    clear = TrueLayer(labels_of(ball(15.2)), steps(0, 1))
-    errors = depths_seen(clear, origins, directions) - 9.3
-    assert abs(errors).max() < 0.5
-    assert abs(errors).mean() < 0.15  # found: 0.13, 0.105 and 0.11
-    assert abs(errors.mean()) < 0.1
-    opaque = seen(clear._replace(transfer=steps(0, 40), shading=light), origins, directions, 20.0)
-    angles = np.degrees(np.arccos(2.0 * opaque[:, 2]))
-    assert angles.max() < 8.0
-    assert angles.mean() < 3.0
 
 
 def lengths_inside(mask: Volume, view: View, *clips: ClipSpec) -> Float64:

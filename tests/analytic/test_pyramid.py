@@ -180,19 +180,6 @@ def test_every_type_average_precision_measure_and_light(
     check(replace(noise(*values), world_from_index=OBLIQUE), half_visible(*values[2:]), spec, error, shading)
 
 
-def test_shading_brighter_than_white_and_flat_regions() -> None:
-    values = np.full((20, 20, 20), 200, np.uint8)
-    values[5:9] = 255
-    check(volume(values), half_visible(0, 255), PyramidSpec(), OPTICAL, ShadingSpec(1.0, 1.0, (0.0, 0.0, -1.0)))
-
-
-def test_one_visible_voxel_has_one_node_on_each_level() -> None:
-    values = np.zeros((70, 70, 70), np.uint8)
-    values[69, 0, 37] = 255
-    pyramid = check(volume(values), half_visible(0, 255), PyramidSpec(), OPTICAL)
-    assert [len(level.means) for level in pyramid.levels] == [1] * 7
-
-
 @pytest.mark.parametrize("faintest", [1e-44, 1e-30, 1e-12])
 def test_faint_voxels_beside_opaque_voxels_stay_finite(faintest: float) -> None:
     values = np.zeros((40, 40, 40), np.uint8)

@@ -141,20 +141,6 @@ def test_the_papers_footprint_ripples_around_the_right_depth(rasterizer: SplatRa
         assert np.mean(ratios) == pytest.approx(1, abs=0.04)
 
 
-def test_opacity_correction_makes_the_levels_agree(rasterizer: SplatRasterizer) -> None:
-    """Figures 3 and 4 of the paper: without it a cell has the opacity of one voxel, and a block half the optical depth
-    with each level."""
-    num, opacity = 64, 0.02
-    volume = constant((num, num, num))
-    view = block_view(num, 20.0, 30.0, side=96)
-    for level in range(4):
-        for is_corrected in (True, False):
-            batch = splats_of(volume, opacity, SplatSpec(opacity_correction=is_corrected), level=level)
-            cell_px = view.scale_px * 2**level
-            ratios = depth_by_path(rasterizer, batch, volume, view, cell_px, extinction_of(volume, opacity))
-            np.testing.assert_allclose(ratios, 1.0 if is_corrected else 0.5**level, rtol=0.015)
-
-
 @pytest.mark.parametrize(
     ("projection", "azimuth"),
     [("perspective", 0.0), ("orthographic", 0.01), ("perspective", 0.5), ("orthographic", 1.0)],

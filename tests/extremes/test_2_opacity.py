@@ -54,31 +54,12 @@ def relative(got: float, exact: Any) -> float:
     return float(abs(mpmath.mpf(got) / exact - 1)) if exact else abs(got)
 
 
-def of_extinctions(error: Callable[[float, Any], float]) -> Measure:
-    """Return the worst error of the float64 depth tau h of a cell, over 20 doublings of a voxel."""
-
-    def measure(num_cases: int) -> float:
-        worst = 0.0
-        for opacity, unit, spacing in random_cases(num_cases):
-            tau = float(make_transfer_function(points(opacity, unit=unit), spacing).extinctions[0])
-            for doubling in range(0, NUM_DOUBLINGS + 1, 2):
-                side = spacing * 2.0**doubling
-                worst = max(worst, error(tau * side, exact_depth(opacity, side, unit, spacing)))
-        return worst
-
-    return measure
-
-
 def opacity_error(depth: float, exact: Any) -> float:
     return relative(-math.expm1(-depth), -mpmath.expm1(-exact))
 
 
 def transmittance_error(depth: float, exact: Any) -> float:
     return float(abs(mpmath.mpf(math.exp(-depth)) - mpmath.exp(-exact)))
-
-
-def relative_transmittance_error(depth: float, exact: Any) -> float:
-    return relative(math.exp(-depth), mpmath.exp(-exact)) if exact < 700 else 0.0
 
 
 def column_depth(depth: Float32, level: int, spacing: float) -> float:
@@ -148,18 +129,13 @@ def averaged(precision: str) -> Measure:
     return worst_of(error)
 
 
-LOGS = "`-log1p(-a) / unit`, and depths double where the paper squares `1 - a`"
-FLOATS = LOGS + "; depths in float32"
+FLOATS = "`-log1p(-a) / unit`, and depths double where the paper squares `1 - a`; depths in float32"
 
 SECTION = Section(
     "Opacity",
     (
-        Extreme("corrected opacity of a cell of 1 to 2^20 voxels, float64", LOGS, "relative error", 1e-6,
-            of_extinctions(opacity_error)),
-        Extreme("its transmittance, float64", LOGS, "error", 1e-6, of_extinctions(transmittance_error)),
-        Extreme("its transmittance, float64, depths below 700", LOGS, "relative error", 1e-6,
-            of_extinctions(relative_transmittance_error)),
-        Extreme("corrected opacity of a cell, by its splat", FLOATS, "relative error", 1e-6, chain(opacity_error)),
+        Extreme("corrected opacity of a cell of 1 to 2^20 voxels, by its splat", FLOATS, "relative error", 1e-6,
+            chain(opacity_error)),
         Extreme("transmittance of a cell, by its splat", FLOATS, "error", 1e-6, chain(transmittance_error)),
         Extreme("colour of a voxel, by its splat", "`tau c` and `tau` are rounded alike", "relative error", 1e-6,
             colors),

@@ -70,18 +70,6 @@ def turning_back(num_cases: int) -> float:
     return float(wrong)
 
 
-def off_key(num_cases: int) -> float:
-    """Return how many scheduled frames, and frames before the first and after the last, differ by a bit."""
-    rng, wrong = np.random.default_rng(9), 0
-    for _ in range(num_cases):
-        keys = whole_range(rng)
-        error = ErrorSpec(scheduled(*keys))
-        wrong += sum(tolerance_at(error, frame) != tolerance for frame, tolerance in keys)
-        wrong += tolerance_at(error, 0) != keys[0][1]
-        wrong += tolerance_at(error, MAX_FRAME) != keys[-1][1]
-    return float(wrong)
-
-
 LOGARITHM = "exp of the shared rise of the logarithm, half of it at a time"
 
 SECTION = Section(
@@ -93,7 +81,6 @@ SECTION = Section(
             "keys apart by some ulp", "log1p of the difference", "relative error", 1e-15, relative_error(almost_equal)
         ),
         Extreme("a million frames, any keys", "monotone step by step", "frames that turn back", 0, turning_back),
-        Extreme("at keys, before the first, after the last", "not computed", "frames off by a bit", 0, off_key),
     ),
 )
 

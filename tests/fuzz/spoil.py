@@ -79,26 +79,16 @@ def _text(case: Case, rng: Random) -> None:
     cut = int(rng.integers(len(text)))
     case.text = [
         text[:cut],
-        text[:cut] + rng.bytes(int(rng.integers(1, 9))) + text[cut:],
-        text[:cut] + b"\t" + text[cut:],
-        text[:cut] + b'"' + text[cut:],
-        text[:cut] + b"{" + text[cut:],
-        text[:cut] + b": " + text[cut:],
-        text[:cut] + b"*a" + text[cut:],
-        text[:cut] + b"\x00" + text[cut:],
-        text + b"---\n" + text,
-        text + text,
-        text + b"a: &a [*a]\n",
-        text + b"a: " + b"[" * 5000,
-        text + b"a: &a {b: *a}\n",
+        *(
+            text[:cut] + more + text[cut:]
+            for more in (rng.bytes(int(rng.integers(1, 9))), b"\t", b'"', b"{", b": ", b"*a", b"\x00")
+        ),
+        *(text + more for more in (b"---\n" + text, text, b"a: &a [*a]\n", b"a: " + b"[" * 5000, b"a: &a {b: *a}\n")),
         text + b"b: !!python/object/apply:os.system [true]\n",
         text.replace(b"version: 1", b"version: 2"),
         text.replace(b"\n", b"\r"),
         b"\xff\xfe" + text.decode().encode("utf-16-le"),
-        rng.bytes(300),
-        b"",
-        b"[1, 2]",
-        b"# nothing\n",
+        *(rng.bytes(300), b"", b"[1, 2]", b"# nothing\n"),
         b"a: &a [x,x,x,x,x,x,x,x,x]\n"
         + b"".join(b"%c: &%c [%s]\n" % (c, c, b",".join([b"*%c" % (c - 1)] * 9)) for c in range(98, 106)),
     ][int(rng.integers(22))]

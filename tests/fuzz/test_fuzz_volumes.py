@@ -21,7 +21,7 @@ import pytest
 from fuzzing import judge_apart
 from judge_volumes import judge_bomb, judge_number, judge_volume
 from volume_bases import Base, make_bases
-from volume_damage import Case, make_case
+from volume_damage import Case
 
 from renderer.errors import InputError
 from renderer.readers import nrrd, vtk_image
@@ -186,11 +186,3 @@ def test_crashes_of_libraries_are_left_to_their_process(tmp_path: Path, monkeypa
     monkeypatch.setattr(vtk_image, "read_vtk", lambda path, **_: crash(path))
     verdict = judge_volume(unchanged(image), tmp_path / "a")
     assert (verdict.outcome, verdict.in_child) == ("same", True)
-
-
-def test_a_file_comes_from_its_number_alone() -> None:
-    first, second = make_bases(None), make_bases.__wrapped__(None)
-    assert [base.files for base in first] == [base.files for base in second]
-    for index in range(100):
-        one, other = make_case(first, SEED, index), make_case(second, SEED, index)
-        assert (one.damage, one.files, one.opened) == (other.damage, other.files, other.opened)

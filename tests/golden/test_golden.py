@@ -6,7 +6,6 @@ They are compared by `hsplat compare`, at `same-machine` where the driver is the
 
 from __future__ import annotations
 
-import itertools
 import json
 import shutil
 from pathlib import Path
@@ -16,10 +15,7 @@ import pytest
 from golden_cases import CASES, FOLDER, FRAMES, Case
 
 from hsplat_cli.compare.golden.provenance import read_provenance
-from hsplat_cli.compare.picture_file import read_picture
 from renderer.draw import BrickRasterizer, SplatRasterizer
-from renderer.film import Pixels
-from renderer.study import STRICTNESSES, FrameDifference, exceeded_limits
 
 FAILED = FOLDER / "failed"
 
@@ -64,20 +60,3 @@ def test_the_case_that_must_fail_does(rasterizer, tmp_path, capsys) -> None:
 
 def test_every_folder_of_goldens_belongs_to_a_case() -> None:
     assert {path.name for path in FRAMES.iterdir()} == {case.name for case in CASES}
-
-
-def test_every_case_looks_different_from_all_others() -> None:
-    """A case that looks like another protects nothing of its own."""
-    frames = {path.relative_to(FRAMES): read_picture(path) for path in sorted(FRAMES.glob("*/*.png"))}
-    same = [
-        (first, second)
-        for first, second in itertools.combinations(frames, 2)
-        if frames[first].shape == frames[second].shape and looks_same(frames[first], frames[second])
-    ]
-    assert same == []
-
-
-def looks_same(first: Pixels, second: Pixels) -> bool:
-    """Compare at `cross-driver` without FLIP, which takes a while for a thousand pairs."""
-    limits = STRICTNESSES["cross-driver"].limits
-    return not exceeded_limits(FrameDifference(first, second).metrics(limits.keys() - {"flip"}), limits)

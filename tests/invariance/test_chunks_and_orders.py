@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from splatting import camera_pose, cut_of, in_order, look, place_splats, volume_of
 
-from renderer.draw import SplatRasterizer
 from renderer.draw.gl import raster as raster_gl
 from renderer.scene import SplatSpec, TurntablePath
 from renderer.splats import make_splats
-from renderer.view import blended_orders, make_order_blending, visible_order
+from renderer.view import make_order_blending, visible_order
 from renderer.view.order_blending import FADE_ANGLE, MIN_WEIGHT, NEIGHBOURS, sort_directions
 from renderer.volume import Float64
 
@@ -110,20 +109,3 @@ def test_unmixed_is_the_order_of_view_depths(projection: str, azimuth: float) ->
     np.testing.assert_array_equal(np.sort(order), np.arange(len(cut)))
     rises = np.diff(depths[order].astype(np.float64))
     assert rises.max() <= 4 * 2.0**-24  # of the volume's radius: another sum of the same products
-
-
-def test_pictures_on_both_sides_of_an_axis_are_mirror_images(rasterizer: SplatRasterizer) -> None:
-    """Of a volume that is its own mirror image, within the rounding of float32 and the sampling of shares."""
-    half = np.random.default_rng(2).integers(0, 256, (6, 6, 3), np.uint8)
-    cut = cut_of(volume_of(np.concatenate([half, half[..., ::-1]], axis=2)), 0.5)
-    splats = make_splats(cut, SplatSpec())
-    turning = make_order_blending(IDENTITY, TurntablePath(360))
-    for azimuth in (0.0, 0.3, 0.8, 2.0, 30.0):
-        left, right = (
-            sum(
-                share * rasterizer.rasterize([splats], [order], view)
-                for share, order in blended_orders(splats, view, turning)
-            )
-            for view in (look(azimuth=azimuth, size=(64, 64)), look(azimuth=-azimuth, size=(64, 64)))
-        )
-        np.testing.assert_allclose(np.asarray(left)[:, ::-1], right, atol=2e-3)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -12,7 +11,6 @@ from splatting import cut_of, in_order, look, place_splats, point_at, volume_of
 
 from renderer.draw import SplatRasterizer
 from renderer.draw.gl import raster as raster_gl
-from renderer.errors import RenderError
 from renderer.pyramid import BLOCK_SIZE, Cut, build_pyramid
 from renderer.pyramid.pyramid import BLOCKS_PER_TASK
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
@@ -162,13 +160,3 @@ def test_a_pyramid_does_not_depend_on_the_number_of_threads(measure: Literal["op
         for level, expected in zip(pyramid.levels, pyramids[0].levels, strict=True):
             for array, expected_array in zip(level, expected, strict=True):
                 assert array.tobytes() == expected_array.tobytes()
-
-
-@pytest.mark.parametrize(("column", "value"), [(0, math.nan), (4, math.inf), (7, -math.inf)])
-def test_splats_that_are_not_numbers_are_refused(column: int, value: float) -> None:
-    """Before they are drawn: in GL they could vanish, or hide what is behind them."""
-    batch = place_splats(np.zeros((3, 3)), 1.0)
-    vertices = batch.vertices.copy()
-    vertices[1, column] = value
-    with pytest.raises(RenderError, match="1 of 3 splats, the first is number 1"):
-        replace(batch, vertices=vertices)

@@ -20,16 +20,12 @@ ROWS = bytes(100)
 # The content of frame-0000.png in folders of these names.
 PICTURES = {
     "jpeg": imageio.imwrite("<bytes>", np.zeros((8, 8, 3), np.uint8), extension=".jpg"),
-    "lfs": b"version https://git-lfs.github.com/spec/v1\n",
-    "empty_file": b"",
-    "short": png_file(16, 16, ROWS),
-    "huge": png_file(100_000, 100_000, ROWS),
-    "bits16": png_file(4, 4, ROWS, depth=16),
+    "lfs": b"version https://git-lfs.github.com/spec/v1\n", "empty_file": b"", "short": png_file(16, 16, ROWS),
+    "huge": png_file(100_000, 100_000, ROWS), "bits16": png_file(4, 4, ROWS, depth=16),
     "palette": png_file(4, 4, ROWS, color_type=3, more=[(b"PLTE", bytes(9))]),
-    "grey": png_file(4, 4, ROWS, color_type=0),
-    "transparent": png_file(4, 4, ROWS, more=[(b"tRNS", bytes(6))]),
+    "grey": png_file(4, 4, ROWS, color_type=0), "transparent": png_file(4, 4, ROWS, more=[(b"tRNS", bytes(6))]),
     "animation": png_file(4, 4, ROWS, more=[(b"acTL", struct.pack(">II", 2, 0))]),
-}
+}  # fmt: skip
 FIRST = "frame-0000.png"
 
 

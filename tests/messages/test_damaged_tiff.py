@@ -48,25 +48,21 @@ def test_the_page_itself_is_read(tmp_path):
 
 # TIFF files with a fault, by name
 FILES = {
-    "a-field-without-a-value": tiff({WIDTH: (SHORT, 0, 4)}),
-    "strips-without-a-place": tiff({STRIPS: (LONG, 0, 8)}),
+    "a-field-without-a-value": tiff({WIDTH: (SHORT, 0, 4)}), "strips-without-a-place": tiff({STRIPS: (LONG, 0, 8)}),
     "no-frames": described("ImageJ=1.53\nimages=1\nframes=0\n"),
     "a-count-of-many-digits": described(f"ImageJ=1.53\nslices={'7' * 5000}\n"),
     "no-count": described("ImageJ=1.53\nchannels=\x1b[31m\n"),
     "spacing-that-is-no-number": described("ImageJ=1.53\nslices=1\nspacing=e\n"),
-    "a-size-that-is-no-number": ome('SizeZ="1.2.3"'),
-    "a-size-beyond-all-bounds": ome('SizeZ="1e999"'),
+    "a-size-that-is-no-number": ome('SizeZ="1.2.3"'), "a-size-beyond-all-bounds": ome('SizeZ="1e999"'),
     "a-pixel-that-is-no-number": ome('SizeZ="1" PhysicalSizeX="."'),
     "sizes-whose-product-overflows": ome(f'SizeZ="{2**31 - 1}" SizeC="{2**31 - 1}" SizeT="4"'),
     "planes-with-short-strips": tiff({PLANAR: (SHORT, 1, 2), STRIP_BYTES: (LONG, 1, 15)}),
     "floats-of-8-bits": tiff({SAMPLE_FORMAT: (SHORT, 1, 3)}),
     "pixels-in-several-strips-at-once": tiff(
-        {HEIGHT: (SHORT, 1, 2000), STRIPS: (LONG, 500, 24), STRIP_BYTES: (LONG, 500, 2024)}, b"\x10\0\0\0" * 1000
-    ),
-    "pages-in-a-circle": tiff({}, following=24),
-    "a-page-beyond-all-bounds": big_tiff(2**64 - 8),
+        {HEIGHT: (SHORT, 1, 2000), STRIPS: (LONG, 500, 24), STRIP_BYTES: (LONG, 500, 2024)}, b"\x10\0\0\0" * 1000),
+    "pages-in-a-circle": tiff({}, following=24), "a-page-beyond-all-bounds": big_tiff(2**64 - 8),
     "fields-beyond-all-bounds": big_tiff(16, struct.pack("<Q", 2**64 - 1)),
-}
+}  # fmt: skip
 
 
 @cases("damaged_tiff.txt")

@@ -48,18 +48,14 @@ SOURCES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "volume that is missing": ({}, ["info", NPY]),
     "hint at a volume": ({FOOT: b""}, ["info", "scans-of-a-foot-aa written by.npy"]),
     "hint in a scene": (
-        {FOOT: b"", "scene.yaml": SCENE.replace(SCAN, "scans-of-a-foot-aa scene.npy")},
-        ["check", "scene.yaml"],
-    ),
+        {FOOT: b"", "scene.yaml": SCENE.replace(SCAN, "scans-of-a-foot-aa scene.npy")}, ["check", "scene.yaml"]),
     "scene that is right": ({SCAN: ARRAY, f"{LINES}.yaml": SCENE}, ["check", f"{LINES}.yaml"]),
     "scene that is wrong": ({f"{LINES}.yaml": "camera: [\n"}, ["check", f"{LINES}.yaml"]),
     "key": ({"scene.yaml": f"{json.dumps(LINES)}: 1\n"}, ["check", "scene.yaml"]),
     "value": ({"scene.yaml": f"shading: {json.dumps(LINES)}\n"}, ["check", "scene.yaml"]),
     "sidecar": ({"film.json": json.dumps({"format": "hsplat film 1", LINES: 1})}, ["check", "film.json"]),
-    "argument too many": ({}, ["check", "scene.yaml", LINES]),
-    "no option": ({}, ["check", f"--{LINES}"]),
-    "option of a wrong type": ({}, ["turntable", "--frames", LINES, SCAN]),
-    "no command": ({}, [LINES]),
+    "argument too many": ({}, ["check", "scene.yaml", LINES]), "no option": ({}, ["check", f"--{LINES}"]),
+    "option of a wrong type": ({}, ["turntable", "--frames", LINES, SCAN]), "no command": ({}, [LINES]),
     "setting": ({"scene.yaml": SCENE}, ["check", "scene.yaml", "--set", f"{LINES}=1"]),
     "output": ({SCAN: ARRAY, "scene.yaml": SCENE}, ["check", "scene.yaml", "--output", f"{LINES}.mp4"]),
     "description of DICOM": ({**series("scan", "1.2.3"), **series(HOSTILE, "1.2.4")}, ["info", "."]),
@@ -67,9 +63,8 @@ SOURCES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "pictures": ({f"golden/{LINES}.png": b"", f"actual/{LINES}.png": b""}, ["compare", "golden", "actual"]),
     "words of ffmpeg": (
         {f"golden/{HOSTILE}.mp4": FILM, f"actual/{HOSTILE}.mp4": FILM},
-        ["compare", f"golden/{HOSTILE}.mp4", f"actual/{HOSTILE}.mp4"],
-    ),
-}
+        ["compare", f"golden/{HOSTILE}.mp4", f"actual/{HOSTILE}.mp4"]),
+}  # fmt: skip
 
 
 def prepare(source: str) -> list[str]:

@@ -22,20 +22,12 @@ NRRD = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 5 4 3\nendian: little\nenco
 META = "NDims = 3\nDimSize = 5 4 3\nElementType = MET_USHORT\nElementDataFile = LOCAL\n"
 # Lines of a MetaImage header that do not have their numbers, by the name of the file.
 META_LINES = {
-    "no-length": "ElementSpacing = 0 1 1",
-    "no-number": "ElementSpacing = nan 1 1",
-    "no-size": "ElementSize = 1 1 -inf",
-    "too-few": "DimSize = 5 4",
-    "no-counts": "DimSize = 5 4 -3",
-    "parts": "DimSize = 5 4 2.5",
-    "no-axes": "NDims = three",
-    "no-origin": "Offset = nan 0 0",
-    "half-an-origin": "Position = 0 0",
-    "flat": "TransformMatrix = 1 0 0 0 1 0 0 0 0",
-    "digits": f"TransformMatrix = {6 * '0.90630778703664994 '}0 0 0",
-    "bell": "Offset = \a 0 0",
-    "axis-twice": "TransformMatrix = 1 0 0 0 1 0 1 0 0",
-}
+    "no-length": "ElementSpacing = 0 1 1", "no-number": "ElementSpacing = nan 1 1", "no-size": "ElementSize = 1 1 -inf",
+    "too-few": "DimSize = 5 4", "no-counts": "DimSize = 5 4 -3", "parts": "DimSize = 5 4 2.5",
+    "no-axes": "NDims = three", "no-origin": "Offset = nan 0 0", "half-an-origin": "Position = 0 0",
+    "flat": "TransformMatrix = 1 0 0 0 1 0 0 0 0", "digits": f"TransformMatrix = {6 * '0.90630778703664994 '}0 0 0",
+    "bell": "Offset = \a 0 0", "axis-twice": "TransformMatrix = 1 0 0 0 1 0 1 0 0",
+}  # fmt: skip
 
 LARGE = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: {}\nencoding: {}\n{}\n"
 LARGE_META = "ObjectType = Image\nNDims = 3\nDimSize = {}\nElementType = MET_UCHAR\nElementDataFile = {}\n"
@@ -57,15 +49,11 @@ def packed(lines: str, *, encoding: str = "gzip", data: bytes = gzip.compress(by
 LONG_HEADER = b"\x93NUMPY\2\0" + np.uint32(2**32 - 1).tobytes()
 # Files that ask for more than a volume can have, by name.
 EXCESSIVE = {
-    "negative.npy": array("-2, -3, 10"),
-    "booleans.npy": array("True, True, 64"),
-    "axes.npy": array("1, " * 100),
-    "nested.npy": array("-" * 9000 + "6, 7, 8"),
-    "beyond.nrrd": LARGE.format(BEYOND, "raw", "").encode(),
+    "negative.npy": array("-2, -3, 10"), "booleans.npy": array("True, True, 64"), "axes.npy": array("1, " * 100),
+    "nested.npy": array("-" * 9000 + "6, 7, 8"), "beyond.nrrd": LARGE.format(BEYOND, "raw", "").encode(),
     "beyond.mha": LARGE_META.format(BEYOND, "LOCAL").encode(),
     "beyond.cube": CUBE.format(0).replace("2 1 0 0", "1e300 1 0 0").replace("2 0 0 1", "1e300 0 0 1").encode() + b"1\n",
-    "beyond.mhd": LARGE_META.format(BEYOND, "LIST\nb\nc").encode(),
-    "blanks.nrrd": packed(f"spac{' ' * 9999}ings: 1\n"),
+    "beyond.mhd": LARGE_META.format(BEYOND, "LIST\nb\nc").encode(), "blanks.nrrd": packed(f"spac{' ' * 9999}ings: 1\n"),
     "origins.nrrd": packed("space origin:" + "(1,1,1)" * 9 + "\n"),
     "bytes-to-skip.nrrd": packed("byte skip: 67108865\n"),
     "lines-to-skip.nrrd": packed("line skip: 9999999\n", encoding="raw", data=b"\n" * 2**22 + bytes(8)),
@@ -77,11 +65,10 @@ EXCESSIVE = {
     "pieces.mhd": LARGE_META.format("1 1 99999", "LIST").encode() + b"piece\n" * 99_999,
     "many.npz": zipped([f"{'long' * 20} {k}.npy" for k in range(50)]),
     "no-encoding.npz": zipped(["\u00e4\u00f6.npy"]).replace("\u00e4\u00f6".encode(), b"\xff\xfe\xff\xfe"),
-    "long.npy": LONG_HEADER,
-    "long.npz": zipped(["a.npy"], LONG_HEADER),
+    "long.npy": LONG_HEADER, "long.npz": zipped(["a.npy"], LONG_HEADER),
     "atoms.cube": f"{CUBE.format(999999999)}{2**18 * chr(10)}{8 * '1 '}".encode(),
     "orbitals.cube": f"{CUBE.format(-1)}0\n999999999{2**18 * chr(10)}{8 * '1 '}".encode(),
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

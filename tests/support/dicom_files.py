@@ -38,24 +38,12 @@ def image_fields(values: Array, *, uid: str = "1.2.3.4", **fields: Any) -> Datas
     is_signed = values.dtype.kind == "i"
     bits = 8 * values.dtype.itemsize
     named = {
-        "ImageType": ["ORIGINAL", "PRIMARY", "AXIAL"],
-        "SOPClassUID": CTImageStorage,
-        "SOPInstanceUID": "1.2.3.4.5",
-        "Modality": "CT",
-        "StudyInstanceUID": "1.2.3",
-        "SeriesInstanceUID": uid,
-        "SamplesPerPixel": 1,
-        "PhotometricInterpretation": "MONOCHROME2",
-        "NumberOfFrames": str(len(values)) if values.ndim == 3 else None,
-        "Rows": values.shape[-2],
-        "Columns": values.shape[-1],
-        "PixelSpacing": [".25", ".5"],
-        "BitsAllocated": bits,
-        "BitsStored": bits,
-        "HighBit": bits - 1,
-        "PixelRepresentation": int(is_signed),
-        "PixelData": values.tobytes(),
-    }
+        "ImageType": ["ORIGINAL", "PRIMARY", "AXIAL"], "SOPClassUID": CTImageStorage, "SOPInstanceUID": "1.2.3.4.5",
+        "Modality": "CT", "StudyInstanceUID": "1.2.3", "SeriesInstanceUID": uid, "SamplesPerPixel": 1,
+        "PhotometricInterpretation": "MONOCHROME2", "NumberOfFrames": str(len(values)) if values.ndim == 3 else None,
+        "Rows": values.shape[-2], "Columns": values.shape[-1], "PixelSpacing": [".25", ".5"], "BitsAllocated": bits,
+        "BitsStored": bits, "HighBit": bits - 1, "PixelRepresentation": int(is_signed), "PixelData": values.tobytes(),
+    }  # fmt: skip
     for keyword, value in (named | fields).items():
         if value is not None:
             setattr(dataset, keyword, value)

@@ -17,14 +17,9 @@ SIZES = ((256, 256), (512, 512), (720, 1280), (1280, 720), (1920, 1080))
 BACKGROUNDS = {"dark": {"top": "#20303f", "bottom": "#050608"}, "light": {"top": "#ffffff", "bottom": "#d8e0e8"}}
 LABELS = {"names": {number: f"organ {number}" for number in range(1, 6)}, "show": [1, 2, 3, 4, 5]}
 ANNOTATION = {
-    "title": "Heart",
-    "time": "{volume.procedural.phase:.2f}",
-    "color_bar": {"label": "density"},
-    "scale_bar": True,
-    "accuracy": True,
-    "orientation": True,
-    "bounds": True,
-}
+    "title": "Heart", "time": "{volume.procedural.phase:.2f}", "color_bar": {"label": "density"}, "scale_bar": True,
+    "accuracy": True, "orientation": True, "bounds": True,
+}  # fmt: skip
 STYLE = """body {font: 16px sans-serif; margin: 2em} figure {display: inline-block; margin: 1em}
 img, video {max-width: 95vw; vertical-align: top} img + img, video + video {background: black}"""
 

@@ -16,14 +16,9 @@ PIXELS = np.arange(16, dtype=np.uint8).reshape(4, 4)
 
 # Type, number of values and value, or place of the values, of each field of a page of PIXELS, which are at byte 8.
 PAGE = {
-    WIDTH: (SHORT, 1, 4),
-    HEIGHT: (SHORT, 1, 4),
-    BITS: (SHORT, 1, 8),
-    COMPRESSION: (SHORT, 1, 1),
-    STRIPS: (LONG, 1, 8),
-    SAMPLES: (SHORT, 1, 1),
-    STRIP_BYTES: (LONG, 1, 16),
-}
+    WIDTH: (SHORT, 1, 4), HEIGHT: (SHORT, 1, 4), BITS: (SHORT, 1, 8), COMPRESSION: (SHORT, 1, 1), STRIPS: (LONG, 1, 8),
+    SAMPLES: (SHORT, 1, 1), STRIP_BYTES: (LONG, 1, 16),
+}  # fmt: skip
 Field = tuple[int, int, int]
 
 

@@ -30,23 +30,17 @@ DATE = "2030-01-02"
 HOSTILE = "<script>alert('x')</script> & \"$x^2$\" {{ 7 * 7 }}"
 
 CASES = {
-    "all": study_of([*own_series(), *peer_series()]),
-    "bricks": study_of([*brick_series(), *peer_series()]),
-    "both": study_of([*brick_series(), *own_series()]),
-    "nothing measured": study_of([], notes=()),
+    "all": study_of([*own_series(), *peer_series()]), "bricks": study_of([*brick_series(), *peer_series()]),
+    "both": study_of([*brick_series(), *own_series()]), "nothing measured": study_of([], notes=()),
     "quick": study_of(quick_series(), truths=()),
     "undefined": study_of([measure("tolerance 1", 10, 0, UNDEFINED), measure("tolerance 0", 20, 5, INFINITE)]),
     "only the peer, once exact": study_of(
-        [*peer_series(), measure("sample distance 0", 900, None, INFINITE, series="vtk gpu", tool="vtk")]
-    ),
+        [*peer_series(), measure("sample distance 0", 900, None, INFINITE, series="vtk gpu", tool="vtk")]),
     "hostile names, one measurement of one frame": study_of(
-        [measure(f"{HOSTILE} 1", 12, 500, 30, series=HOSTILE, frames=(5,))],
-        volume={"name": HOSTILE, HOSTILE: HOSTILE},
-        scene={"output": {"size": [8, 6]}, "volume": {"file": HOSTILE}},
-        machine={HOSTILE: {HOSTILE: HOSTILE}},
-        notes=(HOSTILE,),
-    ),
-}
+        [measure(f"{HOSTILE} 1", 12, 500, 30, series=HOSTILE, frames=(5,))], volume={"name": HOSTILE, HOSTILE: HOSTILE},
+        scene={"output": {"size": [8, 6]}, "volume": {"file": HOSTILE}}, machine={HOSTILE: {HOSTILE: HOSTILE}},
+        notes=(HOSTILE,)),
+}  # fmt: skip
 
 
 @cache

@@ -84,24 +84,19 @@ def test_frames_of_a_changed_scene_are_drawn_again(output, options, why, draws, 
 
 
 def test_frames_of_another_volume_are_drawn_again(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
+    """The same one may move."""
     values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
     np.save("scan.npy", values)
     interrupt_render(draws, "film.mp4", "--volume", "scan.npy")
-    capsys.readouterr()
-    np.save("scan.npy", values[::-1])
-    render("film.mp4", "--volume", "scan.npy")
+    Path("scan.npy").rename("moved.npy")
+    interrupt_render(draws, "film.mp4", "--volume", "moved.npy", at=4)
+    assert "3 of 5 frames are already finished" in printed_lines(capsys)
+    np.save("moved.npy", values[::-1])
+    render("film.mp4", "--volume", "moved.npy")
     assert draws.take_numbers() == [0, 1, 2, 3, 4]
-    what = "3 existing frames of another film are drawn again: volume.fingerprint was "
+    what = "4 existing frames of another film are drawn again: volume.fingerprint was "
     assert printed_lines(capsys)[0].startswith(what)
     assert_clean()
-
-
-def test_a_volume_may_move(draws: Draws) -> None:
-    np.save("scan.npy", np.arange(60, dtype=np.uint8).reshape(3, 4, 5))
-    interrupt_render(draws, "film.mp4", "--volume", "scan.npy")
-    Path("scan.npy").rename("moved.npy")
-    render("film.mp4", "--volume", "moved.npy")
-    assert draws.take_numbers() == [3, 4]
 
 
 def test_another_encoding_keeps_the_frames(draws: Draws) -> None:

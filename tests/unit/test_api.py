@@ -70,17 +70,13 @@ def test_all_mistakes_are_told_at_once_by_the_names_of_the_parameters() -> None:
         ({"transfer_function": [(1, "red", 0.5), (0, "red", 0.5)]}, "transfer_function.points.1.value"),
         ({"transfer_function": [(1, "red")]}, "transfer_function.points.0"),
         ({"transfer_function": {"colormap": "gray"}}, "transfer_function.range"),
-        ({"camera": {"path": {"type": "spiral"}}}, "camera.path.type"),
-        ({"camera": 3}, "camera"),
+        ({"camera": {"path": {"type": "spiral"}}}, "camera.path.type"), ({"camera": 3}, "camera"),
         ({"transfer_function": {"preset": "bnoe"}}, "preset bnoe"),
-        ({"transfer_function": {"preset": 3}}, "transfer_function.preset"),
-        ({"size": (33, 32)}, "size"),
-        ({"background": "transparent"}, "background"),
-        ({"output": "film.avi"}, "output"),
-        ({"spacing": 2}, "spacing"),
+        ({"transfer_function": {"preset": 3}}, "transfer_function.preset"), ({"size": (33, 32)}, "size"),
+        ({"background": "transparent"}, "background"), ({"output": "film.avi"}, "output"), ({"spacing": 2}, "spacing"),
         ({"spacing": (1, 1, 1e20)}, "spacing"),
     ],
-)
+)  # fmt: skip
 def test_where_a_mistake_is(options: dict[str, Any], place: str) -> None:
     assert problem(**options).startswith(f"{place}: ")
 

@@ -160,22 +160,6 @@ def test_errors_and_step_errors_equal_the_dense_reference(shape: Shape, dtype: s
         steep = {brick: float(np.mean(means)) for brick, means in children.items()}
 
 
-def test_a_peak_between_voxels_counts_on_every_level() -> None:
-    """No node has an error; the sub-voxel variation counts, twice as much from level to level."""
-    values = np.zeros((70, 40, 40), np.uint8)
-    values[40:44, 3:20, 20:30] = 255
-    transfer = TransferFunction(np.array([100.0, 125, 150]), np.ones((3, 3)), np.array([0.0, 2.0, 0.0]), 1.0)
-    fine, *levels = bricks_of(make_volume(values, np.eye(4), "between"), transfer).levels
-    distance = np.sqrt(4 * 2**2 * (50 / 255) / 3)  # of a triangle, in four channels
-    shown = {(z, y, x) for z in (2,) for y in (0, 1) for x in (1,)}
-    assert not fine.errors.any()
-    assert {tuple(place) for place in np.argwhere(fine.step_errors > 0).tolist()} == shown
-    for number, level in enumerate(levels, 1):
-        shown = {(z // 2, y // 2, x // 2) for z, y, x in shown}
-        assert {tuple(place) for place in np.argwhere(level.errors > 0).tolist()} == shown
-        assert level.errors.max() == pytest.approx(RAY_ERROR_FACTOR * 2**number * distance)
-
-
 @pytest.mark.parametrize("of", ["classified", "scalar"])
 def test_errors_are_in_the_unit_of_the_measure(of: Literal["classified", "scalar"]) -> None:
     """An opacity does not grow with the cell; of the scalar, which is interpolated, only the difference counts."""
@@ -193,23 +177,6 @@ def test_errors_are_in_the_unit_of_the_measure(of: Literal["classified", "scalar
         assert fine.step_errors[1, 0, 0] == pytest.approx(DIFFERENCE_ERROR_SHARE / 4, rel=1e-6)
     else:
         assert fine.step_errors[1, 0, 0] > 0.1
-
-
-@pytest.mark.parametrize("shift", [0, 1, 8])
-def test_errors_of_a_surface_do_not_depend_on_node_borders(shift: int) -> None:
-    """A box has the errors of its surface also where nodes end there, each of which is constant: of each level, about
-    as it has where it is in the middle of nodes."""
-    values = np.zeros((80, 80, 80), np.uint8)
-    values[16 + shift : 48 + shift, 16 + shift : 48 + shift, 16 + shift : 48 + shift] = 255
-    volume = make_volume(values, np.eye(4), "box")
-    ramp = TransferFunction(np.array([0.0, 255.0]), np.ones((2, 3)), np.array([0.0, 0.5]), 1.0)
-    difference = 0.5 * 2  # in four channels
-    for number, level in enumerate(bricks_of(volume, ramp).levels):
-        if number:
-            relative = level.errors.max() / (RAY_ERROR_FACTOR * 2**number * difference)
-            assert DIFFERENCE_ERROR_SHARE * (1 - HALF_RTOL) <= relative <= 0.5 * (1 + HALF_RTOL)
-        assert (level.step_errors[level.errors > 0] > 0).all()
-        assert level.step_errors.max() > 0.1
 
 
 def test_light_counts_at_its_brightest() -> None:

@@ -143,18 +143,14 @@ def test_frames_have_the_number_in_their_names(names: list[str], numbers: list[i
         (figure_text("ssim", 0.97996, 0.98), "mean SSIM 0.97996, at least 0.98"),
         (figure_text("ssim", 0.98, 0.98), "mean SSIM 0.98, at least 0.98"),
         (value_text("bias", float(np.nextafter(0.1, 1)), 0.1), "0.10000000000000002"),
-        (value_text("flip", 0.123456, 0.1), "0.123"),
-        (limit_text("ssim", 0.99), "at least 0.99"),
-        (signed_text(0.1234), "+0.123"),
-        (signed_text(0), "0"),
-        (signed_text(-6.1e-5), "−6.1e−05"),
-        (share_text(12.34), "12.3"),
-        (share_text(math.inf), "∞"),
+        (value_text("flip", 0.123456, 0.1), "0.123"), (limit_text("ssim", 0.99), "at least 0.99"),
+        (signed_text(0.1234), "+0.123"), (signed_text(0), "0"), (signed_text(-6.1e-5), "−6.1e−05"),
+        (share_text(12.34), "12.3"), (share_text(math.inf), "∞"),
         (limits_text("largest", [4, 4]), "largest error of a channel, at most 4 steps"),
         (limits_text("largest", [1]), "largest error of a channel, at most 1 step"),
         (limits_text("flip", [0.1]), "mean FLIP, at most 0.1"),
         (limits_text("flip", [0.1, 0.2]), "mean FLIP, limits differ between frames"),
     ],
-)
+)  # fmt: skip
 def test_numbers_show_on_which_side_of_a_limit_they_are(text: str, expected: str) -> None:
     assert text == expected

@@ -36,41 +36,25 @@ FINGERPRINT = {"frames_digest": "89" * 16, "encoding": {"output": {}}, "depends_
 SIDECAR: dict[str, Any] = {
     "format": "hsplat film 1",
     "scene": {
-        "version": 1,
-        "volume": {"procedural": {"name": "constant", "shape": [4, 4, 4]}},
+        "version": 1, "volume": {"procedural": {"name": "constant", "shape": [4, 4, 4]}},
         "transfer_function": {"points": [{"value": 0, "color": [0, 0.5, 1], "opacity": 0.5}]},
         "camera": {"path": {"type": "turntable", "frames": 8}},
         "error": {"tolerance": {"0": 0.5, "3": 0.5, "4": 0.0, "7": 0.0}, "measure": "optical"},
-        "output": {"file": "/once/film.mp4", "size": [48, 32], "background": [0, 0, 0]},
-    },
+        "output": {"file": "/once/film.mp4", "size": [48, 32], "background": [0, 0, 0]}},
     "volume": {
-        "name": "procedural constant",
-        "fingerprint": "0123456789abcdef0123456789abcdef",
-        "dtype": "float32",
-        "shape": [4, 4, 4],
-        "world_from_index": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
-    },
+        "name": "procedural constant", "fingerprint": "0123456789abcdef0123456789abcdef", "dtype": "float32",
+        "shape": [4, 4, 4], "world_from_index": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]},
     "camera": {"target": [1.5, 1.5, 1.5], "distance": 9.0},
-    "pyramid": {"levels": 2, "bytes": 100, "finest_level_drawn": 0},
-    "device": "GL 4.5",
+    "pyramid": {"levels": 2, "bytes": 100, "finest_level_drawn": 0}, "device": "GL 4.5",
     "versions": {"python": "3.10.0", "hsplat": "0.1.0"},
     "schedule": {
-        "requested": {"splats": 1000},
-        "tolerance": [0, 0.5],
-        "cells": [1, 9],
-        "met": False,
-        "reproducible": True,
-        "shortfall": "why",
-    },
-    "notes": ["Würfel"],
-    "seconds": {"read": 0.1, "total": 1e-300},
-    "fingerprint": FINGERPRINT,
-    "digest": "ef" * 16,
+        "requested": {"splats": 1000}, "tolerance": [0, 0.5], "cells": [1, 9], "met": False, "reproducible": True,
+        "shortfall": "why"},
+    "notes": ["Würfel"], "seconds": {"read": 0.1, "total": 1e-300}, "fingerprint": FINGERPRINT, "digest": "ef" * 16,
     "frames": [
         {"frame": frame, "tolerance": tolerance, "cells": 9, "primitives": 8, "seconds": {"draw": 0.1 + 0.2}}
-        for frame, tolerance in ((1, 0.5), (4, 0.0), (7, 0.0))
-    ],
-}
+        for frame, tolerance in ((1, 0.5), (4, 0.0), (7, 0.0))],
+}  # fmt: skip
 
 
 def load(content: str | bytes | object, name: str = "film.mp4.json", draws: Any = "film", **options: Any) -> FilmJob:
@@ -108,21 +92,16 @@ def test_all_fields_of_a_record() -> None:
             {"tolerance": [1, 1], "cells": [1, 2], "predicted_seconds": 1, "seconds": 2, "after_seconds": 3},
             {
                 **{"tolerance": [0, 1], "cells": [3, 4], "predicted_seconds": 1, "seconds": 2, "after_seconds": 5},
-                "difference": {"rmse": 0.1, "frames": 2, "psnr_db": 20.0},
-            },
-        ],
+                "difference": {"rmse": 0.1, "frames": 2, "psnr_db": 20.0}}],
         "parts": [
-            {"sidecar": "a.json", "frames": [1, 4], "num_frames": 2, "seconds": {"total": 1}, "measured": measured}
-        ],
+            {"sidecar": "a.json", "frames": [1, 4], "num_frames": 2, "seconds": {"total": 1}, "measured": measured}],
         "frames": [
-            SIDECAR["frames"][0]
-            | {"predicted_seconds": 1.5, "device": "x", "blank": True, "digest": "0" * 32, "visible": [0.1, 0.0]}
-        ],
+            SIDECAR["frames"][0] | {
+                "predicted_seconds": 1.5, "device": "x", "blank": True, "digest": "0" * 32, "visible": [0.1, 0.0]}],
         "visibility": {
             "coverage": 0.25,
-            "ranges": [{"share": 0.75, "opacity": 0.5, "high": -5.0}, {"share": 0.25, "opacity": 0.5, "low": -5.0}],
-        },
-    }
+            "ranges": [{"share": 0.75, "opacity": 0.5, "high": -5.0}, {"share": 0.25, "opacity": 0.5, "low": -5.0}]},
+    }  # fmt: skip
     assert record_to_json(parsed(data)) == data
 
 
@@ -284,23 +263,6 @@ def test_any_data_is_read_or_refused() -> None:
         options = choose.choice([{}, {"frames": "4"}, {"output": Path("a.png")}, {"overrides": ["error.splats=3"]}])
         num_refused += refuses(json.dumps(data), **options)
     assert 160 < num_refused < 500
-
-
-def test_any_text_is_read_or_refused() -> None:
-    choose = random.Random(6)
-    text = json.dumps(SIDECAR)
-    snippets = [
-        "{", "}", "[", "]", ",", ":", '"', "NaN", "-Infinity", "1e999", "9" * 5000, "\\", "\\ud800", "\n", "\x00",
-        '{"format":', '"scene":1,', "[" * 5000, '{"a":' * 5000, "\ufeff", "é", "-", "0", ".", "e5",
-    ]  # fmt: skip
-    for _ in range(400):
-        begin = choose.randrange(len(text))
-        spoilt = text[:begin] + choose.choice(snippets) + text[begin + choose.choice([0, 0, 1, 9]) :]
-        refuses(spoilt)
-    for _ in range(200):
-        content = bytearray(text.encode())
-        content[choose.randrange(len(content))] = choose.randrange(256)
-        refuses(bytes(content))
 
 
 def refuses(content: str | bytes, **options: Any) -> bool:

@@ -98,23 +98,18 @@ def test_changes_of_the_origin_are_described() -> None:
 
 
 FORGED: list[Callable[[dict[str, Any]], Any]] = [
-    lambda data: data.clear(),
-    lambda data: data["frames"][0].update(date=""),
-    lambda data: data["frames"][0].update(date="two\nlines"),
-    lambda data: data.update(scene=[]),
-    lambda data: data.update(versions={"numpy": 2}),
-    lambda data: data["volume"].update(fingerprint=DIGEST.upper()),
-    lambda data: data["volume"].update(shape=[1, 2]),
-    lambda data: data["volume"].update(shape=[1, 2, -3]),
-    lambda data: data.update(frames={}),
-    lambda data: data["frames"].append(data["frames"][-1]),
+    lambda data: data.clear(), lambda data: data["frames"][0].update(date=""),
+    lambda data: data["frames"][0].update(date="two\nlines"), lambda data: data.update(scene=[]),
+    lambda data: data.update(versions={"numpy": 2}), lambda data: data["volume"].update(fingerprint=DIGEST.upper()),
+    lambda data: data["volume"].update(shape=[1, 2]), lambda data: data["volume"].update(shape=[1, 2, -3]),
+    lambda data: data.update(frames={}), lambda data: data["frames"].append(data["frames"][-1]),
     lambda data: data["frames"][0].update(frame=-1, file="frame--001.png"),
     lambda data: data["frames"][0].update(frame=10**7, file="frame-10000000.png"),
     lambda data: data["frames"][0].update(file="frame-0001.png"),
     lambda data: data["frames"][0].update(file="frame-0000.png\n"),
     lambda data: data["frames"][0].update(file="frame-\u0660\u0660\u0660\u0660.png"),
     lambda data: data["frames"][0].pop("digest"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("forge", FORGED)

@@ -34,14 +34,6 @@ def test_python_lays_structs_out_as_the_compiler_does(name: str) -> None:
     assert getattr(kernels(), name)  # compares sizes
 
 
-def test_a_layout_has_the_padding_of_c() -> None:
-    inner = "struct In {\n    bool a;\n    float b[3];\n};\n"
-    outer = "struct Out {\n    bool c;\n    Maybe<In> d;\n    double e;\n};\nKERNEL(f, Out)\n"
-    struct = header.Header(inner + outer).struct_of("f")
-    assert {name: offset for name, (offset, _) in struct.members.items()} == {"c": 0, "d": 4, "e": 24}
-    assert struct.size == 32
-
-
 def test_structs_lie_one_behind_the_other() -> None:
     inner, outer = (
         "struct In {\n    bool a;\n    double b;\n};\n",

@@ -8,7 +8,7 @@ import os
 import stat
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import pytest
@@ -201,22 +201,6 @@ def test_threads_of_one_process_exclude_each_other(folder: Path) -> None:
             assert "OutputLockedError" in refused.stderr
         pool.submit(take, folder, [1]).result()
     assert not folder.exists()
-
-
-def test_threads_that_take_turns(folder: Path) -> None:
-    def take_turns(_: int) -> int:
-        num_held = 0
-        while num_held < 40:
-            with suppress(OutputLockedError), lock_slots(folder, [0], OUTPUT):
-                mine = folder.parent / "only-one-has-it"
-                mine.touch(exist_ok=False)
-                mine.unlink()
-                num_held += 1
-        return num_held
-
-    with ThreadPoolExecutor(4) as pool:
-        assert list(pool.map(take_turns, range(4))) == [40] * 4
-    assert list(folder.parent.iterdir()) == []
 
 
 def test_a_lock_file_in_a_folder_for_other_things(tmp_path: Path) -> None:

@@ -42,17 +42,12 @@ def file_of(data: bytes, header: bytes = HEADER) -> bytes:
 WHOLE = zlib.compress(4 * ROW)
 OTHERS = {
     "no such filter": file_of(zlib.compress(3 * ROW + b"\5" + ROW[1:])),
-    "a byte too few": file_of(zlib.compress((4 * ROW)[:-1])),
-    "no rows": file_of(b""),
-    "rows that are not compressed": file_of(4 * ROW),
-    "16 bits": file_of(WHOLE, HEADER[:8] + b"\x10" + HEADER[9:]),
-    "grey": file_of(WHOLE, HEADER[:9] + b"\0" + HEADER[10:]),
-    "no width": file_of(WHOLE, bytes(4) + HEADER[4:]),
+    "a byte too few": file_of(zlib.compress((4 * ROW)[:-1])), "no rows": file_of(b""),
+    "rows that are not compressed": file_of(4 * ROW), "16 bits": file_of(WHOLE, HEADER[:8] + b"\x10" + HEADER[9:]),
+    "grey": file_of(WHOLE, HEADER[:9] + b"\0" + HEADER[10:]), "no width": file_of(WHOLE, bytes(4) + HEADER[4:]),
     "huge": file_of(WHOLE, struct.pack(">IIBBBBB", 2**32 - 1, 2**32 - 1, 8, 6, 0, 0, 0)),
-    "cut off": file_of(WHOLE)[:-1],
-    "no PNG file": b"GIF89a",
-    "empty": b"",
-}
+    "cut off": file_of(WHOLE)[:-1], "no PNG file": b"GIF89a", "empty": b"",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("content", OTHERS.values(), ids=OTHERS)

@@ -56,19 +56,13 @@ def test_voxels_are_where_the_header_says(folder: Path, name: str, lines: str, d
 
 
 REFUSED = {
-    "half.mha": (f"{SIZED}{len(PACKED) // 2}\n", PACKED),
-    "half.mhd": (f"{SIZED}{len(PACKED) // 2}\n", PACKED),
-    "long.mha": (f"{SIZED}{len(PACKED) + 9}\n", PACKED),
-    "long.mhd": (f"{SIZED}{len(PACKED) + 9}\n", PACKED),
-    "no-begin.mha": (f"HeaderSize = -1\n{COMPRESSED}", PACKED),
-    "elsewhere.mha": ("HeaderSize = 100\n", RAW),
-    "short-0.mha": ("HeaderSize = 0\n", RAW[:-9]),
-    "short-1.mha": ("HeaderSize = -1\n", RAW[:-9]),
-    "short.mhd": ("HeaderSize = 5\n", RAW),
-    "slope.mha": (f"{SCALED}Slope = 2\n", RAW),
-    "offset.mha": (f"{SCALED}Offset = -1024\n", RAW),
-    "letter.mha": (f"{SCALED}Slope = x\n", RAW),
-}
+    "half.mha": (f"{SIZED}{len(PACKED) // 2}\n", PACKED), "half.mhd": (f"{SIZED}{len(PACKED) // 2}\n", PACKED),
+    "long.mha": (f"{SIZED}{len(PACKED) + 9}\n", PACKED), "long.mhd": (f"{SIZED}{len(PACKED) + 9}\n", PACKED),
+    "no-begin.mha": (f"HeaderSize = -1\n{COMPRESSED}", PACKED), "elsewhere.mha": ("HeaderSize = 100\n", RAW),
+    "short-0.mha": ("HeaderSize = 0\n", RAW[:-9]), "short-1.mha": ("HeaderSize = -1\n", RAW[:-9]),
+    "short.mhd": ("HeaderSize = 5\n", RAW), "slope.mha": (f"{SCALED}Slope = 2\n", RAW),
+    "offset.mha": (f"{SCALED}Offset = -1024\n", RAW), "letter.mha": (f"{SCALED}Slope = x\n", RAW),
+}  # fmt: skip
 
 
 @cases("metaimage.txt")

@@ -100,23 +100,13 @@ def test_names_are_not_of_ascii_alone(header: str) -> None:
 
 # Names of data files that are refused.
 REFUSED = {
-    "gone": LIST.replace("slice03", "gone03"),
-    "gone-in-pattern": "gone%02d.raw 1 4 1\n",
-    "gone-at-once": "gone%02d.raw 1 999999999 1\n",
-    "short": LIST.replace("slice03", "short03"),
-    "short-in-pattern": "short%02d.raw 1 4 1\n",
-    "few": LIST[:-12],
-    "many": LIST + "slice01.raw\n",
-    "one": "LIST\nall.raw\n",
-    "way-0": "slice%02d%n.raw 1 4 1\n",
-    "way-1": "slice%09999d.raw 1 4 1\n",
-    "way-2": "%s%d.raw 1 4 1\n",
-    "way-3": "slice%02d.raw 1 4 0\n",
-    "way-7": "LIST 1\n",
-    "way-8": "LIST two\n",
-    "way-9": "LIST\n",
-    "percent": "100%.raw\n",
-}
+    "gone": LIST.replace("slice03", "gone03"), "gone-in-pattern": "gone%02d.raw 1 4 1\n",
+    "gone-at-once": "gone%02d.raw 1 999999999 1\n", "short": LIST.replace("slice03", "short03"),
+    "short-in-pattern": "short%02d.raw 1 4 1\n", "few": LIST[:-12], "many": LIST + "slice01.raw\n",
+    "one": "LIST\nall.raw\n", "way-0": "slice%02d%n.raw 1 4 1\n", "way-1": "slice%09999d.raw 1 4 1\n",
+    "way-2": "%s%d.raw 1 4 1\n", "way-3": "slice%02d.raw 1 4 0\n", "way-7": "LIST 1\n", "way-8": "LIST two\n",
+    "way-9": "LIST\n", "percent": "100%.raw\n",
+}  # fmt: skip
 
 
 @cases("slice_files.txt")

@@ -107,19 +107,11 @@ SCENES = {
         transfer_function=TransferSpec(ColormapSpec("viridis", (-0.1, 1 / 3), ((0.0, 0.0), (1.0, 0.5)))),
         camera=CameraSpec(
             KeyframePath(9, (Keyframe(0, -0.1, 30.5), Keyframe(8, 90.0, 20.0, 2.5)), False, "linear", AXIS),
-            "orthographic",
-            25.5,
-            "visible",
-            3.5,
-            0.1,
-        ),
+            "orthographic", 25.5, "visible", 3.5, 0.1),
         error=ErrorSpec(scheduled((0, 0.5), (7, 1 / 3), (8, 0.0)), "rms", "scalar", 2),
         splat=SplatSpec("gouraud", 0.5, 7, 4, ((0.0, 1.0), (0.1, 0.5), (1.0, 0.0)), False, "boxes"),
-        pyramid=PyramidSpec("opacity", "single"),
-        shading=ShadingSpec(0.1, 0.2, AXIS),
-        annotation=AnnotationSpec(octree=True),
-        output=OutputSpec(Path("{frame}.png"), (7, 9), background=None),
-    ),
+        pyramid=PyramidSpec("opacity", "single"), shading=ShadingSpec(0.1, 0.2, AXIS),
+        annotation=AnnotationSpec(octree=True), output=OutputSpec(Path("{frame}.png"), (7, 9), background=None)),
     "raw": Scene(
         volume=VolumeSpec(RawSource(HERE, (1, 1, NUM_BYTES - 3), "uint8", "big", SPACING, 3), nodata=(-1.0, 1e20)),
         transfer_function=TransferSpec(POINTS, 0.1),
@@ -127,93 +119,61 @@ SCENES = {
         error=ErrorSpec(goal=SplatBudget(scheduled((0, 1000), (8, 10_000)))),
         shading=ShadingSpec(occlusion=0.7, shadow=1 / 3, occlusion_radius=12.5, cut_faces=False),
         output=OutputSpec(
-            Path("a.mp4"), (512, 512), 12.5, (0.1, 0.2, 0.3), 3.3, codec="hevc", crf=9.5, pixel_format="yuv420p10"
-        ),
-    ),
+            Path("a.mp4"), (512, 512), 12.5, (0.1, 0.2, 0.3), 3.3, codec="hevc", crf=9.5, pixel_format="yuv420p10")),
     "procedural": Scene(
         volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9), 7, SPACING), crop=(None, (1, 8), None)),
-        transfer_function=TransferSpec(POINTS),
-        camera=CameraSpec(TurntablePath(9, 0.1, 12.5, AXIS)),
+        transfer_function=TransferSpec(POINTS), camera=CameraSpec(TurntablePath(9, 0.1, 12.5, AXIS)),
         error=ErrorSpec(goal=MetricTarget("psnr", 30.1), probes=64),
         shading=ShadingSpec(0.1, 0.2, "camera", 0.3, 1000.0, True, ((0.0, 1 / 3), (1e9, 1.0)), silhouette=0.5),
         clip=(ClipSpec(PlaneSpec(SPACING, AXIS), None, "camera", True), ClipSpec(None, (AXIS, (2.0, 1e-6, 1 / 3)))),
         output=OutputSpec(
-            Path("b/c.gif"),
-            record_paths=False,
+            Path("b/c.gif"), record_paths=False,
             others=(
                 OutputFile(Path("a.webm"), (256, 256), 10.0, None, 3.0, "vp9", 12.0, "yuva420p", every=2),
-                OutputFile(Path("p.png"), background=((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), frame=1),
-            ),
-        ),
-    ),
+                OutputFile(Path("p.png"), background=((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), frame=1)))),
     "attenuation": replace(
-        PLAIN,
-        transfer_function=TransferSpec(ColormapSpec("gray", (0.5, 1.0), ((0.5, 1.0),), "log"), relative=True),
-        mode=ModeSpec("attenuation", 0.1, -1000.0),
-    ),
+        PLAIN, mode=ModeSpec("attenuation", 0.1, -1000.0),
+        transfer_function=TransferSpec(ColormapSpec("gray", (0.5, 1.0), ((0.5, 1.0),), "log"), relative=True)),
     "depth": replace(PLAIN, mode=ModeSpec("maximum", color_by="depth")),
     "volumes": replace(
-        PLAIN, volume=LAYERS[0].volume, transfer_function=LAYERS[0].transfer_function, volumes=LAYERS, blend="add"
-    ),
+        PLAIN, volume=LAYERS[0].volume, transfer_function=LAYERS[0].transfer_function, volumes=LAYERS, blend="add"),
     "labels": replace(
         PLAIN,
         transfer_function=TransferSpec(
             LabelsSpec(
-                ((3, (1.0, 0.0, 0.5)), ("a b", (0.0, 0.0, 0.0))),
-                ((3, 0.5), ("a b", 1 / 3)),
-                (3, "a b", -7),
-                (9,),
-                ((3, "three"), (-7, "a b")),
-            ),
-            2.5,
-        ),
-        mask=MaskSpec(VolumeSpec(FileSource(HERE)), transform=LAYERS[0].transform),
-    ),
+                ((3, (1.0, 0.0, 0.5)), ("a b", (0.0, 0.0, 0.0))), ((3, 0.5), ("a b", 1 / 3)), (3, "a b", -7), (9,),
+                ((3, "three"), (-7, "a b"))),
+            2.5),
+        mask=MaskSpec(VolumeSpec(FileSource(HERE)), transform=LAYERS[0].transform)),
     "motion": Scene(
         volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9), phase=0.25)),
         transfer_function=TransferSpec(
             moving(Motion((0, 90), (POINTS, (POINTS[0], replace(POINTS[1], color=(0.0, 0.5, 1.0)))), "smooth")),
-            moving(Motion((3, 7, 9), (1.0, 0.1, 2.0), "hold", "ratio")),
-        ),
+            moving(Motion((3, 7, 9), (1.0, 0.1, 2.0), "hold", "ratio"))),
         camera=CameraSpec(
             PathSequence(
                 (
-                    TurntablePath(30, elevation=moving(Motion((0, 29), (0.0, 12.5)))),
-                    HoldPath(12),
+                    TurntablePath(30, elevation=moving(Motion((0, 29), (0.0, 12.5)))), HoldPath(12),
                     FlightPath(
-                        50, (FlightKey(SPACING, AXIS, 12.5, 0), FlightKey(AXIS, SPACING, frame=9)), "smooth", AXIS
-                    ),
-                )
-            ),
-            target="visible",
-            follow=True,
-            loop="ping-pong",
-        ),
+                        50, (FlightKey(SPACING, AXIS, 12.5, 0), FlightKey(AXIS, SPACING, frame=9)), "smooth", AXIS))),
+            target="visible", follow=True, loop="ping-pong"),
         shading=ShadingSpec(light=moving(Motion((0, 91), ((1.0, 0.0, 0.0), AXIS), kind="direction"))),
         annotation=ANNOTATION,
-        output=OutputSpec(Path("a.mp4"), background=moving(Motion((0, 181), ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), "in"))),
-    ),
+        output=OutputSpec(
+            Path("a.mp4"), background=moving(Motion((0, 181), ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), "in")))),
     "labels in a list": replace(
-        PLAIN,
-        volume=LAYERS[1].volume,
-        transfer_function=TransferSpec(LabelsSpec("table", 0.5)),
-        volumes=(LayerSpec(LAYERS[1].volume, TransferSpec(LabelsSpec("table", 0.5))), LAYERS[0]),
-    ),
+        PLAIN, volume=LAYERS[1].volume, transfer_function=TransferSpec(LabelsSpec("table", 0.5)),
+        volumes=(LayerSpec(LAYERS[1].volume, TransferSpec(LabelsSpec("table", 0.5))), LAYERS[0])),
     "steps": replace(
-        PLAIN,
-        volume=VolumeSpec(FileSource(HERE, SPACING, (HERE, HERE)), "auto"),
-        mask=MaskSpec(VolumeSpec(FileSource(HERE, steps=(HERE,)), 0)),
-    ),
+        PLAIN, volume=VolumeSpec(FileSource(HERE, SPACING, (HERE, HERE)), "auto"),
+        mask=MaskSpec(VolumeSpec(FileSource(HERE, steps=(HERE,)), 0))),
     "collection": replace(
         PLAIN,
         volume=VolumeSpec(
             FileSource(COLLECTION.with_name("tiff_files.py"), None, COLLECTED, (0.5, 2.5), COLLECTION),
-            moving(Motion((0, 8), (0.0, 1.0))),
-            interpolate=True,
-        ),
-    ),
+            moving(Motion((0, 8), (0.0, 1.0))), interpolate=True)),
     "time budget": replace(PLAIN, error=ErrorSpec(goal=TimeBudget(0.1)), splat=SplatSpec(order="unmixed")),
-}
+}  # fmt: skip
 
 
 def parse(tree: object) -> Scene:

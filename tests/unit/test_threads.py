@@ -19,12 +19,6 @@ def threads(request: pytest.FixtureRequest) -> Iterator[ThreadPool]:
     threads.release()
 
 
-def test_each_item_is_processed_once(threads: ThreadPool) -> None:
-    done: list[int] = []
-    threads.map(done.append, range(20))
-    assert sorted(done) == list(range(20))
-
-
 def test_an_error_in_a_thread_is_raised(threads: ThreadPool) -> None:
     def work(item: int) -> None:
         if item == 2:

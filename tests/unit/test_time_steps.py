@@ -175,19 +175,15 @@ def test_a_collection_of_paraview(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "what"),
     [
-        (collection(), "wrong number of steps"),
-        (collection(step(0, "../a.npy")), "a step outside of its folder"),
+        (collection(), "wrong number of steps"), (collection(step(0, "../a.npy")), "a step outside of its folder"),
         (collection(step(0, "/etc/hostname")), "a step outside of its folder"),
-        (collection(step(0, "")), "not a file name"),
-        (collection(step(0, "b.npy")), "no such file"),
+        (collection(step(0, "")), "not a file name"), (collection(step(0, "b.npy")), "no such file"),
         (collection(step(0, "a.npy"), step(0, "a.npy")), "two files of one step"),
         (collection(step(0, "a.npy")).replace(b'"0"', b'"soon"', 1), "timestep: not such a number"),
-        (b"<!DOCTYPE a [<!ENTITY b 'c'>]>" + collection(), "has a document type"),
-        (b"<VTKFile>", "not valid XML"),
-        (b"\xff", "not a text file in UTF-8"),
-        (b" " * (2**22 + 1), "too large for a collection of ParaView"),
+        (b"<!DOCTYPE a [<!ENTITY b 'c'>]>" + collection(), "has a document type"), (b"<VTKFile>", "not valid XML"),
+        (b"\xff", "not a text file in UTF-8"), (b" " * (2**22 + 1), "too large for a collection of ParaView"),
     ],
-)
+)  # fmt: skip
 def test_wrong_collections_are_refused(tmp_path: Path, content: bytes, what: str) -> None:
     save(tmp_path, "a.npy")
     written(tmp_path / "all.pvd", content)
