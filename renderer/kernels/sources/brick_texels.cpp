@@ -99,7 +99,7 @@ void fill_label_gradients(const Voxels& voxels, const Array<const int32_t, 1>& c
 // the factor `scale`, no difference of two scalars overflows. opacities: of labels, by their numbers. toward_light: a unit
 // vector, or 0.
 Status fill_scalar_texels(const FillScalarTexels* arguments) {
-    const auto [voxels, cells, first, width, factor, m, scale, opacities, toward_light, texels] = *arguments;
+    const auto [voxels, cells, first, width, factor, m, scale, toward_light, opacities, texels] = *arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE, num = size * size * size;
     const bool is_lit = texels.shape[1] == 4 * num, has_absent = voxels.has_absent;
     if (!fit_together(voxels, cells) || !has_shape(texels, cells.shape[0], is_lit ? 4 * num : num))

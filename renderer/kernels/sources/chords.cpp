@@ -88,7 +88,7 @@ double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool
 // lengths: [h, w], world lengths of the rays of rows from `first_row` on, within `rays.clip`. unit: world length of a
 // model unit. absent: [z, y, x], which voxels do not count; None if all do.
 Status measure_chords(const MeasureChords* arguments) {
-    const auto [rays, shape, absent, unit, first_row, lengths] = *arguments;
+    const auto [rays, shape, first_row, absent, unit, lengths] = *arguments;
     const auto& [slabs, boxes] = rays.clip.value;  // empty ones for None
     for (int axis = 0; axis < 3; axis++)
         if (absent.exists && absent.value.shape[2 - axis] != shape[axis]) return OUT_OF_BOUNDS;

@@ -3,7 +3,7 @@
 
 // Write the visible children of nodes at `cells`, by the masks of all nodes: their indices and their cells (x, y, z).
 Status list_children(const ListChildren* arguments) {
-    const auto [nodes, cells, masks, first_children, child_nodes, child_cells] = *arguments;
+    const auto [nodes, first_children, cells, masks, child_nodes, child_cells] = *arguments;
     if (!has_shape(cells, nodes.shape[0], 3) || !has_shape(first_children, masks.shape[0]) ||
         !has_shape(child_cells, child_nodes.shape[0], 3))
         return OUT_OF_BOUNDS;

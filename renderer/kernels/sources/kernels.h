@@ -95,8 +95,7 @@ struct VisibleNodes {
     Array<float, 1> deviations;
     Array<uint8_t, 1> masks;
     Array<int32_t, 2> cells;
-    Array<int64_t, 1> sizes;
-    Array<int64_t, 1> counts;
+    Array<int64_t, 1> sizes, counts;
     Array<float, 2> root_means;
     Array<double, 2> root_error_means, root_variances;
 };
@@ -142,10 +141,9 @@ struct StoreFloat16 {
 KERNEL(store_float16, StoreFloat16)
 
 struct ListChildren {
-    Array<const int64_t, 1> nodes;
+    Array<const int64_t, 1> nodes, first_children;
     Array<const int32_t, 2> cells;
     Array<const uint8_t, 1> masks;
-    Array<const int64_t, 1> first_children;
     Array<int64_t, 1> child_nodes;
     Array<int32_t, 2> child_cells;
 };
@@ -173,9 +171,8 @@ struct AverageVoxels {
 KERNEL(average_voxels, AverageVoxels)
 
 struct Transmit {
-    Array<const float, 3> depths;
+    Array<const float, 3> depths, offsets;
     Array<const bool, 3> filled;
-    Array<const float, 3> offsets;
     Array<const float, 1> lengths;
     float end[3];
     int64_t slab;
@@ -186,10 +183,9 @@ KERNEL(transmit, Transmit)
 // ---- splats
 
 struct PlaceSplats {
-    Array<const uint8_t, 1> levels;
+    Array<const uint8_t, 1> levels, shapes;
     Sized<const int32_t, 2, 3> cells;
     Sized<const float, 2, 4> depths;
-    Array<const uint8_t, 1> shapes;
     Sized<const double, 2, 3> shift_of_shape;
     Array<const double, 1> area_of_shape;
     double model_from_index[9];
@@ -240,9 +236,8 @@ KERNEL(add_nodes, AddNodes)
 struct FillScalarTexels {
     Voxels voxels;
     Array<const int32_t, 2> cells;
-    double first, width, factor, world_from_gradient[9], scale;
+    double first, width, factor, world_from_gradient[9], scale, toward_light[3];
     Array<const double, 1> opacities;
-    double toward_light[3];
     Array<float, 2> texels;
 };
 KERNEL(fill_scalar_texels, FillScalarTexels)
@@ -315,10 +310,9 @@ KERNEL(box_order, BoxOrder)
 
 struct MeasureChords {
     RaySetup rays;
-    int64_t shape[3];
+    int64_t shape[3], first_row;
     Maybe<Array<const bool, 3>> absent;
     double unit;
-    int64_t first_row;
     Array<float, 2> lengths;
 };
 KERNEL(measure_chords, MeasureChords)
@@ -343,17 +337,15 @@ KERNEL(bin_bricks, BinBricks)
 // As in renderer/draw/subsampling.py. factor: every which pixel of the image the grid has.
 struct UpsampleRows {
     Sized<const float, 3, 4> grid;
-    int64_t factor;
     Sized<float, 3, 4> image;
-    int64_t first_row, end_row;
+    int64_t factor, first_row, end_row;
 };
 KERNEL(upsample_rows, UpsampleRows)
 
 struct RefineRows {
     Sized<const float, 3, 4> grid;
-    int64_t factor;
     Sized<float, 3, 4> image;
-    int64_t first_row, end_row;
+    int64_t factor, first_row, end_row;
     float threshold;
     Array<bool, 2> is_drawn;
 };
@@ -413,9 +405,8 @@ struct Field {
     Array<const float, 1> scalars, means;
     Array<const int64_t, 1> texel_offsets;
     PiecewiseTransfer pieces;
-    float weight;
+    float weight, lambert[5];
     bool has_absent, is_labels, has_colors, is_lit, lights_faces;
-    float lambert[5];
     Maybe<Light> light;
     Maybe<FieldMask> mask;
 };
@@ -457,13 +448,12 @@ struct DrawExtremes {
     Grid grid;
     RaySetup rays;
     Sized<const double, 2, 11> boxes;
-    Array<const int64_t, 1> texel_offsets;
+    Array<const int64_t, 1> texel_offsets, tiles;
     Array<const double, 1> tops;
     Array<const float, 1> scalars;
     float offset, slope, slack, min_rise, ceiling;
     bool is_sorted, has_absent;
     double forward[3];
-    Array<const int64_t, 1> tiles;
 };
 KERNEL(draw_extremes, DrawExtremes)
 

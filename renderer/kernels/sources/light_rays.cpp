@@ -86,7 +86,7 @@ Status average_voxels(const AverageVoxels* arguments) {
 // offsets: [rays, samples, 3] (x, y, z), from a centre to where its rays are sampled, outwards. lengths: [samples],
 // those that samples stand for, in finest spacings. A ray ends at the border.
 Status transmit(const Transmit* arguments) {
-    const auto [depths, filled, offsets, lengths, end, slab, out] = *arguments;
+    const auto [depths, offsets, filled, lengths, end, slab, out] = *arguments;
     bool fits = slab >= 0 && slab + 2 < depths.shape[0] && has_shape(out, depths.shape[1] - 2, depths.shape[2] - 2) &&
         has_shape(offsets, offsets.shape[0], lengths.shape[0], 3) &&
         has_shape(filled, depths.shape[0], depths.shape[1], (depths.shape[2] - 1) / CELLS_OF_PART + 1);

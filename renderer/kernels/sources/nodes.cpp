@@ -113,12 +113,14 @@ class Group {
     void begin(const int64_t* extent, int64_t side) {
         if (extent[0] == cut[0] && extent[1] == cut[1] && extent[2] == cut[2]) return;
         node_shares.set(extent, side / 2), parent_shares.set(extent, side), root_shares.set(extent, 2 * side);
+    // From voxels to the root.
         for (int axis = 0; axis < 3; axis++) cut[axis] = extent[axis];
         for (T& each : voxels) each = 0;  // those outside the volume stay 0
     }
 
     void merge_voxels() {
         constexpr int64_t width = 64 * C;
+        merge_nodes();
         merge_rows(node_shares, means, variances, [this](int64_t k, int64_t j, T h) {
             T a = voxels[2 * k * width + j], d = voxels[(2 * k + 1) * width + j] - a;
             return Moments<T>{a + h * d, (h - h * h) * (d * d)};
@@ -225,7 +227,6 @@ void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Box
         store(group.voxels, 4 * voxel_offset(x, y, z), channels);
     });
     group.merge_voxels();
-    group.merge_nodes();
 }
 
 // Build the nodes of a block from the scalars of voxels, normalized; 0 without data.
@@ -239,7 +240,6 @@ void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Arr
         group.voxels[voxel_offset(x, y, z)] = is_nan(scalar) ? 0.0 : (scalar - normalization[0]) * normalization[1];
     });
     group.merge_voxels();
-    group.merge_nodes();
 }
 
 INLINE Box box_at(const Array<const int64_t, 2>& starts, const Array<const int64_t, 2>& extents, int64_t g) {

@@ -4,7 +4,7 @@
 // vertices: as in SplatBatch. shapes: [n], of the cells. shift_of_shape: [m, 3], from the cell's first voxel to its
 // centre relative to the volume's, in voxels. area_of_shape: [m], optical area for a depth of 1.
 Status place_splats(const PlaceSplats* arguments) {
-    const auto [levels, cells, depths, shapes, shift_of_shape, area_of_shape, m, vertices] = *arguments;
+    const auto [levels, shapes, cells, depths, shift_of_shape, area_of_shape, m, vertices] = *arguments;
     if (!match(levels, cells, depths, shapes, vertices) || !match(area_of_shape, shift_of_shape)) return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < vertices.shape[0]; i++) {
         const int shape = shapes[i], level = levels[i];

@@ -45,7 +45,7 @@ bool fits(const Arguments& arguments) {
 // First between two rows of the grid, then along the row.
 Status upsample_rows(const UpsampleRows* arguments) {
     if (!fits(*arguments)) return OUT_OF_BOUNDS;
-    const auto [grid, factor, image, first_row, end_row] = *arguments;
+    const auto [grid, image, factor, first_row, end_row] = *arguments;
     int64_t width = image.shape[1], last_row = grid.shape[0] - 1, last_column = grid.shape[1] - 1;
     for (int64_t row = first_row; row < end_row; row++) {
         int64_t above = row / factor, below = least(above + 1, last_row);
@@ -67,7 +67,7 @@ Status upsample_rows(const UpsampleRows* arguments) {
 // is_drawn: which pixels are to be drawn, and 0 in the image: those between four of the grid that differ, and one of
 // which bends, by more than a threshold. The others are interpolated, first along rows.
 Status refine_rows(const RefineRows* arguments) {
-    const auto [grid, factor, image, first_row, end_row, threshold, is_drawn] = *arguments;
+    const auto [grid, image, factor, first_row, end_row, threshold, is_drawn] = *arguments;
     if (!fits(*arguments) || !match(is_drawn, image)) return OUT_OF_BOUNDS;
     int64_t num_columns = image.shape[1], last_row = grid.shape[0] - 1, last_column = grid.shape[1] - 1;
     for (int64_t row = first_row; row < end_row; row++) {
