@@ -129,14 +129,10 @@ struct Buffer : Array<T, 1> {
 };
 
 template <class T>
-INLINE T least(T a, T b) {
-    return b < a ? b : a;
-}
+INLINE T least(T a, T b) { return b < a ? b : a; }
 
 template <class T>
-INLINE T most(T a, T b) {
-    return b > a ? b : a;
-}
+INLINE T most(T a, T b) { return b > a ? b : a; }
 
 // Whether the first sizes of other arrays are all sizes of the first one.
 template <class T, int DIMENSIONS, class... Others>
@@ -146,6 +142,4 @@ INLINE bool match(const Array<T, DIMENSIONS>& first, const Others&... others) {
     return are_equal;
 }
 
-INLINE bool is_nan(double x) {
-    return x != x;
-}
+INLINE bool is_nan(double x) { return x != x; }

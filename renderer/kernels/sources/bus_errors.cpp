@@ -16,9 +16,7 @@ GuardRegions guarded;
 struct sigaction former;
 
 // Python sets the end of a region last.
-int64_t end_of(int64_t region) {
-    return __atomic_load_n(&guarded.regions(region, 1), __ATOMIC_ACQUIRE);
-}
+int64_t end_of(int64_t region) { return __atomic_load_n(&guarded.regions(region, 1), __ATOMIC_ACQUIRE); }
 
 void handle(int number, siginfo_t* information, void*) {
     const auto& [regions, page_size] = guarded;

@@ -82,9 +82,7 @@ INLINE Largest largest_in_cell(const Corners& corners, const Three& entry, const
     return {best, share};
 }
 
-INLINE Mask is_flat(Floats extent) {
-    return mask_of(magnitude(extent) < MIN_EXTENT);
-}
+INLINE Mask is_flat(Floats extent) { return mask_of(magnitude(extent) < MIN_EXTENT); }
 
 // Where a ray passes the plane in the middle of a cell, as a share of its way through; 0 or 1 beyond.
 INLINE Floats middle(Floats entry, Floats extent) {

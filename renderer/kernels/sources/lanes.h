@@ -22,43 +22,29 @@ using Mask = Vector<bool, LANES>;
 
 // The comparisons of vectors give 0 and -1 in integers; masks have one bit for a lane.
 template <class V>
-INLINE auto mask_of(V compared) {
-    return __builtin_convertvector(compared, Vector<bool, __builtin_vectorelements(V)>);
-}
+INLINE auto mask_of(V compared) { return __builtin_convertvector(compared, Vector<bool, __builtin_vectorelements(V)>); }
 
 template <int NUM>
-INLINE bool any_of(Vector<bool, NUM> mask) {
-    return __builtin_reduce_or(mask);
-}
+INLINE bool any_of(Vector<bool, NUM> mask) { return __builtin_reduce_or(mask); }
 
 template <int NUM, class T>
-INLINE Vector<T, NUM> where(Vector<bool, NUM> mask, Vector<T, NUM> a, Vector<T, NUM> b) {
-    return mask ? a : b;
-}
+INLINE Vector<T, NUM> where(Vector<bool, NUM> mask, Vector<T, NUM> a, Vector<T, NUM> b) { return mask ? a : b; }
 
 // A number in all lanes of a vector.
 template <class V, class T>
-INLINE V in_all(T number) {
-    return (V)number;
-}
+INLINE V in_all(T number) { return (V)number; }
 
 // What Python's max and min do: `a` where the two are equal, or one of them is NaN.
 template <class V>
-INLINE V max_of(V a, V b) {
-    return where(mask_of(b > a), b, a);
-}
+INLINE V max_of(V a, V b) { return where(mask_of(b > a), b, a); }
 
 template <class V>
-INLINE V min_of(V a, V b) {
-    return where(mask_of(b < a), b, a);
-}
+INLINE V min_of(V a, V b) { return where(mask_of(b < a), b, a); }
 
 // x * y + z, rounded once.
 #if defined(__FMA__) || defined(__ARM_FEATURE_FMA)
 template <class V>
-INLINE V fused(V x, V y, V z) {
-    return __builtin_elementwise_fma(x, y, z);
-}
+INLINE V fused(V x, V y, V z) { return __builtin_elementwise_fma(x, y, z); }
 #else
 // In float64 the product is exact. The sum is rounded to odd: to the neighbour whose last bit is 1, unless it is exact.
 // Rounding that to float32 gives what one rounding gives.
@@ -78,35 +64,23 @@ INLINE Vector<float, NUM> fused(Vector<float, NUM> x, Vector<float, NUM> y, Vect
     return __builtin_convertvector(sum, Vector<float, NUM>);
 }
 #endif
-INLINE Floats fma(Floats x, Floats y, Floats z) {
-    return fused(x, y, z);
-}
+INLINE Floats fma(Floats x, Floats y, Floats z) { return fused(x, y, z); }
 
 template <class V>
-INLINE V root(V x) {
-    return __builtin_elementwise_sqrt(x);
-}
+INLINE V root(V x) { return __builtin_elementwise_sqrt(x); }
 
 template <class V>
-INLINE V magnitude(V x) {
-    return __builtin_elementwise_abs(x);
-}
+INLINE V magnitude(V x) { return __builtin_elementwise_abs(x); }
 
 INLINE Ints to_int32(Floats x) {  // towards 0
     return __builtin_convertvector(x, Ints);
 }
 
-INLINE Floats to_float32(Ints x) {
-    return __builtin_convertvector(x, Floats);
-}
+INLINE Floats to_float32(Ints x) { return __builtin_convertvector(x, Floats); }
 
-INLINE Floats bits_to_float32(Ints x) {
-    return __builtin_bit_cast(Floats, x);
-}
+INLINE Floats bits_to_float32(Ints x) { return __builtin_bit_cast(Floats, x); }
 
-INLINE Ints float32_to_bits(Floats x) {
-    return __builtin_bit_cast(Ints, x);
-}
+INLINE Ints float32_to_bits(Floats x) { return __builtin_bit_cast(Ints, x); }
 
 // Lists of lane numbers, for shuffles.
 
@@ -121,24 +95,16 @@ template <int NUM>
 using UpTo = typename __make_integer_seq<Counted, int, NUM>::Type;
 
 template <class V, int... LANE>
-INLINE auto shuffle(V one, V other, Lanes<LANE...>) {
-    return __builtin_shufflevector(one, other, LANE...);
-}
+INLINE auto shuffle(V one, V other, Lanes<LANE...>) { return __builtin_shufflevector(one, other, LANE...); }
 
 template <class V, int... LANE>
-INLINE V numbers_of(Lanes<LANE...>) {
-    return V{LANE...};
-}
+INLINE V numbers_of(Lanes<LANE...>) { return V{LANE...}; }
 
 template <class V>
-INLINE V lane_numbers() {
-    return numbers_of<V>(UpTo<__builtin_vectorelements(V)>());
-}
+INLINE V lane_numbers() { return numbers_of<V>(UpTo<__builtin_vectorelements(V)>()); }
 
 template <class V>
-INLINE auto join(V one, V other) {
-    return shuffle(one, other, UpTo<2 * __builtin_vectorelements(V)>());
-}
+INLINE auto join(V one, V other) { return shuffle(one, other, UpTo<2 * __builtin_vectorelements(V)>()); }
 
 // Memory. A place is the number of an element. Of an Array, a checked build traps where an element is out of bounds;
 // nothing checks places behind a pointer.
@@ -151,9 +117,7 @@ INLINE V load(const T* base, int64_t place) {
 }
 
 template <class V, class T>
-INLINE void store(T* base, int64_t place, V lanes) {
-    __builtin_memcpy(base + place, &lanes, sizeof lanes);
-}
+INLINE void store(T* base, int64_t place, V lanes) { __builtin_memcpy(base + place, &lanes, sizeof lanes); }
 
 // The address of an array whose elements from a place on are there.
 template <int NUM, class T>
@@ -173,9 +137,7 @@ INLINE void store(const Array<T, 1>& array, int64_t place, V lanes) {
     store(checked<__builtin_vectorelements(V)>(array, place), place, lanes);
 }
 
-INLINE int64_t address(Ints places, int lane) {
-    return (uint32_t)places[lane];
-}
+INLINE int64_t address(Ints places, int lane) { return (uint32_t)places[lane]; }
 
 // The rows with the numbers FIRST, FIRST + STEP, ..., one behind the other, of a function that loads a row.
 template <int FIRST, int STEP, int NUM, class LoadRow>

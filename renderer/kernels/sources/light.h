@@ -39,9 +39,7 @@ INLINE float place_brick(const Light& light, const Box& box, int axis) {
     return (float)(light.first_cell[axis] + 1.0 / light.grid.cell_size * (box.corner[axis] - TEXEL_OFFSET));
 }
 
-INLINE Floats byte_of(Ints four, int shift) {
-    return to_float32((four >> shift) & 255);
-}
+INLINE Floats byte_of(Ints four, int shift) { return to_float32((four >> shift) & 255); }
 
 // Interpolate between eight bytes, of which two int32 have four each, in steps of 1 / 255.
 INLINE Floats interpolate_bytes(Ints near, Ints far, const Three& shares) {

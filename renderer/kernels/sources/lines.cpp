@@ -15,9 +15,7 @@ struct Range {
     int64_t first, end;
 };
 
-INLINE double clamped(double share) {
-    return least(most(share, 0.0), 1.0);
-}
+INLINE double clamped(double share) { return least(most(share, 0.0), 1.0); }
 
 // The pixels, of `size` in a row or column, that a line between two places may touch.
 INLINE Range pixels_near(double one_end, double other_end, int64_t size) {

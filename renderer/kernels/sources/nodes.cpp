@@ -29,18 +29,14 @@ constexpr int64_t NUM_CHANNELS = sizeof(T) == sizeof(float) ? 4 : 1;
 
 // Where a coordinate of a voxel in its block puts it among 8 x 64 children: the lowest bit is that of the child, the
 // highest that of the largest parent.
-INLINE int64_t voxel_offset(int64_t x) {
-    return 64 * (x & 1) + 8 * (x >> 1 & 1) + (x >> 2);
-}
+INLINE int64_t voxel_offset(int64_t x) { return 64 * (x & 1) + 8 * (x >> 1 & 1) + (x >> 2); }
 
 INLINE int64_t voxel_offset(int64_t x, int64_t y, int64_t z) {
     return voxel_offset(x) + 2 * voxel_offset(y) + 4 * voxel_offset(z);
 }
 
 // The index on its level of the node that is n-th in Morton order.
-INLINE int64_t node_in_order(int64_t n, int64_t num_nodes) {
-    return num_nodes == 64 ? (n & 7) << 3 | n >> 3 : n;
-}
+INLINE int64_t node_in_order(int64_t n, int64_t num_nodes) { return num_nodes == 64 ? (n & 7) << 3 | n >> 3 : n; }
 
 template <class T>
 struct Moments {
@@ -113,18 +109,18 @@ class Group {
     void begin(const int64_t* extent, int64_t side) {
         if (extent[0] == cut[0] && extent[1] == cut[1] && extent[2] == cut[2]) return;
         node_shares.set(extent, side / 2), parent_shares.set(extent, side), root_shares.set(extent, 2 * side);
-    // From voxels to the root.
         for (int axis = 0; axis < 3; axis++) cut[axis] = extent[axis];
         for (T& each : voxels) each = 0;  // those outside the volume stay 0
     }
 
+    // From voxels to the root.
     void merge_voxels() {
         constexpr int64_t width = 64 * C;
-        merge_nodes();
         merge_rows(node_shares, means, variances, [this](int64_t k, int64_t j, T h) {
             T a = voxels[2 * k * width + j], d = voxels[(2 * k + 1) * width + j] - a;
             return Moments<T>{a + h * d, (h - h * h) * (d * d)};
         });
+        merge_nodes();
     }
 
     void merge_nodes() {

@@ -4,9 +4,7 @@
 namespace {
 
 // floor(scaled + 1/2) in [0, 255]; the conversion takes the floor.
-INLINE uint8_t to_8_bits(float scaled) {
-    return (uint8_t)(int32_t)least(most(scaled + 0.5f, 0.0f), 255.0f);
-}
+INLINE uint8_t to_8_bits(float scaled) { return (uint8_t)(int32_t)least(most(scaled + 0.5f, 0.0f), 255.0f); }
 
 }  // namespace
 

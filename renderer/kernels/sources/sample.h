@@ -89,9 +89,7 @@ INLINE Sample classify(const LaneTable& table, Floats scalar) {
     return table.fits ? classify_by_columns(table, scalar) : classify_by_rows(table, scalar);
 }
 
-INLINE Floats lerp(Floats share, Floats one, Floats other) {
-    return fma(share, other - one, one);
-}
+INLINE Floats lerp(Floats share, Floats one, Floats other) { return fma(share, other - one, one); }
 
 // The texel of the brick at or below samples, by their numbers, and how far the samples are from it.
 INLINE Ints cell_at(Floats number, const Three& first, const Three& step, Three& shares) {
@@ -118,9 +116,7 @@ INLINE Floats interpolate(const Corners& corners, const Three& shares) {
     return lerp(shares.z, below, above);
 }
 
-INLINE Mask has_data(Floats texel) {
-    return mask_of((float32_to_bits(texel) & 1) == 0);
-}
+INLINE Mask has_data(Floats texel) { return mask_of((float32_to_bits(texel) & 1) == 0); }
 
 // Whether the texels that are nearest to samples have data; `at` is the lowest of the eight around each.
 INLINE Mask are_present(const Texels& texels, Ints at, const Three& shares) {

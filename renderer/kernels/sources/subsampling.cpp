@@ -10,18 +10,12 @@ INLINE Pixel pixel_at(const Array<const float, 3>& image, int64_t row, int64_t c
     return load<Pixel>(&image(row, column, 0), 0);
 }
 
-INLINE Pixel between(float share, Pixel one, Pixel other) {
-    return one + share * (other - one);
-}
+INLINE Pixel between(float share, Pixel one, Pixel other) { return one + share * (other - one); }
 
 // How far a row or column is behind one of the grid, as a share of the distance to the next one.
-INLINE float share_of(int64_t rest, int64_t factor) {
-    return (float)((double)rest / (double)factor);
-}
+INLINE float share_of(int64_t rest, int64_t factor) { return (float)((double)rest / (double)factor); }
 
-INLINE bool is_more(Pixel difference, float threshold) {
-    return any_of(mask_of(difference > threshold));
-}
+INLINE bool is_more(Pixel difference, float threshold) { return any_of(mask_of(difference > threshold)); }
 
 // Whether the grid bends by more than a threshold at a pixel, along its row or column.
 INLINE bool bends(const Array<const float, 3>& grid, float threshold, int64_t row, int64_t column) {

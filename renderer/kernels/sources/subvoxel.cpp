@@ -61,9 +61,7 @@ constexpr double DIFFERENCE_ERROR_SHARE = 0.35;
 // whole cube 59 dB.
 constexpr double EDGE_INVERSE_WIDTH = 4;
 
-INLINE double squared(double x) {
-    return x * x;
-}
+INLINE double squared(double x) { return x * x; }
 
 // The transfer function by scaled scalars. Segment k lies between the control values k - 1 and k.
 struct Curve {

@@ -24,9 +24,7 @@ struct Range {
     double low, high;
 };
 
-INLINE Cell size_of(const AnyArray<3>& values) {
-    return {values.shape[2], values.shape[1], values.shape[0]};
-}
+INLINE Cell size_of(const AnyArray<3>& values) { return {values.shape[2], values.shape[1], values.shape[0]}; }
 
 INLINE Cell nearest_inside(Cell voxel, Cell size) {
     return __builtin_elementwise_min(__builtin_elementwise_max(voxel, Cell{0, 0, 0}), size - 1);

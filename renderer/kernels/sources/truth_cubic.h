@@ -9,26 +9,16 @@ using Point = double __attribute__((ext_vector_type(3)));
 // Coefficients of 1, t, t^2 and t^3.
 using Cubic = double __attribute__((ext_vector_type(4)));
 
-INLINE double dot(Point one, Point other) {
-    return one.x * other.x + one.y * other.y + one.z * other.z;
-}
+INLINE double dot(Point one, Point other) { return one.x * other.x + one.y * other.y + one.z * other.z; }
 
-INLINE Point point_of(const double* numbers) {
-    return {numbers[0], numbers[1], numbers[2]};
-}
+INLINE Point point_of(const double* numbers) { return {numbers[0], numbers[1], numbers[2]}; }
 
-INLINE double absolute(double x) {
-    return __builtin_fabs(x);
-}
+INLINE double absolute(double x) { return __builtin_fabs(x); }
 
 template <class T>
-INLINE T lerp(T start, T end, double fraction) {
-    return start + (end - start) * fraction;
-}
+INLINE T lerp(T start, T end, double fraction) { return start + (end - start) * fraction; }
 
-INLINE double value_at(Cubic f, double t) {
-    return f[0] + t * (f[1] + t * (f[2] + t * f[3]));
-}
+INLINE double value_at(Cubic f, double t) { return f[0] + t * (f[1] + t * (f[2] + t * f[3])); }
 
 // The trilinear field of 8 corners, x fastest, along entry + extent * t, in cell coordinates.
 //

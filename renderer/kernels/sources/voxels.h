@@ -8,9 +8,7 @@ struct Box {
 };
 
 // All voxels of a volume.
-INLINE Box box_of(const AnyArray<3>& raw) {
-    return {{}, {raw.shape[2], raw.shape[1], raw.shape[0]}};
-}
+INLINE Box box_of(const AnyArray<3>& raw) { return {{}, {raw.shape[2], raw.shape[1], raw.shape[0]}}; }
 
 // Write the scalars of side^3 voxels from `first` (x, y, z) on; beyond the box the nearest voxel is repeated.
 void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& by_pattern, const Box& box,
