@@ -18,6 +18,8 @@ from renderer.volume import Float64, Volume
 _LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
 # Cells along each axis of a macrocell, as in `truth_cells.h` of the kernels.
 _MACROCELL_SIZE = 4
+# What the kernel takes from a ShadingSpec as it is.
+_SHADING_KEYS = ("is_plain", "two_sided", "ambient", "diffuse", "specular", "shininess", "silhouette")
 
 
 class TrueLayer(NamedTuple):
@@ -53,34 +55,6 @@ class Intervals(NamedTuple):
     knots: Float64
     rows: Float64
     scale: float
-
-
-class RayShading(NamedTuple):
-    """A light on rays.
-
-    is_plain: whether Lambert's law is all, and what it has no use for does not count.
-    is_camera: whether the light comes from the viewer. is_two_sided, ambient to silhouette: as in ShadingSpec.
-    face_depth: how far the light of cut faces reaches, a length in the world.
-    light: float64 [3], the unit vector to the light; not used where it is the camera's.
-    world_from_index, world_from_gradient: float64 [3, 3], of positions, and of gradients along the index axes.
-    factors: float64 [n, 3], on extinction: a gradient's magnitude, times `Intervals.scale`, the factor there and its
-        slope up to the next one. grid: how much of the light arrives.
-    """
-
-    is_plain: bool
-    is_camera: bool
-    is_two_sided: bool
-    ambient: float
-    diffuse: float
-    specular: float
-    shininess: float
-    silhouette: float
-    face_depth: float
-    light: Float64
-    world_from_index: Float64
-    world_from_gradient: Float64
-    factors: Float64
-    grid: LightGrid
 
 
 def optics_of(layer: TrueLayer) -> dict[str, Any]:
@@ -150,25 +124,33 @@ def intervals_of(transfer: TransferFunction, scale: float) -> Intervals:
     return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]), scale)
 
 
-def shading_of(spec: ShadingSpec, grid: LightGrid, volume: Volume, scale: float) -> RayShading:
-    """Return the light for scalars that are multiplied by `scale`."""
+def shading_of(spec: ShadingSpec, grid: LightGrid, volume: Volume, scale: float) -> dict[str, Any]:
+    """Return the light on rays for scalars that are multiplied by `scale`: RayShading in kernels.h.
+
+    is_plain: whether Lambert's law is all, and what it has no use for does not count.
+    is_camera: whether the light comes from the viewer. two_sided, ambient to silhouette: as in ShadingSpec.
+    face_depth: how far the light of cut faces reaches, a length in the world.
+    light: float64 [3], the unit vector to the light; not used where it is the camera's.
+    world_from_index, world_from_gradient: float64 [3, 3], of positions, and of gradients along the index axes.
+    factors: float64 [n, 3], on extinction: a gradient's magnitude, times `Intervals.scale`, the factor there and its
+        slope up to the next one. grid: how much of the light arrives.
+    """
     index_from_world = np.linalg.inv(volume.world_from_index[:3, :3])
     is_camera = spec.light == "camera"
     light = np.array((0.0, 0.0, 1.0) if is_camera else spec.light, np.float64)  # the camera's is that of each ray
-    return RayShading(
-        *(spec.is_plain, is_camera, spec.two_sided, spec.ambient, spec.diffuse, spec.specular, spec.shininess),
-        spec.silhouette,
-        FACE_DEPTH * volume.finest_spacing,
-        light / np.linalg.norm(light),
-        np.linalg.inv(index_from_world),
-        index_from_world.T,  # a gradient transforms with the transposed inverse of the map of points
-        _gradient_factors(spec.gradient_opacity or (), scale),
-        grid,
-    )
+    return {key: getattr(spec, key) for key in _SHADING_KEYS} | {
+        "is_camera": is_camera,
+        "face_depth": FACE_DEPTH * volume.finest_spacing,
+        "light": light / np.linalg.norm(light),
+        "world_from_index": np.linalg.inv(index_from_world),
+        "world_from_gradient": index_from_world.T,  # the transposed inverse of the map of points
+        "factors": _gradient_factors(spec.gradient_opacity or (), scale),
+        "grid": grid,
+    }
 
 
 def _gradient_factors(points: Sequence[tuple[float, float]], scale: float) -> Float64:
-    """Return RayShading.factors."""
+    """Return the factors on extinction, as `shading_of` says."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         magnitudes, factors = np.array(points, np.float64).reshape(-1, 2).T * [[scale], [1.0]]
         slopes = np.append(np.diff(factors) / np.diff(magnitudes), 0.0)[: len(points)]

@@ -476,7 +476,7 @@ struct Intervals {
 };
 
 struct RayShading {
-    bool is_plain, is_camera, is_two_sided;
+    bool is_plain, is_camera, two_sided;
     double ambient, diffuse, specular, shininess, silhouette, face_depth;
     double light[3], world_from_index[9], world_from_gradient[9];
     Array<const double, 2> factors;

@@ -131,7 +131,7 @@ struct Light {
         double diffuse = arriving(shading->grid.shadow, shading->grid.shadow_strength, t);
         auto lit_by = [&](Point normal, double length) {
             double highlight = 0.0, to_light = dot(normal, light) / length, to_halfway = dot(normal, halfway) / length;
-            if (shading->is_two_sided) to_light = absolute(to_light), to_halfway = absolute(to_halfway);
+            if (shading->two_sided) to_light = absolute(to_light), to_halfway = absolute(to_halfway);
             if (to_light > 0.0 && to_halfway > 0.0)
                 highlight = shading->specular * power_of(to_halfway, shading->shininess) * diffuse;
             double lit = ambient + shading->diffuse * diffuse * most(0.0, to_light);
