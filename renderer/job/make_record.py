@@ -26,7 +26,6 @@ from renderer.job.record import (
     VolumeRecord,
     min_max,
 )
-from renderer.layers import Layer
 from renderer.scene import (
     ErrorSpec,
     format_value,
@@ -72,20 +71,21 @@ def film_record(
     ]
     if scene.error.goal is not None:
         scene = with_tolerances(scene, {frame.frame: frame.tolerance for frame in frames})
-    device = " and ".join(devices)
+    device, pyramids = " and ".join(devices), {id(layer.pyramid): layer.pyramid for layer in stage.layers}.values()
+    differ = f"bytes may differ from frame to frame, drawn by different devices: {device}"  # kept frames, or workers
     return FilmRecord(
         scene=scene_to_dict(scene),
         volume=_volume_record(volumes[0]),
         volumes=tuple(map(_volume_record, volumes)) if len(volumes) > 1 else (),
         camera=CameraRecord(tuple(map(float, stage.target)), float(stage.distance)),
         pyramid=PyramidRecord(
-            max(layer.pyramid.num_levels for layer in stage.layers), _pyramid_bytes(stage.layers), min(levels)
+            max(each.num_levels for each in pyramids), sum(int(each.num_bytes) for each in pyramids), min(levels)
         ),
         device=device,
         versions=package_versions(),
         schedule=_plan_record(plan, frames, requested, original, shortfall),
         notes=(
-            *device_notes(devices),
+            *[differ] * (len(devices) > 1),
             *(original_notes(original, device) if original else ()),
             *visibility_notes(frames),
         ),
@@ -100,11 +100,6 @@ def _volume_record(volume: Volume) -> VolumeRecord:
     shape: Any = tuple(map(int, volume.shape_xyz))
     affine = tuple(map(tuple, volume.world_from_index.tolist()))
     return VolumeRecord(volume.name, volume.fingerprint, str(volume.values.dtype), shape, affine, volume.length_unit)
-
-
-def _pyramid_bytes(layers: Sequence[Layer]) -> int:
-    """Return the memory of all pyramids; layers that are made from the same data have one."""
-    return sum({id(layer.pyramid): int(layer.pyramid.num_bytes) for layer in layers}.values())
 
 
 def _plan_record(
@@ -129,13 +124,7 @@ def _plan_record(
     schedule, before = replace(schedule, made_from=original.path.name), original.record.schedule
     if plan.is_unfinished or not original.keeps_accuracy or requested != before.requested:
         return schedule
-    return replace(
-        schedule,
-        met=before.met,
-        reproducible=before.reproducible,
-        shortfall=before.shortfall,
-        measured=before.measured,
-    )
+    return replace(before, tolerance=schedule.tolerance, cells=schedule.cells, made_from=schedule.made_from)
 
 
 def _measured_record(plan: FilmPlan) -> MeasuredRecord | None:
@@ -162,12 +151,6 @@ def visibility_notes(frames: Sequence[FrameRecord]) -> list[str]:
     among = f" on {len(empty)} of {len(frames)} frames, the first of them frame {empty[0].frame}" * (len(frames) > 1)
     why = ": the volume is out of the picture, nearer than `camera.near`, too small or too transparent"
     return [f"nothing is in view{among}{why if any(frame.primitives for frame in empty) else ''}"]
-
-
-def device_notes(devices: Sequence[str]) -> list[str]:
-    """Return a note where frames were drawn by different devices: kept frames, or workers that differ."""
-    names = " and ".join(devices)
-    return [f"bytes may differ from frame to frame, drawn by different devices: {names}"] * (len(devices) > 1)
 
 
 def original_notes(original: OriginalFilm, device: str) -> Iterator[str]:

@@ -102,7 +102,9 @@ def verify_film(
 ) -> VerifiedFilm:
     """Compare a film with its inputs, and measure it. Raises InputError for a volume that is not the recorded one."""
     with open_job_stage(job, read_film_volumes(job.scene)) as stage:
-        problems, notes = [*_scene_problems(job, original)], [*_tool_notes(original)]
+        changed = changed_tools(original, package_versions() | {"sources": sources_digest()})
+        notes = [f"drawn by other versions than these: {'; '.join(changed)}"] * bool(changed)
+        problems = [*_scene_problems(job, original)]
         if notes:  # another version may have other keys, and other defaults
             notes, problems = [*notes, *(f"{each.what}: {each.got}" for each in problems)], []
         measured = None
@@ -126,9 +128,3 @@ def _scene_problems(job: FilmJob, original: OriginalFilm) -> Iterator[Problem]:
     if before != after or data_digest(recorded.depends_on) != recorded.frames_digest:
         got = describe_mismatch(before, after)
         yield Problem("", "its scene is not the one that was drawn", got, location=str(original.path))
-
-
-def _tool_notes(original: OriginalFilm) -> Iterator[str]:
-    changed = changed_tools(original, package_versions() | {"sources": sources_digest()})
-    if changed:
-        yield f"drawn by other versions than these: {'; '.join(changed)}"

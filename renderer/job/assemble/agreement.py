@@ -74,11 +74,6 @@ def _film_identity(part: Part) -> dict[str, Any]:
     }
 
 
-def error_without_schedule(part: Part) -> dict[str, Any]:
-    """Return the scene's section `error` without the tolerances."""
-    return {key: value for key, value in part.record.scene["error"].items() if key != "tolerance"}
-
-
 # Complete
 
 

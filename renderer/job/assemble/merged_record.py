@@ -8,7 +8,7 @@ from itertools import chain
 from typing import Any
 
 from renderer.film import data_digest, film_notes
-from renderer.job.assemble.agreement import PickedFrame, error_without_schedule
+from renderer.job.assemble.agreement import PickedFrame
 from renderer.job.assemble.parts import Part
 from renderer.job.film_accuracy import film_accuracy
 from renderer.job.film_visibility import film_visibility
@@ -115,7 +115,7 @@ def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
     error = scene["error"]
     if part.has_goal:
         found = ErrorSpec(schedule_from_tolerances({frame.number: frame.record.tolerance for frame in picked}))
-        error = {**schedule_to_dict(found), **error_without_schedule(part)}
+        error = schedule_to_dict(found) | {key: value for key, value in error.items() if key != "tolerance"}
     return {**scene, "output": spec_to_dict(output), "error": error}
 
 
