@@ -11,7 +11,7 @@ degrees, colours in [0, 1] as given (display-referred), shapes, points and sizes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -260,11 +260,10 @@ def without_sources(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return a scene as plain data without what says where its voxels come from, and which part of them is used."""
 
     def own(entry: Mapping[str, Any]) -> dict[str, Any]:
-        rest = {key: value for key, value in entry.items() if key not in VOLUME_TABLE}
-        mask = {key: value for key, value in entry.get("mask", {}).items() if key not in VOLUME_TABLE}
-        return rest | ({"mask": mask} if mask else {})
+        mask = _without(entry.get("mask", {}), VOLUME_TABLE)
+        return _without(entry, VOLUME_TABLE) | ({"mask": mask} if mask else {})
 
-    rest = {key: value for key, value in own(tree).items() if key != "volume"}
+    rest = _without(own(tree), ["volume"])
     if "volumes" in tree:
         rest["volumes"] = [own(entry) for entry in tree["volumes"]]
     return rest
@@ -280,11 +279,15 @@ def spec_to_dict(value: Any) -> dict[str, Any]:
     return plain
 
 
+def _without(plain: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
+    return {key: item for key, item in plain.items() if key not in keys}
+
+
 def _of_scene(scene: Scene, plain: dict[str, Any]) -> dict[str, Any]:
     left_out = [*_OF_ONE_VOLUME, "labels"] if scene.volumes else ["volumes"]
     if not scene.volumes and scene.volume.component != "all":
         left_out.append("blend")
-    return {key: item for key, item in _with_look(scene, plain).items() if key not in left_out}
+    return _without(_with_look(scene, plain), left_out)
 
 
 def _of_layer(layer: LayerSpec, plain: dict[str, Any]) -> dict[str, Any]:
@@ -296,15 +299,14 @@ def _of_layer(layer: LayerSpec, plain: dict[str, Any]) -> dict[str, Any]:
 def _with_look(value: Scene | LayerSpec, plain: dict[str, Any]) -> dict[str, Any]:
     """Return plain data with the key that says how a volume looks."""
     if value.transfer_function == OF_CHANNELS:
-        return {key: item for key, item in plain.items() if key != "transfer_function"}
+        return _without(plain, ["transfer_function"])
     if value.transfer_function.labels is not None:
         return {"labels" if key == "transfer_function" else key: item for key, item in plain.items()}
     return plain
 
 
 def _of_mask(mask: MaskSpec, plain: dict[str, Any]) -> dict[str, Any]:
-    labels = {key: item for key, item in plain.pop("labels").items() if key != "colors"}
-    volume = plain.pop("volume")
+    labels, volume = _without(plain.pop("labels"), ["colors"]), plain.pop("volume")
     return _with_own_keys({"name": volume} if isinstance(volume, str) else volume, labels | plain)
 
 
@@ -341,10 +343,6 @@ def _of_transfer(transfer: TransferSpec, plain: dict[str, Any]) -> dict[str, Any
     return ({"points": mapping} if transfer.points else mapping) | plain
 
 
-def _of_error(error: ErrorSpec, plain: dict[str, Any]) -> dict[str, Any]:
-    return schedule_to_dict(error) | {key: plain[key] for key in plain if key not in ("tolerance", "goal")}
-
-
 def _of_outputs(output: OutputSpec, plain: dict[str, Any]) -> Any:
     others: list[dict[str, Any]] = plain.pop("others")
     for each in others:
@@ -367,10 +365,6 @@ def _of_background(plain: Any) -> Any:
     return dict(zip(("top", "bottom"), plain, strict=True)) if is_gradient else plain
 
 
-def _of_splat(splat: SplatSpec, plain: dict[str, Any]) -> dict[str, Any]:
-    return {key: item for key, item in plain.items() if key not in unused_splat_keys(splat.footprint)}
-
-
 # What differs, for each part of a scene, between its fields and its keys.
 _CHANGES: dict[Any, Callable[[Any, dict[str, Any]], dict[str, Any]]] = {
     Scene: _of_scene,
@@ -380,8 +374,8 @@ _CHANGES: dict[Any, Callable[[Any, dict[str, Any]], dict[str, Any]]] = {
     VolumeSpec: _of_volume,
     FileSource: lambda _, plain: _of_file(plain),
     TransferSpec: _of_transfer,
-    ErrorSpec: _of_error,
-    SplatSpec: _of_splat,
+    ErrorSpec: lambda error, plain: schedule_to_dict(error) | _without(plain, ("tolerance", "goal")),
+    SplatSpec: lambda splat, plain: _without(plain, unused_splat_keys(splat.footprint)),
     OutputSpec: _of_outputs,
     OutputFile: _of_output,
     CameraPath: lambda path, plain: {"type": path.type} | plain,
