@@ -108,7 +108,8 @@ def find_tolerances(
 
     ladder = tolerance_ladder(stage.largest_error, make_primitive(stage).work, reference.step)
     trials = _Trials(ladder, reference, draw, on_trial)
-    start = _first_guess(ladder, reference.want)
+    guess = typical_tolerance(psnr(wanted_error(reference.want)))  # has this accuracy with many scans
+    start = min(bisect_left(ladder, -guess, key=lambda each: -each), len(ladder) - 1)
     if is_constant:
         chosen = _choose_one_step(trials, spread_evenly(frames, reference.num_frames, is_loop=False), start)
     else:
@@ -172,12 +173,6 @@ def _steps_by_frame(frames: Sequence[int], chosen: Mapping[int, int]) -> dict[in
 def _step_between(steps: Mapping[int, int], first: int, last: int, frame: int) -> int:
     """Return the step of a frame between two others, rounded to the finer one."""
     return math.ceil(steps[first] + (steps[last] - steps[first]) * (frame - first) / (last - first))
-
-
-def _first_guess(ladder: Sequence[float], want: MetricTarget) -> int:
-    """Return the step of a tolerance that has this accuracy with many scans; a guess for other metrics."""
-    guess = typical_tolerance(psnr(wanted_error(want)))
-    return min(bisect_left(ladder, -guess, key=lambda each: -each), len(ladder) - 1)
 
 
 @dataclass

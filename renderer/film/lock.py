@@ -112,13 +112,6 @@ def _read_note(file: Path) -> bytes | None:
     return None
 
 
-def _require_own_file(file: Path) -> None:
-    """Raise InputError if a lock file has the content of another program."""
-    note = _read_note(file)
-    if note and not _OWNER_PATTERN.fullmatch(note):
-        raise _foreign_lock_file(file, "a file of another program")
-
-
 def _foreign_lock_file(file: Path, got: str) -> InputError:
     what = "something else has the name of the lock file"
     return InputError(what, where=str(file), got=got, hint="rename or remove it")
@@ -133,8 +126,8 @@ def _acquire_gate(file: Path, *, owns_folder: bool) -> int:
             folder.mkdir()
         if owns_folder:
             require_own_folder(folder)
-        else:
-            _require_own_file(file)
+        elif (note := _read_note(file)) and not _OWNER_PATTERN.fullmatch(note):
+            raise _foreign_lock_file(file, "a file of another program")
         # The last holder may just have removed the folder, or then the file.
         with contextlib.suppress(FileNotFoundError), contextlib.ExitStack() as stack:
             descriptor = _open(file)

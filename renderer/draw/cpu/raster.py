@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.bricks import BrickBatch, ScreenSampling
+from renderer.bricks import BrickBatch
 from renderer.draw.brick_cache import BrickCache, BrickView
 from renderer.draw.cpu.extremum import search_of
 from renderer.draw.cpu.field import field_of
@@ -70,7 +70,10 @@ class BrickRasterizer(Rasterizer):
         views = [
             cache.begin_frame(batch, order, view) for cache, batch, order in zip(caches, batches, orders, strict=True)
         ]
-        sampling = _finest_sampling([batch.screen_sampling for batch in batches])
+        samplings = [batch.screen_sampling for batch in batches]
+        finest = min(samplings, key=lambda each: (each.strides, each.difference_threshold))
+        least = min(each.termination_transmittance for each in samplings)
+        sampling = replace(finest, termination_transmittance=least)  # as fine as all of them
         is_additive = batches[0].bricks.is_additive
         parts = [_part_alone(*each) for each in zip(caches, views, strict=True)]
         if sum(len(order) > 0 for order in orders) > 1 and not is_additive:
@@ -185,9 +188,3 @@ def _layer_bricks(
         "boxes": brick_view.boxes, "is_mean": brick_view.is_mean, "fields": fields,
         "have_faces": brick_view.have_faces, "face_depth": FACE_DEPTH * brick_view.batch.cut.volume.finest_spacing,
     }  # fmt: skip
-
-
-def _finest_sampling(samplings: Sequence[ScreenSampling]) -> ScreenSampling:
-    """Return the sampling of the screen that is as fine as all of these."""
-    finest = min(samplings, key=lambda each: (each.strides, each.difference_threshold))
-    return replace(finest, termination_transmittance=min(each.termination_transmittance for each in samplings))
