@@ -3,8 +3,8 @@
 In: names and patterns of volumes. Out: a scene, suggested or with the look of another, and a film for each, a table,
 turntable.json, and a page of all films. A volume that fails does not stop the others.
 
-- `batch.py`: a process for each volume, one after the other; `one_film.py`: its scene and its film; `manifest.py`: the
-  table and turntable.json.
+- `batch.py`: a process for each volume, one after the other; `up_to_date.py`: which need none; `one_film.py`: a scene
+  and its film; `manifest.py`: the table and turntable.json.
 - `gallery.py`: index.html, a page of all films; `posters.py`: their small pictures.
 """
 

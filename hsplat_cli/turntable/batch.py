@@ -20,6 +20,7 @@ from hsplat_cli.turntable import manifest
 from hsplat_cli.turntable.gallery import Gallery
 from hsplat_cli.turntable.manifest import FilmEntry
 from hsplat_cli.turntable.one_film import FilmRequest
+from hsplat_cli.turntable.up_to_date import up_to_date_record
 from renderer.errors import InputError, RenderError
 from renderer.film import require_writable
 from renderer.scene import counted
@@ -38,10 +39,14 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
     """
     require_writable(folder / manifest.MANIFEST_FILE)
     records: list[FilmEntry] = []
-    gallery = Gallery(folder, reporter)
+    gallery, earlier = Gallery(folder, reporter), manifest.read_films(folder)
     try:
         for number, request in enumerate(requests, start=1):
             reporter.status(f"[{number}/{len(requests)}] {volume_file(request.volume)}")
+            if (known := up_to_date_record(request, earlier)) is not None:
+                reporter.status(f"{request.output} is up to date; --force draws it again")
+                records.append(known)
+                continue
             records.append(_make_in_process(request, arguments, reporter))
             if records[-1]["status"] != manifest.FINISHED:
                 reporter.warning(join_lines(records[-1]["error"].splitlines()))

@@ -14,7 +14,15 @@ from typing import Any
 from urllib.parse import quote
 
 from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable.manifest import FINISHED, LOCK_TIMEOUT_S, FilmEntry, locked_manifest, read_films
+from hsplat_cli.turntable.manifest import (
+    FINISHED,
+    LOCK_TIMEOUT_S,
+    NUMBER_KEYS,
+    FilmEntry,
+    locked_manifest,
+    read_films,
+    short_number,
+)
 from renderer.errors import HsplatError, InputError
 from renderer.film import frame_path, translate_os_errors, write_staged
 from renderer.scene import FORMATS, output_suffix, require_file
@@ -25,7 +33,7 @@ PAGE_FILE, CONTACT_FILE = "index.html", "contact.png"
 _MARK = b"/* by hsplat turntable */"
 # While a batch runs, writing takes at most this part of the time, and adds at most this number of older posters.
 _SHARE, _MAX_POSTERS = 0.05, 100
-_TEXTS, _NUMBERS = ("status", "kind", "values", "hidden", "error", "command"), ("psnr", "file_psnr", "seconds")
+_TEXTS = ("status", "kind", "values", "hidden", "error", "command")
 
 
 class Gallery:
@@ -120,5 +128,5 @@ def _shown(folder: Path, record: FilmEntry, problems: Mapping[str, str]) -> dict
         "poster": has_poster and quote(os.fsencode(poster.relative_to(folder))),
         "notes": [str(each) for each in (problem, *(notes if isinstance(notes, list) else ())) if each],
         **{key: value if isinstance(value := record.get(key), str) else "" for key in _TEXTS},
-        **{key: f"{value:.1f}" if isinstance(value := record.get(key), (int, float)) else "" for key in _NUMBERS},
+        **{key: short_number(record.get(key)) for key in NUMBER_KEYS},
     }

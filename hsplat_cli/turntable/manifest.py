@@ -35,6 +35,7 @@ _NOTICE_DELAY_S, _POLL_INTERVAL_S = 2.0, 0.02
 _COLUMNS = {name: name for name in ("volume", "status", "kind", "frames", "primitives", "seconds")}
 _COLUMNS |= {"file PSNR": "file_psnr", "frames PSNR": "psnr", "film": "film"}
 _NUMBER_COLUMNS = (3, 4, 5, 6, 7)
+NUMBER_KEYS, _TOO_LARGE = ("psnr", "file_psnr", "seconds"), 1e9
 
 VOLUME_KEY = "scene_of"  # the volume's path relative to the folder, without links
 _TEXT_KEYS = ("volume", "scene", "film", "status", VOLUME_KEY)  # that each record has
@@ -138,8 +139,12 @@ def manifest_table(records: Sequence[FilmEntry]) -> str:
 
 
 def _row(record: FilmEntry) -> list[str]:
-    shown = record if record["status"] == FINISHED else record | {"film": "-"}
-    if "error" in record:
-        shown = shown | {"film": record["error"].splitlines()[0]}
-    shown |= {key: f"{record[key]:.1f}" for key in ("seconds", "psnr", "file_psnr") if key in record}
+    shown = record | {key: short_number(record.get(key)) or "-" for key in NUMBER_KEYS}
+    if record["status"] != FINISHED:
+        shown["film"] = record.get("error", "-").splitlines()[0]
     return [str(shown.get(key, "-")) for key in _COLUMNS.values()]
+
+
+def short_number(value: Any) -> str:
+    """Return a number of a record with one decimal; nothing for what is no number of a film."""
+    return f"{value:.1f}" if isinstance(value, (int, float)) and abs(value) < _TOO_LARGE else ""

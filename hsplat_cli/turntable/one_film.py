@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, pairwise
 from pathlib import Path
@@ -20,6 +20,7 @@ from hsplat_cli.terminal import FilmEvents, Reporter, report_film
 from hsplat_cli.turntable import manifest
 from hsplat_cli.turntable.gallery import CONTACT_FILE, PAGE_FILE, poster_file
 from hsplat_cli.turntable.manifest import FilmEntry, update_manifest
+from hsplat_cli.turntable.up_to_date import made_by, marks_of
 from renderer.errors import HsplatError, InputError, OutputLockedError
 from renderer.film import bytes_digest, require_writable, sidecar_path_of_file, translate_os_errors, write_staged
 from renderer.job import FilmJob, expand_pattern, film_files, require_no_input, scene_files, volume_files
@@ -69,12 +70,32 @@ class FilmRequest:
         """Return the path of the volume, relative to the folder and without links."""
         return os.path.relpath(os.path.realpath(volume_file(self.volume)), os.path.realpath(self.scene.parent))
 
+    @property
+    def wish(self) -> str:
+        """Return all that is wished of the film, whatever is there already."""
+        return repr(replace(self, force=False, command=""))
+
+    def input_files(self) -> Iterator[Path]:
+        """Yield all files that the film is made from."""
+        for volume in filter(None, (self.volume, self.film.under)):
+            yield from volume_files(volume)
+            if ".ome." in (file := volume_file(volume)).name:  # which may name others beside it
+                yield from sorted(file.parent.glob("*.ome.*"))
+        if self.film.preset is not None:
+            yield Path(self.film.preset.partition("#")[0])
+        yield from _look_files(self.look)
+
+    def film_files(self) -> Iterator[Path]:
+        """Yield the scene, the film, its sidecar and unfinished work."""
+        frames = range(self.look.scene.num_frames if self.look else self.film.frames)
+        yield self.scene
+        yield from film_files(self.outputs, frames, sidecar_path_of_file(self.output, frames, len(frames)))
+
     def output_files(self) -> Iterator[Path]:
         """Yield all files that making the film may replace or remove."""
-        frames = range(self.film.frames)
-        yield from (self.scene.parent / name for name in (self.scene.name, *_FOLDER_FILES))
+        yield from (self.scene.parent / name for name in _FOLDER_FILES)
         yield poster_file(self.scene.parent, self.scene.stem)
-        yield from film_files(self.outputs, frames, sidecar_path_of_file(self.output, frames, len(frames)))
+        yield from self.film_files()
 
     def failure_record(self, error: HsplatError) -> FilmEntry:
         """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
@@ -128,6 +149,7 @@ def make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
 def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     """Write the scene, render it, and return the record of the film. Raises HsplatError."""
     expand_pattern(str(volume_file(request.volume)))  # raises where no file matches
+    inputs = marks_of(request.input_files())
     # Before the volume is read, which may take long.
     require_writable(request.scene)
     text, facts, notes = _scene_text(request, reporter)
@@ -152,6 +174,8 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
         raise film.shortfall
     frames, accuracy, visibility = film.record.frames, film.record.accuracy, film.record.visibility
     record = request.record(manifest.FINISHED)
+    if film.record.fingerprint is not None:  # else the next job makes it again
+        record["made_by"] = made_by(request, inputs)
     if accuracy is not None:
         record |= {"psnr": round(accuracy.psnr, 2), "psnr_interval": list(accuracy.interval)}
         record["file_psnr"] = round((accuracy.file or accuracy).psnr, 2)

@@ -52,10 +52,10 @@ def _git(*arguments: str) -> str:
     return subprocess.run(command, check=False, cwd=_ROOT, capture_output=True, text=True).stdout.strip()
 
 
-def sources_digest() -> str:
-    """Return 32 hexadecimal digits that change with anything that draws: the sources of renderer/, in all languages."""
+def sources_digest(package: str = "renderer") -> str:
+    """Return 32 hexadecimal digits that change with the sources of a package, in all languages; renderer/ draws."""
     found = hashlib.blake2b(digest_size=16)
-    for folder, folders, names in os.walk(_ROOT / "renderer"):
+    for folder, folders, names in os.walk(_ROOT / package):
         folders.sort()
         for name in sorted(names):
             if name.endswith((".py", ".cpp", ".h", ".glsl")):

@@ -19,7 +19,7 @@ from kinds_of_data import KINDS
 from processes import MARK, marked, new_mark, wait_until
 
 from hsplat_cli import main
-from hsplat_cli.turntable import batch, one_film
+from hsplat_cli.turntable import FilmRequest, batch, one_film, up_to_date
 from renderer.job import film_making
 from renderer.system import ChildProcesses
 
@@ -126,6 +126,47 @@ def test_a_wait_for_turntable_json_is_reported_and_can_be_interrupted() -> None:
         assert process.returncode == 143
         assert set(said.splitlines()) == {"hsplat: interrupted"}  # the film's process prints it, too
     assert files("out") == []
+
+
+def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
+    """Sizes and times of files tell that it is; where they do not, its process looks whether it is."""
+    volumes, started = ["in/uint8.npy", "in/labels.npy"], list[str]()
+    command = [*volumes, "-o", "out", *SMALL, "--format=png", "--no-paths"]
+    os.utime("in/uint8.npy", ns=(10**18, 10**18))
+    assert turntable(*command) == 0
+    table = capfd.readouterr().out
+
+    def start(request: FilmRequest, *_: object) -> dict[str, Any]:
+        started.append(str(request.volume.source.file))
+        return request.record("failed") | {"error": "not drawn"}
+
+    def needs(*more: str) -> list[str]:
+        started.clear()
+        with monkeypatch.context() as patch:
+            patch.setattr(batch, "_make_in_process", start)
+            assert turntable(*command, *more) == bool(started)
+        return [*started]
+
+    assert needs() == []
+    assert capfd.readouterr().out.startswith(table)
+    assert needs("--tolerance=0.1") == needs("--force") == volumes
+    with monkeypatch.context() as patch:
+        patch.setattr(up_to_date, "_program", lambda: ["another version"])
+        assert needs() == volumes
+    content = Path("in/uint8.npy").read_bytes()
+    Path("in/uint8.npy").write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    os.utime("in/uint8.npy", ns=(10**18, 10**18))
+    assert needs() == volumes[:1]
+    assert turntable(*command) == 0
+    Path("in/uint8.npy").touch()
+    assert needs() == volumes[:1]
+    before = files("out"), Path("out/uint8/0001.png").stat().st_mtime_ns
+    assert turntable(*command) == 0
+    assert (files("out"), Path("out/uint8/0001.png").stat().st_mtime_ns) == before
+    assert needs() == []
+    Path("out/labels/0002.png").touch()
+    Path("out/uint8.yaml").unlink()
+    assert needs() == volumes
 
 
 def test_odd_names() -> None:

@@ -22,7 +22,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
       heading.setAttribute("aria-sort", sign > 0 ? "ascending" : "descending");
       const rows = [...body.rows].map((row) => [key(row, column), row]);
       rows.sort(([a], [b]) => compare(a, b, sign));
-      body.append(...rows.map(([, row]) => row));
+      body.replaceChildren(...rows.map(([, row]) => row)); // without spaces between rows, which make this slow
     });
   });
 }
