@@ -29,7 +29,7 @@ from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tole
 NUM_PARTS = 4
 # Numbers of pictures, and the lengths of their longer sides; annotation is drawn in larger ones, which are reduced.
 _NUM_FRAMES, _FRAME_PX, _ANNOTATED_PX = 12, 192, 512
-_NUM_TURNED, _TURN_COLUMNS, _TURN_PX = 30, 6, 224
+_NUM_TURNED, _TURN_COLUMNS, _TURN_PX = 24, 6, 192
 _OTHERS_PX = 256
 # The tolerance of turning pictures, unless the scene's is larger, and their elevation, unless the film is a turntable.
 _TURN_TOLERANCE, _ELEVATION = 0.3, 20.0
@@ -56,7 +56,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
             shown = [*enumerate(stage.layers[:_MOST_CHARTS])]
             charts = beside.submit(lambda: [chart_of(layer, _of_layer(visibility, number)) for number, layer in shown])
             looks = beside.submit(suggest_looks, stage)
-            turn = _turn(studio, still)
+            turn = _turn(studio, small_scene(film.at(frame), _TURN_PX))
             advance("turning")
             rows = [*variants(studio, stage, frame, coarser, looks.result())]
             advance("variants")

@@ -73,7 +73,7 @@ def test_a_scene_and_the_lines_of_its_variants() -> None:
     twice = page_of("scene.yaml", "--set", "transfer_function.unit=0.5")
     assert np.abs(picture_of(twice, "opacity × 1") - picture_of(text, "opacity × 2")).mean() < 0.5
     assert np.abs(picture_of(text, "opacity × 1") - picture_of(text, "opacity × 2")).mean() > 2
-    assert "a turn in 30 pictures" in Page(text).prose.lower() and "from 90" in Page(text).prose
+    assert "a turn in 24 pictures" in Page(text).prose.lower() and "from 90" in Page(text).prose
 
 
 def test_volumes_labels_and_what_moves() -> None:
