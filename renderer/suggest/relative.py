@@ -37,10 +37,7 @@ def with_values(layer: LayerSpec, place: str, read: ReadVolume, problems: list[P
     found = exact_percentiles(volume.values, volume.source, [*percents])
     plain = map_values(transfer, lambda percent: float(found[percent]))
     if len(found) > 1 and len({*found.values()}) == 1:
-        what, got = (
-            f"these percentiles of {name} are one value",
-            format_value(next(iter(found.values()))),
-        )
+        what, got = f"these percentiles of {name} are one value", format_value(next(iter(found.values())))
         problems.append(Problem(place, what, got, "percentiles of different values", _HINT))
         return replace(layer, transfer_function=plain)
     # What is wrong with the values is found as in a scene that has them.
