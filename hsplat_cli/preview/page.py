@@ -45,17 +45,15 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
     film = job.scene
     frame = film.num_frames // 2 if film.moves else 0
     with open_rasterizer(film) as rasterizer, ThreadPoolExecutor(1) as beside:
-        studio = Studio(rasterizer)
-        sheet, visibility, prepared_s = _sheet(studio, job)
-        advance("frames")
-        coarser = draw_tolerances(studio, job, frame, _OTHERS_PX, prepared_s)
-        advance("tolerances")
-        still = small_scene(film.at(frame), _OTHERS_PX)
+        studio, still = Studio(rasterizer), small_scene(film.at(frame), _OTHERS_PX)
         with studio.stage(still) as stage:
-            # While others are drawn: this takes one processor.
+            looks = beside.submit(suggest_looks, stage)  # these take one processor
+            sheet, visibility = _sheet(studio, job)
+            advance("frames")
             shown = [*enumerate(stage.layers[:_MOST_CHARTS])]
             charts = beside.submit(lambda: [chart_of(layer, _of_layer(visibility, number)) for number, layer in shown])
-            looks = beside.submit(suggest_looks, stage)
+            coarser = draw_tolerances(studio, job, frame, _OTHERS_PX, sum(stage.seconds.values()))
+            advance("tolerances")
             turn = _turn(studio, small_scene(film.at(frame), _TURN_PX))
             advance("turning")
             rows = [*variants(studio, stage, frame, coarser, looks.result())]
@@ -84,11 +82,8 @@ def _facts(job: FilmJob) -> list[tuple[str, str]]:
     return [("film", f"{output.file.name}, {size}, {counted(len(job.frames), 'frame')}, {seconds:.3g} s")]
 
 
-def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None, float]:
-    """Draw some frames of the film with their annotation, and find what they show by exact rays.
-
-    Returns these, and the seconds that preparing them took.
-    """
+def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None]:
+    """Draw some frames of the film with their annotation, and find what they show by exact rays."""
     has_text = bool(job.scene.annotation.entries)  # which is made for larger pictures
     scene = small_scene(job.scene, _ANNOTATED_PX if has_text else _FRAME_PX, is_annotated=True)
     frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.camera.path))
@@ -100,8 +95,7 @@ def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | N
         shot_of(each, scene.at(number).output.background, f"frame {number}", side=_FRAME_PX)
         for number, each in zip(frames, drawn, strict=True)
     ]
-    visibility = film_visibility([each.record for each in drawn], [*map(range_record, ranges)])
-    return shots, visibility, sum(stage.seconds.values())
+    return shots, film_visibility([each.record for each in drawn], [*map(range_record, ranges)])
 
 
 def _of_layer(visibility: FilmVisibility | None, number: int) -> list[VisibleRange]:
