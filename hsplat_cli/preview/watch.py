@@ -8,16 +8,19 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from hsplat_cli.preview.studio import Shot, Studio, small_scene
+from hsplat_cli.preview.studio import Shot, Studio, sampled, small_scene
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.draw import open_rasterizer
 from renderer.errors import HsplatError, InputError
 from renderer.frame import StageMaker
 from renderer.scene import Scene, min_tolerance, with_tolerance
 from renderer.system import num_cores
+from renderer.volume import Volume
 
 # The longer side of each picture, and the finest tolerance that it may have.
 _STEPS = ((256, 1.0), (512, 0.3), (512, 0.0))
+# While layers are made again, the first picture is one of at most this many voxels along each axis.
+_MOST_AT_ONCE = 128
 _POLL_S = 0.1
 # An editor may write a file in pieces: it is read when it has not changed for this long.
 _SETTLED_S = 0.05
@@ -84,7 +87,21 @@ def _shots(scene: Scene, maker: StageMaker) -> Iterator[Shot]:
         for side, finest in _STEPS:
             tolerance, start = max(finest, wanted), time.perf_counter()
             if (side, tolerance) not in drawn:
+                small = with_tolerance(small_scene(scene, side), tolerance)
+                some = None if drawn else _some_voxels(small, maker)
                 drawn.add((side, tolerance))
-                shot = studio.shoot(with_tolerance(small_scene(scene, side), tolerance), frame, "", "")
+                shot = studio.shoot(small, frame, "", "", some)
                 seconds = time.perf_counter() - start
-                yield replace(shot, caption=f"frame {frame} at tolerance {tolerance:g}, {seconds:.2f} s")
+                which = ", of some of the voxels" * (some is not None)
+                yield replace(shot, caption=f"frame {frame} at tolerance {tolerance:g}{which}, {seconds:.2f} s")
+
+
+def _some_voxels(scene: Scene, maker: StageMaker) -> list[Volume] | None:
+    """Return some voxels of a scene's volumes where these are known, large and plain, and their layers are not kept."""
+    if not maker.layers or scene.moves:
+        return None
+    volumes, tolerance = maker.volumes_of(scene), min_tolerance(scene.error)
+    is_kept = maker.layers.keys() >= {*maker.digests_of(scene, tolerance)}
+    are_plain = not any(volume.is_labels or volume.colors is not None or volume.mask is not None for volume in volumes)
+    is_large = max(max(volume.shape_xyz) for volume in volumes) > _MOST_AT_ONCE
+    return [sampled(volume, _MOST_AT_ONCE) for volume in volumes] if is_large and are_plain and not is_kept else None

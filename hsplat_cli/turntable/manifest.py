@@ -146,5 +146,5 @@ def _row(record: FilmEntry) -> list[str]:
 
 
 def short_number(value: Any) -> str:
-    """Return a number of a record with one decimal; nothing for what is no number of a film."""
+    """Return a number of a record with one decimal; empty for anything else."""
     return f"{value:.1f}" if isinstance(value, (int, float)) and abs(value) < _TOO_LARGE else ""

@@ -24,8 +24,8 @@ from renderer.layers import layer_parts
 from renderer.scene import OutputFile, Scene, changing_frames
 from renderer.volume import Float64
 
-# At each place along the path, so many frames are drawn. One follows upon another as in the film: what it costs differs
-# from what the first one does, and encoders of video need a few to show what a frame adds.
+# At each place along the path, this many frames are drawn. One follows upon another as in the film: what it costs
+# differs from what the first one does, and encoders of video need a few to show what a frame adds.
 NUM_NEIGHBOURS = 3
 
 

@@ -20,7 +20,7 @@ _SECONDS = {unit: seconds for seconds, units in _UNITS.items() for unit in units
 
 
 class TimeSteps(NamedTuple):
-    """The number of steps, and the time of each, ascending; none where the file does not say.
+    """A count of steps with the time of each, ascending; none where the file does not say.
 
     time_unit: `s`, or empty where the unit is not known.
     """

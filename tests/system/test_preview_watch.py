@@ -54,6 +54,26 @@ def test_edits_are_shown(folder: Path) -> None:
     assert "no such file" in gone[0].error and not last[-1].error
 
 
+def test_a_large_volume_shows_some_voxels_first(folder: Path) -> None:
+    """Only where its layer is made again, and then all."""
+    large = small_scene(shape="136, 9, 9", error="tolerance: 0.1")
+    edits, shown = [large.replace("elevation: 20", "elevation: 40"), large.replace("0.7", "0.2")], [list[bool]()]
+
+    def keeps_on() -> bool:
+        if shown[-1] and edits:
+            SCENE.write_text(edits.pop(0), "utf-8")
+            shown.append([])
+        return bool(edits) or not shown[-1]
+
+    def show(state: State) -> None:
+        assert state.shot is not None
+        shown[-1].append("some of the voxels" in state.shot.caption)
+
+    SCENE.write_text(large, "utf-8")
+    watch(SceneRequest(SCENE), show, keeps_on)
+    assert shown == [[False] * 3, [False] * 3, [True, False, False]]
+
+
 def test_only_who_has_the_address_is_served() -> None:
     with served_states("<b>scene") as (address, show):
         show(State(7, error="wrong"))
