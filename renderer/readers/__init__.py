@@ -19,6 +19,8 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
   `dicom_fields.py`; `dicom_mosaic.py`: slices side by side in one image; `dicom_dimensions.py`: times and components
   among frames at one place.
 - `steps_in_time.py`: how many steps there are in time, and when; `tiff_times.py`: by ImageJ and OME.
+- `statements.py`: tables of the fields that change how voxels are understood, and the note on those that are not
+  applied.
 - `units.py`: of lengths and values, and what the axes of the world point to.
 - `procedural.py`: volumes from formulas.
 """

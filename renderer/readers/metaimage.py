@@ -17,6 +17,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine, choose
 from renderer.readers.data_files import find_data_files, unquoted
+from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, add_field, header_lines
 from renderer.readers.units import Units, units_of
@@ -30,6 +31,16 @@ _SPACINGS = ("ElementSpacing", "ElementSize")
 _ORIGINS = ("Origin", "Position", "Offset")
 _DIRECTIONS = ("Orientation", "Rotation", "TransformMatrix")
 _BYTE_ORDERS = ("ElementByteOrderMSB", "BinaryDataByteOrderMSB")
+
+STATEMENTS = FormatTable(
+    "MetaImage",
+    (
+        Statement("ElementSpacing", "place", "the distance of voxels; also called ElementSize"),
+        Statement("Offset", "place", "the place of the first voxel; also called Origin and Position"),
+        Statement("TransformMatrix", "place", "the directions of the axes; also called Orientation and Rotation"),
+        Statement("DistanceUnits", "meaning", "the unit of lengths"),
+    ),
+)
 
 
 def read_metaimage(path: Path, time: int | None, component: int | None) -> Image:

@@ -1,0 +1,46 @@
+"""Tables of the fields by which files change how their voxels are understood, one table for each format.
+
+The module of a format has its table as `STATEMENTS`. A reader applies an entry, or names it in a note: nothing that a
+file states is passed over in silence. `docs/formats.md` is made from the tables, and a test has a file for each entry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable
+from typing import Literal, NamedTuple
+
+# What a field changes: the numbers, where the voxels lie and which way they face, which of them count as data, or what
+# they stand for (components, labels, times, units).
+Effect = Literal["values", "place", "validity", "meaning"]
+
+
+class Statement(NamedTuple):
+    """A field of a format that changes how voxels are understood.
+
+    field: its name in the standard of the format. effect: what it changes. about: what it says, as a noun phrase for
+    the note and the documentation, such as `a table of values`. is_applied: whether the reader applies it; otherwise a
+    note names it.
+    """
+
+    field: str
+    effect: Effect
+    about: str
+    is_applied: bool = True
+
+
+class FormatTable(NamedTuple):
+    """The statements of one format. format: its name in the documentation."""
+
+    format: str
+    statements: tuple[Statement, ...]
+
+    def note(self, found: Container[str]) -> str | None:
+        """Return the note that names the statements in a file that are not applied; None if there are none.
+
+        found: the fields of the file that do not have their neutral value.
+        """
+        listed = [f"{each.field} ({each.about})" for each in self._unapplied() if each.field in found]
+        return f"stated by the file and not applied: {', '.join(listed)}" if listed else None
+
+    def _unapplied(self) -> Iterable[Statement]:
+        return (each for each in self.statements if not each.is_applied)
