@@ -14,7 +14,7 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
-from renderer.job import require_no_input
+from renderer.film import WrittenFiles
 from renderer.scene import AnnotationSpec
 
 # Options of a sweep and its report, which a search for one tolerance does not have.
@@ -85,7 +85,7 @@ def measure(
 
     name = request.path.stem
     folder = output or Path(f"{name}.measured")
-    require_no_input([folder / name for name in REPORT_FILES], given.input_files())
+    WrittenFiles([folder / name for name in REPORT_FILES]).require_harmless(given.input_files())
     picked = list(numbers) if request.frames else None
     request_ = StudyRequest(name, job, sweep, picked, repeats, peer, truth_tolerance, folder, not thorough)
     run_study(request_, reporter)

@@ -20,7 +20,7 @@ from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError
-from renderer.job import folder_files
+from renderer.film import folder_files
 from renderer.system import join_lines
 
 # A scene, or the sidecar of a film.

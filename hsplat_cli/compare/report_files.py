@@ -19,8 +19,8 @@ from hsplat_cli.compare.outcome import Comparison, Outcome, Status, figure_text
 from hsplat_cli.compare.rules import LIMITS_FILE
 from hsplat_cli.terminal import format_table
 from renderer.errors import HsplatError, InputError
-from renderer.film import require_writable, staged_files, translate_os_errors
-from renderer.job import require_no_input, shorten_paths
+from renderer.film import WrittenFiles, require_writable, staged_files, translate_os_errors
+from renderer.job import shorten_paths
 from renderer.scene import MAX_SIDECAR_BYTES, counted, read_json_object
 from renderer.study import COMPARISON_METRICS
 from renderer.system import PrintableText, join_lines, printable
@@ -54,7 +54,7 @@ class ReportFiles:
             if os.path.exists(path) and not os.path.isfile(path):  # a device, or a pipe
                 got = "a folder" if os.path.isdir(path) else "a special file"
                 raise InputError("a report cannot replace this", where=where, got=got)
-        require_no_input(self.paths.values(), inputs)
+        WrittenFiles([*self.paths.values()]).require_harmless(inputs)
         record = self.paths.get("--json")
         if record is not None and "scene" in (read_json_object(record, MAX_SIDECAR_BYTES) or {}):
             raise InputError(
