@@ -59,11 +59,21 @@ def locked_output(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> I
 
 @contextlib.contextmanager
 def locked_files(files: Iterable[Path]) -> Iterator[None]:
-    """Lock files that have no folder for unfinished work, each by a hidden file beside it; raises as `lock_slots`."""
-    with contextlib.ExitStack() as stack:
-        for file in sorted(files, key=place_of):
-            stack.enter_context(lock_slots(file.parent, [0], file, shared_file=f".{file.name}.lock"))
-        yield
+    """Lock files that have no folder for unfinished work, each by a hidden file beside it; raises as `lock_slots`.
+
+    Missing folders are made; those in which nothing is written are removed at the end.
+    """
+    files = sorted(files, key=place_of)
+    made = dict.fromkeys(each for file in files for each in file.parents if not os.path.lexists(each))
+    try:
+        with contextlib.ExitStack() as stack:
+            for file in files:
+                stack.enter_context(lock_slots(file.parent, [0], file, shared_file=f".{file.name}.lock"))
+            yield
+    finally:
+        for folder in made:
+            with contextlib.suppress(OSError):  # it is not empty
+                folder.rmdir()
 
 
 @contextlib.contextmanager

@@ -89,7 +89,7 @@ def test_only_who_has_the_address_is_served() -> None:
 
 
 def test_a_page_from_a_file_has_its_states_beside_it(folder: Path) -> None:
-    show = file_states(Path("page.html"), "</script>")
-    show(State(1, error="</script>"))
+    with file_states(Path("page.html"), "</script>", []) as show:
+        show(State(1, error="</script>"))
     assert Path("page.html").read_text("utf-8").count("</script>") == 1
-    assert Path("page.html.js").read_text("utf-8") == 'show({"number": 1, "error": "</script>"});\n'
+    assert Path("page.html.js").read_text("utf-8") == '// by hsplat\nshow({"number": 1, "error": "</script>"});\n'
