@@ -18,7 +18,7 @@ A film that is up to date is not drawn again, and one that was stopped resumes w
 - `fingerprint.py`: what frames depend on; `existing_film.py`: the film that is there;
   `own_files.py`: whether files that are there are its own.
 - `verification.py`: whether a finished film is what its sidecar says; `verified_accuracy.py`: by exact rays.
-- `inputs.py`: the files that are read.
+- `inputs.py`: the files that are read, and folders that no output joins.
 - `assemble/`: one film of parts: `parts.py` finds them, `agreement.py` compares them, `merged_record.py` and
   `assembly.py` write the film.
 """

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from renderer.film import WrittenFiles, film_files, require_no_input, sidecar_path
-from renderer.job.inputs import scene_files
+from renderer.job.inputs import require_no_new_slices, scene_files
 from renderer.scene import ErrorSpec, Scene, is_same_file
 
 if TYPE_CHECKING:  # records take a while to load, and the job of a scene needs none before it draws
@@ -83,3 +83,4 @@ class FilmJob:
             require_no_input([self.sidecar], scene_files(self.scene))
             written = replace(written, files=[file for file in written.files if file != self.sidecar])
         written.require_harmless(self.input_files())
+        require_no_new_slices(self.scene.output.files, self.scene)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import contextlib
 import glob
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.film import folder_files
-from renderer.scene import ArraySource, FileSource, ProceduralSource, Scene, VolumeSpec
+from renderer.scene import ArraySource, FileSource, OutputFile, ProceduralSource, Scene, VolumeSpec, place_of
 
 
 def scene_files(scene: Scene) -> Iterator[Path]:
@@ -50,6 +50,37 @@ def volume_files(volume: VolumeSpec) -> Iterator[Path]:
             header, voxels = _header_and_voxel_files(file)
             yield header
             yield from voxels
+
+
+def require_no_new_slices(outputs: Iterable[OutputFile], scene: Scene) -> None:
+    """Raise InputError if an output's pictures would be slices of a volume that is a folder of pictures."""
+    pictures = [each for each in outputs if each.is_frames]
+    if not pictures:
+        return
+    folders = {place_of(folder): folder for folder in _picture_folders(scene)}
+    for each in pictures:
+        folder = folders.get(place_of(each.file.parent))
+        if folder is not None:
+            raise InputError(
+                "this output would become a slice of an input",
+                where=str(each.file),
+                got=f"a picture in {folder}",
+                expected="another folder",
+                hint="give the output another folder",
+            )
+
+
+def _picture_folders(scene: Scene) -> Iterator[Path]:
+    """Yield the folders whose pictures are the slices of a volume or a mask."""
+    from renderer.readers import find_volume
+
+    sources = [volume.source for layer in scene.layers for volume in layer.volumes.values()]
+    for source in (source for source in sources if isinstance(source, FileSource)):
+        for folder in filter(os.path.isdir, source.steps or (source.file,)):
+            with contextlib.suppress(InputError, OSError):  # its reader reports it
+                found, form, _ = find_volume(folder)
+                if form == "pictures":
+                    yield found
 
 
 def _slices(folder: Path) -> Iterator[Path]:
