@@ -115,8 +115,11 @@ def test_connections_that_hold_their_places_are_closed(monkeypatch: pytest.Monke
         with connected(address, b"") as refused:
             assert refused.recv(1) == b""
         with contextlib.suppress(ConnectionError):  # it is closed while it sends
-            while not select.select([held[0]], [], [], 0.1)[0]:
+            for _ in range(300):
+                if select.select([held[0]], [], [], 0.1)[0]:
+                    break
                 held[0].sendall(b" ")
+        assert select.select([held[0]], [], [], 0)[0]
         for connection in held[1:]:
             assert connection.recv(1) == b""
         with urllib.request.urlopen(address) as page:
