@@ -244,7 +244,8 @@ def render(
     frames: the frames to draw, ascending: `range(0, 30)`, `slice(None, None, 10)`, `-1`; all by default.
     best_effort: accept a film that is less accurate than the scene asks for. A budget of seconds is kept as well as
         this machine can; frames that take longer are no error.
-    resume: keep the frames that an earlier job finished. Without it every frame is drawn, as with `--force`.
+    resume: keep the frames that an earlier job finished, and further outputs of other films, which are errors then.
+        Without it every frame is drawn, and such files are replaced, as with `--force`.
     on_progress: called as `on_progress(num_finished, num_frames)` after each frame that is drawn. What it raises ends
         the job, which can be resumed. By default notebooks show a bar.
 

@@ -17,10 +17,10 @@ from renderer.film import (
     frame_path,
     require_own_folder,
     require_writable_dry_run,
-    sidecar_path,
     translate_os_errors,
     unfinished_folder,
 )
+from renderer.job import require_own_files
 from renderer.readers import find_volume
 from renderer.scene import (
     FileSource,
@@ -63,10 +63,12 @@ def check(request: SceneRequest, *, output: str | None, no_cost: bool) -> None:
     request = replace(request, output=output)
     job = load_job(request, reads=False)
     outputs = [frame_path(each.file, job.frames[0]) for each in job.scene.output.files]
-    for file in (*outputs, sidecar_path(job.scene, job.frames)):
+    for file in (*outputs, job.sidecar):
         require_writable_dry_run(file)
     with translate_os_errors(job.scene.output.file):
-        require_own_folder(unfinished_folder(job.scene.output))
+        for each in job.scene.output.files:
+            require_own_folder(unfinished_folder(each))
+    require_own_files(job.scene.output, job.frames, job.sidecar)
     for layer in job.scene.layers:
         for volume in layer.volumes.values():
             if isinstance(volume.source, FileSource):

@@ -13,8 +13,8 @@ from hsplat_cli.commands.options import FILE
 from hsplat_cli.scenes import base_name, film_options, suggest_scene, volume_options, volume_spec
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
-from renderer.film import require_writable_dry_run, write_staged
-from renderer.job import require_no_input, volume_files
+from renderer.film import WrittenFiles, require_writable_dry_run, write_staged
+from renderer.job import volume_files
 from renderer.suggest import FilmOptions
 
 
@@ -37,7 +37,8 @@ def init(*, volume: Path, output: Path | None, force: bool, **options: Any) -> N
     spec = volume_spec(volume, options)
     if output is not None:  # before the volume is read, which may take long
         _require_output(output, force=force)
-        require_no_input([output], chain.from_iterable(map(volume_files, filter(None, (spec, film.under)))))
+        volumes = filter(None, (spec, film.under))
+        WrittenFiles([output]).require_harmless(chain.from_iterable(map(volume_files, volumes)))
     scene, film_file = output or Path("scene.yaml"), Path(f"{base_name(volume)}.mp4")
     text, _ = suggest_scene(spec, film, reporter, scene=scene, output=film_file)
     if output is None:

@@ -14,7 +14,7 @@ from hsplat_cli.commands.options import FILE, quiet_option, require_none_of
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor
 from hsplat_cli.scenes import SharedLook, expand_volumes, film_options, name_volumes, volume_options, volume_spec
 from hsplat_cli.terminal import OutputPath, Reporter
-from hsplat_cli.turntable import FilmRequest, Gallery, make_film, print_film_record, require_inputs_kept, run_batch
+from hsplat_cli.turntable import FilmRequest, Gallery, make_film, print_film_record, require_harmless, run_batch
 from renderer.errors import InputError
 from renderer.scene import FORMATS
 from renderer.suggest import FilmOptions
@@ -97,7 +97,7 @@ def turntable(
         )
         for film_name, volume in _named_volumes(volumes, name, reporter).items()
     ]
-    require_inputs_kept(requests)
+    require_harmless(requests)
     if name is not None:
         print_film_record(requests[0], reporter)
     elif len(requests) > 1:

@@ -74,7 +74,7 @@ def load_job(request: SceneRequest, draws: Draws = "film", *, reads: bool = True
     picked = parse_frames(request.frames, scene.num_frames)
     job = FilmJob(scene, picked, accuracy_of(scene.error), path=request.path)
     if draws != "nothing":
-        job.require_no_input()
+        job.require_harmless()
     return job
 
 
@@ -138,7 +138,7 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> F
     if draws != "nothing" and not is_elsewhere and (is_changed or not is_whole or draws == "passes"):
         raise InputError("this would overwrite the recorded film", where=str(path), hint="--output names another file")
     if draws != "nothing":
-        job.require_no_input()
+        job.require_harmless()
     if is_changed or not _has_recorded_tolerances(record, scene):
         return replace(job, original=replace(original, keeps_accuracy=False, keeps_versions=False))
     requested = record.schedule.requested

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -22,8 +21,16 @@ from hsplat_cli.turntable.gallery import CONTACT_FILE, PAGE_FILE, poster_file
 from hsplat_cli.turntable.manifest import FilmEntry, update_manifest
 from hsplat_cli.turntable.up_to_date import made_by, marks_of
 from renderer.errors import HsplatError, InputError, OutputLockedError
-from renderer.film import bytes_digest, require_writable, sidecar_path_of_file, translate_os_errors, write_staged
-from renderer.job import FilmJob, expand_pattern, film_files, require_no_input, scene_files, volume_files
+from renderer.film import (
+    WrittenFiles,
+    bytes_digest,
+    film_files,
+    require_writable,
+    sidecar_path_of_file,
+    translate_os_errors,
+    write_staged,
+)
+from renderer.job import FilmJob, expand_pattern, scene_files, volume_files
 from renderer.scene import ColormapSpec, OutputSpec, Scene, VolumeSpec, accuracy_of, file_source, parse_scene_content
 from renderer.suggest import FilmOptions
 
@@ -85,17 +92,12 @@ class FilmRequest:
             yield Path(self.film.preset.partition("#")[0])
         yield from _look_files(self.look)
 
-    def film_files(self) -> Iterator[Path]:
-        """Yield the scene, the film, its sidecar and unfinished work."""
+    @property
+    def film_files(self) -> WrittenFiles:
+        """Return the scene, the film, its sidecar and unfinished work."""
         frames = range(self.look.scene.num_frames if self.look else self.film.frames)
-        yield self.scene
-        yield from film_files(self.outputs, frames, sidecar_path_of_file(self.output, frames, len(frames)))
-
-    def output_files(self) -> Iterator[Path]:
-        """Yield all files that making the film may replace or remove."""
-        yield from (self.scene.parent / name for name in _FOLDER_FILES)
-        yield poster_file(self.scene.parent, self.scene.stem)
-        yield from self.film_files()
+        sidecar = sidecar_path_of_file(self.output, frames, len(frames))
+        return WrittenFiles([self.scene]) + film_files(self.outputs, frames, sidecar)
 
     def failure_record(self, error: HsplatError) -> FilmEntry:
         """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
@@ -105,15 +107,15 @@ class FilmRequest:
         return self.record(status) | {"exit_code": exit_code, "error": str(error), "command": self.command} | summary
 
 
-def require_inputs_kept(requests: Sequence[FilmRequest]) -> None:
+def require_harmless(requests: Sequence[FilmRequest]) -> None:
     """Raise InputError if an output of one of the films is a file of a volume or a look, or another output."""
-    names = Counter(str(each.file).lower() for request in requests for each in request.outputs.files)
-    if (twice := names.most_common(1)[0])[1] > 1:
-        hint = "give outputs of the look other names, or each volume its own --output"
-        raise InputError("two outputs would have one name", where=twice[0], hint=hint)
-    outputs = chain.from_iterable(request.output_files() for request in requests)
+    folder = requests[0].scene.parent
+    posters = [poster_file(folder, request.scene.stem) for request in requests]
+    written = WrittenFiles([*(folder / name for name in _FOLDER_FILES), *posters])
+    for request in requests:
+        written += request.film_files
     volumes = {each for request in requests for each in (request.volume, request.film.under) if each is not None}
-    require_no_input(outputs, chain(_look_files(requests[0].look), chain.from_iterable(map(volume_files, volumes))))
+    written.require_harmless(chain(_look_files(requests[0].look), *map(volume_files, volumes)))
 
 
 def _look_files(look: SharedLook | None) -> Iterator[Path]:

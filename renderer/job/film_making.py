@@ -68,8 +68,8 @@ def make_film(
     Raises OutputLockedError if another job is writing the output, InputError and RenderError if it cannot be written,
     and InputError if it is one of the job's inputs; HsplatError, and KeyboardInterrupt.
     """
-    job.require_no_input()
-    with locked_film_output(job.scene.output, job.frames, job.sidecar) as output:
+    job.require_harmless()
+    with locked_film_output(job.scene.output, job.frames, job.sidecar, resumes=resumes) as output:
         events.locked()
         start = time.perf_counter()
         # What can fail early is tried before a voxel is read: the output, the encoder, OpenGL or the cluster.

@@ -21,11 +21,13 @@ from renderer.film import (
     open_films,
     require_encoder,
     translate_os_errors,
+    write_staged,
 )
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
 from renderer.job.film_accuracy import with_encoding_loss
+from renderer.job.own_files import naming_mark, require_own_files
 from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, OutputRecord
 from renderer.job.sidecar import write_sidecar
 from renderer.scene import OutputFile, OutputSpec
@@ -76,7 +78,13 @@ class FilmOutput:
                     events.frame_finished(record)
 
         files = self.shown[1:] if store.is_output else self.shown  # where the store's pictures are the first
-        films = open_films(files, self.spec.kinds, staging_folder=self.folder, before_rename=defer_interrupts)
+
+        def before_rename() -> None:
+            defer_interrupts()
+            if self.shown[1:]:
+                write_staged(naming_mark(self.spec, self.sidecar), b"", self.folder)
+
+        films = open_films(files, self.spec.kinds, is_locked=True, before_rename=before_rename)
         # However the block ends, a frame that was drawn is stored before.
         with films as write_to_films, ThreadPoolExecutor(1, "hsplat-background") as thread:
             write = partial(self._write_and_remember, write_to_films)
@@ -96,7 +104,7 @@ class FilmOutput:
     @property
     def shown(self) -> list[OutputFile]:
         """Return the files that have any of the frames."""
-        return [each for each in self.spec.files if any(map(each.shows, self.frames))]
+        return self.spec.shown(self.frames)
 
     def _write_and_remember(self, write: WriteFrame, number: int, pictures: Mapping[int, Picture]) -> None:
         write(number, pictures)
@@ -131,7 +139,13 @@ class FilmOutput:
         digest = digests.get(self.spec.file)
         record = replace(record, fingerprint=fingerprint, accuracy=accuracy, digest=digest, outputs=outputs)
         write_sidecar(self.sidecar, record, self.folder)
+        self.remove_mark()
         return record
+
+    def remove_mark(self) -> None:
+        """Take note that the sidecar describes the files that there are."""
+        with translate_os_errors(self.sidecar):
+            naming_mark(self.spec, self.sidecar).unlink(missing_ok=True)
 
     def _loss(self, output: OutputFile) -> float:
         first = [picture.pixels for picture in self.first_pictures[output.file]]
@@ -139,9 +153,16 @@ class FilmOutput:
 
 
 @contextlib.contextmanager
-def locked_film_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[FilmOutput]:
-    """Lock an output; raises as `renderer.film.locked_output`, and where its encoder is missing."""
+def locked_film_output(
+    spec: OutputSpec, frames: Sequence[int], sidecar: Path, *, resumes: bool
+) -> Iterator[FilmOutput]:
+    """Lock an output; raises as `renderer.film.locked_output`, and where its encoder is missing.
+
+    resumes: raises InputError where files that the film has not made have the names of its files.
+    """
     with locked_output(spec, frames, sidecar) as folder:
+        if resumes:
+            require_own_files(spec, frames, sidecar)
         require_encoder(spec)
         yield FilmOutput(spec, frames, sidecar, folder)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -105,6 +106,23 @@ def is_same_file(path: Path, other: Path) -> bool:
         return os.path.samefile(path, other)
     except (OSError, ValueError):
         return False
+
+
+def place_of(path: Path) -> Path:
+    """Return the place that a name leads to, through links of files and of folders, also where these do not exist yet.
+
+    It is for comparisons alone: names that differ in case, or in how accents are encoded, are one file on some disks.
+    """
+    return Path(_folded(os.path.realpath(path)))
+
+
+def place_name(path: Path) -> str:
+    """Return the last name of the place of a file that is no link."""
+    return _folded(path.name)
+
+
+def _folded(name: str) -> str:
+    return unicodedata.normalize("NFC", name).lower()
 
 
 def missing_file_error(path: Path, what: str = "no such file") -> InputError:
