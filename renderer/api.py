@@ -52,7 +52,7 @@ from renderer.scene import (
     format_of,
     load_scene as load_scene_file,
 )
-from renderer.system import num_cores, printable
+from renderer.system import ctrl_c_stops_kernels, num_cores, printable
 
 # An output that may have any size and background; it is not written.
 _ANY_PICTURE = "{frame}.png"
@@ -140,6 +140,7 @@ def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -
     return load_scene_file(scene_file(path), overrides=overrides)
 
 
+@ctrl_c_stops_kernels()
 def suggest_scene(
     volume: str | os.PathLike[str] | npt.ArrayLike,
     *,
@@ -180,6 +181,7 @@ def suggest_scene(
     return make_scene(volume, options, is_volume=True)
 
 
+@ctrl_c_stops_kernels()
 def render_frame(
     scene: SceneLike,
     frame: int = 0,
@@ -222,6 +224,7 @@ def render_frame(
     return image
 
 
+@ctrl_c_stops_kernels()
 def render(
     scene: SceneLike,
     *,
@@ -274,6 +277,7 @@ def render(
     return Film(film.file, record.numbers, film.sidecar, (*notes, *record.notes), *told)
 
 
+@ctrl_c_stops_kernels()
 def preview(scene: SceneLike) -> Page:
     """Show a scene on one page before its film is made: the page of `hsplat preview`. Nothing is written.
 
@@ -296,6 +300,7 @@ def preview(scene: SceneLike) -> Page:
     return Page(preview_page(job, title, lambda _: None))
 
 
+@ctrl_c_stops_kernels()
 def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     """Compute the exact picture of a frame: the converged ray integral, without pyramid, cells or tolerance.
 

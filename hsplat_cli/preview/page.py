@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +23,7 @@ from renderer.job import (
     visibility_text,
 )
 from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tolerance, with_tolerance
+from renderer.system import start_threads
 
 # Of the calls of `advance`.
 NUM_PARTS = 4
@@ -44,7 +44,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
     """
     film = job.scene
     frame = film.num_frames // 2 if film.moves else 0
-    with open_rasterizer(film) as rasterizer, ThreadPoolExecutor(1) as beside:
+    with open_rasterizer(film) as rasterizer, start_threads(1) as beside:
         studio, still = Studio(rasterizer), small_scene(film.at(frame), _OTHERS_PX)
         with studio.stage(still) as stage:
             looks = beside.submit(suggest_looks, stage)  # these take one processor

@@ -6,7 +6,7 @@ Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> splats or b
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import ExitStack
 from dataclasses import replace
 from itertools import zip_longest
@@ -36,6 +36,7 @@ from renderer.scene import (
     with_draw_order,
 )
 from renderer.splats import GAUSSIAN_CUTOFF
+from renderer.system import start_threads
 from renderer.view import (
     are_clipped_away,
     corners_around,
@@ -103,7 +104,7 @@ def render_frames(
     controller = ScheduleController(stage) if controller is None else controller
     with ExitStack() as stack:
         ahead: Future[Stage] | None = None
-        thread = stack.enter_context(ThreadPoolExecutor(1)) if stage.maker is not None else None
+        thread = stack.enter_context(start_threads(1)) if stage.maker is not None else None
         for number, following in zip_longest(frames, frames[1:]):
             watch = Stopwatch(clock)
             if ahead is not None:

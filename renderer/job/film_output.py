@@ -6,7 +6,7 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, wait
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -31,6 +31,7 @@ from renderer.job.own_files import naming_mark, require_own_files
 from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, OutputRecord
 from renderer.job.sidecar import write_sidecar
 from renderer.scene import OutputFile, OutputSpec
+from renderer.system import start_threads
 
 # Of the frames, and their memory, that are compared with what the file keeps of them: a decoder takes as long for the
 # rest as an encoder for a tenth of it.
@@ -85,11 +86,10 @@ class FilmOutput:
                 write_staged(naming_mark(self.spec, self.sidecar), b"", self.folder)
 
         films = open_films(files, self.spec.kinds, is_locked=True, before_rename=before_rename)
-        # However the block ends, a frame that was drawn is stored before.
-        with films as write_to_films, ThreadPoolExecutor(1, "hsplat-background") as thread:
+        # However the block ends, a frame that was drawn is stored before, unless its exact rays are interrupted.
+        with films as write_to_films, start_threads(1, "hsplat-background") as thread:
             write = partial(self._write_and_remember, write_to_films)
             self.first_pictures.clear()
-            thread.submit(bool).result()  # an interrupt while the thread starts would lose its task
             for number in self.frames:
                 is_new = number in missing
                 frame = _next_frame(drawn, number) if is_new else store.finished_frame(number)

@@ -6,10 +6,13 @@ from .child_processes import (
 )
 from .cores import num_cores as num_cores, num_drawing_threads as num_drawing_threads
 from .interrupts import (
+    ctrl_c_stops_kernels as ctrl_c_stops_kernels,
     deferrable_interrupts as deferrable_interrupts,
     exit_on_signals as exit_on_signals,
     interrupted_status as interrupted_status,
     signals_as_interrupts as signals_as_interrupts,
+    start_threads as start_threads,
+    stop_flag as stop_flag,
 )
 from .memory import (
     PeakMemory as PeakMemory,
