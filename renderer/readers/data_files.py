@@ -17,7 +17,7 @@ _NUMBERED = re.compile(
     r"(?:\s{1,9}([0-9]{1,9})(?:\s{1,9}([0-9]{1,9})(?:\s{1,9}(-?[1-9][0-9]{0,8})(?:\s{1,9}([0-9]{1,2}))?)?)?)?"
 )
 # What both forms may end with is the number of axes in each file.
-_LIST = re.compile(r"LIST(?:\s+([0-9]+)D?)?", re.IGNORECASE)
+_LIST = re.compile(r"LIST(?:\s+([0-9]{1,2})D?)?", re.IGNORECASE)
 
 # No volume has more slices; a short pattern or a list of one name could stand for any number of files.
 _MAX_FILES = 2**16
@@ -68,8 +68,9 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
 
 def unquoted(header: Path, name: str) -> str:
     """Return what a header names without the quotes around it, unless a file is called so, quotes included."""
-    quoted = re.fullmatch(r"""(["'])((?:(?!\1).)+)\1""", name)
-    return quoted[2] if quoted and not (header.parent / name).is_file() else name
+    inside, mark = name[1:-1], name[:1]
+    is_quoted = mark in ("'", '"') and name.endswith(mark) and inside != "" and mark not in inside
+    return inside if is_quoted and not (header.parent / name).is_file() else name
 
 
 def _data_file(header: Path, name: str) -> Path:

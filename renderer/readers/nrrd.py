@@ -88,7 +88,8 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> common.Ima
         )
     skip = "byte skip: -1" if layout.parts[0].encoding == "raw" else "byte skip: {}"
     has_skip = bool({"byteskip", "lineskip"} & fields.keys())
-    colours = "".join(re.findall(r"([a-z]+)-color", " ".join(kinds))).upper()  # RGB of rgb-color
+    words = (kind.partition("-color") for kind in kinds)
+    colours = "".join(name for name, mark, _ in words if mark and name.isalpha()).upper()  # RGB of rgb-color
     chosen = common.choose(axes[::-1], layout.shape, time, component, colours)
     values, left_over = read_stored(layout, chosen, None if has_skip else skip)
     labels, wrong = common.labels_or_note(lambda: _segments(path, fields, len(chosen.channels), chosen.component))
