@@ -25,11 +25,12 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.looks import MAX_LOOK_BYTES, read_extension
 from renderer.readers import common
+from renderer.readers.data_files import named_file
 from renderer.readers.sniff import read_start
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units, units_of
-from renderer.volume import Array, Float64, Label
+from renderer.volume import Float64, Label
 
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
 _NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540
@@ -91,8 +92,8 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> common.Im
     except ValueError as error:  # the quaternion is not a rotation
         raise common.unreadable_error(error) from error
     slope, intercept = header.get_slope_inter()
-    if slope is not None and (slope, intercept) != (1.0, 0.0):
-        values = _scaled(values, slope, intercept or 0.0)
+    if slope is not None:
+        values = common.scaled(values, slope, intercept or 0.0)
     notes += [*[_ANALYZE] * _is_analyze(header), left_over, *chosen.notes]
     has_extensions = data_file is None and start[len(header.binaryblock) :][:1] not in (b"", b"\0")
     labels, wrong = common.labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
@@ -139,7 +140,8 @@ def find_pair(path: Path) -> tuple[Path, Path | None]:
     if pair is None:
         return path, None
     start, name, end = pair[1], pair[2], pair[3] or ""
-    header, data = (path.with_name(start + (each.upper() if name.isupper() else each) + end) for each in ("hdr", "img"))
+    names = (start + (each.upper() if name.isupper() else each) + end for each in ("hdr", "img"))
+    header, data = (named_file(path, each) for each in names)
     common.require_exists(header)
     if not data.is_file():
         raise InputError(
@@ -220,15 +222,6 @@ def _check_offset_and_slope(header: _Header, least: int) -> None:
             expected="a finite number, or 0 for values as they are stored",
             hint="correct the header, or save the file again",
         )
-
-
-def _scaled(values: Array, slope: float, intercept: float) -> Array:
-    exact_in_single = values.dtype.itemsize <= 2 or values.dtype.newbyteorder("=") == np.float32
-    scaled = np.empty(values.shape, np.float32 if exact_in_single else np.float64)
-    with np.errstate(over="ignore", invalid="ignore"):  # too large values become infinite, and are refused later
-        for plane, target in zip(values, scaled, strict=True):  # the float64 product needs no second volume
-            target[...] = plane.astype(np.float64) * slope + intercept
-    return scaled
 
 
 def _is_analyze(header: _Header) -> bool:
