@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -275,6 +276,10 @@ def _require_replaceable(request: FilmRequest, content: bytes) -> bool:
     return False
 
 
+# Behind it a marked scene has the path of its volume, as JSON.
+_MARK = b'; of "'
+
+
 def marked_scene(text: str, volume_path: str) -> bytes:
     """Return a scene with a last line that shows whose it is, and that nobody has edited it."""
     volume = json.dumps(volume_path)
@@ -284,8 +289,9 @@ def marked_scene(text: str, volume_path: str) -> bytes:
 
 def _volume_of_unedited(content: bytes) -> str | None:
     """Return the volume path in a marked scene that nobody has edited."""
-    found = re.fullmatch(rb'(.*; of ("[^\n]*"): )([0-9a-f]{32})\n', content, re.DOTALL)
-    return json.loads(found[2]) if found and bytes_digest(found[1]).encode() == found[3] else None
+    before, mark, digest = content.rpartition(b": ")
+    is_unedited = bytes_digest(before + mark).encode() + b"\n" == digest
+    return json.loads(before[before.rindex(_MARK) + len(_MARK) - 1 :]) if is_unedited and _MARK in before else None
 
 
 def print_film_record(request: FilmRequest, reporter: Reporter) -> None:

@@ -17,8 +17,17 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers import common
+from renderer.readers.statements import FormatTable, Statement
 from renderer.scene import RawSource, format_value, join_some, short_text
 from renderer.volume import Array
+
+STATEMENTS = FormatTable(
+    "NumPy",
+    (
+        Statement("descr", "values", "the type of numbers and the order of their bytes"),
+        Statement("fortran_order", "place", "whether the first axis is the fastest"),
+    ),
+)
 
 # The largest number of axes in any version of numpy; a volume has fewer. Its headers are no longer than this.
 _MAX_AXES = 32

@@ -46,7 +46,8 @@ def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
 
 def _read_step(spec: VolumeSpec, time: int | None) -> Volume:
     name = _name(spec.source, time)
-    with common.errors_about(name):
+    # Numbers of headers may be infinite; what comes of them is refused, or has no data.
+    with common.errors_about(name), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
             return _read_volume(spec, time, name)
         except OSError as error:

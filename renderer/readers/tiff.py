@@ -24,7 +24,6 @@ from renderer.readers.common import Image, choose, damaged_error, errors_about, 
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.slice_names import require_alike, sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
-from renderer.readers.text_header import number_in
 from renderer.readers.tiff_channels import find_channels, sample_names
 from renderer.readers.tiff_description import (
     Page,
@@ -37,6 +36,7 @@ from renderer.readers.tiff_spacing import find_spacing
 from renderer.readers.tiff_times import find_times
 from renderer.readers.units import Units, units_of
 from renderer.scene import short_text
+from renderer.system import number_in
 from renderer.volume import Array, Float64
 
 # Fields by number.

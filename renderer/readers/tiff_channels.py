@@ -5,15 +5,14 @@ OME has a name and a colour for each channel; ImageJ a window, the labels of its
 
 from __future__ import annotations
 
-import html
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from renderer.readers.common import MAX_LISTED
-from renderer.readers.text_header import attribute, number_in
 from renderer.readers.tiff_description import Layout, Page, is_imagej, is_ome, ome_elements
+from renderer.system import attribute, number_in, unescaped
 from renderer.volume import Channel
 
 _RGB = 2  # the photometric interpretation
@@ -80,4 +79,4 @@ def _of_imagej(fields: dict[str, Any], layout: Layout, count: int) -> tuple[Chan
 
 
 def _text(text: str | None) -> str:
-    return " ".join(html.unescape(text or "").split())[:_MAX_NAME]
+    return " ".join(unescaped(text or "").split())[:_MAX_NAME]

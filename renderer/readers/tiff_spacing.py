@@ -6,7 +6,6 @@ per inch of a screen are no lengths.
 
 from __future__ import annotations
 
-import html
 import math
 import re
 import unicodedata
@@ -15,9 +14,9 @@ from typing import Any
 
 from renderer.errors import InputError
 from renderer.readers.common import GUESSED_LENGTHS, NO_SPACING
-from renderer.readers.text_header import attribute
 from renderer.readers.tiff_description import escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
-from renderer.readers.units import one_spelling
+from renderer.readers.units import NO_SIZES, one_spelling
+from renderer.system import attribute, unescaped
 
 # Fields by number.
 _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
@@ -36,8 +35,6 @@ _METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METR
 # The units of the resolution by number, and their lengths in mm.
 _UNITS_OF_TAG = {2: "inch", 3: "cm"}
 _MM_PER_UNIT = {2: 25.4, 3: 10.0}
-# Pixels per inch that programs write for screens and printers, or for want of anything else.
-_NO_SIZES = (1, 72, 96, 300)
 _MICRON = unicodedata.normalize("NFKC", "µm")
 
 
@@ -73,14 +70,15 @@ def _given_spacing(first: Any) -> tuple[list[float | None], str]:
     unit = _imagej_unit(description, "unit")
     mm = _MM_PER_UNIT.get(2 if tag is None and not unit else tag or 0)
     per_inch = [25.4 / (size * mm) for size in sizes if size and mm]
-    is_screen = bool(per_inch) and all(any(math.isclose(n, k, rel_tol=2e-3) for k in _NO_SIZES) for n in per_inch)
+    is_screen = bool(per_inch) and all(any(math.isclose(n, k, rel_tol=2e-3) for k in NO_SIZES) for n in per_inch)
     if is_screen and not unit:  # as ImageJ has it for 72
         sizes, tag = [1.0, 1.0], 1
     is_said = bool(unit) and not is_screen
     if is_imagej(description) and (is_said or (tag == 1 and sizes not in ([1, 1], [None, None]))):
         # ImageJ writes no line for slices 1 unit apart, and none for a single one.
-        is_left_out = re.search(r"^(images|slices)=(?!1\s*$)", description, re.M) and "\nspacing=" not in description
-        description += "\nspacing=1" * bool(is_left_out)
+        counts = re.findall(r"^(?:images|slices)=(.*)", description, re.M)
+        is_left_out = any(count.strip() != "1" for count in counts) and "\nspacing=" not in description
+        description += "\nspacing=1" * is_left_out
     if is_said or re.search(r"^spacing=", description, re.M):
         return _imagej_spacing(description, sizes, tag)
     return [*(None if is_screen else size and mm and size * mm for size in sizes), None], "mm"
@@ -152,7 +150,7 @@ def _unit(attributes: str, axis: str) -> str:
     """Return the unit of a PhysicalSize, in one of its Unicode spellings."""
     found = attribute(attributes, f"PhysicalSize{axis}Unit")
     # A Latin-1 file read as UTF-8 has a replacement character for its only letter outside ASCII.
-    text = "µm" if found is None else html.unescape(found).replace("\ufffdm", "µm").replace("\ufffd", "Å")
+    text = "µm" if found is None else unescaped(found).replace("\ufffdm", "µm").replace("\ufffd", "Å")
     return unicodedata.normalize("NFKC", text.strip())
 
 

@@ -7,6 +7,9 @@ from typing import NamedTuple
 
 from renderer.scene import is_unit
 
+# Pixels per inch that programs write for screens and printers, or for want of anything else.
+NO_SIZES = (1, 72, 96, 300)
+
 # Units of length in several spellings, by the one that is shown.
 _PREFIXES = {"": "", "n": "nano", "µ": "micro", "m": "milli", "c": "centi", "k": "kilo"}
 _SPELLINGS = {

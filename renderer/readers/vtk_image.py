@@ -8,7 +8,6 @@ in the middle between points.
 
 from __future__ import annotations
 
-import html
 import importlib
 import math
 import mmap
@@ -23,8 +22,9 @@ import numpy as np
 from renderer.errors import InputError, require_package
 from renderer.readers.common import Image, affine, choose, errors_about, even_steps, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
-from renderer.readers.text_header import MAX_HEADER_BYTES, attribute
+from renderer.readers.text_header import MAX_HEADER_BYTES
 from renderer.scene import short_text
+from renderer.system import attribute, unescaped
 from renderer.volume import Array, Float64
 
 _MAX_PACKING = 1032  # of deflate
@@ -135,7 +135,7 @@ def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
         return []
     pieces, folder = [], os.path.realpath(path.parent)
     for piece in re.finditer(r"<Piece\b[^<>]*", text):
-        source = html.unescape(attribute(piece[0], "Source") or "")
+        source = unescaped(attribute(piece[0], "Source") or "")
         file = path.parent / source
         if not source or "\0" in source or not Path(os.path.realpath(file)).is_relative_to(folder):
             raise InputError(
@@ -166,10 +166,10 @@ def _start(path: Path) -> str:
 def _kind(start: str) -> str:
     """Return the kind of data that a file says it has; an empty text if it says none."""
     if start.startswith("# vtk"):  # and a line of any text
-        found = re.search(r"^\s*DATASET\s+(\w+)", start.split("\n", 2)[-1].upper(), re.MULTILINE)
-    else:
-        found = re.search(r"""<VTKFile\b[^<>]*\btype\s*=\s*["'](\w+)["']""", start)
-    return found[1] if found else ""
+        lines = (line.upper().split(maxsplit=2) for line in start.split("\n")[2:])
+        return next((words[1] for words in lines if words[:1] == ["DATASET"] and len(words) > 1), "")
+    root = re.search(r"<VTKFile\b[^<>]*", start)
+    return (root and attribute(root[0], "type")) or ""
 
 
 def _name(array: Any, component: int) -> str:
@@ -227,10 +227,13 @@ def _check_appended(path: Path, image: Any) -> None:
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         if data.rfind(b"</VTKFile>") < 0:
             raise _damaged("a file that breaks off")
-        plain = re.search(rb"<AppendedData[^<>]*encoding\s*=\s*[\"']raw[^<>]*>\s*_", data)
-        if plain is None or b"compressor" in data[: plain.start()]:
+        element = re.search(rb"<AppendedData\b[^<>]*>", data)
+        begin = None if element is None else re.compile(rb"\s*_").match(data, element.end())
+        if element is None or begin is None or b"compressor" in data[: element.start()]:
             return
-        found = data.rfind(b"</AppendedData>") - plain.end()
+        if attribute(element[0].decode("utf-8", "replace"), "encoding") != "raw":
+            return
+        found = data.rfind(b"</AppendedData>") - begin.end()
     fields = [each for part in (image.GetPointData(), image.GetCellData()) for each in _arrays(part)]
     expected = sum(each.GetNumberOfValues() * each.GetDataTypeSize() for each in fields)
     if found < expected:

@@ -19,8 +19,8 @@ MAX_SIDECAR_BYTES = 2**29
 
 _VOLUME_HINT = "a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
-# The first bytes of NRRD and VTK headers, and a line that every MetaImage header has.
-_VOLUME_HEADER = re.compile(rb"NRRD000|# vtk DataFile|(?:.*\n)*?ElementDataFile[ \t]*=", re.IGNORECASE)
+# The first bytes of NRRD and VTK headers, or a line that every MetaImage header has.
+_VOLUME_HEADER = re.compile(rb"\A(?:NRRD000|# vtk DataFile)|^ElementDataFile[ \t]*=", re.IGNORECASE | re.MULTILINE)
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
@@ -96,7 +96,7 @@ def decode_utf8(content: bytes, path: Path) -> str:
 
 def reject_volume_header(content: bytes, path: Path) -> None:
     """Raise InputError if a file is the text header of a volume and not a scene."""
-    if b"\0" not in content and _VOLUME_HEADER.match(content):
+    if b"\0" not in content and _VOLUME_HEADER.search(content):
         raise InputError("a volume, not a scene", where=str(path), expected="a scene file", hint=_VOLUME_HINT)
 
 

@@ -99,6 +99,8 @@ def suggest_for(volume: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH) -
     may_have_channels = wish == NO_WISH and volume.component in (None, "all")
     asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
     found = read(replace(volume, component=asked) if may_have_channels else volume)
+    if found.labels and found.channels and volume.component is None:  # layers of segments, which are one volume
+        found = read(volume)
     if found.num_times > 1 and volume.time is None:
         return _suggest_in_time(volume, found.num_times, read, wish)
     raise_problems(volume_problems(volume_extent(found), found.name))

@@ -21,6 +21,12 @@ from .memory import (
     free_swap_bytes as free_swap_bytes,
 )
 from .printable_text import PrintableText as PrintableText, join_lines as join_lines, printable as printable
+from .text_scanner import (
+    attribute as attribute,
+    number_in as number_in,
+    unescaped as unescaped,
+    whole_number_in as whole_number_in,
+)
 from .versions import (
     MEASURING_PACKAGES as MEASURING_PACKAGES,
     commit as commit,
