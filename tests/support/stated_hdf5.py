@@ -64,9 +64,7 @@ def _axistags(*keys: str) -> str:
 _NETCDF = {
     "scale_factor": _against_plain(scale_factor=0.5),
     "add_offset": _against_plain(add_offset=10.0),
-    "_Unsigned": Sample(
-        _file(write_netcdf, VALUES - 9, coordinates=_METRES), _file(write_netcdf, VALUES - 9, coordinates=_METRES,
-                                                                    _Unsigned="true")),  # fmt: skip
+    "_Unsigned": Sample(_file(write_netcdf, VALUES - 9), _file(write_netcdf, VALUES - 9, _Unsigned="true")),
     "_FillValue": _against_plain(_FillValue=np.int16(5)),
     "missing_value": _against_plain(missing_value=np.int16([5, 6])),
     "valid_range": _against_plain(valid_range=np.int16([3, 20])),
@@ -99,7 +97,7 @@ _NETCDF = {
     ),
     "element_size_um": Sample(_file(write_netcdf), _file(write_netcdf, element_size_um=[2.0, 0.5, 0.5])),
     "axistags": Sample(_file(write_netcdf), _file(write_netcdf, axistags=_axistags("x", "y", "z"))),
-}  # fmt: skip
+}
 
 _EVEN = {"z": np.arange(2) * 2.0, "y": np.arange(3.0), "x": np.arange(4.0)}
 _AXES = {"axes": ["z", "y", "x"]}
@@ -220,7 +218,7 @@ _BDV = {
     "ViewRegistrations": Sample(
         _bdv(_PLAIN, more=_MOVE.format(_SCALE)), _bdv(_PLAIN, more=_MOVE.format(_MOVED))
     ),
-}  # fmt: skip
+}
 
 SAMPLES: Samples = {
     "HDF5 and netCDF-4 (CF)": _NETCDF,
