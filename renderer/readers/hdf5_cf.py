@@ -13,7 +13,8 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from renderer.readers.hdf5_image import Axis, Candidate, StoredImage, attributes_note
+from renderer.readers.common import no_spacing
+from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
 from renderer.readers.hdf5_objects import Dataset, Group, groups_and_datasets, line_at, numbers, text, texts
 from renderer.readers.hdf5_values import Values, values_of
 from renderer.readers.statements import FormatTable, Statement
@@ -91,7 +92,7 @@ def describe(dataset: Dataset) -> StoredImage:
         values_with_labels,
         sizes=tuple(numbers(dataset, "element_size_um").tolist()),
         notes=(STATEMENTS.note(found),),
-        lengths_note=attributes_note(names),
+        lengths_note=no_spacing(names),
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.arrays import axes_of_array
-from renderer.readers.common import GUESSED_LENGTHS, NO_SPACING, affine, even_steps
+from renderer.readers.common import NO_SPACING, affine, even_steps
 from renderer.readers.hdf5_objects import Dataset
 from renderer.readers.hdf5_values import Values, unpacked_line
 from renderer.readers.steps_in_time import TimeSteps, steps_at
@@ -106,12 +106,6 @@ class Candidate(NamedTuple):
     shape: tuple[int, ...]
     describe: Callable[[], StoredImage]
     is_part: bool = False
-
-
-def attributes_note(names: Sequence[str]) -> str:
-    """Return the note on lengths for a file with attributes that may be lengths, by names that are not known."""
-    listed = ", ".join(short_text(name) for name in names)
-    return f"{GUESSED_LENGTHS} in a known way; 1 x 1 x 1 is assumed; not applied: {listed}" if names else NO_SPACING
 
 
 def letters_of(own: Sequence[Axis], time: int | None, component: int | None) -> str:

@@ -90,9 +90,7 @@ _NETCDF = {
     "coordinates": Sample(_with({}), _changed(_with({}), _add_places)),
     "calendar": Sample(
         _file(write_netcdf, _SERIES, coordinates=_TIMES),
-        _file(
-            write_netcdf, _SERIES, coordinates=_TIMES | {"time": {**_TIMES["time"], "calendar": "360_day"}}
-        ),
+        _file(write_netcdf, _SERIES, coordinates=_TIMES | {"time": {**_TIMES["time"], "calendar": "360_day"}}),
         {"time": 0},
     ),
     "element_size_um": Sample(_file(write_netcdf), _file(write_netcdf, element_size_um=[2.0, 0.5, 0.5])),
@@ -198,7 +196,8 @@ _PLAIN = _SETUP.format(0, "", "", "")
 _LARGE: Any = VALUES + np.uint16(2**15)
 _BDV = {
     "cells": Sample(
-        _changed(_file(write_bdv, (_LARGE,)), _change_type), _file(write_bdv, (_LARGE,)),
+        _changed(_file(write_bdv, (_LARGE,)), _change_type),
+        _file(write_bdv, (_LARGE,)),
     ),
     "resolutions": Sample(
         _bdv(_SETUP.format(0, "", _VOXELS, ""), num_levels=2),
@@ -208,16 +207,16 @@ _BDV = {
     "size": Sample(_file(write_bdv, padding=2), _bdv(_PLAIN, padding=2)),
     "voxelSize": Sample(_bdv(_PLAIN), _bdv(_SETUP.format(0, "", _VOXELS, ""))),
     "channel": Sample(
-        _bdv(_PLAIN), _bdv(_PLAIN.replace("</angle>", "</angle><channel>0</channel>"),
-                           _SETUP.format(1, "", "", "<channel>1</channel>")),
+        _bdv(_PLAIN),
+        _bdv(
+            _PLAIN.replace("</angle>", "</angle><channel>0</channel>"), _SETUP.format(1, "", "", "<channel>1</channel>")
+        ),
     ),
     "name": Sample(
         _bdv(_PLAIN, _SETUP.format(1, "", "", "")),
         _bdv(_SETUP.format(0, "<name>a</name>", "", ""), _SETUP.format(1, "<name>b</name>", "", "")),
     ),
-    "ViewRegistrations": Sample(
-        _bdv(_PLAIN, more=_MOVE.format(_SCALE)), _bdv(_PLAIN, more=_MOVE.format(_MOVED))
-    ),
+    "ViewRegistrations": Sample(_bdv(_PLAIN, more=_MOVE.format(_SCALE)), _bdv(_PLAIN, more=_MOVE.format(_MOVED))),
 }
 
 SAMPLES: Samples = {
