@@ -22,6 +22,7 @@ import numpy as np
 from renderer.errors import InputError, require_package
 from renderer.readers.common import Image, choose, damaged_error, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
+from renderer.readers.orientation import oriented
 from renderer.readers.slice_names import require_alike, sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
 from renderer.readers.text_header import number_in
@@ -36,7 +37,7 @@ from renderer.readers.tiff_description import (
 from renderer.readers.tiff_imagej import find_calibration, with_origin
 from renderer.readers.tiff_ome import note_of as note_of_ome
 from renderer.readers.tiff_spacing import find_spacing
-from renderer.readers.tiff_statements import note_of, orientation, oriented, sample_names, stated_orientations
+from renderer.readers.tiff_statements import note_of, orientation, sample_names, stated_orientations
 from renderer.readers.tiff_times import find_times
 from renderer.readers.units import Units, units_of
 from renderer.scene import join_some, short_text
@@ -343,7 +344,8 @@ def _world_from_index(first: Page, space: str, has_spacing_override: bool) -> tu
         spacing = [1.0, 1.0, 1.0]
     world_from_index = np.zeros((4, 4))
     world_from_index[[*map("XYZ".index, space), 3], range(4)] = [*spacing, 1.0]
-    return oriented(with_origin(world_from_index, first), first), units_of(unit), note
+    size = first.imagewidth, first.imagelength
+    return oriented(with_origin(world_from_index, first), orientation(first), size), units_of(unit), note
 
 
 def _nodata(page: Page) -> tuple[tuple[float, float], ...]:

@@ -18,7 +18,7 @@ from renderer.readers.common import GUESSED_LENGTHS, no_spacing
 from renderer.readers.text_header import attribute
 from renderer.readers.tiff_description import escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
 from renderer.readers.tiff_statements import records_of
-from renderer.readers.units import one_spelling
+from renderer.readers.units import are_of_screen, one_spelling
 
 # Fields by number.
 _X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT, _PIXEL_SCALE = 282, 283, 296, 33550
@@ -37,8 +37,6 @@ _METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METR
 # The units of the resolution by number, and their lengths in mm.
 _UNITS_OF_TAG = {2: "inch", 3: "cm"}
 _MM_PER_UNIT = {2: 25.4, 3: 10.0}
-# Pixels per inch that programs write for screens and printers, or for want of anything else.
-_NO_SIZES = (1, 72, 96, 300)
 _MICRON = unicodedata.normalize("NFKC", "µm")
 
 
@@ -79,7 +77,7 @@ def _given_spacing(first: Any) -> tuple[list[float | None], str]:
     unit = _imagej_unit(description, "unit")
     mm = _MM_PER_UNIT.get(2 if tag is None and not unit else tag or 0)
     per_inch = [25.4 / (size * mm) for size in sizes if size and mm]
-    is_screen = bool(per_inch) and all(any(math.isclose(n, k, rel_tol=2e-3) for k in _NO_SIZES) for n in per_inch)
+    is_screen = are_of_screen(per_inch)
     if is_screen and not unit:  # as ImageJ has it for 72
         sizes, tag = [1.0, 1.0], 1
     is_said = bool(unit) and not is_screen

@@ -9,9 +9,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from renderer.readers.orientation import known_orientation
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.tiff_description import Page
-from renderer.volume import Float64
 
 STATEMENTS = FormatTable(
     "TIFF",
@@ -57,45 +57,15 @@ _JPEGS = (6, 7)
 # Extra samples: alpha by which colours are multiplied, and other alpha.
 _ASSOCIATED, _UNASSOCIATED = 1, 2
 
-# The directions of a row and of a column of the stored pixels along those of the picture, by the number of Orientation:
-# right and down, [along, row and column]. Of 6, the first row is the right side, and the first column the top.
-_TURNS = {
-    1: ((1, 0), (0, 1)),
-    2: ((-1, 0), (0, 1)),
-    3: ((-1, 0), (0, -1)),
-    4: ((1, 0), (0, -1)),
-    5: ((0, 1), (1, 0)),
-    6: ((0, -1), (1, 0)),
-    7: ((0, -1), (-1, 0)),
-    8: ((0, 1), (-1, 0)),
-}
-
 
 def orientation(page: Page) -> int:
     """Return the number of the orientation, 1 if there is none."""
-    number = page.tags.valueof(_ORIENTATION)
-    return int(number) if number in _TURNS else 1
+    return known_orientation(page.tags.valueof(_ORIENTATION))
 
 
 def stated_orientations(pages: Sequence[Page]) -> set[int]:
     """Return the numbers of the orientations that pages state."""
     return {orientation(page) for page in pages if _ORIENTATION in page.tags}
-
-
-def oriented(world_from_index: Float64, page: Page) -> Float64:
-    """Return the affine of a stack whose pages are turned and mirrored by their orientation; the picture begins at the
-    same place."""
-    if orientation(page) == 1 or not np.isfinite(world_from_index).all():
-        return world_from_index
-    turn = np.eye(3)
-    turn[:2, :2] = _TURNS[orientation(page)]
-    spacing = np.linalg.norm(world_from_index[:3, :3], axis=0)
-    made = world_from_index.copy()
-    made[:3, :3] = world_from_index[:3, :3] / spacing @ turn * spacing
-    for axis, num_pixels in enumerate((page.imagewidth, page.imagelength)):
-        if turn[:, axis].min() < 0:
-            made[:3, 3] -= made[:3, axis] * (num_pixels - 1)
-    return np.asarray(made + 0.0, np.float64)
 
 
 def has_rgb(page: Page) -> bool:
