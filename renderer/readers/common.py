@@ -42,6 +42,8 @@ _NUM_STEPS = 2**16
 # How notes on guessed lengths begin, and the note for a file without any. A scene's own `spacing` makes them void.
 GUESSED_LENGTHS = "the file does not give its voxel size"
 NO_SPACING = f"{GUESSED_LENGTHS}; 1 x 1 x 1 is assumed"
+# Of fields that may have lengths, a note names no more.
+_MAX_NAMED = 8
 
 # More components than the first are taken for spectra and the like. No more than the second are described.
 MAX_LIGHTS, MAX_LISTED = 8, 1000
@@ -72,6 +74,12 @@ class Image:
     labels: tuple[Label, ...] = ()
     steps: TimeSteps = field(default=TimeSteps())
     units: Units = field(default=Units())
+
+
+def no_spacing(names: Sequence[str]) -> str:
+    """Return the note for a file without lengths in a known form. names: of its fields that may have them."""
+    listed = ", ".join(short_text(name) for name in names[:_MAX_NAMED])
+    return f"{GUESSED_LENGTHS} in a known form; 1 x 1 x 1 is assumed; not applied: {listed}" if names else NO_SPACING
 
 
 def describe_count(n: int) -> str:

@@ -6,8 +6,8 @@ voxels have. Voxels of an integer type become floats that hold all of its number
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Literal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, Literal
 
 import numpy as np
 
@@ -125,13 +125,36 @@ def _are_absent(values: Array, ranges: Ranges) -> Bools:
     return absent
 
 
+def with_nan_where(
+    values: Array, are_absent: Bools, allocate: Callable[[tuple[int, ...], np.dtype[Any]], Array]
+) -> Array:
+    """Return the values as floats, with NaN where they are absent: those of floats are changed themselves.
+
+    allocate: returns an array for others of a shape and a type, which may lie where the values lie.
+    """
+    dtype = _float_type(values.dtype, (plane[~absent] for plane, absent in zip(values, are_absent, strict=True)))
+    marked = values
+    if dtype != values.dtype:
+        check_memory(values.nbytes)
+        stored = values.copy()
+        marked = allocate(values.shape, dtype)
+        marked[...] = stored
+    marked[are_absent] = np.nan
+    return marked
+
+
+def _float_type(dtype: np.dtype[Any], data: Iterable[Array]) -> np.dtype[Any]:
+    """Return the smallest type of floats that has all values of some data of a type."""
+    wide: np.dtype[Any] = np.promote_types(dtype, np.float16)
+    if dtype.kind in "iu" and wide == np.float64:
+        ends = (max(-int(some.min(initial=0)), int(some.max(initial=0))) for some in data)
+        return np.dtype(np.float32) if all(end < _FLOAT32_INTEGERS for end in ends) else wide
+    return wide
+
+
 def _with_nan(values: Array, ranges: Ranges) -> Array:
     """Return the values as floats, with NaN where they are absent; a copy unless they may be written to."""
-    dtype, marked = np.promote_types(values.dtype, np.float16), values
-    if values.dtype.kind in "iu" and dtype == np.float64:
-        data = (plane[~_are_absent(plane, ranges)] for plane in values)
-        if all(max(-int(some.min(initial=0)), int(some.max(initial=0))) < _FLOAT32_INTEGERS for some in data):
-            dtype = np.dtype(np.float32)
+    dtype, marked = _float_type(values.dtype, (plane[~_are_absent(plane, ranges)] for plane in values)), values
     if dtype != values.dtype or not values.flags.writeable:
         check_memory(values.size * dtype.itemsize)
         marked = np.empty(values.shape, dtype)

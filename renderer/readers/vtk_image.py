@@ -3,7 +3,7 @@
 They are image data, or rectilinear grids whose coordinates are even. The pieces of a parallel image (.pvti) are files
 in its folder, which are put together.
 Each component of each array is a component of the volume. Values of points are preferred to those of cells, which lie
-in the middle between points.
+in the middle between points. Points and cells that a mask hides (`vtk_arrays.py`) have no data.
 """
 
 from __future__ import annotations
@@ -22,10 +22,13 @@ import numpy as np
 from renderer.errors import InputError, require_package
 from renderer.readers.common import Image, affine, choose, errors_about, even_steps, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
+from renderer.readers.nodata import with_nan_where
 from renderer.readers.text_header import MAX_HEADER_BYTES
+from renderer.readers.units import units_of
+from renderer.readers.vtk_arrays import arrays_of, components_of, hidden_voxels, notes_of
 from renderer.scene import short_text
 from renderer.system import attribute, unescaped
-from renderer.volume import Array, Float64
+from renderer.volume import Array, Bools, Float64
 
 _MAX_PACKING = 1032  # of deflate
 _MAX_PIECES = 10_000
@@ -56,50 +59,69 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
         values[...] = part.values
         part = replace(part, values=values)
     chosen = choose("c", (len(part.names),), None, component, part.names)
-    return Image(part.values, part.world_from_index, chosen.notes, channels=chosen.channels)
+    values = part.values if part.hidden is None else with_nan_where(
+        part.values, part.hidden, lambda shape, dtype: allocate_voxels(host, shape, dtype)
+    )  # fmt: skip
+    notes = (*part.notes, *chosen.notes)
+    return Image(values, part.world_from_index, notes, channels=chosen.channels, units=units_of(value=part.unit))
 
 
 @dataclass(frozen=True)
 class _Part:
-    """One component of an image: values [z, y, x], the names of all components, and the indices of its first voxel."""
+    """One component of an image, or of a piece of one.
+
+    values: [z, y, x]. names: of all components. first: the indices of its first voxel. unit: of its values.
+    hidden: which voxels have no data, [z, y, x]; None for none.
+    """
 
     values: Array
     names: list[str]
     is_cells: bool
     first: tuple[int, ...]
     world_from_index: Float64
+    unit: str
+    hidden: Bools | None
+    notes: tuple[str | None, ...]
 
 
 def _read_part(path: Path, component: int | None, host: Host, extent: tuple[int, ...] = ()) -> _Part:
     image = _read(path, host, extent)
-    fields = image.GetPointData()
-    is_cells = fields.GetNumberOfArrays() == 0
+    components = components_of(image.GetPointData())
+    is_cells = not components
     if is_cells:
-        fields = image.GetCellData()
-    components = [(array, k) for array in _arrays(fields) for k in range(array.GetNumberOfComponents())]
+        components = components_of(image.GetCellData())
     shape = tuple(max(n - is_cells, 1) for n in image.GetDimensions())
     if not components or 0 in image.GetDimensions():
         raise _damaged("no values")
-    names = [_name(*each) for each in components]
-    array, channel = components[select_index("component", component, len(components))]
+    own = components[select_index("component", component, len(components))]
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    stored = vtk_to_numpy(array).reshape(*shape[::-1], array.GetNumberOfComponents())
-    first = tuple(image.GetExtent()[::2])
-    return _Part(stored[..., channel], names, is_cells, first, _world_from_index(image, is_cells=is_cells))
+    stored = vtk_to_numpy(own.array).reshape(*shape[::-1], own.array.GetNumberOfComponents())
+    hidden, note = hidden_voxels(image, is_cells=is_cells)
+    return _Part(
+        stored[..., own.number],
+        [each.name for each in components],
+        is_cells,
+        tuple(image.GetExtent()[::2]),
+        _world_from_index(image, is_cells=is_cells),
+        own.unit,
+        hidden,
+        (note, *notes_of(image, own, is_cells=is_cells)),
+    )
 
 
 def _assembled(path: Path, pieces: list[tuple[Path, tuple[int, ...]]], component: int | None, host: Host) -> _Part:
     """Return the image that pieces make up; raises InputError for voxels in none, and for pieces that do not fit."""
     whole = _extent(re.search(r"<PImageData\b[^<>]*", _start(path)), "WholeExtent")
-    made, is_there = None, np.zeros(0, bool)
+    made, is_there, is_shown, notes = None, np.zeros(0, bool), np.zeros(0, bool), dict[str | None, None]()
     for file, extent in pieces:
         host.begin_file(file)
         with errors_about(file):
             part = _read_part(file, component, host, extent)
             if made is None:
                 shape = tuple(max(whole[k + 1] - whole[k] + (not part.is_cells), 1) for k in (4, 2, 0))
-                values, is_there = allocate_voxels(host, shape, part.values.dtype), np.zeros(shape, bool)
+                values = allocate_voxels(host, shape, part.values.dtype)
+                is_there, is_shown = np.zeros(shape, bool), np.zeros(shape, bool)
                 world_from_index = part.world_from_index.copy()
                 world_from_index[:3, 3] += world_from_index[:3, :3] @ np.subtract(whole[::2], part.first)
                 made = replace(part, values=values, world_from_index=world_from_index)
@@ -113,11 +135,16 @@ def _assembled(path: Path, pieces: list[tuple[Path, tuple[int, ...]]], component
                     "this piece does not fit the others of its image",
                     expected="the arrays and the spacing of the first piece, and a place inside the whole extent",
                 )
-            made.values[place], is_there[place] = part.values, True
+            # A voxel that one piece hides may be shown by another.
+            shown = np.ones(part.values.shape, bool) if part.hidden is None else ~part.hidden
+            np.copyto(made.values[place], part.values, where=shown)
+            is_there[place] = True
+            is_shown[place] |= shown
+            notes |= dict.fromkeys(part.notes)
     assert made is not None, "called without pieces"
     if not is_there.all():
         raise _damaged(f"pieces without {np.count_nonzero(~is_there)} of {is_there.size} voxels")
-    return made
+    return replace(made, hidden=None if is_shown.all() else ~is_shown, notes=tuple(notes))
 
 
 def piece_files(path: Path) -> list[Path]:
@@ -170,11 +197,6 @@ def _kind(start: str) -> str:
         return next((words[1] for words in lines if words[:1] == ["DATASET"] and len(words) > 1), "")
     root = re.search(r"<VTKFile\b[^<>]*", start)
     return (root and attribute(root[0], "type")) or ""
-
-
-def _name(array: Any, component: int) -> str:
-    name = short_text(array.GetName() or "an array without a name")
-    return name if array.GetNumberOfComponents() == 1 else f"{name}[{component}]"
 
 
 def _read(path: Path, host: Host, extent: tuple[int, ...]) -> Any:
@@ -234,14 +256,10 @@ def _check_appended(path: Path, image: Any) -> None:
         if attribute(element[0].decode("utf-8", "replace"), "encoding") != "raw":
             return
         found = data.rfind(b"</AppendedData>") - begin.end()
-    fields = [each for part in (image.GetPointData(), image.GetCellData()) for each in _arrays(part)]
+    fields = [each for part in (image.GetPointData(), image.GetCellData()) for each in arrays_of(part)]
     expected = sum(each.GetNumberOfValues() * each.GetDataTypeSize() for each in fields)
     if found < expected:
         raise _damaged(f"{max(found, 0)} bytes of values, of {expected}")
-
-
-def _arrays(fields: Any) -> list[Any]:
-    return [each for k in range(fields.GetNumberOfArrays()) if (each := fields.GetArray(k)) is not None]
 
 
 def _num_bytes(reader: Any) -> int:

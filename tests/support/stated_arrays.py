@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import struct
-import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image, PngImagePlugin
-from png_files import chunk
 from statement_samples import Sample, Samples, Writer
 from volume_files import written
 
@@ -92,56 +89,6 @@ def _npy(values: Any) -> Writer:
 _NUMBERS = np.arange(24, dtype="<u2").reshape(2, 3, 4)
 
 
-def _picture(mode: str = "L") -> Any:
-    return Image.fromarray(np.arange(12, dtype=np.uint8).reshape(3, 4)).convert(mode)
-
-
-def _pictures(make: Callable[[], Any] = _picture, **options: Any) -> Writer:
-    """Return a writer of two slices. options: of Pillow's `save`."""
-
-    def write(folder: Path) -> Path:
-        for number in range(2):
-            make().save(folder / f"s{number}.png", **options)
-        return folder
-
-    return write
-
-
-def _turned() -> Image.Exif:
-    exif = Image.Exif()
-    exif[274] = 6
-    return exif
-
-
-def _palette(*, is_gray: bool) -> Callable[[], Any]:
-    def make() -> Any:
-        picture = _picture("P")
-        picture.putpalette([k if is_gray else 255 - k for k in range(256) for _ in range(3)])
-        return picture
-
-    return make
-
-
-def _with_gamma() -> PngImagePlugin.PngInfo:
-    info = PngImagePlugin.PngInfo()
-    info.add(b"gAMA", struct.pack(">I", 100_000))
-    return info
-
-
-def _colors(depth: int) -> Writer:
-    """Return a writer of two slices whose colours have so many bits; Pillow writes none of 16."""
-
-    def write(folder: Path) -> Path:
-        header = struct.pack(">2I5B", 4, 3, depth, 2, 0, 0, 0)
-        rows = zlib.compress((b"\0" + bytes(range(12)) * (depth // 8)) * 3)
-        parts = (chunk(b"IHDR", header), chunk(b"IDAT", rows), chunk(b"IEND", b""))
-        for number in range(2):
-            written(folder / f"s{number}.png", b"\x89PNG\r\n\x1a\n" + b"".join(parts))
-        return folder
-
-    return write
-
-
 _FLIPPED = {"mapc": 2, "mapr": 1}
 _IN_TIME = {"frames": 2}
 
@@ -175,13 +122,5 @@ SAMPLES: Samples = {
     "NumPy": {
         "descr": Sample(_npy(_NUMBERS), _npy(_NUMBERS.view(">u2"))),
         "fortran_order": Sample(_npy(_NUMBERS), _npy(_NUMBERS.ravel().reshape(2, 3, 4, order="F"))),
-    },
-    "PNG, JPEG and BMP": {
-        "Orientation": Sample(_pictures(), _pictures(exif=_turned())),
-        "palette": Sample(_pictures(_palette(is_gray=True)), _pictures(_palette(is_gray=False))),
-        "bit depth": Sample(_colors(8), _colors(16)),
-        "resolution": Sample(_pictures(dpi=(72, 72)), _pictures(dpi=(1200, 1200))),
-        "transparency": Sample(_pictures(), _pictures(transparency=3)),
-        "gamma": Sample(_pictures(), _pictures(pnginfo=_with_gamma())),
     },
 }
