@@ -171,3 +171,8 @@ def _transparent_above(points: Sequence[ControlPoint], end: float) -> list[Contr
     r, g, b = (float(np.interp(end, at, part)) for part in zip(*(point.color for point in points), strict=True))
     opacity = float(f"{np.interp(end, at, [point.opacity for point in points]):.3g}")
     return [*below, ControlPoint(end, (r, g, b), opacity), ControlPoint(end, (r, g, b), 0.0)]
+
+
+def transparent_between(points: Sequence[ControlPoint], first: float, last: float) -> list[ControlPoint]:
+    """Return the points with an opacity of 0 from `first` to `last`."""
+    return [*_transparent_above(points, first), *_mirrored(_transparent_above(_mirrored(points), -last))]

@@ -284,7 +284,11 @@ def _control_points(
         note = ", ".join(f"{layer.name}: {format_percent(layer.share)} of the picture" for layer in shown)
         if value not in points or point.opacity > points[value][0].opacity:
             points[value] = point, note
-    mapping, notes = zip(*(points[value] for value in sorted(points)), strict=True)
+    found = [points[value] for value in sorted(points)]
+    # The first point is the look of all that is below it, too.
+    if found[0][0].opacity > 0 and not any(layer.knots[0][1] for layer in preset.layers):
+        found.insert(0, (replace(found[0][0], opacity=0.0), ""))
+    mapping, notes = zip(*found, strict=True)
     return mapping, notes
 
 
