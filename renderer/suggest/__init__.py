@@ -7,8 +7,8 @@ Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
   consists of, and hides outliers; `absent.py` chooses what voxels without data count as.
 - `histogram.py`: range, histogram; `isolated.py`: hot and dead pixels, which are set aside; `percentiles.py`: exact
   ranks.
-- `features.py`: a sample of the voxels, its background and noise; `classes.py`: thresholds and materials;
-  `medium.py`: what surrounds the object evenly; `separation.py`: the object, and planes that clip away what lies around
+- `features.py`: a sample of the voxels, its background and noise; `padding.py`: zeros at the border of another
+  background; `classes.py`: thresholds and materials; `medium.py`: what surrounds the object evenly; `separation.py`: the object, and planes that clip away what lies around
   it.
 - `recognition.py` chooses by the kind of data; `level_sets.py`: distances and the like; `labels.py`: masks and
   segmentations, in the colours of `palette.py`; `wishes.py`: a suggestion steered by a word, a preset or a file.

@@ -11,6 +11,7 @@ from renderer.errors import InputError
 from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, VolumeSpec, ramp
 from renderer.suggest import features
 from renderer.suggest.histogram import compute_statistics
+from renderer.suggest.padding import without_padding
 from renderer.suggest.palette import in_8_bits
 from renderer.volume import Channel, Volume
 
@@ -63,7 +64,7 @@ def suggest_window(volume: Volume) -> tuple[float, float]:
     shown = statistics.without_outliers or statistics
     if shown.minimum == shown.maximum:
         return float(shown.minimum), float(shown.minimum) + max(1.0, abs(shown.minimum))
-    sample = features.sample_volume(volume, shown)
+    sample = without_padding(features.sample_volume(volume, shown))
     background, values = features.find_background(sample), sample.normalized[sample.is_valid]
     low = background.high if background.is_there else float(np.percentile(values, _DARK_PERCENTILE))
     above = values[values > low]

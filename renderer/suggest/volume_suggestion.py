@@ -39,6 +39,7 @@ from renderer.suggest.label_choice import table_of
 from renderer.suggest.labels import distinct_values, label_suggestion, label_values, with_table
 from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
 from renderer.suggest.opacity_calibration import cast_rays, measure_visibility, solve_depths
+from renderer.suggest.padding import without_padding
 from renderer.suggest.presets import Choice, Preset
 from renderer.suggest.recognition import hounsfield_zero, logarithmic_choice, recognise
 from renderer.suggest.separation import Plane, are_beyond, clip_specs, corner_box, separating_planes
@@ -228,7 +229,7 @@ def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, w
             return with_colormap(label_suggestion(volume, sample, values), wish.colormap)
         if word:
             raise InputError("too many values for labels", where=volume.name, got="--preset labels")
-    zero = hounsfield_zero(statistics)
+    zero, sample = hounsfield_zero(statistics), without_padding(sample)
     if word is not None and word not in WISHES:
         return imported_suggestion(sample, zero, word)
     is_float = isinstance(statistics.minimum, float)
