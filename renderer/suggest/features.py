@@ -43,15 +43,19 @@ _ONE_SIDED_RATIO = 0.15
 _SMOOTH = 0.58
 # Neighbours in noise have a smaller correlation; in the noisiest of 20 scans they have 0.7.
 _MIN_CORRELATION = 0.3
-# The values of a map of statistics, such as t or z, are noise around a middle, with a normal distribution: its 30 % that
-# are nearest reach 0.385 standard deviations, 70 % reach 1.036, 2.69 times as far. With a few active places the ratio is
-# 2.7; of an orbital it is 115, of seismic waves 3.4, of a distance 1.9, of uniform values 2.3.
-_NORMAL_RATIOS, _SIGMAS_OF_70_PERCENT = (2.45, 3.2), 1.036
+# The values of a map of statistics, such as t or z, are noise around a middle, with a normal distribution: the 30 %
+# that are nearest reach 0.385 standard deviations, 70 % reach 1.036.
+_SIGMAS_OF_70_PERCENT = 1.036
+# The ratio of both is 2.69. It is 2.7 of a map with a few active places, 115 of an orbital, 3.4 of seismic waves, 1.9
+# of a distance, 2.3 of uniform values.
+_NORMAL_RATIOS = (2.45, 3.2)
 # Noise ends this many standard deviations from the middle: 6 of 100,000 voxels are outside.
 _MAP_NOISE_SIGMAS = 4.0
-# Something stands out if at least this number of sampled voxels is further away than this many standard deviations; of
-# noise alone one of two millions is.
-_OUTSTANDING_SIGMAS, _MIN_OUTSTANDING = 5.0, 8
+# Something stands out if several sampled voxels are further away than this many standard deviations: of noise alone one
+# of two millions is.
+_OUTSTANDING_SIGMAS = 5.0
+# The least number of such voxels.
+_MIN_OUTSTANDING = 8
 # Values outside these percentiles are ignored when contrast is measured.
 _CONTRAST_PERCENTILES = (0.01, 99.99)
 

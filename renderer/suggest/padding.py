@@ -12,18 +12,21 @@ import numpy as np
 from renderer.suggest.features import Background, VoxelSample, background_at, faces, fill_with_noise
 from renderer.volume import Array, Bools, Float64
 
-# Padding has at least this part of the border, and at most this part of all voxels: the corners around a ball that
-# touches the border have 0.48.
-_MIN_OF_BORDER, _MAX_OF_VOXELS = 0.5, 0.35
+# Padding has at least this part of the border.
+_MIN_OF_BORDER = 0.5
+# It has at most this part of all voxels: the corners around a ball that touches the border have 0.48.
+_MAX_OF_VOXELS = 0.35
 # Half of it, on each face, is thinner than this part of the side. Around a ball it is 0.15.
 _MAX_THICKNESS = 0.1
-# Air has at least this part of the voxels, and lies in the lowest part of the range of those behind the padding; else
-# it may be an object that fills its box. In a template it is a quarter of the voxels, at 5 % of the range.
-_MIN_AIR, _MAX_AIR_VALUE = 0.1, 0.25
+# Air has at least this part of the voxels behind padding: in a template a quarter.
+_MIN_AIR = 0.1
+# It lies in this lowest part of their range, else it may be an object that fills its box: in a template at 5 %.
+_MAX_AIR_VALUE = 0.25
 # At least this part of the voxels is denser than air.
 _MIN_OBJECT = 0.01
 # Thinner volumes have no inside.
 _MIN_SIDE = 8
+# Normalised values that differ by no more than this are the same.
 _SAME = 1e-9
 
 

@@ -22,7 +22,7 @@ from renderer.suggest.features import VoxelSample
 from renderer.suggest.opacity_calibration import Layer
 from renderer.suggest.presets import OPAQUE_COVERAGE, RAMP, SHADING, STONE, Choice, Preset, glow_preset, opaque_preset
 from renderer.suggest.recognition import offset_text
-from renderer.suggest.suggestion import Suggestion, transparent_between
+from renderer.suggest.suggestion import LEAST_OPACITY, Suggestion, transparent_between
 from renderer.suggest.turntable import PRESET_WORDS
 
 
@@ -64,8 +64,6 @@ _VEIL = (0.45, 0.52, 0.66)
 _XRAY_COVERAGE = 0.4
 # A transfer function suits values that have this part of its range.
 _LEAST_COMMON = 0.5
-# A background with a smaller opacity of a unit length is hardly seen: a unit is about 1 % of the diagonal.
-_LEAST_OPACITY = 1e-3
 
 
 def _surface(scan: Materials, color: Color = STONE) -> Preset:
@@ -179,7 +177,7 @@ def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> S
     notes = [f"not imported: {clause}" for clause in imported.left_out]
     if not is_share and zero is None:
         notes += _misfits([(point.value, point.opacity) for point in points], imported.name, span)
-    if zero is None and background.is_there and _opacity_at(points, span[0]) > _LEAST_OPACITY:
+    if zero is None and background.is_there and _opacity_at(points, span[0]) > LEAST_OPACITY:
         points = transparent_between(points, *map(sample.denormalize, (background.low, background.high)))
         notes.append(f"{imported.name} shows values near {span[0]:g}, which are the background here and are left out")
     return Suggestion(
