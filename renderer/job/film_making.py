@@ -78,8 +78,9 @@ def make_film(
             volumes = read_film_volumes(job.scene)
             read_seconds = time.perf_counter() - before_reading
             for volume in volumes.first:
-                if volume.note is not None:
-                    events.volume_noted(f"{volume.name}: {volume.note}")
+                for each in filter(None, (volume, volume.mask)):
+                    if each.note is not None:
+                        events.volume_noted(f"{each.name}: {each.note}")
             placed = placement_notes(job.scene.at(0).layers, volumes.first)
             for note in filter(None, (*job.scene.import_notes, *placed, framing_note(job.scene))):
                 events.note(note)

@@ -143,6 +143,8 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
     remarks = "; ".join([*notes, *filter(None, [note])]) or None
     named = replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
+    is_guessed = not image.has_lengths or any((each or "").startswith(common.GUESSED_LENGTHS) for each in image.notes)
+    named = replace(named, has_lengths=spacing is not None or not is_guessed)
     # Lengths of the scene may be in any unit.
     are_own = spacing is None or np.allclose(spacing, replaced or 0.0, rtol=1e-3, atol=0.0)
     units = units_of(spec.unit or image.units.length_unit * bool(are_own), *image.units[1:])
