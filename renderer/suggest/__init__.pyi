@@ -7,6 +7,7 @@ from .matching import ValueLine as ValueLine, match_values as match_values
 from .opacity import format_percent as format_percent
 from .open_layers import resolve_scene as resolve_scene
 from .over import suggest_over as suggest_over
+from .padding import drawn_background as drawn_background
 from .recognition import hounsfield_zero as hounsfield_zero
 from .suggestion import Suggestion as Suggestion
 from .turntable import PRESET_WORDS as PRESET_WORDS, FilmOptions as FilmOptions

@@ -9,7 +9,7 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -160,7 +160,14 @@ class VoxelSample:
         return np.asarray((low + extent * normalized) / (low + extent))
 
 
-def sample_volume(volume: Volume, statistics: Statistics, fill: float = 0.0) -> VoxelSample:
+class ValueRange(NamedTuple):
+    """The range of values."""
+
+    minimum: float
+    maximum: float
+
+
+def sample_volume(volume: Volume, statistics: Statistics | ValueRange, fill: float = 0.0) -> VoxelSample:
     """Return a sample of a volume that is not constant.
 
     statistics: give the range. fill: the normalised value of voxels outside it, and of those without data.

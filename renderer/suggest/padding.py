@@ -9,8 +9,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.suggest.features import Background, VoxelSample, background_at, faces, fill_with_noise
-from renderer.volume import Array, Bools, Float64
+from renderer.suggest.features import (
+    Background,
+    ValueRange,
+    VoxelSample,
+    background_at,
+    faces,
+    fill_with_noise,
+    find_background,
+    sample_volume,
+)
+from renderer.transfer import TransferFunction
+from renderer.volume import Array, Bools, Float64, Volume
 
 # Padding has at least this part of the border.
 _MIN_OF_BORDER = 0.5
@@ -50,6 +60,25 @@ def without_padding(sample: VoxelSample) -> VoxelSample:
     filled = fill_with_noise(sample.normalized, is_padding, noise)
     neighbours = fill_with_noise(sample.neighbours, np.abs(sample.neighbours - padding) <= _SAME, noise)
     return replace(sample, normalized=filled, neighbours=neighbours)
+
+
+def drawn_background(volume: Volume, transfer: TransferFunction) -> float | None:
+    """Return the value of the background of a volume if it is visible; None if not, or where there is none.
+
+    A background lies at an end of the values: what fills the box with others on both sides is an object.
+    """
+    low, high = volume.value_range()
+    if low == high or volume.is_labels:
+        return None
+    sample = without_padding(sample_volume(volume, ValueRange(low, high)))
+    background = find_background(sample)
+    first, last = np.percentile(sample.normalized[sample.is_valid], (0.01, 99.99)).tolist()
+    place = (background.middle - first) / max(last - first, _SAME)
+    is_lowest = background.below < background.above and place < _MAX_AIR_VALUE
+    is_highest = background.above < background.below and place > 1 - _MAX_AIR_VALUE
+    value = sample.denormalize(background.middle)
+    is_visible = float(transfer.classify(np.array([value]))[1][0]) > 0
+    return sample.round_value(value) if background.is_there and (is_lowest or is_highest) and is_visible else None
 
 
 def _is_air(air: Background, inside: Float64) -> bool:

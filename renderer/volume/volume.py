@@ -31,7 +31,8 @@ class Volume:
         values, and again before using what was read.
     num_absent: the number of voxels without data.
     file_spacing: the spacing in the file, if the scene gives another; else None.
-    note: a remark on how the volume was read. has_lengths: whether its file, or the scene, gives the lengths of a voxel.
+    note: a remark on how the volume was read.
+    has_lengths: whether its file, or the scene, gives the lengths of a voxel.
     channels: all components of the file that it is from; none where that has one.
     is_labels: whether the values are numbers of labels, 0 for none, and nothing lies between two of them.
     mask: where it is shown: a volume of labels on a grid of its own, whose number there is 1; None for everywhere.
