@@ -62,7 +62,7 @@ def look_ahead(stage: Stage, frames: Sequence[int], *, num_threads: int) -> list
         seen.append(_seen(at, view, radiance))
         are_boxes.append([_is_box(layer, view, pixels, radiance[:, 3]) for layer in at.layers])
     dark = [number for number, part in zip(numbers, seen, strict=True) if part < _LEAST_SEEN]
-    found = [_dark_glance(dark, max(seen), len(frames))] if 2 * len(dark) >= len(numbers) else []
+    found = [_dark_glance(dark, max(seen))] if 2 * len(dark) >= len(numbers) else []
     boxes = np.all(are_boxes, axis=0).tolist()
     return [
         *found,
@@ -85,13 +85,13 @@ def _seen(stage: Stage, view: View, radiance: Float64) -> float:
     return float((np.maximum(differs, shown[..., 3]) if background is None else differs).mean())
 
 
-def _dark_glance(numbers: Sequence[int], most: float, num_frames: int) -> Glance:
+def _dark_glance(numbers: Sequence[int], most: float) -> Glance:
     """Return what to say of frames that show too little. most: of all that were looked at, a part of white."""
     word = "nothing" if most < _NOTHING else "next to nothing"
-    which = f" on frame {' and '.join(map(str, numbers))}" if most >= _LEAST_SEEN else ""
-    amount = f": its pictures have {100 * most:.2g} % of white" * (_NOTHING <= most < _LEAST_SEEN)
-    hint = "; `hsplat info` shows which values there are"
-    return Glance(word, f"{word} is seen of this film{which}{amount}{hint}")
+    *others, last = map(str, numbers)
+    which = f"frames {', '.join(others)} and {last}" if others else f"frame {last}"
+    amount = f": their pictures have {100 * most:.2g} % of white" * (_NOTHING <= most < _LEAST_SEEN)
+    return Glance(word, f"{word} is seen on {which}{amount}; `hsplat info` shows which values there are")
 
 
 def _is_box(layer: Layer, view: View, pixels: Int64, opacities: Float64) -> bool:
