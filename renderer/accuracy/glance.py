@@ -38,10 +38,16 @@ _STEP_VOXELS = 2.0
 
 
 class Glance(NamedTuple):
-    """What is wrong with what a film shows. word: for a table. note: a sentence without a full stop."""
+    """What is wrong with what a film shows. word: for a table; empty for a remark. note: a sentence, no full stop."""
 
     word: str
     note: str
+
+
+NOTHING = "nothing"
+NOTHING_VISIBLE = (
+    "nothing is visible: the transfer function hides every voxel; `hsplat info` shows which values there are"
+)
 
 
 def look_ahead(stage: Stage, frames: Sequence[int], *, num_threads: int) -> list[Glance]:
@@ -62,8 +68,12 @@ def look_ahead(stage: Stage, frames: Sequence[int], *, num_threads: int) -> list
         seen.append(_seen(at, view, radiance))
         are_boxes.append([_is_box(layer, view, pixels, radiance[:, 3]) for layer in at.layers])
     dark = [number for number, part in zip(numbers, seen, strict=True) if part < _LEAST_SEEN]
-    found = [_dark_glance(dark, max(seen))] if 2 * len(dark) >= len(numbers) else []
+    found = [_dark_glance(stage, dark, max(seen))] if 2 * len(dark) >= len(numbers) else []
     boxes = np.all(are_boxes, axis=0).tolist()
+    if stage.not_framed:
+        found.append(
+            Glance("", f"what adds {100 * stage.not_framed:.2g} % of a picture is not framed, and may lie beside it")
+        )
     return [
         *found,
         *(each for layer, is_box in zip(stage.layers, boxes, strict=True) if is_box for each in _box_glances(layer)),
@@ -85,12 +95,15 @@ def _seen(stage: Stage, view: View, radiance: Float64) -> float:
     return float((np.maximum(differs, shown[..., 3]) if background is None else differs).mean())
 
 
-def _dark_glance(numbers: Sequence[int], most: float) -> Glance:
+def _dark_glance(stage: Stage, numbers: Sequence[int], most: float) -> Glance:
     """Return what to say of frames that show too little. most: of all that were looked at, a part of white."""
-    word = "nothing" if most < _NOTHING else "next to nothing"
     *others, last = map(str, numbers)
     which = f"frames {', '.join(others)} and {last}" if others else f"frame {last}"
-    amount = f": their pictures have {100 * most:.2g} % of white" * (_NOTHING <= most < _LEAST_SEEN)
+    if most < _NOTHING:
+        is_hidden = not any(layer.pyramid.occupied.any() for layer in stage.layers)
+        return Glance(NOTHING, NOTHING_VISIBLE if is_hidden else f"nothing is seen on {which}")
+    amount = f": their pictures have {100 * most:.2g} % of white" * (most < _LEAST_SEEN)
+    word = "next to nothing"
     return Glance(word, f"{word} is seen on {which}{amount}; `hsplat info` shows which values there are")
 
 

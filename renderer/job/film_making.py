@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from renderer.accuracy import Glance, finer_than_kept, look_ahead
+from renderer.accuracy import NOTHING, Glance, finer_than_kept, look_ahead
 from renderer.errors import InputError, RenderError
 from renderer.film import film_notes, require_encoder
 from renderer.frame import FilmVolumes, LODCostEstimator, Stage, framing_note, prepare_stage, read_film_volumes
@@ -238,7 +238,7 @@ class FilmInProgress:
         """
         scene, requested, seconds = self.stage.scene, self.job.requested, time.perf_counter() - self.start
         shortfall = find_shortfall(scene, requested, plan, frames)
-        seen = [each.note for each in self.glances]
+        seen = [each.note for each in self.glances if each.word != NOTHING]  # of which the frames tell more
         notes = [*film_notes(self.output.spec), *annotation_notes(self.stage), *seen, *self.executor.notes]
         record = film_record(plan, frames, requested, self.job.original, shortfall, self._devices(frames))
         record = replace(

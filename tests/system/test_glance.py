@@ -136,5 +136,5 @@ def test_init_tells_it(monkeypatch: pytest.MonkeyPatch) -> None:
         "[RGBA255]\nnodergba0=0|0|0|0\nnodergba1=0|0|0|255\n"
     )
     assert "warning" not in run("init", "ball.npy")
-    assert "warning: nothing is seen on frame" in run("init", "ball.npy", "--preset", "fog.clut")
+    assert "warning: nothing is seen" in run("init", "ball.npy", "--preset", "fog.clut")
     assert all("box" not in run("init", "ball.npy", "--preset", word) for word in PRESET_WORDS if word != "labels")
