@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.pyramid import Pyramid, descendants, root_cells
+from renderer.pyramid import Pyramid, cell_voxel_counts, descendants, root_cells
 from renderer.volume import Bools, Float64, grow, label_parts
 
 # What is left out adds less than this part of a picture.
@@ -59,19 +59,19 @@ def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
 
 
 def _depths(pyramid: Pyramid, occupied: Bools) -> Float64:
-    """Return the optical depth of each visible cell, float64 [z, y, x], from the means of larger ones around it."""
+    """Return the optical depth of each visible cell, float64 [z, y, x], as if those in a larger cell were alike."""
     level = max(_FINEST_LEVEL, pyramid.occupied_level)
     nodes, cells = descendants(pyramid, *root_cells(pyramid), pyramid.num_levels, level)
     shift = level - pyramid.occupied_level
     shape = [((num - 1) >> shift) + 1 for num in occupied.shape]
-    means, num_cells = np.zeros(shape), np.zeros(shape, np.int64)
+    totals, num_cells = np.zeros(shape), np.zeros(shape, np.int64)
     x, y, z = cells.T
-    means[z, y, x] = pyramid.levels[level - 1].means[nodes, 3].astype(np.float64) * pyramid.mean_unit
+    means = pyramid.levels[level - 1].means[nodes, 3].astype(np.float64) * pyramid.mean_unit
+    totals[z, y, x] = means * cell_voxel_counts(cells, level, pyramid.volume)
     of_cell = tuple(np.argwhere(occupied).T >> shift)
     np.add.at(num_cells, of_cell, 1)
-    share = 8.0**shift / num_cells[of_cell]
     depths = np.zeros(occupied.shape)
-    depths[occupied] = means[of_cell] * share * 2.0**pyramid.occupied_level
+    depths[occupied] = totals[of_cell] / num_cells[of_cell] / 4.0**pyramid.occupied_level
     return depths
 
 
