@@ -297,7 +297,8 @@ def preview(scene: SceneLike) -> Page:
     made = make_scene(scene, {})
     title = f"Preview of {Path(scene).name if isinstance(scene, (str, os.PathLike)) else 'a scene'}"
     job = FilmJob(made, range(made.num_frames), accuracy_of(made.error))
-    return Page(preview_page(job, title, lambda _: None))
+    page, _ = preview_page(job, title, lambda _: None)
+    return Page(page)
 
 
 @ctrl_c_stops_kernels()

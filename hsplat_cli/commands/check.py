@@ -91,7 +91,8 @@ def _costs(request: SceneRequest) -> tuple[list[tuple[str, str]], Forecast | Non
             found = forecast_film(job, open_local_executor, events)
     except HsplatError as error:
         return [("note", f"the cost is not known: {str(error).partition(chr(10))[0]}")], None
-    return [("cost", f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}")], found
+    cost = f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}"
+    return [("cost", cost), *(("note", each.note) for each in found.glances)], found
 
 
 def _summary(scene: Scene, num_frames: int, costs: Forecast | None) -> list[tuple[str, str]]:

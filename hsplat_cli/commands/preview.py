@@ -71,8 +71,10 @@ def preview(*, source: Path, page: Path | None, watches: bool, serve: bool, repo
     require_writable_dry_run(page)
     with locked_files([page]):
         with reporter.progress([1.0] * NUM_PARTS, label="preview", unit="parts") as bar:
-            content = preview_page(job, f"Preview of {source.absolute().name}", bar.advance).encode()
-        write_staged(page, content)
+            content, glances = preview_page(job, f"Preview of {source.absolute().name}", bar.advance)
+        write_staged(page, content.encode())
+    for each in glances:
+        reporter.note(each.note)
     reporter.line(f"page: {page}")
 
 

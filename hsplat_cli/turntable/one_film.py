@@ -180,8 +180,11 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     if accuracy is not None:
         record |= {"psnr": round(accuracy.psnr, 2), "psnr_interval": list(accuracy.interval)}
         record["file_psnr"] = round((accuracy.file or accuracy).psnr, 2)
+    before = manifest.read_films(request.scene.parent).get(request.scene.name, {})
+    seen = ", ".join(each.word for each in film.glances if each.word) if film.summary else before.get("seen", "")
     return record | {
         **facts,
+        "seen": seen,
         "values": facts.get("values", _visible_values(scene)),
         "hidden": "" if visibility is None else visibility_text(visibility),
         "notes": [*film.record.notes, *notes],

@@ -85,11 +85,12 @@ def prepare_stage(
     raise_problems(placement_problems(volumes))
     watch.lap("read")
     layers = maker.layers_of(first, min_tolerance(scene.error), watch.lap)
-    target, distance = _framing(scene, maker, layers)
+    target, distance, left_out = _framing(scene, maker, layers)
     raise_problems(_clip_problems(scene, volumes))
     stage = maker.stage_of(first, layers, target, distance)
     watch.lap("framing")
-    return replace(stage, scene=scene, seconds=watch.seconds, maker=maker if scene.moves else None)
+    kept = maker if scene.moves else None
+    return replace(stage, scene=scene, seconds=watch.seconds, maker=kept, not_framed=left_out)
 
 
 def render_frames(
@@ -139,19 +140,23 @@ def _clip_problem(key: str, volume: Volume) -> Problem:
     return Problem(key, "leaves nothing of the volume", expected=expected)
 
 
-def _framing(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float]:
-    """Return target and distance: the scene's, or such that all frames have in frame what is visible on any."""
+def _framing(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float, float]:
+    """Return target and distance: the scene's, or such that all frames have in frame what is visible on any.
+
+    The third number is the part of a picture that does not count for that.
+    """
     camera, size = scene.at(0).camera, scene.output.size
     frames_of: dict[CameraSpec, list[int]] = {}
     for frame in _sampled(scene, _MOST_SAMPLED_CAMERAS):
         frames_of.setdefault(scene.at(frame).camera, []).append(camera.path_frame(frame))
     if all(isinstance(each.target, tuple) and each.distance is not None for each in frames_of):
         assert isinstance(camera.target, tuple) and camera.distance is not None
-        return camera.target, camera.distance
-    points = np.concatenate([points_in_frame(scene.at(0), layers), *_other_points(scene, maker, layers)])
+        return camera.target, camera.distance, 0.0
+    framed = [points_in_frame(scene.at(0), layers), *_other_points(scene, maker, layers)]
+    points, left_out = np.concatenate([each for each, _ in framed]), max(part for _, part in framed)
     target = _target(camera, layers, points)
     if camera.distance is not None:
-        return target, camera.distance
+        return target, camera.distance, left_out
     if len(frames_of) == 1:
         distance = fit_distance(camera, points, target, size)
     else:
@@ -165,7 +170,7 @@ def _framing(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> tupl
         reach = GAUSSIAN_CUTOFF * scene.splat.sigma - 0.5
         whole = corners_around(volume, points, reach)
         distance = max(distance, fit_distance(camera, whole, target, size, margin=0.0))
-    return target, distance
+    return target, distance, left_out
 
 
 def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vector:
@@ -180,8 +185,8 @@ def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vec
     return float(x), float(y), float(z)
 
 
-def _other_points(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[Float64]:
-    """Yield what is visible on some of the frames of a film in which something moves, besides the first."""
+def _other_points(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[tuple[Float64, float]]:
+    """Yield what `points_in_frame` returns for some frames of a film in motion, besides the first."""
     tolerance, known = min_tolerance(scene.error), [layer.digest for layer in layers]
     for frame in _sampled(scene, _MOST_SAMPLED_LAYERS)[1:] if scene.moves else ():
         sampled = scene.at(frame)

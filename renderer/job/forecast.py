@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.accuracy import Glance
 from renderer.film import Picture, open_films
 from renderer.frame import LODCostEstimator, Stage, Stopwatch
 from renderer.job.events import JobEvents
@@ -32,10 +33,14 @@ NUM_NEIGHBOURS = 3
 
 @dataclass(frozen=True)
 class Forecast:
-    """A prediction of what a film costs: seconds, and the bytes of each output by its file."""
+    """A prediction of what a film costs: seconds, and the bytes of each output by its file.
+
+    glances: what is wrong with what it shows, where that was looked at.
+    """
 
     seconds: float
     num_bytes: Mapping[Path, float]
+    glances: Sequence[Glance] = ()
 
     @property
     def seconds_text(self) -> str:

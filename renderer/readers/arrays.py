@@ -106,7 +106,8 @@ def _chosen(values: Array, time: int | None, component: int | None) -> common.Im
     if values.ndim == 2:
         values = values[np.newaxis]
     chosen = common.choose(axes_of_array(values.shape, time, component), values.shape, time, component)
-    return common.Image(values[chosen.part], np.eye(4), chosen.notes, channels=chosen.channels, steps=chosen.steps)
+    options: dict[str, Any] = {"channels": chosen.channels, "steps": chosen.steps, "has_lengths": False}
+    return common.Image(values[chosen.part], np.eye(4), chosen.notes, **options)
 
 
 def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:

@@ -64,6 +64,7 @@ class Image:
     labels: those that the file describes, by value.
     steps: all that it has in time.
     units: of its lengths and values, and its axes.
+    has_lengths: whether the format can say how long a voxel is.
     """
 
     values: Array
@@ -74,6 +75,7 @@ class Image:
     labels: tuple[Label, ...] = ()
     steps: TimeSteps = field(default=TimeSteps())
     units: Units = field(default=Units())
+    has_lengths: bool = True
 
 
 def no_spacing(names: Sequence[str]) -> str:

@@ -44,17 +44,23 @@ def mark_absent(
     nodata: Literal["auto", "none"] | tuple[float, ...],
     declared: Ranges,
     first_xyz: tuple[int, ...],
+    elsewhere: Sequence[float] = (),
 ) -> tuple[Array, int, str | None]:
     """Return the values with NaN where there is no data, the number of such voxels, and a note on them.
 
     nodata: as in VolumeSpec. declared: by the file. first_xyz: the number of the first voxel in messages.
+    elsewhere: fill values of other steps in time, which few voxels of this one may have.
     Values that are mapped from a file are copied before any is replaced. Raises InputError where no voxel has data, and
     with `none` for NaN and infinities.
     """
     if nodata == "none":
         _require_finite(values, file, first_xyz)
         return values, 0, None
-    points = _find_fill_values(values, file) if nodata == "auto" else nodata
+    if nodata == "auto":
+        own = find_fill_values(values, file)
+        points = (*own, *_beyond_data(values, [each for each in elsewhere if each not in own], own))
+    else:
+        points = nodata
     ranges = [*(declared if nodata == "auto" else ()), *((point, point) for point in points)]
     if values.dtype.kind != "f" and not ranges:
         return values, 0, None
@@ -166,13 +172,27 @@ def _with_nan(values: Array, ranges: Ranges) -> Array:
     return marked
 
 
-def _find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...]:
+def _beyond_data(values: Array, points: Sequence[float], own: Sequence[float]) -> list[float]:
+    """Return those fill values of other steps that lie beyond the values of this one. own: its fill values."""
+    sample = _sampled(values)
+    sample = sample[np.isfinite(sample) & ~np.isin(sample, [*points, *own])]
+    if not points or not sample.size:
+        return []
+    low, high = np.quantile(sample, (_OUTERMOST, 1 - _OUTERMOST), method="nearest").tolist()
+    return [point for point in points if not low <= point <= high]
+
+
+def _sampled(values: Array) -> Float64:
+    """Return values at random places: those of a regular pattern may have one x."""
+    places = np.random.default_rng(0).integers(values.size, size=_NUM_SAMPLES)
+    return np.asarray(values.reshape(-1)[np.sort(places)], np.float64)
+
+
+def find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...]:
     """Return the fill values, judging by the values alone, ascending; bytes have none."""
     if values.dtype.itemsize == 1:
         return ()
-    # At random places: those of a regular pattern may have one x.
-    places = np.random.default_rng(0).integers(values.size, size=_NUM_SAMPLES)
-    sample = values.reshape(-1)[np.sort(places)].astype(np.float64)
+    sample = _sampled(values)
     extremes = [end for slab in _finite_slabs(values, file) for end in (float(slab.min()), float(slab.max()))]
     sample = np.concatenate([sample[np.isfinite(sample)], [min(extremes), max(extremes)] if extremes else []])
     distinct, counts = np.unique(sample, return_counts=True)

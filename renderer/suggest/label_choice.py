@@ -77,6 +77,9 @@ class KnownLabels:
         return f"the nearest is {min(self.present, key=lambda value: abs(value - key))}"
 
 
+NO_LABELS = KnownLabels((), {})
+
+
 def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Problems) -> LayerSpec:
     """Return a layer in which all labels that are shown have their number, colour and name.
 
@@ -104,21 +107,36 @@ def known_labels(spec: VolumeSpec, read: ReadVolume, labels: LabelsSpec) -> Know
 
     labels: whose names go before those of a table. Raises InputError for a volume that is no labels.
     """
-    steps = steps_in_time(spec)
-    volume = read(steps[0])
-    found = read_label_table(labels.names) if isinstance(labels.names, Path) else table_of(spec, volume)
-    table = {label.value: label for label in found}
-    if isinstance(labels.names, tuple):
-        table |= {value: replace(table.get(value, Label(value)), name=name) for value, name in labels.names}
-    present = {*count_labels(volume)}.union(*(count_labels(read(step)) for step in steps[1:]))
+    known = labels_of(steps_in_time(spec), read)
+    table = known.table
+    if isinstance(labels.names, Path):
+        table = {label.value: label for label in read_label_table(labels.names)}
+    elif isinstance(labels.names, tuple):
+        table = table | {value: replace(table.get(value, Label(value)), name=name) for value, name in labels.names}
+    return replace(known, table=table)
+
+
+def labels_of(steps: Sequence[VolumeSpec], read: ReadVolume) -> KnownLabels:
+    """Return what is known of the labels of the steps of a volume; of two that describe a label, the first one counts.
+
+    Raises InputError for volumes that are no labels, and tables that cannot be read.
+    """
+    present, table = set[int](), dict[int, Label]()
+    for step in steps:
+        volume = read(step)
+        present.update(count_labels(volume))
+        for label in table_of(step, volume):
+            table.setdefault(label.value, label)
     return KnownLabels(sorted(present), table)
 
 
 def table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:
     """Return what the file of a volume, or a table beside it, says of its labels."""
-    if volume.labels or not isinstance(spec.source, FileSource):
+    source = spec.source
+    if volume.labels or not isinstance(source, FileSource):
         return volume.labels
-    beside = find_label_table(spec.source.file)
+    file = source.steps[spec.time] if source.steps and isinstance(spec.time, int) else source.file
+    beside = find_label_table(file)
     return () if beside is None else read_label_table(beside)
 
 
