@@ -12,7 +12,7 @@ from hsplat_cli.commands.options import takes_scene
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import Reporter
 from renderer.accuracy import finer_than_kept, psnr, typical_kept_psnr, typical_psnr, wanted_error
-from renderer.errors import HsplatError
+from renderer.errors import HsplatError, SceneError
 from renderer.film import (
     frame_path,
     require_own_folder,
@@ -57,8 +57,9 @@ def check(request: SceneRequest, *, output: str | None, no_cost: bool) -> None:
 
     SCENE is a YAML file, or the JSON file beside a film. Finds all that render refuses before it loads a library to
     read voxels, to draw or to encode. Nothing is written. Of a scene that is right, some frames are drawn and encoded,
-    which tells what the film costs here; with --no-cost, only the first bytes of the volume are read. Where that fails,
-    a note says why: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg.
+    which tells what the film costs here; with --no-cost, only the first bytes of the volume are read. Numbers that do
+    not fit the volumes are errors then, too. Where nothing can be drawn, a note says why: a damaged header or voxels, a
+    size that OpenGL does not have, no OpenGL, no ffmpeg.
     """
     request = replace(request, output=output)
     job = load_job(request, reads=False)
@@ -89,6 +90,8 @@ def _costs(request: SceneRequest) -> tuple[list[tuple[str, str]], Forecast | Non
         job = load_job(request)
         with FilmEvents(Reporter(), job.scene.splat.primitive_name) as events:
             found = forecast_film(job, open_local_executor, events)
+    except SceneError:  # its numbers do not fit the volumes
+        raise
     except HsplatError as error:
         return [("note", f"the cost is not known: {str(error).partition(chr(10))[0]}")], None
     cost = f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}"

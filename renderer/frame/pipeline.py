@@ -32,7 +32,6 @@ from renderer.scene import (
     motions_in,
     raise_problems,
     volume_extent,
-    volume_problems,
     with_draw_order,
 )
 from renderer.splats import GAUSSIAN_CUTOFF
@@ -79,10 +78,9 @@ def prepare_stage(
     if volumes is not None:
         maker.volumes = [volume_key(layer) for layer in first.layers], volumes
     volumes = maker.volumes_of(first)
+    raise_problems(placement_problems(scene, volumes))
     for volume in volumes:
-        extent = volume_extent(volume)
-        raise_problems([*volume_problems(extent, volume.name), *camera_problems(first.camera, size, extent)])
-    raise_problems(placement_problems(volumes))
+        raise_problems(camera_problems(first.camera, size, volume_extent(volume)))
     watch.lap("read")
     layers = maker.layers_of(first, min_tolerance(scene.error), watch.lap)
     target, distance, left_out = _framing(scene, maker, layers)
