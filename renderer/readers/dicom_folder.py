@@ -11,7 +11,8 @@ from functools import partial
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.readers.dicom_fields import Dataset, kind_of, kind_without_pixels, open_dicom, text_of, unreadable_slice
+from renderer.readers.dicom_fields import Dataset, open_dicom, text_of, unreadable_slice
+from renderer.readers.dicom_kinds import kind_of, kind_without_pixels
 from renderer.readers.sniff import is_dicom
 from renderer.scene import join_some, short_text
 
