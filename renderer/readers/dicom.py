@@ -114,7 +114,7 @@ def _read_chosen(
     if not are_labels or (len(volumes[0]) > 1 and not is_joined):
         chosen = chosen._replace(channels=channels_of(volumes[0], segments.labels, are_light=not are_labels))
     if not are_labels:
-        return chosen, _read_values(frames, chosen.component, host)
+        return chosen, _read_values(frames, 0, host)
     if is_joined and segments.kind != "LABELMAP":
         values, overlap = join_segments(volumes[0], host)
         chosen = chosen._replace(channels=())
