@@ -15,7 +15,7 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
   `tiff_description.py`: axes by ImageJ, OME, tifffile and Zeiss; `tiff_spacing.py`: lengths by them or the resolution;
   `tiff_channels.py`: colours, names and windows of channels;
   `slice_names.py`: the order of slices in separate files.
-- `dicom_folder.py`: the files of one series, and strays; `dicom_tags.py`: files of frames in folders, without a library;
+- `dicom_folder.py`: the files of one series, and strays; `dicom_tags.py`: fields that a search needs;
   `dicom_kinds.py`: runs, tiles and files without pixels; `dicom_frames.py`: the frames of one file, by its fields,
   `dicom_fields.py` and `dicom_orientation.py`; `dicom_values.py` and `dicom_pixels.py`: their values;
   `dicom_mosaic.py`: slices side by side in one image; `dicom_places.py`: where frames lie; `dicom_dimensions.py`: times

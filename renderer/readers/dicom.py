@@ -21,7 +21,7 @@ from renderer.readers.dicom_folder import describe_left_out, find_series, one_of
 from renderer.readers.dicom_frames import Frame, frames_of
 from renderer.readers.dicom_mosaic import slices_of
 from renderer.readers.dicom_pixels import pixels_of
-from renderer.readers.dicom_places import check_alike, even_step, placed, without_strays
+from renderer.readers.dicom_places import check_alike, even_step, placed, turned, without_strays
 from renderer.readers.dicom_segments import (
     Segments,
     are_whole,
@@ -61,6 +61,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     if path.is_dir():
         frames, strays = without_strays(frames)
         left_out["image of another size or orientation"] = list(dict.fromkeys(frame.file for frame in strays))
+    frames, axes_note = turned(frames)
     frames, place_note = placed(frames)
     try:
         found = sort_frames(frames)
@@ -76,6 +77,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     notes = (
         f"left out of this series: {told}" if told else None,
         found.note,
+        axes_note,
         place_note,
         one_of_a_series(path) if is_alone else None,
         *dict.fromkeys(note for frame in voxels.frames for note in frame.notes),

@@ -48,6 +48,9 @@ _IN_PLANE = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing",
 # Sequences whose first items hold fields of all frames.
 _ITEMS = ("DetectorInformationSequence", "RealWorldValueMappingSequence")
 
+# Without these there is no image.
+_SIZES = ("Rows", "Columns", "SamplesPerPixel", "NumberOfFrames")
+
 # Numbers of slices in files of their own, in the order in which they take the place of a position.
 PLACE_KEYS = ("SliceLocation", "InstanceNumber")
 
@@ -67,6 +70,7 @@ class Frame:
     marks: what tells it from other frames at its place. corner: the pixel across and down where it begins in the
         stored frame. notes: remarks on how it was read; None stands for none. times: when it was taken, by keywords.
     units: of its lengths and values. has_place: whether the file says its position; else `keys` has its PLACE_KEYS.
+    has_axes: whether the file says its directions, or neither these nor a position.
     stated: fields that are not applied. space: the name of the space that its position belongs to. has_colors: whether
         its samples are red, green and blue.
     """
@@ -87,6 +91,7 @@ class Frame:
     times: dict[str, float] = field(default_factory=dict)
     units: Units = field(default=Units())
     has_place: bool = True
+    has_axes: bool = True
     keys: dict[str, float] = field(default_factory=dict)
     stated: frozenset[str] = frozenset()
     space: str = ""
@@ -176,10 +181,14 @@ def _read_layout(path: Path, dataset: Dataset) -> tuple[_File, list[list[Dataset
         shared, *_ = groups_of(dataset, "SharedFunctionalGroupsSequence") or [[]]
         each = groups_of(dataset, "PerFrameFunctionalGroupsSequence") or [[]] * count
         size, num_samples = (int(dataset.Columns), int(dataset.Rows)), int(dataset.get("SamplesPerPixel") or 1)
-        if min(*size, num_samples, count) < 1 or len(each) != count:
+        if min(*size, num_samples, count) < 1:
             raise ValueError
     except (AttributeError, ValueError, TypeError) as error:
-        raise unreadable_slice(path) from error
+        got = ", ".join(f"{each} = {short_text(text_of([dataset], each)) or 'none'}" for each in _SIZES)
+        raise unreadable_slice(path, "its header is damaged, or holds no image", got) from error
+    if len(each) != count:
+        got = f"PerFrameFunctionalGroupsSequence of {len(each)} items, and {count} frames"
+        raise unreadable_slice(path, "its header is damaged: export it again", got)
     vectors, is_palette = vectors_of(dataset, count), has_palette(dataset)
     places, note = _places(dataset, vectors, each)
     has_position = any(keyword in group for own in (shared, *each) for group in own for keyword in _POSITIONS)
@@ -244,6 +253,7 @@ def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> 
         times=times,
         units=units,
         has_place=has_stated or file.num_frames > 1,
+        has_axes=axes.are_known or not has_stated,
         keys=keys,
         stated=stated_in(fields, has_place=has_stated or file.num_frames > 1, has_axes=axes.are_known),
         space=text_of(fields, "FrameOfReferenceUID"),
@@ -290,6 +300,7 @@ def _lengths(file: _File, fields: list[Dataset], *, is_stacked: bool, is_needed:
     pairs = (numbers_of(fields, keyword) for keyword in _IN_PLANE)
     pair = next((found for found in pairs if len(found) == 2 and min(found) > 0), [])
     stated, thick = (first_numbers(fields, [each], [0.0])[0] for each in ("SpacingBetweenSlices", "SliceThickness"))
+    thick *= "LOCALIZER" not in text_of(fields, "ImageType")  # which has the thickness of a body
     between, note = stated or max(thick, 0.0), _THICK if is_stacked and not stated and thick > 0 else None
     got = None
     if not pair and file.run:

@@ -18,6 +18,8 @@ _RUNS = {
     "XA": "an X-ray run",
     "RF": "an X-ray run",
     "DX": "an X-ray run",
+    "CR": "an X-ray run",
+    "RTIMAGE": "an X-ray run",
     "US": "an ultrasound clip",
     "IVUS": "an ultrasound clip",
     "ES": "a film of an endoscope",

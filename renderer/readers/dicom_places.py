@@ -21,6 +21,13 @@ from renderer.volume import Float64
 # one is off by a whole step.
 UNEVEN = 0.05
 
+# Slices whose places differ along x, y and z: their name, and how rows and columns usually lie in LPS.
+_PLANES = (
+    ("sagittal", (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
+    ("coronal", (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)),
+    ("axial", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+)
+
 
 def placed(frames: Sequence[Frame]) -> tuple[list[Frame], str | None]:
     """Return frames that all have a place, and a note on the field that gives it to those without a position.
@@ -49,6 +56,22 @@ def placed(frames: Sequence[Frame]) -> tuple[list[Frame], str | None]:
         expected="ImagePositionPatient, or a number that grows from slice to slice, in each file",
         hint="`spacing: [x, y, z]` says how far apart they are" if needs_distance else hint,
     )
+
+
+def turned(frames: Sequence[Frame]) -> tuple[list[Frame], str | None]:
+    """Return frames that say no directions with those that their places tell, and a note on these.
+
+    Slices at different x are taken for sagittal ones, and at different y for coronal ones; others for axial ones.
+    """
+    extents = np.ptp([frame.position for frame in frames], axis=0)
+    if frames[0].has_axes or not extents.any():
+        return list(frames), None
+    name, row, column = _PLANES[int(np.argmax(extents))]
+    seen = [
+        replace(frame, across=np.array(row) * frame.spacing[0], down=np.array(column) * frame.spacing[1])
+        for frame in frames
+    ]
+    return seen, f"no ImageOrientationPatient; by their positions these are taken for {name} slices"
 
 
 def _places_by(keyword: str, frames: Sequence[Frame]) -> Float64 | None:

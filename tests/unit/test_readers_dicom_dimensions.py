@@ -424,3 +424,37 @@ def test_mosaics_in_a_folder_are_times(tmp_path: Path) -> None:
     assert read(tmp_path).note == TIMES.format(3, "AcquisitionNumber")
     for t in range(3):
         np.testing.assert_array_equal(read(tmp_path, time=t).values, values[2 - t])
+
+
+@pytest.mark.parametrize(
+    ("axis", "name", "axes"),
+    [(0, "sagittal", "0 1 0 0 0 -1"), (1, "coronal", "1 0 0 0 0 -1"), (2, "axial", "1 0 0 0 1 0")],
+)
+def test_places_tell_directions_where_nothing_else_does(tmp_path: Path, axis: int, name: str, axes: str) -> None:
+    """The picture is that of a file which says them."""
+    for is_said in (False, True):
+        folder = tmp_path / str(is_said)
+        folder.mkdir()
+        for k in range(3):
+            place = ["0", "0", "0"]
+            place[axis] = str(2 * k)
+            fields = {"ImagePositionPatient": place, "ImageOrientationPatient": axes.split() if is_said else None}
+            write_slice(folder, k, planes(3)[k], 0, **fields)
+    volume, said = read(tmp_path / "False"), read(tmp_path / "True")
+    np.testing.assert_array_equal(volume.values, said.values)
+    np.testing.assert_array_equal(volume.world_from_index, said.world_from_index)
+    assert (volume.note, said.note) == (
+        f"no ImageOrientationPatient; by their positions these are taken for {name} slices",
+        None,
+    )
+    assert volume.world_axes == ""
+
+
+def test_files_of_frames_beside_slices_are_left_out(tmp_path: Path) -> None:
+    for k in range(4):
+        write_slice(tmp_path, k, planes(4)[k], 2 * k)
+    for k in range(2):
+        save(tmp_path / f"frames{k}.dcm", image_fields(planes(3), uid=f"1.{k}", SpacingBetweenSlices="1"))
+    volume = read(tmp_path)
+    np.testing.assert_array_equal(volume.values, planes(4))
+    assert volume.note == "left out of this series: 2 files of several frames (frames0.dcm)"
