@@ -83,10 +83,12 @@ def turntable(
     if shared is not None:
         film = FilmOptions(shared.scene.num_frames, no_paths=not shared.scene.output.record_paths)
     arguments = [*_as_arguments(_given(options) | chosen | {"force": force}), f"--output={folder}"]
+    named = _named_volumes(volumes, name, reporter)
     how = [*_as_arguments({"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler})]
+    problems = {volume: list[InputError]() for volume in named.values()}
     requests = [
         FilmRequest(
-            volume=volume_spec(volume, options),
+            volume=volume_spec(volume, options, problems[volume]),
             film=film,
             scene=folder / f"{film_name}.yaml",
             output=shared.outputs(folder, film_name).file if shared else folder / f"{film_name}{numbered}.{kind}",
@@ -94,8 +96,9 @@ def turntable(
             force=force,
             command=shlex.join(["hsplat", "turntable", *arguments, "--", str(volume)]),
             look=shared,
+            problem=next(iter(problems[volume]), None),
         )
-        for film_name, volume in _named_volumes(volumes, name, reporter).items()
+        for film_name, volume in named.items()
     ]
     require_harmless(requests)
     if name is not None:

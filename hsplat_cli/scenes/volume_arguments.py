@@ -18,6 +18,7 @@ from renderer.scene import (
     COLORMAP_FIELD,
     SUBSET_INDEX_FIELD,
     TOLERANCE_FIELD,
+    FileSource,
     OutputSpec,
     RawSource,
     TurntablePath,
@@ -146,10 +147,11 @@ film_options = option_group(
 )
 
 
-def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
+def volume_spec(volume: Path, options: Mapping[str, Any], problems: list[InputError] | None = None) -> VolumeSpec:
     """Return the volume that the options of `volume_options` describe, by their names.
 
-    Raises InputError where one of --shape and --dtype is missing, or another option needs them.
+    problems: takes the error about a file that names several steps and is damaged, which otherwise is raised. Raises
+        InputError where one of --shape and --dtype is missing, or another option needs them.
     """
     shape, dtype, spacing = options["shape"], options["dtype"], options["spacing"]
     time, component = options["time"], options["component"]
@@ -172,7 +174,14 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
             hint="leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
             "--dtype",
         )
-    source = replace(file_source(volume), spacing=spacing)
+    try:
+        source = file_source(volume)
+    except InputError as error:
+        if problems is None:
+            raise
+        problems.append(error)
+        source = FileSource(volume)
+    source = replace(source, spacing=spacing)
     return VolumeSpec(source, time, component, nodata=options["nodata"], dataset=options["dataset"])
 
 

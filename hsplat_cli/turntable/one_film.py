@@ -44,6 +44,7 @@ class FilmRequest:
     """A film to make. scene: the file for its scene. look: whose it has, unless one is suggested.
 
     force: an edited scene may be overwritten, and finished frames are drawn again. command: what makes this film alone.
+    problem: why there is no film, where that is known before the volume is read.
     """
 
     volume: VolumeSpec
@@ -54,6 +55,7 @@ class FilmRequest:
     force: bool
     command: str = ""
     look: SharedLook | None = None
+    problem: InputError | None = None
 
     @property
     def outputs(self) -> OutputSpec:
@@ -149,6 +151,8 @@ def make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
 
 def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     """Write the scene, render it, and return the record of the film. Raises HsplatError."""
+    if request.problem is not None:
+        raise request.problem
     expand_pattern(str(volume_file(request.volume)))  # raises where no file matches
     inputs = marks_of(request.input_files())
     # Before the volume is read, which may take long.

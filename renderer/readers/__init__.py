@@ -20,9 +20,11 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
 - `hdf5_image.py`: an image as a convention of HDF5 describes it, a file for each: `hdf5_cf.py` (netCDF, ilastik, any
   dataset), `hdf5_nexus.py`, `hdf5_emd.py`, `hdf5_imaris.py`, `hdf5_bdv.py`; `hdf5_values.py`: what stored numbers
   mean; `hdf5_objects.py`: groups, datasets and attributes.
-- `dicom_folder.py`: the files of one series, and strays; `dicom_frames.py`: the frames of one file, by its fields,
-  `dicom_fields.py`; `dicom_mosaic.py`: slices side by side in one image; `dicom_dimensions.py`: times and components
-  among frames at one place.
+- `dicom_folder.py`: the files of one series, and strays; `dicom_tags.py`: fields that a search needs;
+  `dicom_kinds.py`: runs, tiles and files without pixels; `dicom_frames.py`: the frames of one file, by its fields,
+  `dicom_fields.py` and `dicom_orientation.py`; `dicom_values.py` and `dicom_pixels.py`: their values;
+  `dicom_mosaic.py`: slices side by side in one image; `dicom_places.py`: where frames lie; `dicom_dimensions.py`: times
+  and components among those at one place; `dicom_segments.py`: labels; `dicom_statements.py`: what else files state.
 - `steps_in_time.py`: how many steps there are in time, and when; `tiff_times.py`: by ImageJ and OME.
 - `statements.py`: tables of the fields that change how voxels are understood, and the note on those that are not
   applied.

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from renderer.errors import InputError
+from renderer.readers.dicom_tags import summarize
 from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_name, refuse_zarr
 from renderer.scene import VOLUME_SUFFIXES, is_pattern, join_some, short_text
 
@@ -121,6 +122,12 @@ def is_dicom(path: Path) -> bool:
     return _begins_like_dicom(start) and _DICOM_INDEX not in start
 
 
+def series_of_slice(path: Path) -> str | None:
+    """Return the series of a DICOM file of one frame, perhaps an empty name; None for any other file."""
+    summary = summarize(path) if is_dicom(path) else None
+    return summary.series if summary is not None and summary.num_frames == 1 else None
+
+
 def natural_sort_key(name: str) -> tuple[list[str | int], str]:
     """Return a key by which `2.tif` is before `10.tif`; the name breaks ties such as `1.tif` and `01.tif`."""
     parts: list[str | int] = list(re.split("([0-9]+)", name.lower()))
@@ -178,7 +185,8 @@ def volumes_in(folder: Path) -> list[Path]:
 
 
 def _format_of_slices(folder: Path) -> Format | None:
-    """Return the format of the slices directly in a folder; None if there are none, but an index of others, DICOMDIR.
+    """Return the format of the slices directly in a folder; None if there are none, but an index of others, DICOMDIR,
+    or DICOM files that are a volume each.
 
     Raises InputError for slices of TIFF and DICOM together. Pictures beside them are left out.
     """
@@ -194,9 +202,28 @@ def _format_of_slices(folder: Path) -> Format | None:
             expected="the slices of one volume",
             hint="put each volume into its own folder",
         )
-    if tiffs or first is not None:
-        return "tiff" if tiffs else "dicom"
+    if tiffs:
+        return "tiff"
+    if first is not None:
+        return None if _volumes_of_frames(folder) else "dicom"
     return "pictures" if len(slices_of_pictures(folder)) > 1 else None
+
+
+def _volumes_of_frames(folder: Path) -> list[Path]:
+    """Return the DICOM files directly in a folder that are a volume each: with several frames, of different series.
+
+    Return none where most files have one frame, which are slices, or where all are of one series.
+    """
+    files = _files_in(folder)
+    num_single, series = 0, dict[Path, str]()
+    for file in files:
+        summary = summarize(file) if is_dicom(file) else None
+        if summary is not None and summary.num_frames > 1:
+            series[file] = summary.series
+        num_single += summary is not None and summary.num_frames == 1
+        if 2 * num_single > len(files):
+            return []
+    return list(series) if len(set(series.values())) > 1 and len(series) > num_single else []
 
 
 def slices_of_pictures(folder: Path) -> list[Path]:
@@ -234,8 +261,9 @@ def _search(folder: Path) -> list[Path]:
         elif slices is not None and here != folder:
             found[place] = here
             continue
+        own = set(_volumes_of_frames(here)) if slices is None else set()
         for file in map(here.joinpath, sorted(files, key=natural_sort_key)):
-            if _is_volume(file):
+            if file in own or _is_volume(file):
                 found.setdefault(os.path.realpath(file), file)
     return list(found.values()) or pictures
 
