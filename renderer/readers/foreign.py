@@ -13,6 +13,10 @@ from pathlib import Path
 from renderer.errors import InputError
 from renderer.scene import short_text
 
+# How pointers begin; the first bytes tell of which kind they are.
+_POINTERS = (b"version https://git-lfs", b"/annex/objects/")
+_POINTER_BYTES = 64
+
 _Kind = tuple[str, "re.Pattern[bytes] | None", tuple[str, ...], str]
 
 
@@ -31,6 +35,14 @@ def refuse_bytes(path: Path, start: bytes) -> None:
     for what, pattern, ends, hint in _kinds():
         if pattern and pattern.match(start) and (not ends or path.name.lower().endswith(ends)):
             raise _foreign(path, what, hint)
+
+
+def refuse_pointer(path: Path) -> None:
+    """Raise InputError for a small text in place of a file, as git-lfs and git-annex keep it until it is fetched."""
+    with path.open("rb") as file:
+        start = file.read(_POINTER_BYTES)
+    if start.startswith(_POINTERS):
+        refuse_bytes(path, start)
 
 
 def refuse_name(path: Path) -> None:
