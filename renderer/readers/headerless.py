@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 # Three sizes in a name, such as 256x256x113 and 128_128_64.
-_SIZES = re.compile(r"(?<![0-9.])([1-9][0-9]{0,5})[x_-]([1-9][0-9]{0,5})[x_-]([1-9][0-9]{0,5})(?![0-9])")
+_SIZES = re.compile(r"(?<![0-9])(?<![0-9]\.)([1-9][0-9]{0,5})[x_-]([1-9][0-9]{0,5})[x_-]([1-9][0-9]{0,5})(?![0-9])")
 _TYPE = re.compile(r"(?<![a-z])(u|unsigned|uint|int|i|s|float|f)[_-]?(8|16|32|64)(?:bits?|_t)?(?![0-9a-z])")
 _WORDS = {
     "uchar": "uint8",
