@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -197,12 +198,23 @@ def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool =
     except InputError as error:
         error.got, error.expected, error.hint = map(_as_options, (error.got, error.expected, error.hint))
         if isinstance(error, UnknownFormatError):
-            error.hint = _HEADERLESS_HINT
+            error.hint = _headerless_hint(error)
         raise
     is_open = in_time and volume.time is None and read.num_times > 1  # its steps are read next
     if read.note is not None and not is_open:
         reporter.status(f"{read.name}: {_as_options(read.note)}")
     return read
+
+
+def _headerless_hint(error: UnknownFormatError) -> str:
+    """Return the options that read a file as voxels without a header: whole ones if its name and size tell them."""
+    found = error.declaration
+    if found is None:
+        return _HEADERLESS_HINT
+    file = shlex.quote(error.where or "FILE")
+    order = " --byte-order big" * found.is_big_endian
+    command = f"hsplat info {file} --shape {','.join(map(str, found.shape))} --dtype {found.dtype}{order}"
+    return f"`{command}` reads it as voxels without a header: {found.remark}"
 
 
 def _as_options(text: str | None) -> str | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.readers.common import describe_count, describe_shape, require_exists
+from renderer.readers.foreign import refuse_pointer
 from renderer.scene import short_text
 
 # Numbered data files: `slice%03d.raw 1 60 1`, first, last and step, of which MetaImage may leave out some. No other
@@ -98,4 +99,5 @@ def _data_file(header: Path, name: str) -> Path:
             expected=f"a file {short_text(str(file))}",
             hint="the two belong together: move or copy both",
         )
-    return require_exists(file)
+    refuse_pointer(require_exists(file))
+    return file

@@ -22,6 +22,9 @@ _ZARR_ARRAYS = (".zarray", "zarr.json")
 _MAX_ZARR_FOLDERS, _MAX_ZARR_BYTES = 1000, 2**20
 # A name that a shell and Python take as it is, between quotes.
 _PLAIN_NAME = re.compile(r"[\w .+-]{1,200}")
+# How pointers begin; the first bytes tell of which kind they are.
+_POINTERS = (b"version https://git-lfs", b"/annex/objects/")
+_POINTER_BYTES = 64
 
 _Kind = tuple[str, "re.Pattern[bytes] | None", tuple[str, ...], str]
 
@@ -41,6 +44,14 @@ def refuse_bytes(path: Path, start: bytes) -> None:
     for what, pattern, ends, hint in _kinds():
         if pattern and pattern.match(start) and (not ends or path.name.lower().endswith(ends)):
             raise _foreign(path, what, hint)
+
+
+def refuse_pointer(path: Path) -> None:
+    """Raise InputError for a small text in place of a file, as git-lfs and git-annex keep it until it is fetched."""
+    with path.open("rb") as file:
+        start = file.read(_POINTER_BYTES)
+    if start.startswith(_POINTERS):
+        refuse_bytes(path, start)
 
 
 def refuse_name(path: Path) -> None:

@@ -27,6 +27,7 @@ from renderer.errors import InputError
 from renderer.looks import MAX_LOOK_BYTES, read_extension
 from renderer.readers import common
 from renderer.readers.data_files import named_file
+from renderer.readers.foreign import refuse_pointer
 from renderer.readers.sniff import read_start
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
@@ -250,7 +251,8 @@ def find_pair(path: Path) -> tuple[Path, Path | None]:
         raise InputError(
             "the data file that belongs to this header is not there", where=str(header), expected=f"a file {data}"
         )
-    return header, common.require_exists(data)
+    refuse_pointer(common.require_exists(data))
+    return header, data
 
 
 def _header(start: bytes, path: Path, *, is_single: bool) -> tuple[_Header, list[str | None]]:

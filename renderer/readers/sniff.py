@@ -13,6 +13,7 @@ from typing import Literal
 from renderer.errors import InputError
 from renderer.readers.dicom_tags import summarize
 from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_name, refuse_zarr
+from renderer.readers.headerless import Declaration, declaration_in_name
 from renderer.scene import VOLUME_SUFFIXES, is_pattern, join_some, short_text
 
 Format = Literal[
@@ -63,7 +64,12 @@ _MAX_ENTRIES = 10_000
 
 
 class UnknownFormatError(InputError):
-    """An error about a file in no known format with a header: it may have no header, or be damaged."""
+    """An error about a file in no known format with a header: it may have no header, or be damaged.
+
+    declaration: of voxels without a header, as far as its name has one.
+    """
+
+    declaration: Declaration | None = None
 
 
 def find_format(path: Path) -> Format:
@@ -80,12 +86,19 @@ def find_format(path: Path) -> Format:
         inside = _format_by_signature(content)
         raise compressed_error(path, f"a file of {inside.upper()}" if inside else "a file of unknown content")
     refuse_name(path)
-    raise UnknownFormatError(
+    error = UnknownFormatError(
         "this is not a volume in a known format, or it is damaged",
         where=str(path),
         expected=KNOWN_FORMATS,
         hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
     )
+    error.declaration = declared = declaration_in_name(path)
+    if declared is not None:
+        order = ", byte_order: big" * declared.is_big_endian
+        raw = f"raw: {{file: {short_text(path.name)}, shape: {list(declared.shape)}, dtype: {declared.dtype}{order}}}"
+        error.expected = None
+        error.hint = f"`{raw}` reads it as voxels without a header: {declared.remark}"
+    raise error
 
 
 def _format_by_bytes(path: Path) -> Format | None:

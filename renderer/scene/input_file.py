@@ -22,13 +22,16 @@ _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 # The first bytes of NRRD and VTK headers, or a line that every MetaImage header has.
 _VOLUME_HEADER = re.compile(rb"\A(?:NRRD000|# vtk DataFile)|^ElementDataFile[ \t]*=", re.IGNORECASE | re.MULTILINE)
 
+# In the targets of links of git-annex.
+_ANNEX = ".git/annex/objects/"
+
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def require_file(path: Path, expected: str) -> None:
     """Raise InputError for a broken link, and for anything but a regular file: opening a pipe would block."""
     if os.path.islink(path) and not os.path.exists(path):
-        raise InputError("a broken link", where=str(path), got=str(path.readlink()))
+        raise missing_file_error(path)
     if os.path.exists(path) and not os.path.isfile(path):
         got = "a folder" if os.path.isdir(path) else "a special file"
         raise InputError("not a file", where=str(path), got=got, expected=expected)
@@ -128,7 +131,11 @@ def _folded(name: str) -> str:
 def missing_file_error(path: Path, what: str = "no such file") -> InputError:
     """Return the error for a file that is not there: with a similar name, or where a link of its name leads."""
     if path.is_symlink():
-        return InputError("a broken link", where=str(path), got=os.readlink(path))
+        target = os.readlink(path)
+        if _ANNEX in target.replace("\\", "/"):
+            what, hint = "a link of git-annex to a file that is not here", f"`git annex get {path.name}` fetches it"
+            return InputError(what, where=str(path), hint=hint)
+        return InputError("a broken link", where=str(path), got=target)
     return InputError(what, where=str(path), hint=nearest_file_hint(path))
 
 
