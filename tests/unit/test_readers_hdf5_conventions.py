@@ -245,6 +245,17 @@ def test_bigdataviewer_without_its_description(tmp_path):
 @pytest.mark.parametrize("xml", ["<!DOCTYPE a [<!ENTITY b 'c'>]>&b;", "<ViewSetup>", "<a>" * 10**5])
 def test_descriptions_of_bigdataviewer_that_are_damaged(tmp_path, xml):
     path = write_bdv(tmp_path / "a.h5", xml=xml)
+    assert refused(path, match="description beside this BigDataViewer file").where == str(tmp_path / "a.xml")
+
+
+def test_descriptions_of_others_and_elsewhere_are_not_read(tmp_path):
+    (tmp_path / "in").mkdir()
+    path = write_bdv(tmp_path / "in/a.h5", xml=view_setup(0, 0))
+    (tmp_path / "in/a.xml").rename(tmp_path / "a.xml")
+    (tmp_path / "in/a.xml").symlink_to(tmp_path / "a.xml")
+    assert "not beside it" in str(read(path).note)
+    (tmp_path / "in/a.xml").unlink()
+    (tmp_path / "in/a.xml").write_text("<other/>")
     assert "not beside it" in str(read(path).note)
 
 
