@@ -17,7 +17,7 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
 - `tiff_description.py`: axes by ImageJ, OME, tifffile and Zeiss; `tiff_spacing.py`: lengths by them or the resolution;
   `tiff_channels.py`: colours, names and windows of channels; `tiff_imagej.py`: calibrated values and the origin;
   `tiff_statements.py` and `tiff_ome.py`: what else fields of a page, and OME, state.
-- `vtk_arrays.py`: components, and masks of what is hidden.
+- `vtk_arrays.py`: components, and masks of what is hidden; `vtk_text.py` checks the XML of an image.
 - `hdf5_image.py`: an image as a convention of HDF5 describes it, a file for each: `hdf5_cf.py` (netCDF, ilastik, any
   dataset), `hdf5_nexus.py`, `hdf5_emd.py`, `hdf5_imaris.py`, `hdf5_bdv.py`; `hdf5_values.py`: what stored numbers
   mean; `hdf5_objects.py`: groups, datasets and attributes.

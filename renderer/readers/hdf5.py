@@ -50,7 +50,8 @@ def read_hdf5(
         found = _only(file) if dataset is None else _named(file, dataset)
         image = found.describe()
         letters = letters_of(image.axes, time, component)
-        chosen = choose(letters, image.shape, time, component, [each.name for each in image.channels])
+        names = [each.name for each in image.channels]
+        chosen = choose(letters, image.shape, time, component, names if all(names) else ())
         source = image.dataset(*chosen.part[: image.num_outer])
         check_dataset(source, path)
         part = tuple(slice(0, axis.length) if isinstance(item, slice) else item

@@ -158,17 +158,28 @@ def _cells(file: Group, time: int, setup: int, level: int, sizes: Sequence[int] 
 
 
 def _description(path: Path) -> _Description:
-    """Return the content of the file .xml beside an HDF5 file; an empty one where there is none, or it is damaged."""
+    """Return the content of the file .xml beside an HDF5 file; an empty one where there is none, or one of others.
+
+    Raises InputError for a file that is damaged, too long, or has entities, which may expand to any length.
+    """
     beside = path.with_suffix(".xml")
     is_inside = Path(os.path.realpath(beside)).is_relative_to(os.path.realpath(path.parent))
-    if not is_inside or not beside.is_file() or beside.stat().st_size > MAX_HEADER_BYTES:
+    if not is_inside or not beside.is_file():
         return _Description()
-    text = beside.read_bytes()
-    if b"<!" in text.replace(b"<!--", b""):  # entities, which may expand to any length
-        return _Description()
+    with beside.open("rb") as file:
+        text = file.read(MAX_HEADER_BYTES + 1)
     try:
+        if len(text) > MAX_HEADER_BYTES or b"<!" in text.replace(b"<!--", b""):
+            raise ValueError("too long, or with entities")
         root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError, LookupError):
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise InputError(
+            "the description beside this BigDataViewer file cannot be read",
+            where=str(beside),
+            got=short_text(str(error)),
+            hint="it is damaged: without it the file is read with voxels of 1 x 1 x 1",
+        ) from error
+    if root.tag != "SpimData":
         return _Description()
     setups = (_setup(each) for each in root.iter("ViewSetup"))
     moves = [each.text or "" for each in root.iter("affine")]

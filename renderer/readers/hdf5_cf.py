@@ -15,7 +15,7 @@ from typing import Any
 
 from renderer.readers.common import no_spacing
 from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
-from renderer.readers.hdf5_objects import Dataset, Group, groups_and_datasets, line_at, numbers, text, texts
+from renderer.readers.hdf5_objects import Dataset, Group, dataset_at, groups_and_datasets, line_at, numbers, text, texts
 from renderer.readers.hdf5_values import Values, values_of
 from renderer.readers.statements import FormatTable, Statement
 from renderer.volume import Label
@@ -64,6 +64,8 @@ _STANDARD_WAYS = {"longitude": "x", "grid_longitude": "x", "projection_x_coordin
 _STANDARD_WAYS |= {"latitude": "y", "grid_latitude": "y", "projection_y_coordinate": "y"}
 # Calendars whose days are days of 24 hours, one after the other, as ours are.
 _USUAL_CALENDARS = ("", "standard", "gregorian", "proleptic_gregorian")
+# Of names of places, no more are looked for.
+_MAX_PLACES = 16
 # Names of attributes that may be lengths or places.
 _MAY_BE_LENGTHS = re.compile("spacing|voxel|pixel|resolution|origin|extent|direction|transform|size_|_size|apix")
 
@@ -113,16 +115,10 @@ def _unapplied(dataset: Dataset, axes: tuple[Axis, ...]) -> Iterator[str]:
         yield "formula_terms"
     if any(text(scale, "calendar").lower() not in _USUAL_CALENDARS for scale in scales):
         yield "calendar"
-    for name in text(dataset, "coordinates").split():
-        if len(getattr(_beside(dataset, name), "shape", ())) >= 2:
+    for name in text(dataset, "coordinates").split()[:_MAX_PLACES]:
+        beside = dataset_at(dataset.parent, name)
+        if beside is not None and beside.ndim >= 2:
             yield "coordinates"
-
-
-def _beside(dataset: Dataset, name: str) -> Any:
-    import h5py
-
-    is_there = isinstance(dataset.parent.get(name, getlink=True), h5py.HardLink)
-    return dataset.parent[name] if is_there else None
 
 
 def _axistags(dataset: Dataset) -> list[dict[str, Any]]:

@@ -136,7 +136,7 @@ def _channel(file: Group, number: int) -> Channel:
     color, ends = (_numbers(text_of(info, name)) for name in ("Color", "ColorRange"))
     is_color = len(color) == 3 and all(0 <= part <= 1 for part in color)
     return Channel(
-        text_of(info, "Name"),
+        short_text(text_of(info, "Name")),
         (color[0], color[1], color[2]) if is_color else None,
         (ends[0], ends[1]) if len(ends) == 2 and ends[0] < ends[1] else None,
         is_light=True,

@@ -107,9 +107,9 @@ def _axis_names(group: Group, signal: Dataset) -> list[str]:
     placed = [""] * signal.ndim
     for number, name in enumerate(names):
         at = numbers(group, f"{name}_indices")
-        place = int(at[0]) if len(at) == 1 else number
-        if len(at) < 2 and 0 <= place < signal.ndim and name != _NO_AXIS:
-            placed[place] = name.strip()
+        place = float(at[0]) if len(at) == 1 else number
+        if len(at) < 2 and place in range(signal.ndim) and name != _NO_AXIS:
+            placed[int(place)] = name.strip()
     return placed if names else _names_of_space(group, signal)
 
 

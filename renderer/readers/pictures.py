@@ -48,7 +48,7 @@ STATEMENTS = FormatTable(
 # The exponent of sRGB, which all pictures are taken for.
 _GAMMA = 0.45455
 _FORMATS = ("PNG", "JPEG", "BMP")
-_STARTS = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM")
+_STARTS = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"BM")
 # The number of the field of EXIF.
 _ORIENTATION = 274
 _MM_PER_INCH = 25.4
@@ -143,7 +143,7 @@ def _check_kind(file: Path) -> None:
             hint="open it in the program that it is from, and save it as PNG",
         )
     bits = _jpeg_bits(start)
-    if bits not in (None, 8):
+    if bits in range(9, 17):
         raise InputError(f"JPEG of {bits} bits is not read", hint="save the slices as TIFF or PNG of 16 bits")
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -121,6 +122,9 @@ def _sibling(path: Path, name: str) -> Path:
             got=short_text(name),
             hint="an image in several files needs all of them: move or copy all, and do not rename them",
         )
+    if not Path(os.path.realpath(path.parent / name)).is_relative_to(os.path.realpath(path.parent)):
+        what = "a file that this OME-TIFF names is a link to another folder"
+        raise InputError(what, got=short_text(name), hint="copy all of them into one folder")
     return require_exists(path.parent / name)
 
 

@@ -26,6 +26,7 @@ from renderer.readers.nodata import with_nan_where
 from renderer.readers.text_header import MAX_HEADER_BYTES
 from renderer.readers.units import units_of
 from renderer.readers.vtk_arrays import arrays_of, components_of, hidden_voxels, notes_of
+from renderer.readers.vtk_text import extent_in, fault_in
 from renderer.scene import short_text
 from renderer.system import attribute, unescaped
 from renderer.volume import Array, Bools, Float64
@@ -93,6 +94,9 @@ def _read_part(path: Path, component: int | None, host: Host, extent: tuple[int,
     shape = tuple(max(n - is_cells, 1) for n in image.GetDimensions())
     if not components or 0 in image.GetDimensions():
         raise _damaged("no values")
+    fault = None if _is_legacy(path) else fault_in(path, image, is_cells=is_cells)
+    if fault is not None:
+        raise _damaged(fault)
     own = components[select_index("component", component, len(components))]
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
@@ -178,11 +182,10 @@ def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
 
 def _extent(tag: re.Match[str] | None, name: str) -> tuple[int, ...]:
     """Return the first and the last point along each axis, by an attribute; raises InputError for anything else."""
-    words = ((tag and attribute(tag[0], name)) or "").split()
-    numbers = tuple(int(word) for word in words if re.fullmatch("-?[0-9]{1,9}", word))
-    if not len(words) == len(numbers) == 6 or any(numbers[k + 1] < numbers[k] for k in (0, 2, 4)):
+    extent = extent_in(tag[0], name) if tag else None
+    if extent is None:
         raise _damaged(f"no {name} of six numbers")
-    return numbers
+    return extent
 
 
 def _start(path: Path) -> str:
@@ -197,6 +200,10 @@ def _kind(start: str) -> str:
         return next((words[1] for words in lines if words[:1] == ["DATASET"] and len(words) > 1), "")
     root = re.search(r"<VTKFile\b[^<>]*", start)
     return (root and attribute(root[0], "type")) or ""
+
+
+def _is_legacy(path: Path) -> bool:
+    return _start(path).startswith("# vtk")
 
 
 def _read(path: Path, host: Host, extent: tuple[int, ...]) -> Any:
@@ -217,7 +224,7 @@ def _read(path: Path, host: Host, extent: tuple[int, ...]) -> Any:
     module, name = _READERS[kind]
     reader = getattr(importlib.import_module(f"vtkmodules.{module}"), name)()
     reader.SetFileName(str(path))
-    is_legacy = kind.isupper()
+    is_legacy = _is_legacy(path)
     window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
     vtkOutputWindow.SetInstance(window)
     try:

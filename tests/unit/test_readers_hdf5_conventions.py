@@ -156,6 +156,20 @@ def test_links_of_nexus_inside_and_outside_of_the_file(tmp_path):
     refused(path, match="this file holds no volume")
 
 
+@pytest.mark.parametrize("place", [2.0**62, -5, float("nan"), 0.5])
+def test_axes_of_nexus_that_are_not_there(tmp_path, place):
+    group = {"axes": ["z", ".", "."], "z_indices": place}
+    volume = read(write_nexus(tmp_path / "a.nxs", fields=EVEN, group=group))
+    np.testing.assert_array_equal(volume.spacing, [1, 1, 1])
+
+
+def test_places_that_are_not_there(tmp_path):
+    path = write_netcdf(tmp_path / "a.nc")
+    with h5py.File(path, "r+") as file:
+        file["t"].attrs["coordinates"] = "/ .. . t/t nowhere " * 500
+    np.testing.assert_array_equal(read(path).values, VALUES)
+
+
 def test_axes_of_emd_x_first(tmp_path):
     dims = {
         f"dim{k + 1}": (np.arange(n) * step, {"name": name, "units": "[n_m]"})
@@ -245,6 +259,17 @@ def test_bigdataviewer_without_its_description(tmp_path):
 @pytest.mark.parametrize("xml", ["<!DOCTYPE a [<!ENTITY b 'c'>]>&b;", "<ViewSetup>", "<a>" * 10**5])
 def test_descriptions_of_bigdataviewer_that_are_damaged(tmp_path, xml):
     path = write_bdv(tmp_path / "a.h5", xml=xml)
+    assert refused(path, match="description beside this BigDataViewer file").where == str(tmp_path / "a.xml")
+
+
+def test_descriptions_of_others_and_elsewhere_are_not_read(tmp_path):
+    (tmp_path / "in").mkdir()
+    path = write_bdv(tmp_path / "in/a.h5", xml=view_setup(0, 0))
+    (tmp_path / "in/a.xml").rename(tmp_path / "a.xml")
+    (tmp_path / "in/a.xml").symlink_to(tmp_path / "a.xml")
+    assert "not beside it" in str(read(path).note)
+    (tmp_path / "in/a.xml").unlink()
+    (tmp_path / "in/a.xml").write_text("<other/>")
     assert "not beside it" in str(read(path).note)
 
 

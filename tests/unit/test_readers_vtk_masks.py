@@ -10,7 +10,7 @@ from vtkmodules.vtkFiltersCore import vtkResampleToImage
 from vtkmodules.vtkFiltersExtraction import vtkExtractGeometry
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
 
-from tests.support.volume_files import ramp, read
+from tests.support.volume_files import ramp, read, refused, written
 
 pytestmark = pytest.mark.usefixtures("one_process")
 
@@ -84,6 +84,46 @@ def test_hidden_cells_and_their_points(tmp_path):
     hidden = np.zeros(SHAPE, bool)
     hidden[0, :2, :2] = True  # the points on the outside of the four cells; the others have a visible cell
     np.testing.assert_array_equal(np.isnan(read(path).values), hidden)
+
+
+XML = """<VTKFile type="ImageData"><ImageData WholeExtent="0 2 0 1 0 1" Origin="0 0 0" Spacing="{}">
+{}</ImageData></VTKFile>"""
+PIECE = """<Piece Extent="{}"><{}><DataArray type="Float32" Name="a" format="ascii">{}</DataArray></{}></Piece>"""
+
+
+@pytest.mark.parametrize(
+    ("pieces", "got"),
+    [
+        ([("0 2 0 1 0 1", 12)], None),
+        ([("0 1 0 1 0 1", 8), ("1 2 0 1 0 1", 8)], None),
+        ([("0 1 0 1 0 1", 8)], "4 points in none of its pieces"),
+        ([("7 9 0 1 0 1", 12)], "12 points in none of its pieces"),
+        ([], "no values"),
+    ],
+)
+def test_points_in_no_piece_are_not_what_is_in_memory(tmp_path, pieces, got):
+    """VTK itself leaves them as they are in memory."""
+    inside = "".join(PIECE.format(extent, "PointData", "1 " * count, "PointData") for extent, count in pieces)
+    path = written(tmp_path / "a.vti", XML.format("1 1 1", inside).encode())
+    if got is None:
+        np.testing.assert_array_equal(read(path).values, np.ones((2, 2, 3)))
+    else:
+        assert refused(path, match="this VTK file is damaged").got == got
+
+
+def test_cells_between_pieces(tmp_path):
+    pieces = [("0 1 0 1 0 1", 1), ("2 2 0 1 0 1", 1)]
+    inside = "".join(PIECE.format(extent, "CellData", "1 " * count, "CellData") for extent, count in pieces)
+    path = written(tmp_path / "a.vti", XML.format("1 1 1", inside).encode())
+    assert refused(path).got == "1 cells in none of its pieces"
+
+
+@pytest.mark.parametrize("spacing", ["nan 1 1", "1 1", "1 1 1 1", "1 1 inf", "a b c"])
+def test_places_that_are_no_numbers(tmp_path, spacing):
+    """VTK itself takes 1 in their place."""
+    inside = PIECE.format("0 2 0 1 0 1", "PointData", "1 " * 12, "PointData")
+    path = written(tmp_path / "a.vti", XML.format(spacing, inside).encode())
+    assert refused(path).got == "Spacing that is not 3 numbers"
 
 
 def test_the_active_scalars_come_first_and_cells_are_named(tmp_path):
