@@ -102,5 +102,5 @@ def _watch(request: SceneRequest, page: Path, *, serve: bool, reporter: Reporter
 def _known_inputs(request: SceneRequest) -> list[Path]:
     """Return the files that a scene names now, as far as it can be read: mistakes in it are shown on the page."""
     with contextlib.suppress(HsplatError):
-        return [*load_job(request, "nothing", reads=False).input_files()]
+        return [*load_job(request, "nothing", reads="nothing").input_files()]
     return [request.path]

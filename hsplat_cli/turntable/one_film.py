@@ -30,7 +30,17 @@ from renderer.film import (
     write_staged,
 )
 from renderer.job import FilmJob, expand_pattern, scene_files, volume_files
-from renderer.scene import ColormapSpec, OutputSpec, Scene, VolumeSpec, accuracy_of, file_source, parse_scene_content
+from renderer.scene import (
+    ColormapSpec,
+    LabelsSpec,
+    OutputSpec,
+    Scene,
+    VolumeSpec,
+    accuracy_of,
+    file_source,
+    join_some,
+    parse_scene_content,
+)
 from renderer.suggest import FilmOptions
 
 if TYPE_CHECKING:
@@ -188,7 +198,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     seen = ", ".join(each.word for each in film.glances if each.word) if film.summary else before.get("seen", "")
     return record | {
         **facts,
-        "seen": seen,
+        **({"seen": seen} if seen else {}),
         "values": facts.get("values", _visible_values(scene)),
         "hidden": "" if visibility is None else visibility_text(visibility),
         "notes": [*film.record.notes, *notes],
@@ -210,8 +220,10 @@ def _scene_text(request: FilmRequest, reporter: Reporter) -> tuple[str, FilmEntr
 
 
 def _visible_values(scene: Scene) -> str:
-    """Return `18.9 to 255` of those values of the first volume between which anything shows; empty of labels."""
+    """Return `18.9 to 255` of those values of the first volume between which anything shows; of labels their names."""
     transfer = scene.at(0).transfer_function
+    if transfer.labels is not None:
+        return _label_names(transfer.labels)
     pairs = [(point.value, point.opacity) for point in transfer.points]
     if isinstance(transfer.mapping, ColormapSpec):
         pairs = [*transfer.mapping.opacity]
@@ -220,9 +232,16 @@ def _visible_values(scene: Scene) -> str:
 
 
 def _shown_values(suggestion: Suggestion) -> str:
-    """Return `18.9 to 255`; empty where it is not known which values are shown."""
+    """Return `18.9 to 255`, or the names of labels; empty where it is not known which values are shown."""
+    if (labels := suggestion.transfer.labels) is not None:
+        return _label_names(labels)
     ends = [end for layer in suggestion.visible for each in layer.ranges for end in each]
     return f"{min(ends):g} to {max(ends):g}" if ends else ""
+
+
+def _label_names(labels: LabelsSpec) -> str:
+    """Return `caudate, putamen and 14 more`, with numbers of labels that have no name."""
+    return join_some([style.name or f"label {style.value}" for style in labels.styles])
 
 
 class _TurntableEvents(FilmEvents):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.readers.text_header import attribute, number_in
+from renderer.system import attribute, number_in
 
 # Places of an image, and the count of numbers of each.
 _PLACES = {"Origin": 3, "Spacing": 3, "Direction": 9}

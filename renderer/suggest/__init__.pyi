@@ -3,6 +3,7 @@ from .histogram import (
     compute_statistics as compute_statistics,
     rebin as rebin,
 )
+from .label_choice import label_problems as label_problems
 from .matching import ValueLine as ValueLine, match_values as match_values
 from .opacity import format_percent as format_percent
 from .open_layers import resolve_scene as resolve_scene

@@ -21,6 +21,7 @@ from renderer.scene import (
     LabelsSpec,
     LayerSpec,
     MaskSpec,
+    Scene,
     VolumeSpec,
     colormap_points,
     format_value,
@@ -100,6 +101,24 @@ def with_numbers(mask: MaskSpec | None, place: str, read: ReadVolume, problems: 
         return mask
     known = known_labels(mask.volume, read, mask.labels)
     return replace(mask, labels=LabelsSpec(show=choose_labels(mask.labels, known, place, problems).show))
+
+
+def label_problems(scene: Scene, read: ReadVolume) -> Problems:
+    """Return the labels that a scene names and no step of their volume, nor its table, has.
+
+    Only volumes of which some are named are read. Raises InputError as `known_labels`.
+    """
+    problems, choices = Problems(), dict[str, tuple[VolumeSpec, LabelsSpec]]()
+    for number, layer in enumerate(scene.layers):
+        place = f"volumes.{number}." if scene.volumes else ""
+        if (labels := layer.transfer_function.labels) is not None:
+            choices[f"{place}labels"] = layer.volume, labels
+        if (mask := layer.mask) is not None and isinstance(mask.volume, VolumeSpec):
+            choices["mask" if mask == scene.mask else f"{place}mask"] = mask.volume, mask.labels
+    for place, (volume, labels) in choices.items():
+        if labels.show or labels.hide or isinstance(labels.colors, tuple) or isinstance(labels.opacity, tuple):
+            choose_labels(labels, known_labels(volume, read, labels), place, problems)
+    return problems
 
 
 def known_labels(spec: VolumeSpec, read: ReadVolume, labels: LabelsSpec) -> KnownLabels:
