@@ -80,21 +80,23 @@ def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
 
 def _require_different_places(files: Iterable[Path]) -> None:
     """Raise InputError if two files have one place, one is a folder of another, or one is in unfinished work."""
-    place_of_folder = cache(place_of)
-    known, folders = dict[Path, Path](), dict[Path, Path]()
+    place_of_folder = cache(place_of)  # frames by the thousand have one folder
+    known, folders = dict[str, Path](), dict[str, Path]()
     for file in files:
-        folder = place_of_folder(file.parent)
-        place = place_of(file) if os.path.islink(file) else folder / place_name(file)
-        unfinished = next((each for each in place.parents if each.name.endswith(UNFINISHED_SUFFIX)), None)
-        if unfinished is not None:
-            _refuse("this output is in a folder for unfinished frames", file, str(unfinished), "another folder")
+        folder, name = os.path.split(file)
+        place = place_of(file) if os.path.islink(file) else os.path.join(place_of_folder(folder), place_name(name))
         if place in known:
             _refuse("two outputs are one file", file, f"the output {known[place]}", "a file of its own")
         known[place] = file
-        folders.update(dict.fromkeys((folder, *folder.parents), file) if folder not in folders else {})
-    for place, file in known.items():
-        if place in folders:
-            _refuse("this output is the folder of another one", file, f"the output {folders[place]}", "another name")
+        folders.setdefault(os.path.dirname(place), file)
+    for folder, file in [*folders.items()]:
+        for each in map(str, (Path(folder), *Path(folder).parents)):
+            if each.endswith(UNFINISHED_SUFFIX):
+                _refuse("this output is in a folder for unfinished frames", file, each, "another folder")
+            folders.setdefault(each, file)
+    for folder in known.keys() & folders.keys():
+        got = f"the output {folders[folder]}"
+        _refuse("this output is the folder of another one", known[folder], got, "another name")
 
 
 def _refuse(what: str, output: Path, got: str, expected: str) -> NoReturn:

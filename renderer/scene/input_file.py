@@ -111,20 +111,16 @@ def is_same_file(path: Path, other: Path) -> bool:
         return False
 
 
-def place_of(path: Path) -> Path:
+def place_of(path: str | Path) -> str:
     """Return the place that a name leads to, through links of files and of folders, also where these do not exist yet.
 
     It is for comparisons alone: names that differ in case, or in how accents are encoded, are one file on some disks.
     """
-    return Path(_folded(os.path.realpath(path)))
+    return place_name(os.path.realpath(path))
 
 
-def place_name(path: Path) -> str:
-    """Return the last name of the place of a file that is no link."""
-    return _folded(path.name)
-
-
-def _folded(name: str) -> str:
+def place_name(name: str) -> str:
+    """Return the name that a file which is no link has in its place."""
     return unicodedata.normalize("NFC", name).lower()
 
 

@@ -310,7 +310,7 @@ def _check_names(files: Iterable[tuple[TreeNode, OutputFile]]) -> None:
     """Refuse files that another output, or one of its frames, may have the name of."""
     known = list[tuple[str, str]]()
     for node, each in files:
-        name = str(place_of(each.file.parent) / place_name(each.file))
+        name = os.path.join(place_of(each.file.parent), place_name(each.file.name))
         pattern = r"\d+".join(map(re.escape, FRAME_FIELD.split(name)[::2]))
         example = FRAME_FIELD.sub("0", name)
         if any(re.fullmatch(other, example) or re.fullmatch(pattern, one) for other, one in known):
