@@ -271,6 +271,9 @@ def test_files_of_ome_are_searched_beside_it_alone(tmp_path, stated):
     assert error.got == stated.replace("\\", "/").split("/")[-1]
     assert error.where == str(tmp_path / "data/a.ome.tif")
     np.testing.assert_array_equal(read(tmp_path / "data/a.ome.tif", time=0).values, STACK[0, 0])
+    if stated == "b.ome.tif":
+        (tmp_path / "data/b.ome.tif").symlink_to(tmp_path / "other/b.ome.tif")
+        refused(tmp_path / "data/a.ome.tif", time=1, match="is a link to another folder")
 
 
 def test_a_file_of_ome_with_too_few_pages_is_named(tmp_path):
