@@ -14,7 +14,7 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
-from renderer.film import WrittenFiles, locked_files
+from renderer.film import WrittenFiles
 from renderer.scene import AnnotationSpec
 
 # Options of a sweep and its report, which a search for one tolerance does not have.
@@ -85,13 +85,11 @@ def measure(
 
     name = request.path.stem
     folder = output or Path(f"{name}.measured")
-    files = [folder / name for name in REPORT_FILES]
-    WrittenFiles(files).require_harmless(given.input_files())
+    WrittenFiles([folder / name for name in REPORT_FILES]).require_harmless(given.input_files())
     require_own_page(folder / PAGE_FILE)
     picked = list(numbers) if request.frames else None
     request_ = StudyRequest(name, job, sweep, picked, repeats, peer, truth_tolerance, folder, not thorough)
-    with locked_files(files):
-        run_study(request_, reporter)
+    run_study(request_, reporter)
 
 
 def _reject_options(why: str, names: Sequence[str], hint: str) -> None:

@@ -2,19 +2,19 @@
 
     python3 tests/machines/kills.py [NUMBER] [SEED]
 
-Each of NUMBER films (200) is killed by SIGKILL up to three times, then made to its end. After each kill no input has
-changed, and each output is missing or whole; at the end all files have the bytes of a film that nobody killed, and no
-other file is there. The exit status is 1 where that is not so.
+Films are killed by SIGKILL, each up to three times, and made to their ends, until NUMBER (200) were killed. After a
+kill no input has changed, and each output is missing or whole; at the end all files have the bytes of a film that
+nobody killed, and no other file is there. The exit status is 1 where that is not so.
 """
 
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
 import random
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-CODE = Path(__file__).resolve().parents[2]
-COMMAND = (sys.executable, "-m", "hsplat_cli", "render", "scene.yaml", "--quiet")
+import hsplat_cli.main
+
 SCENE = """\
 version: 1
 volume: {file: scan.npy}
@@ -43,50 +43,84 @@ def main(number: int = 200, seed: int = 1) -> None:
     """Kill films, tell what was harmed, and exit."""
     choose, num_kills, problems = random.Random(seed), 0, list[str]()
     with tempfile.TemporaryDirectory() as name:
-        for kind, first in enumerate(FIRST):
-            whole = Path(name, f"whole-{kind}")
-            inputs = make_inputs(whole, SCENE.replace("FIRST", first))
+        for kind, first in enumerate(FIRST, start=1):
+            whole, scene = Path(name, f"whole-{kind}"), SCENE.replace("FIRST", first)
+            make_inputs(whole, scene)
+            inputs = digests(whole)
+            load_modules(whole)
+            shutil.rmtree(whole)
+            make_inputs(whole, scene)
             start = time.monotonic()
-            run(whole).wait()
+            assert run(whole) == 0
             seconds, expected = time.monotonic() - start, digests(whole)
-            for film in range(kind, number, len(FIRST)):
+            while num_kills < number * kind // len(FIRST):
                 folder = Path(name, "film")
                 shutil.rmtree(folder, ignore_errors=True)
-                make_inputs(folder, SCENE.replace("FIRST", first))
-                for _ in range(choose.randint(1, MOST_KILLS)):
-                    num_kills += kill(folder, choose.uniform(0.2, 1.1) * seconds)
-                    problems += [f"film {film}: {each}" for each in harmed(digests(folder), expected, inputs)]
-                status = run(folder).wait()
-                left = digests(folder)
-                if status or left != expected:
-                    names = sorted(each for each in {*left, *expected} if left.get(each) != expected.get(each))
-                    problems.append(f"film {film}: made with status {status}, and other files: {names}")
-    print("\n".join([*problems, f"{number} films, {num_kills} kills, {len(problems)} problems"]))
+                make_inputs(folder, scene)
+                moments = [choose.uniform(0.2, 1.1) * seconds for _ in range(choose.randint(1, MOST_KILLS))]
+                num_new, found = try_film(folder, moments, expected, {*inputs})
+                num_kills += num_new
+                problems += [f"after {num_kills} kills: {each}" for each in found]
+                print(f"{num_kills} kills, {len(problems)} problems", file=sys.stderr)
+    print("\n".join([*problems, f"{num_kills} kills, {len(problems)} problems"]))
     sys.exit(bool(problems))
 
 
-def make_inputs(folder: Path, scene: str) -> set[str]:
-    """Write the inputs of a film, and return their names."""
+def try_film(folder: Path, moments: list[float], expected: dict[str, str], inputs: set[str]) -> tuple[int, list[str]]:
+    """Make a film that is killed at these moments, in seconds; return the number of kills, and what was harmed."""
+    num_kills, problems = 0, list[str]()
+    for moment in moments:
+        num_kills += run(folder, moment) == -signal.SIGKILL
+        problems += harmed(digests(folder), expected, inputs)
+    status, left = run(folder), digests(folder)
+    if status or left != expected:
+        names = sorted(each for each in {*left, *expected} if left.get(each) != expected.get(each))
+        problems.append(f"made with status {status}, and other files: {names}")
+    return num_kills, problems
+
+
+def make_inputs(folder: Path, scene: str) -> None:
+    """Write the inputs of a film."""
     for each in (folder, folder / "films", folder / "other"):
         each.mkdir()
     z, y, x = np.meshgrid(*[np.linspace(-1, 1, 24)] * 3, indexing="ij")
     np.save(folder / "scan.npy", np.exp(-3 * (x * x + y * y + z * z)).astype(np.float32))
     Image.new("RGBA", (20, 20), "red").save(folder / "films/logo.png")
     (folder / "scene.yaml").write_text(scene, "utf-8")
-    return {*digests(folder)}
 
 
-def run(folder: Path) -> subprocess.Popen[bytes]:
-    """Start a film."""
-    return subprocess.Popen(COMMAND, cwd=folder, env=os.environ | {"PYTHONPATH": str(CODE)})
+def load_modules(folder: Path) -> None:
+    """Make a film in a child process, and import here what it has imported."""
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.chdir(folder)
+        status = hsplat_cli.main.run(["render", "scene.yaml", "--quiet"])
+        os.write(
+            write, " ".join(name for name in sys.modules if name.startswith(("renderer.", "hsplat_cli."))).encode()
+        )
+        os._exit(status)
+    os.close(write)
+    with open(read, "rb") as pipe:
+        names = pipe.read().decode().split()
+    assert os.waitpid(child, 0)[1] == 0
+    for name in names:
+        importlib.import_module(name)
 
 
-def kill(folder: Path, seconds: float) -> bool:
-    """Start a film and kill it after some seconds; return whether it was not at its end before."""
-    process = run(folder)
-    time.sleep(seconds)
-    process.send_signal(signal.SIGKILL)
-    return process.wait() == -signal.SIGKILL
+def run(folder: Path, kill_after: float | None = None) -> int:
+    """Make a film in a child process, which has all modules already; return its status, or the signal's, negative.
+
+    kill_after: seconds after which it is killed, unless it has ended.
+    """
+    child = os.fork()
+    if child == 0:
+        os.chdir(folder)
+        os._exit(hsplat_cli.main.run(["render", "scene.yaml", "--quiet"]))
+    if kill_after is not None:
+        time.sleep(kill_after)
+        os.kill(child, signal.SIGKILL)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
 def digests(folder: Path) -> dict[str, str]:

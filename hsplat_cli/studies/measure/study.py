@@ -27,7 +27,7 @@ from renderer.accuracy import (
 )
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import HsplatError
-from renderer.film import require_writable_dry_run
+from renderer.film import locked_files, require_writable_dry_run
 from renderer.frame import Stage, read_film_volumes, view_of
 from renderer.job import without_paths
 from renderer.scene import Scene, counted, motion_of, scene_to_dict, schedule_to_dict
@@ -76,8 +76,13 @@ class _Openers(NamedTuple):
 
 def run_study(request: StudyRequest, reporter: Reporter) -> None:
     """Measure, write the report and print the table; an interrupt or error still writes what was measured before it."""
-    scene = request.scene
     _require_all(request)
+    with locked_files([request.folder / name for name in REPORT_FILES]):
+        _run_study(request, reporter)
+
+
+def _run_study(request: StudyRequest, reporter: Reporter) -> None:
+    scene = request.scene
     machine = describe_machine(_devices(request))  # fails before a voxel is read
     if request.peer:
         machine["peer"] = {"name": request.peer, **vtk_peer.describe_vtk()}
