@@ -221,7 +221,7 @@ def test_faint_voxels_around_an_object_do_not_decide_how_it_is_framed() -> None:
     alone, beside = framed(volume), framed(make_volume(values, np.eye(4), "faint"))
     # Those within eight voxels of the block are not told from it.
     assert beside.target == pytest.approx(alone.target, abs=4)
-    assert beside.distance == pytest.approx(alone.distance, rel=0.06)
+    assert beside.distance == pytest.approx(alone.distance, rel=0.1)
     assert 0.0 < beside.not_framed < 1e-3
 
 
