@@ -75,7 +75,8 @@ def check(request: SceneRequest, *, output: str | None, no_cost: bool) -> None:
             if isinstance(volume.source, FileSource):
                 for file in volume.source.steps or (volume.source.file,):
                     find_volume(file)
-    notes = [*_label_notes(request)]
+    has_labels = any(layer.transfer_function.labels or layer.mask for layer in job.scene.layers)
+    notes = [*_label_notes(request)] if has_labels else []
     cost_rows, costs = ([], None) if no_cost else _costs(request)
     facts = [*_summary(job.scene, len(job.frames), costs), *notes, *cost_rows]
     rows = [f"  {name:<8} {text}" for name, text in facts]

@@ -17,7 +17,7 @@ from renderer.frame import ScheduleController, Stage, StageMaker, prepare_stage
 from renderer.job import DrawnFrame, draw_frames
 from renderer.scene import AnnotationSpec, Background, OutputSpec, Scene, with_tolerance
 from renderer.system import num_cores
-from renderer.volume import Volume, make_volume
+from renderer.volume import Volume
 
 # In place of a goal, for which films search.
 TOLERANCE = 0.1
@@ -60,15 +60,6 @@ class Studio:
         with self.stage(scene, volumes) as stage:
             (drawn,) = self.draw(stage, [frame])
         return shot_of(drawn, scene.output.background, caption, lines)
-
-
-def sampled(volume: Volume, most: int) -> Volume:
-    """Return every n-th voxel along each axis, of which there are at most `most`."""
-    z, y, x = (-(-side // most) for side in volume.values.shape)
-    values = np.ascontiguousarray(volume.values[::z, ::y, ::x])
-    num_absent = int(np.count_nonzero(np.isnan(values)))
-    volume.require_unchanged()
-    return make_volume(values, volume.world_from_index @ np.diag([x, y, z, 1.0]), volume.name, num_absent=num_absent)
 
 
 def small_scene(scene: Scene, side: int, *, is_annotated: bool = False) -> Scene:

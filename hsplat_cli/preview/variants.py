@@ -6,14 +6,14 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from hsplat_cli.preview.studio import Shot, Studio, sampled, shot_of
+from hsplat_cli.preview.studio import Shot, Studio, shot_of
 from hsplat_cli.scenes import look_lines
 from renderer.errors import HsplatError
 from renderer.frame import Stage
 from renderer.job import FilmJob, JobEvents, LocalExecutor, forecast_frames
 from renderer.scene import Scene, with_tolerance
 from renderer.suggest import VolumeSuggestion, Wish, compute_statistics, hounsfield_zero, suggest_read
-from renderer.volume import Volume
+from renderer.volume import Volume, sampled_volume
 
 _FACTORS = (0.5, 1.0, 2.0)
 _TOLERANCES = (1.0, 0.3, 0.1)
@@ -42,7 +42,7 @@ def variants(
         yield "Opacity", [_denser(studio, scene, unit / factor, frame, factor) for factor in _FACTORS]
     yield "Tolerance, and what the whole film costs", coarser
     if looks:
-        drawn = [sampled(stage.layers[0].volume, _MOST_DRAWN)]
+        drawn = [sampled_volume(stage.layers[0].volume, _MOST_DRAWN)]
         shots = [_look(studio, scene, frame, word, found, drawn) for word, found in looks]
         yield "Other looks, of some of the voxels", shots
 
@@ -92,7 +92,7 @@ def suggest_looks(stage: Stage) -> Looks:
     is_plain = not (others or scene.needs_opengl or scene.mode.is_projection or layer.volume.is_labels)
     if not is_plain or scene.volume.has_colors or layer.volume.mask is not None:
         return []
-    volume = sampled(layer.volume, _MOST_LOOKED_AT)
+    volume = sampled_volume(layer.volume, _MOST_LOOKED_AT)
     statistics = compute_statistics(volume.values)
     if statistics.minimum == statistics.maximum:
         return []

@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from hsplat_cli.preview.studio import Shot, Studio, sampled, small_scene
+from hsplat_cli.preview.studio import Shot, Studio, small_scene
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.draw import open_rasterizer
 from renderer.errors import HsplatError, InputError
 from renderer.frame import StageMaker
 from renderer.scene import Scene, min_tolerance, with_tolerance
 from renderer.system import num_cores
-from renderer.volume import Volume
+from renderer.volume import Volume, sampled_volume
 
 # The longer side of each picture, and the finest tolerance that it may have.
 _STEPS = ((256, 1.0), (512, 0.3), (512, 0.0))
@@ -104,4 +104,8 @@ def _some_voxels(scene: Scene, maker: StageMaker) -> list[Volume] | None:
     is_kept = maker.layers.keys() >= {*maker.digests_of(scene, tolerance)}
     are_plain = not any(volume.is_labels or volume.colors is not None or volume.mask is not None for volume in volumes)
     is_large = max(max(volume.shape_xyz) for volume in volumes) > _MOST_AT_ONCE
-    return [sampled(volume, _MOST_AT_ONCE) for volume in volumes] if is_large and are_plain and not is_kept else None
+    return (
+        [sampled_volume(volume, _MOST_AT_ONCE) for volume in volumes]
+        if is_large and are_plain and not is_kept
+        else None
+    )

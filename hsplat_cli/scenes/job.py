@@ -100,8 +100,6 @@ def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
 
 def _require_labels(scene: Scene, editor: TreeEditor) -> None:
     """Raise SceneError for labels that a scene names and its files have not; for that, volumes of labels are read."""
-    if not any(layer.transfer_function.labels or layer.mask for layer in scene.layers):
-        return
     from renderer.readers import read_volume
     from renderer.suggest import label_problems
 

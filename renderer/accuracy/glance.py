@@ -8,18 +8,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from renderer.accuracy.truths import is_loop, spread_evenly
 from renderer.film import over_background
-from renderer.frame import Stage, view_of
+from renderer.frame import Stage, StageMaker, prepare_stage, view_of
 from renderer.layers import Layer
 from renderer.suggest import drawn_background
 from renderer.truth import SceneRays, chord_lengths
 from renderer.view import View
-from renderer.volume import Bools, Float64, Int64
+from renderer.volume import Bools, Float64, Int64, sampled_volume
 
 # Frames that are looked at, and rays along the longer side of each.
 _MOST_FRAMES, _SIDE = 3, 40
@@ -33,6 +33,8 @@ _NOTHING = 0.5 / 255
 _MIN_OF_BOX, _LEAST_OPACITY = 0.97, 0.03
 # Rays through the edges of a box, shorter than this part of its diagonal, do not count.
 _SHORTEST = 0.25
+# The most voxels along an axis from which the frames of a film in motion are looked at.
+_MOST_SAMPLED = 64
 # Longest steps of the rays, in voxels.
 _STEP_VOXELS = 2.0
 
@@ -57,14 +59,12 @@ def look_ahead(stage: Stage, frames: Sequence[int], *, num_threads: int) -> list
     """
     numbers = spread_evenly(frames, _MOST_FRAMES, is_loop=is_loop(stage.scene.camera.path))
     seen, are_boxes = list[float](), list[list[bool]]()
-    rays, of_rays = None, None
+    rays = SceneRays(stage, num_threads=num_threads) if stage.maker is None else None
     for number in numbers:
-        at = stage.at(number)
-        if rays is None or at.layers != of_rays:
-            rays, of_rays = SceneRays(at, num_threads=num_threads), at.layers
-        view = _small(view_of(stage, number))
+        at = stage if rays is not None else _coarse_stage(stage, number, num_threads)
+        view = _small(view_of(at, number))
         pixels = np.arange(view.size[0] * view.size[1])
-        radiance = rays.integrate(view, pixels, _STEP_VOXELS)
+        radiance = (rays or SceneRays(at, num_threads=num_threads)).integrate(view, pixels, _STEP_VOXELS)
         seen.append(_seen(at, view, radiance))
         are_boxes.append([_is_box(layer, view, pixels, radiance[:, 3]) for layer in at.layers])
     dark = [number for number, part in zip(numbers, seen, strict=True) if part < _LEAST_SEEN]
@@ -78,6 +78,24 @@ def look_ahead(stage: Stage, frames: Sequence[int], *, num_threads: int) -> list
         *found,
         *(each for layer, is_box in zip(stage.layers, boxes, strict=True) if is_box for each in _box_glances(layer)),
     ]
+
+
+def _coarse_stage(film: Stage, number: int, num_threads: int) -> Stage:
+    """Return the stage of a frame of a film in motion, made from some of the voxels: layers of all of them take long.
+
+    Small labels may have none of these, so that volumes of labels are whole.
+    """
+    scene = film.scene.at(number)
+    camera = replace(scene.camera, distance=scene.camera.distance or film.distance)
+    camera = camera if camera.follow else replace(camera, target=film.target)
+    volumes = [
+        volume if layer.transfer_function.labels else sampled_volume(volume, _MOST_SAMPLED)
+        for layer, volume in zip(
+            scene.layers, StageMaker(num_threads, any_tolerance=True).volumes_of(scene), strict=True
+        )
+    ]
+    options: dict[str, Any] = {"clock": lambda: 0.0, "num_threads": num_threads}
+    return prepare_stage(replace(scene, camera=camera), volumes=volumes, **options)
 
 
 def _small(view: View) -> View:

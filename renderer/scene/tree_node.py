@@ -38,13 +38,15 @@ class FilmTime:
     """A film of so many frames, in which values may move.
 
     num_frames: None where that is not known. at: the frame at which values are read; None keeps their motions.
-    keys: the frames of all motions that were read.
+    keys: the frames of all motions that were read. motions: those without problems, by their paths and the types that
+        they were read as, which are kept: values are read at many frames, and motions may have many keys.
     """
 
     num_frames: int | None
     frames_per_second: float
     at: int | None = None
     keys: set[int] = field(default_factory=set)
+    motions: dict[tuple[str, int], tuple[FieldType[Any], Motion]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -147,6 +149,9 @@ def _may_be_frame(key: object) -> bool:
 def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
     """Return what a map from frames to values of a type says: of one frame, or the motion."""
     assert isinstance(node.value, Mapping) and field.motion is not None
+    known = film.motions.get((node.path, id(field)))
+    if known is not None and film.at is not None:
+        return known[1].at(film.at)
     easing: Any = "linear"
     num_problems = len(node.problems)
     found: list[tuple[Any, Any]] = []
@@ -174,6 +179,8 @@ def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
         _check_ratios(node, motion)
     elif motion.kind == "linear" and isinstance(values[0], tuple) and film.at is None:
         _check_between_keys(field, node, motion)
+    if len(node.problems) == num_problems:
+        film.motions[node.path, id(field)] = field, motion
     return moving(motion) if film.at is None else motion.at(film.at)
 
 

@@ -25,4 +25,5 @@ from .volume import (
     joint_fingerprint as joint_fingerprint,
     make_volume as make_volume,
     move_volume as move_volume,
+    sampled_volume as sampled_volume,
 )

@@ -11,6 +11,7 @@ import pytest
 from film_stages import PLAIN, stage_of
 
 import renderer
+from renderer.frame import Stage
 from renderer.pyramid import build_pyramid
 from renderer.scene import (
     AnnotationSpec,
@@ -31,7 +32,7 @@ from renderer.transfer import TransferFunction
 from renderer.view import fit_distance, make_view, smallest_voxel_px, visible_centre, visible_points
 from renderer.view.framing import MARGIN
 from renderer.view.paths import camera_poses
-from renderer.volume import Float64, make_volume
+from renderer.volume import Float64, Volume, make_volume
 
 PATHS: list[CameraPath] = [
     TurntablePath(12, start=7.0, elevation=20.0),
@@ -185,3 +186,50 @@ def test_splats_of_a_small_volume_are_whole_in_the_frame(num: int) -> None:
     assert rim.max() == 0 and alpha.max() > 100
     rows, columns = np.nonzero(alpha)
     assert max(np.ptp(rows), np.ptp(columns)) > 0.4 * len(alpha)
+
+
+def in_one_volume(*boxes: tuple[int, int, int]) -> Volume:
+    """Return a block of 60 x 50 x 40 voxels, and single ones at places x, y, z."""
+    values = np.zeros((96, 96, 96), np.uint8)
+    values[10:50, 10:60, 10:70] = 200
+    for x, y, z in boxes:
+        values[z, y, x] = 200
+    return make_volume(values, np.eye(4), "block")
+
+
+def framed(volume: Volume, opacity: float = 0.9) -> Stage:
+    points = (ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0), ControlPoint(200.0, (1.0, 1.0, 1.0), opacity))
+    camera = replace(PLAIN.camera, target="visible")
+    return stage_of(replace(PLAIN, camera=camera, transfer_function=TransferSpec(points)), volume)
+
+
+def test_a_voxel_beside_an_object_does_not_decide_how_it_is_framed() -> None:
+    """One of 120,000 moves nothing, and is told; a column of 60 is seen, and so decides."""
+    alone, beside = framed(in_one_volume()), framed(in_one_volume((90, 90, 90)))
+    assert (beside.target, beside.distance) == (alone.target, alone.distance)
+    assert alone.not_framed == 0.0 < beside.not_framed < 1e-3
+    wide = framed(in_one_volume(*((90, 90, z) for z in range(20, 80))))
+    assert wide.distance > 1.2 * alone.distance and wide.not_framed == 0.0
+
+
+def test_faint_voxels_around_an_object_do_not_decide_how_it_is_framed() -> None:
+    volume = in_one_volume()
+    values = volume.values.copy()
+    random = np.random.default_rng(0)
+    for z, y, x in random.integers(0, 96, (150, 3)).tolist():
+        values[z, y, x] = max(1, int(values[z, y, x]))
+    alone, beside = framed(volume), framed(make_volume(values, np.eye(4), "faint"))
+    # Those within eight voxels of the block are not told from it.
+    assert beside.target == pytest.approx(alone.target, abs=4)
+    assert beside.distance == pytest.approx(alone.distance, rel=0.1)
+    assert 0.0 < beside.not_framed < 1e-3
+
+
+def test_the_tip_of_an_object_stays_in_frame() -> None:
+    """A needle that adds little to the picture is a part of the object, and decides."""
+    needle = framed(in_one_volume(*((x, 30, 40) for x in range(70, 74))))
+    assert needle.target[0] > framed(in_one_volume()).target[0] and needle.not_framed == 0.0
+
+
+def test_what_is_faint_throughout_is_framed_whole() -> None:
+    assert framed(in_one_volume(), opacity=1e-4).distance == framed(in_one_volume()).distance

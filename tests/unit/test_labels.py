@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
+from click.testing import CliRunner
 
+from hsplat_cli.commands.check import check
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError, SceneError
 from renderer.layers.labels import leave_out_masked, mask_volume, number_labels
@@ -241,3 +245,21 @@ def test_a_mask_without_lengths_has_the_grid_of_the_volume_whose_shape_it_has(su
     own = mask_volume(scan, sized, [1]).mask
     assert own is not None and own.note is None
     np.testing.assert_array_equal(own.world_from_index, np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("labels", "place"),
+    [
+        ({"colors": {99: "red"}}, "labels.colors.99"),
+        ({"show": [1, 99], "opacity": 1, "colors": {1: "red", 99: "blue"}}, "labels.show.1"),
+        ({"hide": ["heart"]}, "labels.hide.0"),
+        ({"opacity": {99: 0.5}}, "labels.opacity.99"),
+    ],
+)
+def test_check_looks_for_labels_without_the_cost(labels: dict[str, Any], place: str) -> None:
+    """Also where a scene is complete, so that nothing else has to be read for it."""
+    camera, output = {"path": {"type": "turntable", "frames": 2}}, {"file": "a.mp4", "size": [16, 16]}
+    tree = {"version": 1, "volume": {"file": "bare.npy"}, "labels": labels, "camera": camera, "output": output}
+    Path("scene.yaml").write_text(yaml.safe_dump(tree))
+    with pytest.raises(SceneError, match=f"{re.escape(place)}: no such label"):
+        CliRunner().invoke(check, ["scene.yaml", "--no-cost"], catch_exceptions=False)
