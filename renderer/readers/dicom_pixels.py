@@ -37,7 +37,8 @@ def palette_dtype(dataset: Dataset) -> np.dtype[Any]:
 def stored_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
     """Yield some of the frames of a file, each with its number: stored pixels [y, x, sample], or colours of a palette.
 
-    One is decoded at a time, unless pixels are bits and frames do not begin with a byte. Raises InputError if they cannot be decoded.
+    One is decoded at a time, unless pixels are bits and frames do not begin with a byte. Raises InputError if they
+    cannot be decoded.
     """
     from pydicom.pixels.utils import iter_pixels
 
