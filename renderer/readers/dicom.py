@@ -8,7 +8,6 @@ components tell apart, one is chosen; of segments all are labels of one volume.
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,7 +19,7 @@ from renderer.readers.dicom_dimensions import Sorted, sort_frames, times_of
 from renderer.readers.dicom_folder import describe_left_out, find_series, one_of_a_series
 from renderer.readers.dicom_frames import Frame, frames_of
 from renderer.readers.dicom_mosaic import slices_of
-from renderer.readers.dicom_pixels import pixels_of
+from renderer.readers.dicom_pixels import stored_frames
 from renderer.readers.dicom_places import check_alike, even_step, placed, turned, without_strays
 from renderer.readers.dicom_segments import (
     Segments,
@@ -104,7 +103,8 @@ def _read_chosen(
     """Return the choice of a time and a component, and its voxels; of whole segments, all unless one is chosen."""
     volumes, first = found.volumes, found.volumes[0][0][0]
     num_samples = first.num_samples
-    are_labels = segments is not None and are_whole(first.file, segments)
+    every = [frame for volume in volumes[0] for frame in volume]
+    are_labels = segments is not None and are_whole(every, segments)
     is_joined = are_labels and component is None and len(volumes) == 1 and fit_together(volumes[0])
     shape = (len(volumes), len(volumes[0]) * num_samples)
     chosen = choose("tc", shape, time, 0 if is_joined else component, "RGB" * first.has_colors, found.by_axis)
@@ -135,20 +135,22 @@ def _read_values(frames: list[Frame], channel: int, host: Host) -> _Voxels:
 
     Where frames differ in that range, or a table gives it other values, such values are NaN instead.
     """
-    stored_frames = [frame for frame in frames if frame.number is not None]
-    ranges = dict.fromkeys(frame.scale.nodata for frame in stored_frames)
-    is_mixed = len(ranges) > 1 or any(each.scale.padding and each.scale.table is not None for each in stored_frames)
+    filled = [frame for frame in frames if frame.number is not None]
+    ranges = dict.fromkeys(frame.scale.nodata for frame in filled)
+    is_mixed = len(ranges) > 1 or any(each.scale.padding and each.scale.table is not None for each in filled)
     dtype = np.result_type(*(frame.scale.dtype for frame in frames))  # the slope may differ from frame to frame
     dtype = np.result_type(dtype, np.float32) if is_mixed else dtype
     values = allocate_voxels(host, (len(frames), *frames[0].size[::-1]), dtype)
-    pairs = [pair for pair in zip(values, frames, strict=True) if pair[1].number is not None]
-    pairs.sort(key=lambda pair: pair[1].file)
-    for file, targets in itertools.groupby(pairs, lambda pair: pair[1].file):
+    by_file: dict[Path, dict[int, list[tuple[Array, Frame]]]] = {}
+    for target, frame in zip(values, frames, strict=True):
+        if frame.number is not None:  # a mosaic has several slices in one
+            by_file.setdefault(frame.file, {}).setdefault(frame.number, []).append((target, frame))
+    for file in sorted(by_file):
         host.begin_file(file)
-        pixels = pixels_of(file)
-        for target, frame in targets:
-            stored, padding = frame.stored(pixels, channel), frame.scale.padding
-            target[...] = frame.scale.values_of(stored, frame.file)
-            if is_mixed and padding is not None:
-                target[(stored >= padding[0]) & (stored <= padding[1])] = np.nan
+        for number, pixels in stored_frames(file, sorted(by_file[file])):
+            for target, frame in by_file[file][number]:
+                stored, padding = frame.part_of(pixels, channel), frame.scale.padding
+                target[...] = frame.scale.values_of(stored, file)
+                if is_mixed and padding is not None:
+                    target[(stored >= padding[0]) & (stored <= padding[1])] = np.nan
     return _Voxels(frames, values, () if is_mixed else tuple(each for each in ranges if each is not None))

@@ -72,7 +72,7 @@ class Frame:
     units: of its lengths and values. has_place: whether the file says its position; else `keys` has its PLACE_KEYS.
     has_axes: whether the file says its directions, or neither these nor a position.
     stated: fields that are not applied. space: the name of the space that its position belongs to. has_colors: whether
-        its samples are red, green and blue.
+        its samples are red, green and blue. segment: the number of the segment that it belongs to.
     """
 
     file: Path
@@ -96,6 +96,7 @@ class Frame:
     stated: frozenset[str] = frozenset()
     space: str = ""
     has_colors: bool = False
+    segment: int = 1
 
     @property
     def label(self) -> str:
@@ -119,10 +120,10 @@ class Frame:
         normal = np.cross(self.across, self.down)
         return np.asarray(normal / np.linalg.norm(normal), np.float64)
 
-    def stored(self, pixels: Array, channel: int) -> Array:
-        """Return its stored values [y, x], a part of those of its file."""
+    def part_of(self, pixels: Array, channel: int) -> Array:
+        """Return its stored values [y, x], a part of the frame of its file."""
         x, y = self.corner
-        return pixels[self.number or 0, y : y + self.size[1], x : x + self.size[0], channel]
+        return pixels[y : y + self.size[1], x : x + self.size[0], channel]
 
 
 class _File(NamedTuple):
@@ -257,6 +258,7 @@ def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> 
         keys=keys,
         stated=stated_in(fields, has_place=has_stated or file.num_frames > 1, has_axes=axes.are_known),
         space=text_of(fields, "FrameOfReferenceUID"),
+        segment=max(1, int(first_numbers(fields, ["ReferencedSegmentNumber"], [1.0])[0])),
         has_colors=file.num_samples == 3 and (file.is_palette or photometric.startswith(("RGB", "YBR"))),
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,15 +34,35 @@ def palette_dtype(dataset: Dataset) -> np.dtype[Any]:
     return np.dtype(np.uint16 if numbers_of([dataset], f"{_PALETTES[0]}Descriptor")[2] > 8 else np.uint8)
 
 
-def pixels_of(path: Path) -> Array:
-    """Return the stored pixels of a file, [frame, y, x, sample], and of a palette its colours; raises InputError if
-    they cannot be decoded."""
-    from pydicom.pixels.processing import apply_color_lut
+def stored_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
+    """Yield some of the frames of a file, each with its number: stored pixels [y, x, sample], or colours of a palette.
+
+    One is decoded at a time, unless pixels are bits and frames do not begin with a byte. Raises InputError if they
+    cannot be decoded.
+    """
+    from pydicom.pixels.utils import iter_pixels
+
+    dataset = _with_pixels(path)
+    samples = int(dataset.get("SamplesPerPixel") or 1)
+    shape, is_palette = (int(dataset.Rows), int(dataset.Columns), samples), has_palette(dataset)
+    in_bits = dataset.get("BitsAllocated") == 1 and math.prod(shape) % 8 != 0
+    frames = None if in_bits else iter_pixels(dataset, indices=list(numbers))
+    for number in numbers:
+        try:
+            pixels = next(frames) if frames else dataset.pixel_array.reshape(-1, *shape)[number]
+            stored = _without_unused_bits(np.asarray(pixels).reshape(shape), dataset)
+            colors = _colors_of(stored, dataset) if is_palette else stored
+        except Exception as error:  # of its decoders
+            raise unreadable_slice(path) from error
+        yield number, colors
+
+
+def _with_pixels(path: Path) -> Dataset:
+    """Return a file with what pydicom needs to decode its pixels; raises InputError for compressions that it cannot."""
     from pydicom.uid import ExplicitVRBigEndian, ExplicitVRLittleEndian, ImplicitVRLittleEndian
 
     dataset, _ = open_dicom(path, with_pixels=True)
-    syntax = dataset.file_meta.get("TransferSyntaxUID")
-    if syntax is None:  # without a preamble
+    if dataset.file_meta.get("TransferSyntaxUID") is None:  # without a preamble
         is_implicit, is_little = dataset.original_encoding
         explicit = ExplicitVRLittleEndian if is_little else ExplicitVRBigEndian
         dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian if is_implicit else explicit
@@ -48,20 +70,14 @@ def pixels_of(path: Path) -> Array:
         dataset.setdefault(keyword, usual)
     if (refusal := compression_error(path, dataset)) is not None:
         raise refusal
-    try:
-        pixels = np.asarray(dataset.pixel_array)
-    except Exception as error:  # of its decoders
-        raise unreadable_slice(path) from error
-    samples = int(dataset.get("SamplesPerPixel") or 1)
-    frames = int(dataset.get("NumberOfFrames") or 1)
-    pixels = pixels.reshape(-1, int(dataset.Rows), int(dataset.Columns), samples)
-    stored = _without_unused_bits(pixels[:frames], dataset)  # what is left over may be padding
-    if not has_palette(dataset):
-        return stored
-    try:
-        return np.asarray(apply_color_lut(stored[..., 0], dataset))[..., :3].astype(palette_dtype(dataset))
-    except Exception as error:  # of its parser, for damaged palettes
-        raise unreadable_slice(path, "its palette is truncated or damaged") from error
+    return dataset
+
+
+def _colors_of(stored: Array, dataset: Dataset) -> Array:
+    """Return the colours [y, x, 3] of the numbers of a palette."""
+    from pydicom.pixels.processing import apply_color_lut
+
+    return np.asarray(apply_color_lut(stored[..., 0], dataset))[..., :3].astype(palette_dtype(dataset))
 
 
 def _without_unused_bits(pixels: Array, dataset: Dataset) -> Array:

@@ -15,9 +15,9 @@ import numpy as np
 
 from renderer.looks import LookFile, make_labels, rgb_from_lab
 from renderer.readers.common import labels_or_note
-from renderer.readers.dicom_fields import SEGMENT, Dataset, numbers_of, open_dicom, text_of
+from renderer.readers.dicom_fields import Dataset, numbers_of, open_dicom, text_of
 from renderer.readers.dicom_frames import Frame
-from renderer.readers.dicom_pixels import pixels_of
+from renderer.readers.dicom_pixels import stored_frames
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.scene import counted
 from renderer.volume import Array, Channel, Label
@@ -63,12 +63,15 @@ def _row(item: Dataset, dataset: Dataset) -> list[object]:
     return [number, text_of([item], "SegmentLabel"), *color]
 
 
-def are_whole(path: Path, segments: Segments) -> bool:
+def are_whole(frames: Sequence[Frame], segments: Segments) -> bool:
     """Return whether no voxel is a part of a segment: stored values are 0 and the largest one."""
     if segments.kind != "FRACTIONAL":
         return True
+    path, numbers = frames[0].file, [frame.number for frame in frames if frame.number is not None]
     maximum = numbers_of([open_dicom(path)[0]], "MaximumFractionalValue")
-    return bool(maximum) and set(np.unique(pixels_of(path)).tolist()) <= {0, int(maximum[0])}
+    return bool(maximum) and all(
+        bool(np.isin(stored, (0, maximum[0])).all()) for _, stored in stored_frames(path, sorted(numbers))
+    )
 
 
 def fit_together(volumes: Sequence[Sequence[Frame]]) -> bool:
@@ -82,42 +85,40 @@ def fit_together(volumes: Sequence[Sequence[Frame]]) -> bool:
 
 def join_segments(volumes: Sequence[Sequence[Frame]], host: Host) -> tuple[Array, str | None]:
     """Return the numbers of the segments [z, y, x], and a note if some overlap. volumes: of one segment each."""
-    numbers = [number_of(volume) for volume in volumes]
     path = volumes[0][0].file
     host.begin_file(path)
-    pixels = pixels_of(path)
-    sizes = [sum(np.count_nonzero(frame.stored(pixels, 0)) for frame in _filled(volume)) for volume in volumes]
-    order = sorted(range(len(volumes)), key=lambda k: (-sizes[k], k))
-    shape = (len(volumes[0]), *volumes[0][0].size[::-1])
-    values = allocate_voxels(host, shape, np.min_scalar_type(max(numbers)))
-    num_shared = 0
-    for z, plane in enumerate(values):
-        nums = np.zeros(plane.shape, np.uint16)
-        for k in order:
-            frame = volumes[k][z]
-            if frame.number is not None:
-                inside = frame.stored(pixels, 0) > 0
-                plane[inside] = numbers[k]
-                nums += inside
-        num_shared += np.count_nonzero(nums > 1)
+    numbers = np.array([0, *(volume[0].segment for volume in volumes)])
+    places = {
+        frame.number: (k, z)
+        for k, volume in enumerate(volumes, start=1)
+        for z, frame in enumerate(volume)
+        if frame.number is not None
+    }
+    dtype = np.min_scalar_type(max(*numbers.tolist(), len(numbers)))
+    values = allocate_voxels(host, (len(volumes[0]), *volumes[0][0].size[::-1]), dtype)
+    order, sizes = sorted(places), np.zeros(len(numbers), np.int64)
+    for number, stored in stored_frames(path, order):
+        sizes[places[number][0]] += np.count_nonzero(stored[..., 0])
+    rank = np.empty(len(numbers), np.int64)  # the largest has the lowest; the background, 0, comes before all
+    rank[[0, *(1 + np.argsort(-sizes[1:], kind="stable")).tolist()]] = np.arange(len(numbers))
+    are_shared = np.zeros(values.shape, np.bool_)
+    for number, stored in stored_frames(path, order):
+        k, z = places[number]
+        inside, ranks = stored[..., 0] > 0, values[z]
+        are_shared[z] |= inside & (ranks > 0)
+        ranks[inside] = np.maximum(ranks[inside], rank[k])
+    by_rank = numbers[np.argsort(rank)].astype(dtype)
+    for plane in values:
+        plane[...] = by_rank[plane]
+    num_shared = int(np.count_nonzero(are_shared))
     if not num_shared:
         return values, None
     shared = counted(num_shared, "voxel")
     return values, f"segments overlap: of {shared} the smallest segment is shown; `component: k` shows one alone"
 
 
-def number_of(volume: Sequence[Frame]) -> int:
-    """Return the number of the segment that a volume is of; 1 where it is not said."""
-    numbers = volume[0].marks.get(SEGMENT, ([1.0], ""))[0]
-    return max(1, int(numbers[0])) if numbers else 1
-
-
 def channels_of(volumes: Sequence[Sequence[Frame]], labels: Sequence[Label], *, are_light: bool) -> tuple[Channel, ...]:
     """Return a channel for each segment, with its name and colour."""
     by_number = {label.value: label for label in labels}
-    found = (by_number.get(number_of(volume), Label(number_of(volume))) for volume in volumes)
+    found = (by_number.get(volume[0].segment, Label(volume[0].segment)) for volume in volumes)
     return tuple(Channel(label.name, label.color, None, are_light) for label in found)
-
-
-def _filled(volume: Sequence[Frame]) -> list[Frame]:
-    return [frame for frame in volume if frame.number is not None]

@@ -133,14 +133,15 @@ def test_a_volume_that_was_not_finished_is_left_out(tmp_path: Path, name: str, n
         assert volume.note == left
 
 
-def test_a_place_that_was_not_finished_is_left_out(tmp_path: Path) -> None:
+@pytest.mark.parametrize("num", [3, 4])
+def test_a_place_that_was_not_finished_is_left_out(tmp_path: Path, num: int) -> None:
     """Times follow each other at each place, and the last place lacks one."""
-    values = planes(4, 3)
-    for k, t in np.ndindex(4, 3):
-        if (k, t) != (3, 2):
-            write_slice(tmp_path, k * 3 + t, values[k, t], 2 * k, InstanceNumber=str(k * 3 + t + 1))
-    left = "an incomplete place is left out: 2 of 3 slices there"
-    assert read(tmp_path).note == f"{left}; {TIMES.format(3, 'InstanceNumber')}"
+    values = planes(4, num)
+    for k, t in np.ndindex(4, num):
+        if (k, t) != (3, num - 1):
+            write_slice(tmp_path, k * num + t, values[k, t], 2 * k, InstanceNumber=str(k * num + t + 1))
+    left = f"an incomplete place is left out: {num - 1} of {num} slices there"
+    assert read(tmp_path).note == f"{left}; {TIMES.format(num, 'InstanceNumber')}"
     np.testing.assert_array_equal(read(tmp_path, time=1).values, values[:3, 1])
 
 
@@ -166,6 +167,16 @@ def test_a_slice_without_a_position_lies_by_the_next_best_field(tmp_path: Path, 
     np.testing.assert_array_equal(volume.values, planes(4))
     assert volume.note == f"1 slice without ImagePositionPatient (002.dcm): {keyword} places it"
     np.testing.assert_allclose(volume.world_from_index[:3, 2:], [[0, 0], [0, 0], [2, 0]], atol=1e-9)
+
+
+def test_numbers_of_times_place_no_slice(tmp_path: Path) -> None:
+    """Numbers run through two times: no line goes through the places."""
+    for t, k in np.ndindex(2, 4):
+        fields: dict[str, Any] = {"InstanceNumber": str(t * 4 + k)}
+        fields |= {"ImagePositionPatient": None} if (t, k) == (1, 2) else {}
+        write_slice(tmp_path, t * 4 + k, planes(8)[t * 4 + k], 2 * k, **fields)
+    error = refused(tmp_path, match="slices of this series do not say where they are")
+    assert error.got is not None and error.got.startswith("1 of 8 without ImagePositionPatient, such as 006.dcm; ")
 
 
 def test_a_slice_that_says_no_place_is_named(tmp_path: Path) -> None:

@@ -142,10 +142,16 @@ def test_files_of_frames_of_one_series_are_one_volume(tmp_path: Path) -> None:
 @pytest.mark.parametrize("syntax", ["1.2.840.10008.1.2", "1.2.840.10008.1.2.1"])
 def test_headers_are_summarized_without_a_library(tmp_path: Path, syntax: str) -> None:
     dataset = functional_groups(ENHANCED, [0, 1, 2])
-    dataset.ReferencedImageSequence = [image_fields(np.zeros((9, 2, 2), np.uint8), uid="1.9")]  # has both fields, too
-    del dataset.ReferencedImageSequence[0].file_meta
+    inside = image_fields(np.zeros((9, 2, 2), np.uint8), uid="1.9")  # has both fields, too
+    del inside.file_meta
+    dataset.ReferencedImageSequence, dataset.DimensionOrganizationSequence = (
+        [inside],
+        [inside],
+    )  # before and behind them
     for is_undefined in (False, True):
-        dataset["ReferencedImageSequence"].is_undefined_length = is_undefined
+        for keyword in ("ReferencedImageSequence", "DimensionOrganizationSequence"):
+            dataset[keyword].is_undefined_length = is_undefined
+            dataset[keyword].value[0].is_undefined_length_sequence_item = is_undefined
         path = written(tmp_path / "a.dcm", dicom_bytes(dataset, syntax))
         assert summarize(path) == (3, "1.2.3.4")
     path.write_bytes(path.read_bytes()[:200])

@@ -55,6 +55,37 @@ def test_segments_are_labels_with_names_and_colours(tmp_path: Path) -> None:
     np.testing.assert_allclose(colors, [[221, 130, 101], [255, 0, 0]], atol=1)
 
 
+def test_numbers_of_segments_are_not_those_of_dimensions(tmp_path: Path) -> None:
+    """Dimensions count segments from 1 on, whatever their numbers are (PS3.3, C.7.6.17)."""
+    dataset = segmentation("BINARY", planes("1100", "0011"))
+    dataset.SegmentSequence = [segment(5, "Liver"), segment(300, "Tumour")]
+    pointer = Dataset()
+    pointer.DimensionIndexPointer = 0x0062000B  # the number of the segment
+    dataset.DimensionIndexSequence = [pointer]
+    for k, frame in enumerate(dataset.PerFrameFunctionalGroupsSequence):
+        frame.SegmentIdentificationSequence[0].ReferencedSegmentNumber = (5, 300)[k]
+        frame.FrameContentSequence = [Dataset()]
+        frame.FrameContentSequence[0].DimensionIndexValues = [k + 1]
+    save(tmp_path / "a.dcm", dataset)
+    volume = read(tmp_path / "a.dcm")
+    assert volume.values[0].tolist() == [[5, 5, 300, 300]]
+    assert [(label.value, label.name) for label in volume.labels] == [(5, "Liver"), (300, "Tumour")]
+    assert [channel.name for channel in read(tmp_path / "a.dcm", component=1).channels] == ["Liver", "Tumour"]
+
+
+@pytest.mark.parametrize("num_columns", [8, 5])
+def test_segments_of_one_bit_a_pixel(tmp_path: Path, num_columns: int) -> None:
+    """Frames begin anywhere in a byte."""
+    values = np.random.default_rng(0).integers(0, 2, (2, 3, num_columns))
+    values[1][values[0] > 0] = 0
+    dataset = segmentation("BINARY", values)
+    dataset.BitsAllocated, dataset.BitsStored, dataset.HighBit = 1, 1, 0
+    packed = np.packbits(values.astype(np.uint8).ravel(), bitorder="little").tobytes()
+    dataset.PixelData = packed + bytes(len(packed) % 2)
+    save(tmp_path / "a.dcm", dataset)
+    np.testing.assert_array_equal(read(tmp_path / "a.dcm").values[0], values[0] + 2 * values[1])
+
+
 def test_a_segment_without_a_colour_has_none(tmp_path: Path) -> None:
     path = write(tmp_path / "a.dcm", "BINARY", planes("1100", "0011"), LIVER, segment(2, "Bone"))
     assert [label.color is None for label in read(path).labels] == [False, True]
