@@ -7,8 +7,6 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 # Three sizes in a name, such as 256x256x113 and 128_128_64.
 _SIZES = re.compile(r"(?<![0-9])(?<![0-9]\.)([1-9][0-9]{0,5})[x_-]([1-9][0-9]{0,5})[x_-]([1-9][0-9]{0,5})(?![0-9])")
 _TYPE = re.compile(r"(?<![a-z])(u|unsigned|uint|int|i|s|float|f)[_-]?(8|16|32|64)(?:bits?|_t)?(?![0-9a-z])")
@@ -52,10 +50,15 @@ def declaration_in_name(path: Path) -> Declaration | None:
     dtype = _type_in(rest)
     num_bytes, left = divmod(path.stat().st_size, math.prod(shape))
     known = dtype or _USUAL.get(num_bytes)
-    if left or known is None or np.dtype(known).itemsize != num_bytes:
+    if left or known is None or _itemsize(known) != num_bytes:
         return None
     is_big = num_bytes > 1 and any(word in _BIG_ENDIAN for word in re.split("[^a-z]", rest))
     return Declaration(shape, known, is_big, dtype is None)
+
+
+def _itemsize(dtype: str) -> int:
+    """Return the bytes of a number of a type that ends with its bits; without numpy, which `check` does not load."""
+    return int(re.sub("[a-z]+", "", dtype)) // 8
 
 
 def _type_in(name: str) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -164,13 +165,17 @@ def _fill_values_in_time(spec: VolumeSpec, image: common.Image) -> tuple[float, 
 
 @lru_cache(maxsize=16)
 def _found_fill_values(spec: VolumeSpec, num_times: int, _marks: tuple[tuple[int, int], ...]) -> tuple[float, ...]:
-    """Return the fill values of some steps, ascending. _marks: of the files, by which it is known if they changed."""
+    """Return the fill values of some steps, ascending. _marks: of the files, by which it is known if they changed.
+
+    A step that cannot be read has none: its error is told when it is drawn.
+    """
     found = set[float]()
     for step in dict.fromkeys(k * (num_times - 1) // (_MOST_STEPS - 1) for k in range(_MOST_STEPS)):
-        values = _native_contiguous(_load(spec, step).values)
-        if (file := backing_file(values)) is not None:
-            guard_mapping(file, values)
-        found.update(find_fill_values(values, file))
+        with suppress(InputError, OSError):
+            values = _native_contiguous(_load(spec, step).values)
+            if (file := backing_file(values)) is not None:
+                guard_mapping(file, values)
+            found.update(find_fill_values(values, file))
     return tuple(sorted(found))
 
 

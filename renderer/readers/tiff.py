@@ -157,7 +157,8 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
         with _open_pages(require_exists(file)) as pages:
             page = pages[0]
             calibration = find_calibration(page)
-            found = f"{_describe(page)} of Orientation {orientation(page)}"
+            turn = orientation(page)
+            found = f"{_describe(page)}{f' of Orientation {turn}' * (turn > 1)}"
             found += ", calibrated by ImageJ" * bool(calibration.coefficients)
             expected = expected or found
             if not all(_is_preview(other, page) for other in pages[1:]):
