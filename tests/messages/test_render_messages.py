@@ -27,7 +27,7 @@ FULL = "the disk is full\n  hint: free some space, or write to another disk\n"
 
 @pytest.fixture(autouse=True)
 def folder(scene_folder: Path) -> Path:
-    """Make a scene of six small frames, near enough to be seen, and volumes that have a fault, in the current folder."""
+    """Make a scene of six small frames, near enough to be seen, and volumes with faults, in the current folder."""
     Path("scene.yaml").write_text(small_scene(6).replace("distance: 300", "distance: 40"), encoding="utf-8")
     os.mkfifo("pipe.nrrd")
     np.save("short.npy", np.zeros((8, 9, 10), np.float32))
