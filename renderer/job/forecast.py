@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.draw import BrickMemory
 from renderer.film import Picture, open_films
 from renderer.frame import LODCostEstimator, Stage, Stopwatch
 from renderer.job.events import JobEvents
@@ -32,10 +33,14 @@ NUM_NEIGHBOURS = 3
 
 @dataclass(frozen=True)
 class Forecast:
-    """A prediction of what a film costs: seconds, and the bytes of each output by its file."""
+    """A prediction of what a film costs: seconds, and the bytes of each output by its file.
+
+    brick_memory: as of an Executor.
+    """
 
     seconds: float
     num_bytes: Mapping[Path, float]
+    brick_memory: BrickMemory | None = None
 
     @property
     def seconds_text(self) -> str:
@@ -87,7 +92,7 @@ def forecast_frames(
         rows = np.array([row for row in found if row[0] == max(found)[0]])
         encoding, sizes[file] = np.average(rows[:, 2:], axis=0, weights=rows[:, 1]).tolist()
         seconds += encoding
-    return Forecast(seconds, sizes)
+    return Forecast(seconds, sizes, executor.brick_memory)
 
 
 def _store(frame: DrawnFrame) -> DrawnFrame:
