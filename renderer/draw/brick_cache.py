@@ -233,9 +233,10 @@ class BrickCache:
             is_used = is_in & (next_use >= 0)
             atlas.plan(brick_view.keys[is_used], next_use[is_used])
 
-    def have_slots(self, brick_view: BrickView, numbers: Int64) -> bool:
-        """Return whether the bricks with these numbers in the view have slots at once."""
-        return all(np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in self._parts(brick_view))
+    def have_slots(self, brick_view: BrickView, numbers: Int64, times: int) -> bool:
+        """Return whether so many times as many bricks as those with these numbers in the view have slots at once."""
+        parts = self._parts(brick_view)
+        return all(times * np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in parts)
 
     def upload_bricks(self, brick_view: BrickView, numbers: Int64, next_use: Int64 | None = None) -> Int64:
         """Upload the bricks with these numbers in the view, and return where texels begin, in the atlas of each layer,

@@ -108,12 +108,12 @@ def test_a_scan_keeps_the_bricks_that_fit(num_slots: int) -> None:
 def test_bands_that_share_bricks_keep_them() -> None:
     """Bricks of one band that the next one meets again stay, and of others those that the next picture needs first."""
     starts, numbers = np.array([0, 2, 4, 6, 8]), np.array([0, 1, 1, 2, 2, 3, 3, 0])
-    bands, first_use = plan_bands(starts, numbers, 5, lambda met: len(met) <= 2)
+    bands, first_use = plan_bands(starts, numbers, 5, lambda met, times: times == 1 and len(met) <= 2)
     assert [band.tiles.tolist() for band in bands] == [[0], [1], [2], [3]]
     assert [band.met.tolist() for band in bands] == [[0, 1], [1, 2], [2, 3], [0, 3]]
     assert [band.next_use.tolist() for band in bands] == [[3, 1], [4, 2], [5, 3], [4, 6]]
     assert first_use.tolist() == [0, 0, 1, 2, -1]
-    (whole,), _ = plan_bands(starts, numbers, 5, lambda met: True)
+    (whole,), _ = plan_bands(starts, numbers, 5, lambda met, times: len(met) * times <= 4)
     assert (whole.tiles.tolist(), whole.met.tolist(), whole.next_use.tolist()) == ([0, 1, 2, 3], [0, 1, 2, 3], [1] * 4)
 
 

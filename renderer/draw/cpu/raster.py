@@ -143,10 +143,10 @@ class _Part(NamedTuple):
     rectangles_px: Float64
     make_kernel: Callable[[dict[str, Any], Sequence[Int64]], Callable[..., None]]
 
-    def have_slots(self, members: Int64) -> bool:
-        """Return whether these bricks have slots at once."""
-        numbers = [self.members[each, 1] for each in self._by_view(members)]
-        return all(map(BrickCache.have_slots, self.caches, self.views, numbers))
+    def have_slots(self, members: Int64, times: int) -> bool:
+        """Return whether so many times as many bricks as these have slots at once."""
+        of_views = zip(self.caches, self.views, self._by_view(members), strict=True)
+        return all(cache.have_slots(view, self.members[each, 1], times) for cache, view, each in of_views)
 
     def plan(self, first_use: Int64) -> None:
         """Note which band meets each brick first, or -1: int64 [members]."""
