@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
 
 from hsplat_cli.commands.options import takes_scene
+from hsplat_cli.executors import memory_option
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import Reporter
 from renderer.accuracy import finer_than_kept, psnr, typical_kept_psnr, typical_psnr, wanted_error
@@ -39,9 +41,10 @@ from renderer.scene import (
     motion_of,
     moving_values,
 )
-from renderer.system import join_lines
+from renderer.system import MemoryShare, join_lines
 
 if TYPE_CHECKING:  # it loads kernels
+    from renderer.draw import BrickMemory
     from renderer.job import Forecast
 
 # The number of values of a schedule that are listed.
@@ -52,7 +55,8 @@ _MAX_TURNS = 4
 @takes_scene("As for render.")
 @click.option("--output", metavar="FILE", help="As for render.")
 @click.option("--no-cost", is_flag=True, help="Read and draw nothing to predict what the film costs.")
-def check(request: SceneRequest, *, output: str | None, no_cost: bool) -> None:
+@memory_option
+def check(request: SceneRequest, *, output: str | None, no_cost: bool, memory: int | None) -> None:
     """Check a scene file and list everything that is wrong with it.
 
     SCENE is a YAML file, or the JSON file beside a film. Finds all that render refuses before it loads a library to
@@ -77,7 +81,7 @@ def check(request: SceneRequest, *, output: str | None, no_cost: bool) -> None:
                     find_volume(file)
     has_labels = any(layer.transfer_function.labels or layer.mask for layer in job.scene.layers)
     notes = [*_label_notes(request)] if has_labels else []
-    cost_rows, costs = ([], None) if no_cost else _costs(request)
+    cost_rows, costs = ([], None) if no_cost else _costs(request, MemoryShare(memory))
     facts = [*_summary(job.scene, len(job.frames), costs), *notes, *cost_rows]
     rows = [f"  {name:<8} {text}" for name, text in facts]
     Reporter().result(join_lines([f"{request.path}: ok", *rows]))
@@ -93,8 +97,8 @@ def _label_notes(request: SceneRequest) -> Iterator[tuple[str, str]]:
         yield "note", f"labels are not looked for: {str(error).partition(chr(10))[0]}"
 
 
-def _costs(request: SceneRequest) -> tuple[list[tuple[str, str]], Forecast | None]:
-    """Return a row with what the film costs if this process draws it, and that forecast; or why that is not known."""
+def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, str]], Forecast | None]:
+    """Return rows with what the film costs if this process draws it, and that forecast; or why that is not known."""
     # Imported here: they load kernels.
     from hsplat_cli.terminal import FilmEvents
     from renderer.job import forecast_film, open_local_executor
@@ -102,13 +106,26 @@ def _costs(request: SceneRequest) -> tuple[list[tuple[str, str]], Forecast | Non
     try:
         job = load_job(request)
         with FilmEvents(Reporter(), job.scene.splat.primitive_name) as events:
-            found = forecast_film(job, open_local_executor, events)
+            found = forecast_film(job, partial(open_local_executor, memory=memory), events)
     except SceneError:  # its numbers do not fit the volumes
         raise
     except HsplatError as error:
         return [("note", f"the cost is not known: {str(error).partition(chr(10))[0]}")], None
-    cost = f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}"
-    return [("cost", cost), *(("note", each.note) for each in found.glances)], found
+    rows = [("cost", f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}")]
+    if found.brick_memory is not None:
+        rows.append(("memory", _memory_text(found.brick_memory)))
+    rows += [("note", each.note) for each in found.glances]
+    return rows, found
+
+
+def _memory_text(memory: BrickMemory) -> str:
+    """Return how much memory bricks need, and what that means where they may take less."""
+    from hsplat_cli.reports import bytes_text  # loads numpy
+
+    needed = f"{bytes_text(memory.needed)} for bricks"
+    if memory.needed <= memory.limit:
+        return needed
+    return f"{needed}, of which {bytes_text(memory.limit)} may be kept: others are made again for each frame (--memory)"
 
 
 def _summary(scene: Scene, num_frames: int, costs: Forecast | None) -> list[tuple[str, str]]:

@@ -34,6 +34,7 @@ def render(
     best_effort: bool,
     workers: int | None,
     scheduler: str | None,
+    memory: int | None,
     force: bool,
     reporter: Reporter,
 ) -> None:
@@ -42,7 +43,7 @@ def render(
     SCENE is a YAML file. A JSON file beside the output records how it was made; given in place of SCENE, it makes the
     same film again.
     """
-    executor = ExecutorSpec(workers, scheduler)
+    executor = ExecutorSpec(workers, scheduler, memory)
     require_executor(executor)
     job = load_job(replace(request, output=output), "passes" if progressive else "film")
     limit = None if time_limit is None else parse_duration(time_limit, where="--time-limit")

@@ -57,6 +57,7 @@ def turntable(
     reference: Path | None,
     workers: int | None,
     scheduler: str | None,
+    memory: int | None,
     force: bool,
     reporter: Reporter,
     name: str | None,
@@ -72,7 +73,7 @@ def turntable(
     With --scene all have the look of a scene, each framed on its own. Its values may be percentiles (relative: true);
     with --match they are those of a reference, and are shifted and scaled to each volume by their histograms.
     """
-    executor = ExecutorSpec(workers, scheduler)
+    executor = ExecutorSpec(workers, scheduler, memory)
     require_executor(executor)
     if options["background"] == "transparent" and not FORMATS[f".{kind}"].has_alpha:
         hint = f"--format {', '.join(suffix[1:] for suffix, each in FORMATS.items() if each.has_alpha)}"
@@ -84,7 +85,7 @@ def turntable(
         film = FilmOptions(shared.scene.num_frames, no_paths=not shared.scene.output.record_paths)
     arguments = [*_as_arguments(_given(options) | chosen | {"force": force}), f"--output={folder}"]
     named = _named_volumes(volumes, name, reporter)
-    how = [*_as_arguments({"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler})]
+    how = [*_as_arguments({"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler, "memory": memory})]
     problems = {volume: list[InputError]() for volume in named.values()}
     requests = [
         FilmRequest(

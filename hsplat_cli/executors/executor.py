@@ -31,21 +31,22 @@ def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: Scene) -> Itera
             from hsplat_cli.executors.cluster.connection import connect
 
             client = stack.enter_context(connect(spec.address))
-            executor = SchedulerExecutor(client, f"--scheduler {spec.address}", scene, stack, reporter)
+            executor = SchedulerExecutor(client, spec, scene, stack, reporter)
             if isinstance(scene.error.goal, MetricTarget):  # the search runs here: it fails early where it cannot
                 _ = executor.rasterizer
             yield executor
             return
-        local = stack.enter_context(open_local_executor(scene))
-        is_alone = spec.num_local_processes == 1
-        yield local if is_alone else ProcessesExecutor(local, spec.num_local_processes, stack, reporter)
+        local = stack.enter_context(open_local_executor(scene, spec.share))
+        yield local if spec.num_local_processes == 1 else ProcessesExecutor(local, spec, stack, reporter)
 
 
 class _DaskExecutor:
-    """An executor that draws with processes of Dask."""
+    """An executor that draws with processes of Dask. brick_memory: not known here."""
 
-    def __init__(self, stack: contextlib.ExitStack, reporter: Reporter) -> None:
-        self._stack, self._reporter = stack, reporter
+    brick_memory = None
+
+    def __init__(self, spec: ExecutorSpec, stack: contextlib.ExitStack, reporter: Reporter) -> None:
+        self._spec, self._stack, self._reporter = spec, stack, reporter
         self._drawings: list[ClusterDrawing] = []
 
     @property
@@ -58,7 +59,8 @@ class _DaskExecutor:
     ) -> Generator[DrawnFrame, None, None]:
         from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
 
-        with contextlib.closing(ClusterDrawing(client, where, plan, self._reporter)) as drawing:
+        found = ClusterDrawing(client, where, plan, self._reporter, self._spec.memory)
+        with contextlib.closing(found) as drawing:
             self._drawings.append(drawing)
             yield from drawing.draw(numbers)
 
@@ -69,15 +71,15 @@ class SchedulerExecutor(_DaskExecutor):
     device = "that of a cluster's workers"
 
     def __init__(
-        self, client: Client, where: str, scene: Scene, stack: contextlib.ExitStack, reporter: Reporter
+        self, client: Client, spec: ExecutorSpec, scene: Scene, stack: contextlib.ExitStack, reporter: Reporter
     ) -> None:
-        super().__init__(stack, reporter)
-        self._client, self._where, self._scene = client, where, scene
+        super().__init__(spec, stack, reporter)
+        self._client, self._where, self._scene = client, f"--scheduler {spec.address}", scene
 
     @cached_property
     def rasterizer(self) -> Rasterizer:
         """Open what draws trial frames in this process."""
-        return self._stack.enter_context(open_local_executor(self._scene)).rasterizer
+        return self._stack.enter_context(open_local_executor(self._scene, self._spec.share)).rasterizer
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Yield these frames, in this order; may be closed before its end."""
@@ -88,9 +90,11 @@ class SchedulerExecutor(_DaskExecutor):
 class ProcessesExecutor(_DaskExecutor):
     """An executor that draws with several processes of this machine, which start with the first frame."""
 
-    def __init__(self, local: LocalExecutor, num: int, stack: contextlib.ExitStack, reporter: Reporter) -> None:
-        super().__init__(stack, reporter)
-        self._local, self._num = local, num
+    def __init__(
+        self, local: LocalExecutor, spec: ExecutorSpec, stack: contextlib.ExitStack, reporter: Reporter
+    ) -> None:
+        super().__init__(spec, stack, reporter)
+        self._local, self._num = local, spec.num_local_processes
         self.device, self.rasterizer = local.device, local.rasterizer
 
     @property

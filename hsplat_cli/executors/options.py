@@ -1,4 +1,4 @@
-"""Declares the options that say what draws, `--workers` and `--scheduler`, and checks them."""
+"""Declares the options that say what draws, `--workers`, `--scheduler` and `--memory`, and checks them."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import click
 
-from hsplat_cli.terminal import option_group
+from hsplat_cli.terminal import option_group, parse_bytes
 from renderer.errors import InputError, require_package
 from renderer.scene import Scene, TimeBudget, format_value
-from renderer.system import num_cores
+from renderer.system import MemoryShare, num_cores
 
 # The scheduler of processes on this machine.
 LOCAL = "local"
@@ -24,10 +24,12 @@ class ExecutorSpec:
     """A choice of processes that draw.
 
     workers: their number on this machine, where it was given. scheduler: address of a cluster's, or `local`, if given.
+    memory: bytes for the bricks of all processes of a machine, if given.
     """
 
     workers: int | None = None
     scheduler: str | None = None
+    memory: int | None = None
 
     @property
     def address(self) -> str | None:
@@ -39,12 +41,24 @@ class ExecutorSpec:
         """Return the number of processes of this machine that draw; one is this process."""
         return self.workers or (num_cores() if self.scheduler == LOCAL else 1)
 
+    @property
+    def share(self) -> MemoryShare:
+        """Return the memory of this process, which draws alone, or trial frames beside others."""
+        num = self.num_local_processes
+        return MemoryShare(self.memory, num + 1 if num > 1 else 1)
+
 
 workers_option = click.option(
     "--workers",
     type=click.IntRange(min=1),
     metavar="N",
     help="Draw with N processes, by Dask; one process with all threads by default.",
+)
+memory_option = click.option(
+    "--memory",
+    metavar="SIZE",
+    callback=lambda _context, _option, text: None if text is None else parse_bytes(text, where="--memory"),
+    help="Let what is drawn take 2GB of a machine's memory; half of what is free by default.",
 )
 executor_options = option_group(
     workers_option,
@@ -53,6 +67,7 @@ executor_options = option_group(
         metavar="ADDRESS",
         help="Draw on the Dask cluster of this scheduler, tcp://node7:8786; local for a process on each core.",
     ),
+    memory_option,
 )
 
 

@@ -1,4 +1,5 @@
-"""Read values of the command line: outputs, durations (`90s`), and frames of a film (`--frames A:B:STEP`)."""
+"""Read values of the command line: outputs, durations (`90s`), amounts of memory (`2GB`), and frames of a film
+(`--frames A:B:STEP`)."""
 
 from __future__ import annotations
 
@@ -20,6 +21,7 @@ _FRACTION_ONLY_IN_LAST_PART = r"(?!.*\..*[hms].)"
 _PARTS = f"(?=.)(?:{_NUMBER}h)?(?:{_NUMBER}m)?(?:{_NUMBER}s)?"
 _DURATION = re.compile(f"{_FRACTION_ONLY_IN_LAST_PART}{_PARTS}|{_NUMBER}", re.ASCII)
 _MOST_DIGITS = 9
+_BYTES = re.compile(r"(\d{1,15}(?:\.\d{1,9})?) ?([KMGT]?)(i?)B?", re.ASCII | re.IGNORECASE)
 
 
 def option_group(*options: Callable[[Any], Any]) -> Callable[[_Command], _Command]:
@@ -69,6 +71,18 @@ def parse_duration(text: str, *, where: str) -> float:
     if total == 0:
         raise InputError("a duration of 0", where=where, got=format_value(text), expected=f"{expected}, more than 0")
     return total
+
+
+def parse_bytes(text: str, *, where: str) -> int:
+    """Return the bytes in `2GB`, `1.5 GiB`, `512M` or `1000000`. Raises InputError for other text, and for 0 bytes."""
+    match, expected = _BYTES.fullmatch(text.strip()), "an amount such as 512MB, 2GB or 1.5GiB"
+    if match is None:
+        raise InputError("not an amount of memory", where=where, got=format_value(text), expected=expected)
+    number, prefix, binary = match.groups()
+    found = int(float(number) * (1024 if binary else 1000) ** " KMGT".index(prefix.upper() or " "))
+    if found == 0:
+        raise InputError("no memory", where=where, got=format_value(text), expected=f"{expected}, more than 0")
+    return found
 
 
 def is_one_frame(text: str | None) -> bool:

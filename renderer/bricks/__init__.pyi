@@ -16,9 +16,7 @@ from .layout import (
     PADDED_BRICK_SIZE as PADDED_BRICK_SIZE,
 )
 from .means import (
-    MAX_CACHE_BYTES as MAX_CACHE_BYTES,
     MIN_BRICKS_PER_THREAD as MIN_BRICKS_PER_THREAD,
-    MeanCache as MeanCache,
     color_texels as color_texels,
 )
 from .pixel_grid import ScreenSampling as ScreenSampling

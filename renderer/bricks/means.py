@@ -7,12 +7,10 @@ cells, block by block. The means are those that it would have stored, bit for bi
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
-from renderer.kernels import ThreadPool, kernels
+from renderer.kernels import kernels
 from renderer.pyramid import (
     STREAMED_LEVELS,
     Pyramid,
@@ -25,46 +23,13 @@ from renderer.pyramid import (
 from renderer.transfer import Classifier, raw_voxels
 from renderer.volume import Array, Float32, Int32, Int64, Volume
 
-# Most memory of cached bricks.
-MAX_CACHE_BYTES = 256 << 20
 # Fewer bricks are not worth a thread.
 MIN_BRICKS_PER_THREAD = 8
 
 
-class MeanCache:
-    """A cache of computed means, for pictures of more bricks than an atlas holds, which would compute them again.
-
-    It evicts bricks that neither a picture nor the one before it needed, and no others. To evict the least recently
-    used brick would not help: each picture needs the bricks in the same order, so that this one is needed next.
-    threads: compute the means.
-    """
-
-    def __init__(self, threads: ThreadPool | None = None) -> None:
-        self._threads = threads or ThreadPool()
-        # By level and cell: stored means, and the number of the last picture that needed them.
-        self._entries: dict[tuple[int, ...], tuple[Array, int]] = {}
-        self._picture, self._is_enabled = 0, False
-
-    def begin(self, *, is_enabled: bool) -> None:
-        """Begin a picture. is_enabled: whether it has more bricks than an atlas holds."""
-        oldest, self._picture, self._is_enabled = self._picture, self._picture + 1, is_enabled
-        self._entries = {key: entry for key, entry in self._entries.items() if is_enabled and entry[1] >= oldest}
-
-    def get(self, pyramid: Pyramid, level: int, cells: Int32) -> Array:
-        """Return the means of bricks, as `recompute_means` and `stored_means` do."""
-        compute = partial(recompute_means if level <= STREAMED_LEVELS else stored_means, pyramid, level)
-        if not self._is_enabled:
-            return self._threads.map_concatenated(compute, cells, MIN_BRICKS_PER_THREAD)
-        keys = [(level, *cell) for cell in cells.tolist()]
-        missing = [k for k, key in enumerate(keys) if key not in self._entries]
-        computed = iter(self._threads.map_concatenated(compute, cells[missing], MIN_BRICKS_PER_THREAD))
-        means = np.stack([self._entries[key][0] if key in self._entries else next(computed) for key in keys])
-        for key, brick in zip(keys, means, strict=True):
-            if key in self._entries:
-                self._entries[key] = self._entries[key][0], self._picture
-            elif (len(self._entries) + 1) * brick.nbytes <= MAX_CACHE_BYTES:
-                self._entries[key] = brick.copy(), self._picture  # not a view of all that was computed with it
-        return means
+def means_of_bricks(pyramid: Pyramid, level: int, cells: Int32) -> Array:
+    """Return the means of bricks of a level above 0, as `recompute_means` and `stored_means` do."""
+    return (recompute_means if level <= STREAMED_LEVELS else stored_means)(pyramid, level, cells)
 
 
 def stored_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:

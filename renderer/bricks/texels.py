@@ -24,7 +24,7 @@ import numpy as np
 
 from renderer.bricks.bricks import Bricks
 from renderer.bricks.layout import PADDED_BRICK_SIZE, voxels_of
-from renderer.bricks.means import MeanCache
+from renderer.bricks.means import means_of_bricks
 from renderer.kernels import kernels
 from renderer.transfer import range_width
 from renderer.volume import Float32, Float64, Int32, Volume
@@ -87,13 +87,13 @@ def _world_from_gradient(volume: Volume) -> Float64:
     return np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]).T)
 
 
-def mean_texels(bricks: Bricks, level: int, cells: Int32, cache: MeanCache | None = None) -> Float32:
+def mean_texels(bricks: Bricks, level: int, cells: Int32) -> Float32:
     """Return (tau c, tau) times the finest spacing, of bricks of a level above 0 at `cells` [n, 3] (x, y, z), float32
-    [n, 18, 18, 18, 4]; 0 where nothing is visible. cache: of means.
+    [n, 18, 18, 18, 4]; 0 where nothing is visible.
 
     Raises InputError where voxels are needed and the volume's file was changed.
     """
-    texels: Float32 = (cache or MeanCache()).get(bricks.pyramid, level, cells).astype(np.float32)
+    texels = means_of_bricks(bricks.pyramid, level, cells).astype(np.float32)
     texels *= np.float32(bricks.pyramid.mean_unit)
     extents = np.array(bricks.volume.shape_xyz) / 2.0**level
     lighting = bricks.pyramid.classifier.lighting

@@ -9,10 +9,10 @@ premultiplied RGBA without a background. Each footprint has its rasteriser.
   up many layers of splats in float64. Where a context is lost, `recovery.py` makes another.
 - `cpu/raster.py` draws bricks on several threads, by kernels: `march.cpp` takes the samples of a ray in a brick, with
   jitter, until early ray termination (Max 1995). `brick_cache.py` keeps the texels of bricks. `cpu/grid.py` divides the
-  picture into tiles, and `subsampling.py` interpolates between pixels that are drawn. `cpu/field.py` and
-  `cpu/light.py` describe what is sampled, and light and extinction that depend on the view or on gradients;
-  `cpu/extremum.py` says which scalar a ray looks for, and `cpu/mixture.py` where
-  bricks of several volumes lie.
+  picture into tiles, `cpu/bands.py` joins tiles whose bricks have room at once, and `subsampling.py` interpolates
+  between pixels that are drawn. `cpu/field.py` and `cpu/light.py` describe what is sampled, and light and extinction
+  that depend on the view or on gradients; `cpu/extremum.py` says which scalar a ray looks for, and `cpu/mixture.py`
+  where bricks of several volumes lie.
 
 Over pictures of both, `cpu/lines.py` draws the lines of overlays, which `overlay.py` makes.
 """

@@ -3,5 +3,5 @@ from .cpu.raster import BrickRasterizer as BrickRasterizer
 from .gl.raster import SplatRasterizer as SplatRasterizer
 from .open_rasterizer import open_rasterizer as open_rasterizer
 from .overlay import Lines as Lines, make_edges as make_edges, make_outline as make_outline
-from .rasterizer import Rasterizer as Rasterizer
+from .rasterizer import BrickMemory as BrickMemory, Rasterizer as Rasterizer
 from .recovery import RecoveringRasterizer as RecoveringRasterizer

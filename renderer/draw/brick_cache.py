@@ -1,12 +1,17 @@
-"""Keep the texels of bricks in slots of atlases, and evict those that were drawn longest ago.
+"""Keep the texels of bricks in slots of atlases, and evict those whose next use is farthest away.
 
-An atlas has up to MAX_ATLAS_BYTES. The size of a volume is therefore no limit: with less memory bricks are made more
+An atlas has a share of memory. The size of a volume is therefore no limit: with less memory bricks are made more
 often. One atlas holds the scalars of level 0, another the means of the levels above.
+
+L. A. Belady, "A study of replacement algorithms for a virtual-storage computer", IBM Systems Journal 5 (1966): no
+other order of eviction makes fewer bricks again. A picture is drawn in bands that are known before. The next picture is
+taken to have the same ones; then of bricks that do not fit, as many stay as there is room for. To evict the least
+recently used brick would evict each one just before it is needed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -19,7 +24,6 @@ from renderer.bricks import (
     BrickBatch,
     BrickLayer,
     BrickLayers,
-    MeanCache,
     color_texels,
     mean_texels,
     scalar_texels,
@@ -29,29 +33,31 @@ from renderer.transfer import toward_light
 from renderer.view import RaySetup, View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
 
-MAX_ATLAS_BYTES = 256 << 20
 # Most bricks whose texels a thread makes at a time before they are written.
 _UPLOAD_BATCH = 64
 # Floats behind the last texel that loads of whole rows touch.
 _READ_BEHIND = 2
+# A use that is farther away than any other: nothing is known of it.
+_NEVER = 1 << 62
 
 
 class Atlas:
     """A store of bricks of one kind, in slots. The caller gives each brick a key, a number from 0 to `num_keys` - 1.
 
-    num_channels: 1 or 4, float32. max_slots: the number of bricks that it may hold.
-    threads: make texels and write them; None for the calling one.
+    num_channels: 1 or 4, float32. max_slots: the number of bricks that it may hold, one at least.
+    num_bytes: of memory that it may take. threads: make texels and write them; None for the calling one.
     texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels], brick after brick.
     """
 
-    def __init__(self, num_channels: int, num_keys: int, threads: ThreadPool | None = None) -> None:
+    def __init__(self, num_channels: int, num_keys: int, num_bytes: int, threads: ThreadPool | None = None) -> None:
         self._threads, self._brick_floats = threads or ThreadPool(), PADDED_BRICK_SIZE**3 * num_channels
-        fitting = max(1, MAX_ATLAS_BYTES // (4 * self._brick_floats))
+        fitting = max(1, num_bytes // brick_bytes(num_channels))
         self.num_channels, self.max_slots = num_channels, min(num_keys, fitting)
         self.texels = np.empty(0, np.float32)
         self._slot_from_key = np.full(num_keys, -1, np.int64)  # -1: not in the atlas
         self._key_from_slot = np.empty(0, np.int64)  # -1: free
-        self._last_used = np.empty(0, np.int64)
+        self._next_use = np.empty(0, np.int64)
+        self._last_used = np.empty(0, np.int64)  # of bricks whose next use is not known, the oldest one goes first
         self._use_counter = 0
 
     def texel_offsets(self, slots: Int64) -> Int64:
@@ -74,19 +80,26 @@ class Atlas:
         """Return how many of these bricks are not in the atlas."""
         return int(np.count_nonzero(self._slot_from_key[keys] < 0))
 
-    def upload(self, keys: Int64, make_texels: Callable[[Int64], Float32]) -> Int64:
+    def plan(self, keys: Int64, next_use: Int64) -> None:
+        """Note when bricks will be used next: int64 [n], by ascending numbers of uses; no other brick is expected."""
+        slots = self._slot_from_key[keys]
+        self._next_use[:] = _NEVER
+        self._next_use[slots[slots >= 0]] = next_use[slots >= 0]
+
+    def upload(self, keys: Int64, make_texels: Callable[[Int64], Float32], next_use: Int64 | None = None) -> Int64:
         """Upload the bricks that are missing, and return the slots of all: int64 [n].
 
         keys: int64 [n], all different, at most as many as there are slots. make_texels: returns the texels of missing
         bricks, float32 [m, ...], from their indices in `keys`; several threads call it. Where it raises, the bricks
-        that were written before stay, and the others are not in the atlas.
+        that were written before stay, and the others are not in the atlas. next_use: int64 [n], when they are used
+        after this; None where that is not known.
         """
         self._use_counter += 1
         slots = self._slot_from_key[keys]
         missing = np.flatnonzero(slots < 0)
-        self._last_used[slots[slots >= 0]] = self._use_counter  # first, so that none of them is evicted
+        self._next_use[slots[slots >= 0]] = -1  # first, so that none of them is evicted
         if len(missing):
-            free = np.argsort(self._last_used, kind="stable")[: len(missing)]
+            free = np.lexsort((self._last_used, -self._next_use))[: len(missing)]
             evicted = self._key_from_slot[free]
             self._slot_from_key[evicted[evicted >= 0]] = -1
             self._key_from_slot[free] = -1
@@ -97,15 +110,22 @@ class Atlas:
                 part, into = missing[first : first + num], free[first : first + num]
                 bricks[into] = make_texels(part).reshape(len(part), -1)
                 self._slot_from_key[keys[part]], self._key_from_slot[into] = into, keys[part]
-                self._last_used[into] = self._use_counter
 
             self._threads.map(add, range(0, len(missing), num))
-        return self._slot_from_key[keys]
+        slots = self._slot_from_key[keys]
+        self._last_used[slots], self._next_use[slots] = self._use_counter, _NEVER if next_use is None else next_use
+        return slots
 
     def _resize(self, num: int) -> None:
         """Note that there are `num` slots now, all of them free."""
         self._slot_from_key[:] = -1
         self._key_from_slot, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
+        self._next_use = np.full(num, _NEVER, np.int64)
+
+
+def brick_bytes(num_channels: int) -> int:
+    """Return the bytes of the texels of a brick."""
+    return 4 * PADDED_BRICK_SIZE**3 * num_channels
 
 
 class BrickView(NamedTuple):
@@ -159,20 +179,35 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
     )
 
 
+def needed_bytes(bricks: BrickLayers) -> list[int]:
+    """Return the bytes of all visible bricks, in each atlas of a BrickCache: of each layer's scalars, and of means."""
+    scalars = [
+        int(np.count_nonzero(layer.bricks.levels[0].is_visible)) * brick_bytes(_num_channels(layer))
+        for layer in bricks.layers
+    ]
+    num_means = sum(int(np.count_nonzero(level.is_visible)) for level in bricks.levels[1:])
+    return [*scalars, num_means * brick_bytes(4)]
+
+
+def _num_channels(layer: BrickLayer) -> int:
+    """Return the channels of a layer's voxels: a scalar, or with light and with colours four."""
+    return 4 if layer.shading or layer.bricks.volume.colors is not None else 1
+
+
 class BrickCache:
     """A cache of the bricks of layers on one grid of voxels: an atlas of scalars for each, and one of all their means.
 
-    threads: compute the texels of bricks. scalars: the atlases of scalars, of each layer. means: that of means.
+    threads: compute the texels of bricks. num_bytes: what each atlas may take, in the order of `needed_bytes`.
+    scalars: the atlases of scalars, of each layer. means: that of means.
     """
 
-    def __init__(self, bricks: BrickLayers, threads: ThreadPool) -> None:
+    def __init__(self, bricks: BrickLayers, threads: ThreadPool, num_bytes: Sequence[int]) -> None:
         num_scalars, *nums = (level.errors.size for level in bricks.levels)
         self.scalars = [
-            Atlas(4 if layer.shading or layer.bricks.volume.colors is not None else 1, num_scalars, threads)
-            for layer in bricks.layers
+            Atlas(_num_channels(layer), num_scalars, each, threads)
+            for layer, each in zip(bricks.layers, num_bytes[:-1], strict=True)
         ]
-        self.means = Atlas(4, sum(nums))  # threads compute each batch
-        self._computed = [MeanCache(threads) for _ in bricks.layers]
+        self.means, self.num_bytes = Atlas(4, sum(nums), num_bytes[-1], threads), sum(num_bytes)
         self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
 
     def upload(self, batch: BrickBatch, order: UInt32, view: View) -> bool:
@@ -185,30 +220,38 @@ class BrickCache:
         has_room = all(len(of_atlas) <= atlas.max_slots for atlas, of_atlas in keys)
         if not has_room or not any(atlas.num_missing(of_atlas) for atlas, of_atlas in keys):
             return False
-        self._begin_means(is_enabled=False)
         self.upload_bricks(brick_view, np.arange(len(order)))
         return True
 
     def begin_frame(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
         """Return the bricks `batch[order]` as they are drawn, front to back."""
-        brick_view = self._prepare(batch, order, view)
-        self._begin_means(is_enabled=bool(np.count_nonzero(brick_view.is_mean) > self.means.max_slots))
-        return brick_view
+        return self._prepare(batch, order, view)
 
-    def have_slots(self, brick_view: BrickView, numbers: Int64) -> bool:
-        """Return whether the bricks with these numbers in the view have slots at once."""
-        return all(np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in self._parts(brick_view))
+    def plan(self, brick_view: BrickView, next_use: Int64) -> None:
+        """Note when the bricks of the view, which are now drawn in bands, are used first: int64 [n]; -1 for never."""
+        for atlas, is_in, _ in self._parts(brick_view):
+            is_used = is_in & (next_use >= 0)
+            atlas.plan(brick_view.keys[is_used], next_use[is_used])
 
-    def upload_bricks(self, brick_view: BrickView, numbers: Int64) -> Int64:
+    def have_slots(self, brick_view: BrickView, numbers: Int64, times: int) -> bool:
+        """Return whether so many times as many bricks as those with these numbers in the view have slots at once."""
+        parts = self._parts(brick_view)
+        return all(times * np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in parts)
+
+    def upload_bricks(self, brick_view: BrickView, numbers: Int64, next_use: Int64 | None = None) -> Int64:
         """Upload the bricks with these numbers in the view, and return where texels begin, in the atlas of each layer,
-        of all its bricks: int64 [layers, n]. It is -1 where a layer shows nothing; means are those of the first."""
+        of all its bricks: int64 [layers, n]. It is -1 where a layer shows nothing; means are those of the first.
+
+        next_use: of these bricks, as of `Atlas.upload`.
+        """
         offsets = np.full((len(self.scalars), len(brick_view.order)), -1, np.int64)
         for layer, (atlas, is_in, make_texels) in enumerate(self._parts(brick_view)):
-            of_atlas = numbers[is_in[numbers]]
+            are_in = is_in[numbers]
+            of_atlas, used = numbers[are_in], None if next_use is None else next_use[are_in]
             if not len(of_atlas):
                 continue
             atlas.reserve(len(of_atlas))
-            slots = atlas.upload(brick_view.keys[of_atlas], partial(make_texels, of_atlas))
+            slots = atlas.upload(brick_view.keys[of_atlas], partial(make_texels, of_atlas), used)
             offsets[layer % len(offsets), of_atlas] = atlas.texel_offsets(slots)
         return offsets
 
@@ -216,11 +259,7 @@ class BrickCache:
         """Free the memory of all bricks."""
         for atlas in (*self.scalars, self.means):
             atlas.release()
-        self._brick_view, self._computed = None, []
-
-    def _begin_means(self, *, is_enabled: bool) -> None:
-        for computed in self._computed:
-            computed.begin(is_enabled=is_enabled)
+        self._brick_view = None
 
     def _prepare(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
         """Return a view of bricks: the last one, if it is of the same ones."""
@@ -258,7 +297,7 @@ class BrickCache:
         texels = np.zeros((len(numbers), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
         for level in sorted(set(levels.tolist())):  # np.unique would import masked arrays
             at = np.flatnonzero(levels == level)
-            for layer, computed in zip(brick_view.batch.bricks.layers, self._computed, strict=True):
-                means = mean_texels(layer.bricks, level, cells[numbers[at]], computed)
+            for layer in brick_view.batch.bricks.layers:
+                means = mean_texels(layer.bricks, level, cells[numbers[at]])
                 texels[at] += np.float32(layer.weight) * means
         return texels

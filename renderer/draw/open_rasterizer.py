@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from renderer.draw.rasterizer import Rasterizer
 from renderer.scene import Scene
-from renderer.system import num_drawing_threads
+from renderer.system import MemoryShare, num_drawing_threads
 
 
-def open_rasterizer(scene: Scene) -> Rasterizer:
-    """Open the rasteriser of a scene's footprint. Raises RenderError where it needs OpenGL and there is none."""
+def open_rasterizer(scene: Scene, memory: MemoryShare | None = None) -> Rasterizer:
+    """Open the rasteriser of a scene's footprint. Raises RenderError where it needs OpenGL and there is none.
+
+    memory: for bricks, half of what is free by default; pictures do not depend on it.
+    """
     # Imported here: bricks need no OpenGL.
     if scene.needs_opengl:
         from renderer.draw.recovery import RecoveringRasterizer
@@ -16,4 +19,4 @@ def open_rasterizer(scene: Scene) -> Rasterizer:
         return RecoveringRasterizer()
     from renderer.draw.cpu.raster import BrickRasterizer
 
-    return BrickRasterizer(num_threads=num_drawing_threads())
+    return BrickRasterizer(num_threads=num_drawing_threads(), memory=memory)

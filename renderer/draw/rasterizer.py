@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from renderer.kernels import ThreadPool
 from renderer.view import View
@@ -12,15 +12,24 @@ from renderer.volume import Float32, UInt32
 R = TypeVar("R", bound="Rasterizer")
 
 
+class BrickMemory(NamedTuple):
+    """The bytes that the visible bricks of a scene need if all are kept, and the most that they may take."""
+
+    needed: int
+    limit: int
+
+
 class Rasterizer(Protocol):
     """A rasteriser of the sorted elements of one footprint: of one SplatBatch, or of BrickBatches.
 
     Use it as a context manager, or call `release`. device: what draws, on which the bytes depend. threads: also work on
-    what it has drawn. notes: what the user should know about the drawing so far.
+    what it has drawn. brick_memory: of the last scene; None for splats, and before anything is drawn. notes: what the
+    user should know about the drawing so far.
     """
 
     device: str
     threads: ThreadPool = ThreadPool()
+    brick_memory: BrickMemory | None = None
 
     @property
     def notes(self) -> Sequence[str]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
-from renderer.draw import Rasterizer, open_rasterizer
+from renderer.draw import BrickMemory, Rasterizer, open_rasterizer
 from renderer.film import Picture
 from renderer.frame import Frame, Stage, ToleranceController, render_frames
 from renderer.job.annotation import PictureMaker
@@ -21,7 +21,7 @@ from renderer.job.make_record import frame_record
 from renderer.job.plan import FilmPlan
 from renderer.job.record import FrameRecord
 from renderer.scene import Scene
-from renderer.system import num_cores
+from renderer.system import MemoryShare, num_cores
 
 if TYPE_CHECKING:
     from renderer.accuracy import FrameProber
@@ -47,11 +47,14 @@ class Executor(Protocol):
     """A way to draw frames: this process, or a cluster.
 
     device: what draws, on which the bytes depend; where machines may differ, records of frames have their own.
-    rasterizer: draws trial frames in this process.
+    brick_memory: as of a Rasterizer; None where other processes draw. rasterizer: draws trial frames in this process.
     """
 
     @property
     def device(self) -> str: ...
+
+    @property
+    def brick_memory(self) -> BrickMemory | None: ...
 
     @property
     def rasterizer(self) -> Rasterizer: ...
@@ -76,6 +79,11 @@ class LocalExecutor:
         return self.rasterizer.device
 
     @property
+    def brick_memory(self) -> BrickMemory | None:
+        """Return the memory of bricks."""
+        return self.rasterizer.brick_memory
+
+    @property
     def notes(self) -> Sequence[str]:
         """Return what the user should know about the drawing so far."""
         return self.rasterizer.notes
@@ -89,9 +97,12 @@ class LocalExecutor:
 
 
 @contextlib.contextmanager
-def open_local_executor(scene: Scene) -> Iterator[LocalExecutor]:
-    """Open what draws this scene in this process. Raises RenderError where it needs OpenGL and there is none."""
-    with open_rasterizer(scene) as rasterizer:
+def open_local_executor(scene: Scene, memory: MemoryShare | None = None) -> Iterator[LocalExecutor]:
+    """Open what draws this scene in this process. Raises RenderError where it needs OpenGL and there is none.
+
+    memory: as of `open_rasterizer`.
+    """
+    with open_rasterizer(scene, memory) as rasterizer:
         yield LocalExecutor(rasterizer)
 
 

@@ -30,7 +30,7 @@ from renderer.job.forecast import NUM_NEIGHBOURS, Forecast, film_cost, forecast_
 from renderer.job.goals import find_shortfall, summary_parts
 from renderer.job.make_record import film_record
 from renderer.job.plan import FilmPlan, make_plan
-from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, PassRecord
+from renderer.job.record import BrickMemoryRecord, FilmFingerprint, FilmRecord, FrameRecord, PassRecord
 from renderer.layers import placement_notes
 from renderer.scene import Scene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
@@ -241,11 +241,13 @@ class FilmInProgress:
         seen = [each.note for each in self.glances if each.word != NOTHING]  # of which the frames tell more
         notes = [*film_notes(self.output.spec), *annotation_notes(self.stage), *seen, *self.executor.notes]
         record = film_record(plan, frames, requested, self.job.original, shortfall, self._devices(frames))
+        memory = self.executor.brick_memory
         record = replace(
             record,
             volume=replace(record.volume, fingerprint=self.fingerprint.depends_on["volume"]["fingerprint"]),
             notes=(*notes, *record.notes),
             seconds={**self.stage.seconds, "total": seconds},
+            memory=None if memory is None else BrickMemoryRecord(*memory),
             passes=tuple(passes),
         )
         is_lasting = record.schedule.reproducible or isinstance(requested.goal, TimeBudget)

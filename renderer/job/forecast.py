@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.accuracy import Glance
+from renderer.draw import BrickMemory
 from renderer.film import Picture, open_films
 from renderer.frame import LODCostEstimator, Stage, Stopwatch
 from renderer.job.events import JobEvents
@@ -36,11 +37,13 @@ class Forecast:
     """A prediction of what a film costs: seconds, and the bytes of each output by its file.
 
     glances: what is wrong with what it shows, where that was looked at.
+    brick_memory: as of an Executor.
     """
 
     seconds: float
     num_bytes: Mapping[Path, float]
     glances: Sequence[Glance] = ()
+    brick_memory: BrickMemory | None = None
 
     @property
     def seconds_text(self) -> str:
@@ -92,7 +95,7 @@ def forecast_frames(
         rows = np.array([row for row in found if row[0] == max(found)[0]])
         encoding, sizes[file] = np.average(rows[:, 2:], axis=0, weights=rows[:, 1]).tolist()
         seconds += encoding
-    return Forecast(seconds, sizes)
+    return Forecast(seconds, sizes, executor.brick_memory)
 
 
 def _store(frame: DrawnFrame) -> DrawnFrame:

@@ -335,6 +335,14 @@ class PartRecord:
 
 
 @dataclass(frozen=True)
+class BrickMemoryRecord:
+    """A record of the memory of bricks, on which no byte of a picture depends."""
+
+    needed: Annotated[int, _COUNT, "Bytes of all visible bricks: where they exceed the limit, some are made again."]
+    limit: Annotated[int, _COUNT, "The most bytes that bricks could take, by `--memory` or by what was free."]
+
+
+@dataclass(frozen=True)
 class FilmFingerprint:
     """A fingerprint of a film: what it depends on, besides the numbers of its frames."""
 
@@ -360,6 +368,7 @@ class FilmRecord:
     accuracy: Annotated[FilmAccuracy | None, "How exact the frames are, where rays have measured all of them."] = None
     visibility: Annotated[FilmVisibility | None, "Which scalars the pictures show, where rays have told."] = None
     volumes: Annotated[tuple[VolumeRecord, ...], "Each volume, of several."] = ()
+    memory: Annotated[BrickMemoryRecord | None, "The memory of bricks, where one process drew."] = None
     passes: Annotated[tuple[PassRecord, ...], "Passes of a progressive film."] = ()
     parts: Annotated[tuple[PartRecord, ...], "Parts of an assembled film."] = ()
     fingerprint: Annotated[FilmFingerprint | None, "Left out where one pass would not have made this film."] = None

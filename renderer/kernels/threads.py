@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterable
 from typing import Any, TypeVar
 
-import numpy as np
 import numpy.typing as npt
 
 from renderer.system import start_threads
@@ -53,8 +52,3 @@ class ThreadPool:
         num_parts = max(1, min(self.num, num // -(-MIN_PIXELS_PER_THREAD // pixels.shape[1])))
         ends = [num * part // num_parts for part in range(num_parts + 1)]
         self.map(lambda part: work(ends[part], ends[part + 1]), range(num_parts))
-
-    def map_concatenated(self, make: Callable[[Array], Array], items: Array, least: int) -> Array:
-        """Return `make(items)` for items [n, ...] that are independent, computed in parts of at least `least` items."""
-        num_parts = max(1, min(self.num, len(items) // least))
-        return make(items) if num_parts == 1 else np.concatenate(self.map(make, np.array_split(items, num_parts)))

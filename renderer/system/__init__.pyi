@@ -15,6 +15,7 @@ from .interrupts import (
     stop_flag as stop_flag,
 )
 from .memory import (
+    MemoryShare as MemoryShare,
     PeakMemory as PeakMemory,
     address_space_hint as address_space_hint,
     free_bytes as free_bytes,

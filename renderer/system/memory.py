@@ -9,6 +9,7 @@ import contextlib
 import ctypes
 import math
 import resource
+from dataclasses import dataclass
 from pathlib import Path
 
 from renderer.system.cores import control_groups
@@ -20,11 +21,32 @@ _FILES = {
     2: (("memory.max", "memory.high"), "memory.current", ("inactive_file", "active_file")),
     1: (("memory.limit_in_bytes",), "memory.usage_in_bytes", ("total_inactive_file", "total_active_file")),
 }
+# Of the memory that is free, the part that drawing may take unless it is told otherwise: the rest is for voxels, films
+# and others.
+_SHARE_OF_FREE = 0.5
+# Bytes that drawing may take where nobody knows what is free.
+_BYTES_IF_UNKNOWN = 256 << 20
 
 
 def free_bytes() -> float:
     """Return the memory that can be had without swapping and without being killed; infinite where nobody knows."""
     return min(_read_meminfo("MemAvailable", math.inf), *map(_group_free_bytes, control_groups("memory")))
+
+
+@dataclass(frozen=True)
+class MemoryShare:
+    """A share of the memory of this machine, for what one of several processes draws.
+
+    total: bytes for all of them together; None for half of what is free. num_processes: how many share them.
+    """
+
+    total: int | None = None
+    num_processes: int = 1
+
+    def num_bytes(self) -> int:
+        """Return the bytes that this process may take now."""
+        total: float = _SHARE_OF_FREE * free_bytes() if self.total is None else self.total
+        return int((_BYTES_IF_UNKNOWN if math.isinf(total) else total) / self.num_processes)
 
 
 def free_swap_bytes() -> float:

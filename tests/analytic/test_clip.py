@@ -12,10 +12,10 @@ from small_scene import engine_block, small_tree
 from stage_pictures import decibels, drawn, exact
 
 from renderer.accuracy import compute_truth
-from renderer.draw import brick_cache
 from renderer.errors import SceneError
 from renderer.frame import Stage, prepare_stage, view_of
 from renderer.scene import parse_scene
+from renderer.system import MemoryShare
 
 PLANE = {"plane": {"point": [20, 17, 14], "normal": [1, -2, 0.5]}}
 BEFORE_CAMERA = {"plane": {"point": [1, 2, 3], "normal": [0.2, 0.1, 1]}, "fixed": "camera"}
@@ -56,8 +56,7 @@ def test_pictures_of_what_is_left(name: str, monkeypatch: pytest.MonkeyPatch) ->
     whole = compute_truth(stage_of([]), 3, 1e-3)
     assert np.abs(whole.picture - truth.picture).max() > 0.1
     # Neither threads nor the room for bricks matter.
-    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 1)
-    assert drawn(stage, num_threads=1).tobytes() == frame.tobytes()
+    assert drawn(stage, num_threads=1, memory=MemoryShare(1)).tobytes() == frame.tobytes()
 
 
 @pytest.mark.parametrize("tolerance", [0.002, 0.05])

@@ -10,11 +10,11 @@ import pytest
 from stage_pictures import decibels, drawn, exact
 
 from renderer.accuracy import FrameProber
-from renderer.draw import brick_cache
 from renderer.frame import Stage, prepare_stage
 from renderer.readers import read_volume
 from renderer.scene import Scene, parse_scene
 from renderer.suggest import resolve_scene
+from renderer.system import MemoryShare
 from renderer.volume import Float32, Float64
 
 RAMP = [{"value": 70, "color": "#cc7857", "opacity": 0}, {"value": 240, "color": "#faf2e0", "opacity": 0.4}]
@@ -50,9 +50,9 @@ def staged(scene: Scene) -> Stage:
     return prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
 
 
-def draw(scene: Scene, *, num_threads: int = 2) -> Float32:
+def draw(scene: Scene, **options: Any) -> Float32:
     with staged(scene) as stage:
-        return drawn(stage, num_threads=num_threads)
+        return drawn(stage, **options)
 
 
 def draw_both(scene: Scene) -> tuple[Float32, Float64]:
@@ -169,11 +169,10 @@ def test_the_order_of_volumes_and_the_number_of_threads_change_no_byte() -> None
     assert draw(scene_of(volumes[::-1]), num_threads=3).tobytes() == expected
 
 
-def test_bricks_that_do_not_fit_the_cache_are_drawn_in_bands(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bricks_that_do_not_fit_the_cache_are_drawn_in_bands() -> None:
     scene = scene_of([ENGINE, RINGS], 0.1)
     expected = draw(scene).tobytes()
-    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 12 * 4 * 18**3)
-    assert draw(scene).tobytes() == expected
+    assert draw(scene, memory=MemoryShare(48 * 4 * 18**3)).tobytes() == expected
 
 
 def test_a_matrix_moves_a_volume() -> None:

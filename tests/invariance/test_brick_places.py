@@ -24,11 +24,12 @@ from brickwork import (
 )
 
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, ScreenSampling
-from renderer.draw import BrickRasterizer, brick_cache
+from renderer.draw import BrickRasterizer
 from renderer.kernels import threads
 from renderer.scene import ShadingSpec
 from renderer.scene.camera_section import MAX_FIELD_OF_VIEW
 from renderer.scene.output_section import MAX_SIDE
+from renderer.system import MemoryShare
 from renderer.view import View
 
 
@@ -46,15 +47,10 @@ def subject(shading: ShadingSpec | None) -> tuple[list[BrickBatch], View, View]:
     return batches, view_of(volume, "perspective", (40, 30)), view_of(volume, "inside", (40, 30), azimuth=200.0)
 
 
-@pytest.mark.parametrize(
-    ("most_bytes", "shading"), [(None, None), (None, ShadingSpec()), (4 << 20, None), (4 << 20, ShadingSpec())]
-)
-def test_what_was_drawn_before_changes_nothing(
-    monkeypatch: pytest.MonkeyPatch, shading: ShadingSpec | None, most_bytes: int | None
-) -> None:
+@pytest.mark.parametrize("shading", [None, ShadingSpec()], ids=["plain", "lit"])
+def test_what_was_drawn_before_changes_nothing(shading: ShadingSpec | None) -> None:
+    """Nor does the memory for bricks: for all, for a few, for one."""
     batches, view, other = subject(shading)
-    if most_bytes is not None:
-        monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", most_bytes)
 
     def draw(rasterizer: BrickRasterizer, batch: BrickBatch) -> bytes:
         return rasterizer.rasterize([batch], [ordered(batch.cut, view)], view).tobytes()
@@ -72,10 +68,11 @@ def test_what_was_drawn_before_changes_nothing(
     for batch in batches:
         with BrickRasterizer() as rasterizer:
             first = draw(rasterizer, batch)
-        for history in histories:
-            with BrickRasterizer() as rasterizer:
-                history(rasterizer, batch)
-                assert draw(rasterizer, batch) == first
+        for num_bytes in (1 << 30, 8 << 20, 1):
+            for history in histories:
+                with BrickRasterizer(memory=MemoryShare(num_bytes)) as rasterizer:
+                    history(rasterizer, batch)
+                    assert draw(rasterizer, batch) == first
 
 
 def test_bricks_are_uploaded_once() -> None:
@@ -92,11 +89,10 @@ def test_bricks_are_uploaded_once() -> None:
         assert not rasterizer.upload([batches[0]], [ordered(batches[0].cut, view)], view)
 
 
-def test_more_bricks_than_slots_are_not_uploaded_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_bricks_than_slots_are_not_uploaded_ahead() -> None:
     """They are uploaded, and evicted, while they are drawn."""
-    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 1 << 10)
     batches, view, _ = subject(ShadingSpec())
-    with BrickRasterizer() as rasterizer:
+    with BrickRasterizer(memory=MemoryShare(1 << 10)) as rasterizer:
         assert not rasterizer.upload([batches[0]], [ordered(batches[0].cut, view)], view)
 
 

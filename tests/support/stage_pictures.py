@@ -7,15 +7,16 @@ import numpy.typing as npt
 
 from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, render_frames, view_of
+from renderer.system import MemoryShare
 from renderer.truth import SceneRays
 from renderer.volume import Float32, Float64
 
 NUMBER = 3  # of the frame; no axis of the volume is along the view
 
 
-def drawn(stage: Stage, number: int = NUMBER, *, num_threads: int = 2) -> Float32:
+def drawn(stage: Stage, number: int = NUMBER, *, num_threads: int = 2, memory: MemoryShare | None = None) -> Float32:
     """Return the radiance [h, w, 4]."""
-    with BrickRasterizer(num_threads=num_threads) as rasterizer:
+    with BrickRasterizer(num_threads=num_threads, memory=memory) as rasterizer:
         (frame,) = render_frames(stage, [number], rasterizer, clock=lambda: 0.0)
     return frame.radiance
 

@@ -9,12 +9,11 @@ import numpy as np
 from commands import python
 from small_scene import small_scene
 
-from renderer.draw import brick_cache
-
 # Memory that is not a file's (decision 001 in docs/decisions): while bricks are built of a volume; and on the device,
 # which is this machine's memory, too, where the renderer is software, with what passes on the way there.
 MAX_ATLAS_BYTES, MOST_BYTES_PER_VOXEL = 64 << 20, 1 / 8
-MOST_BYTES_OF_DEVICE = 2 * brick_cache.MAX_ATLAS_BYTES + (64 << 20)
+BRICK_BYTES = 512 << 20
+MOST_BYTES_OF_DEVICE = BRICK_BYTES + (64 << 20)
 
 CHILD = """
 import json, sys, threading, time
@@ -23,6 +22,7 @@ import numpy as np
 from renderer.scene import load_scene
 from renderer.frame import prepare_stage, render_frames
 from renderer.draw import BrickRasterizer
+from renderer.system import MemoryShare
 from renderer.volume import make_volume
 
 def anonymous_bytes():
@@ -40,7 +40,7 @@ class Peak(threading.Thread):
             time.sleep(0.002)
 
 scene = load_scene(Path(sys.argv[1]))
-with BrickRasterizer() as rasterizer:
+with BrickRasterizer(memory=MemoryShare(int(sys.argv[2]))) as rasterizer:
     def draw(stage):
         (frame,) = render_frames(stage, [0], rasterizer, clock=time.perf_counter)
         return frame
@@ -70,7 +70,7 @@ def test_memory_while_a_large_volume_is_drawn(tmp_path: Path) -> None:
     volume = f"raw: {{file: large.raw, shape: [{n}, {n}, {n}], dtype: uint8, spacing: [1, 1, 1]}}"
     scene = small_scene(frames=8, size="96, 96", error="tolerance: 0.5", footprint="integrated", volume=volume)
     (tmp_path / "large.yaml").write_text(scene)
-    found = json.loads(python("-c", CHILD, str(tmp_path / "large.yaml")).stdout)
+    found = json.loads(python("-c", CHILD, str(tmp_path / "large.yaml"), str(BRICK_BYTES)).stdout)
     assert found["is_mapped"]
     assert found["cells"] > 50 and found["mean"] > 10  # it is a picture
     most = MAX_ATLAS_BYTES + MOST_BYTES_PER_VOXEL * n**3

@@ -7,13 +7,13 @@ import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE, Shape, patches
 
-from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, PADDED_BRICK_SIZE, MeanCache, make_bricks, means as brick_means
+from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, PADDED_BRICK_SIZE, make_bricks
 from renderer.bricks.layout import HALO
 from renderer.bricks.means import recompute_means, stored_means
 from renderer.pyramid import Pyramid, build_pyramid, descendants, root_cells
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.volume import Int32, Volume, make_volume
+from renderer.volume import Volume, make_volume
 
 SOFT = TransferFunction(np.array([0.0, 100, 250]), np.eye(3), np.array([0.0, 0.0, 1.5]), 1.0)
 
@@ -67,58 +67,3 @@ def test_means_are_those_of_a_complete_pyramid(
     for one, other in zip(pyramid.levels[2:], whole.levels[2:], strict=whole.num_levels >= 3):
         np.testing.assert_array_equal(one.means, other.means)
         np.testing.assert_array_equal(one.errors, other.errors)
-
-
-# The cache
-
-NUM_BYTES = PADDED_BRICK_SIZE**3 * 4 * 2
-CELLS = np.array([(x, y, z) for z in range(2) for y in range(2) for x in range(4)], np.int32)
-
-
-@pytest.mark.parametrize(
-    ("room", "pictures", "computed"),
-    [
-        # Of bricks that are read in turn, and twice as many as have room, half are computed for each picture.
-        (8, 4 * [[(0, 6), (6, 12), (12, 16)]], [6, 6, 4, *(3 * [0, 4, 4])]),
-        # Bricks that the last two pictures did not need are evicted.
-        (8, [[(0, 8)], [(8, 16)], [(8, 16)], [(8, 16)], [(5, 11)]], [8, 8, 8, 0, 3]),
-        (0.9, 2 * [[(0, 3)]], [3, 3]),
-    ],
-    ids=["in turn", "evicted", "no room"],
-)
-def test_the_cache_computes_only_missing_bricks(
-    room: float, pictures: list[list[tuple[int, int]]], computed: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pyramid = make_bricks(volume_of((64, 64, 128), "uint8"), SOFT, spec=PyramidSpec(), error=ErrorSpec()).pyramid
-    monkeypatch.setattr(brick_means, "MAX_CACHE_BYTES", int(room * NUM_BYTES))
-    found, cache = record_recomputed(monkeypatch), MeanCache()
-    want = recompute_means(pyramid, 1, CELLS)
-    for parts in pictures:
-        cache.begin(is_enabled=True)
-        for first, end in parts:
-            np.testing.assert_array_equal(cache.get(pyramid, 1, CELLS[first:end]), want[first:end])
-    assert found == computed
-
-
-def test_the_cache_is_empty_while_the_device_holds_all_bricks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bricks of different levels have entries of their own."""
-    pyramid = make_bricks(volume_of((64, 64, 128), "uint8"), SOFT, spec=PyramidSpec(), error=ErrorSpec()).pyramid
-    found, cache = record_recomputed(monkeypatch), MeanCache()
-    for is_enabled in (False, False, True, True, False, True):
-        cache.begin(is_enabled=is_enabled)
-        cache.get(pyramid, 2, CELLS[:2])
-    assert found == [2, 2, 2, 0, 2, 2]
-    for level in (1, 2, 1):
-        np.testing.assert_array_equal(cache.get(pyramid, level, CELLS[:2]), recompute_means(pyramid, level, CELLS[:2]))
-
-
-def record_recomputed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Return a list to which each computation of means appends its number of bricks."""
-    found: list[int] = []
-
-    def record(pyramid: Pyramid, level: int, cells: Int32) -> npt.NDArray[np.floating]:
-        found.append(len(cells))
-        return recompute_means(pyramid, level, cells)
-
-    monkeypatch.setattr(brick_means, "recompute_means", record)
-    return found

@@ -18,6 +18,7 @@ from hsplat_cli.terminal import Reporter
 from renderer.errors import RenderError
 from renderer.frame import ScheduleController
 from renderer.job import FilmPlan, FrameRecord
+from renderer.system import MemoryShare
 
 # What a worker does at a frame besides drawing it.
 DIE, FAIL, DIE_WITH_PICTURE, KILLED = "die", "fail", "die with the picture", "is killed, says Dask"
@@ -79,8 +80,13 @@ class Cluster:
     def scatter(self, *_: Any, **__: Any) -> Future:
         return Future("finished")
 
-    def submit(self, _: Any, __: Any, number: int, *, workers: list[str], pure: bool) -> Future:
+    def num_beside(self, worker: str) -> int:
+        assert worker in self.usable_workers
+        return 3
+
+    def submit(self, _: Any, __: Any, number: int, memory: Any, *, workers: list[str], pure: bool) -> Future:
         assert {*workers} == self.usable_workers and not pure
+        assert memory == MemoryShare(MEMORY, 4)  # of three workers, and this process
         match self._does(self._num_workers, number):
             case "die":
                 self.usable_workers = set()
@@ -102,6 +108,7 @@ class Cluster:
         pass
 
 
+MEMORY = 12345
 PLAN = FilmPlan(stage_of(PLAIN), ScheduleController(stage_of(PLAIN)))
 
 
@@ -109,7 +116,7 @@ def draw(does: Callable[[int, int], str | None], numbers: Sequence[int]) -> list
     cluster = Cluster(does)
     constants = {"_POLL_INTERVAL_S": 0.0, "_MAX_THREADS": 1}
     with mock.patch.multiple(cluster_drawing, WorkerRegistry=lambda *_: cluster, **constants):
-        executor = ClusterDrawing(cluster, "", PLAN, Reporter())  # type: ignore[arg-type]
+        executor = ClusterDrawing(cluster, "", PLAN, Reporter(), MEMORY)  # type: ignore[arg-type]
         with closing(executor):
             return [result.record.frame for result in executor.draw(numbers)]
 

@@ -11,11 +11,14 @@ from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, p
 from texel_wall import drawn
 
 from renderer.bricks import PADDED_BRICK_SIZE
-from renderer.draw import BrickRasterizer, brick_cache
-from renderer.draw.brick_cache import Atlas
+from renderer.draw import BrickRasterizer
+from renderer.draw.brick_cache import Atlas, brick_bytes
+from renderer.draw.cpu.bands import plan_bands
+from renderer.draw.cpu.raster import share_out
 from renderer.scene import ShadingSpec
 from renderer.transfer import NO_LIGHT_GRID
 
+BRICK_BYTES = brick_bytes(1)
 GLASS = transfer_of((0, (0.9, 0.2, 0.1), 0.0), (1, (0.1, 0.5, 1.0), 0.3))
 
 
@@ -58,7 +61,7 @@ def content(atlas: Atlas, keys: Any) -> list[float]:
 
 def test_bricks_stay_where_they_are_when_there_are_more() -> None:
     """A copy would take memory that nobody reckons with."""
-    atlas = Atlas(1, 1000)
+    atlas = Atlas(1, 1000, 1000 * BRICK_BYTES)
     atlas.reserve()
     atlas.upload(np.arange(10), brick)
     texels = atlas.texels
@@ -72,16 +75,60 @@ def test_bricks_stay_where_they_are_when_there_are_more() -> None:
     assert len(atlas.texels) == 0
 
 
-def test_bricks_that_were_drawn_longest_ago_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(brick_cache, "MAX_ATLAS_BYTES", 4 * 4 * PADDED_BRICK_SIZE**3)
-    atlas = Atlas(1, 1000)
+def test_bricks_that_were_drawn_longest_ago_go_first() -> None:
+    atlas = Atlas(1, 1000, 4 * BRICK_BYTES)
     assert atlas.max_slots == 4
-    assert Atlas(1, 3).max_slots == 3 and Atlas(64, 3).max_slots == 1  # room for less than a brick
+    assert Atlas(1, 3, 4 * BRICK_BYTES).max_slots == 3 and Atlas(64, 3, 0).max_slots == 1  # room for less than a brick
     atlas.reserve()
     for keys in map(np.array, ([1, 2], [3, 4], [1], [7, 8])):
         atlas.upload(keys, lambda missing, keys=keys: brick(keys[missing]))
     assert [atlas.num_missing(np.array([key])) for key in (1, 2, 3, 4, 7, 8)] == [0, 1, 1, 0, 0, 0]
     assert content(atlas, [8, 1, 7]) == [8, 1, 7]
+
+
+@pytest.mark.parametrize("num_slots", [3, 6, 9, 12])
+def test_a_scan_keeps_the_bricks_that_fit(num_slots: int) -> None:
+    """Of pictures of 4 bands of 3 bricks, few are made again: as few as Belady's order makes of a scan in a circle.
+
+    Each band must have slots while it is drawn. Of N bands, of which C have room, then (N - C) / (N - 1) are made anew:
+    all bands between two uses of one but those that stay. The order by last uses would make all of them.
+    """
+    atlas, made, keys = Atlas(1, 1000, num_slots * BRICK_BYTES), list[int](), np.arange(12)
+    atlas.reserve()
+    for _ in range(1 + 3 * 4):
+        atlas.plan(keys, keys // 3)
+        made.append(0)
+        for band in keys.reshape(4, 3):
+            made[-1] += atlas.num_missing(band)
+            atlas.upload(band, lambda at, band=band: brick(band[at]), 4 + band // 3)
+    assert made[0] == 12
+    assert sum(made[1:]) == 12 * 12 * (4 - num_slots // 3) // 3
+
+
+def test_bands_that_share_bricks_keep_them() -> None:
+    """Bricks of one band that the next one meets again stay, and of others those that the next picture needs first."""
+    starts, numbers = np.array([0, 2, 4, 6, 8]), np.array([0, 1, 1, 2, 2, 3, 3, 0])
+    bands, first_use = plan_bands(starts, numbers, 5, lambda met, times: times == 1 and len(met) <= 2)
+    assert [band.tiles.tolist() for band in bands] == [[0], [1], [2], [3]]
+    assert [band.met.tolist() for band in bands] == [[0, 1], [1, 2], [2, 3], [0, 3]]
+    assert [band.next_use.tolist() for band in bands] == [[3, 1], [4, 2], [5, 3], [4, 6]]
+    assert first_use.tolist() == [0, 0, 1, 2, -1]
+    (whole,), _ = plan_bands(starts, numbers, 5, lambda met, times: len(met) * times <= 4)
+    assert (whole.tiles.tolist(), whole.met.tolist(), whole.next_use.tolist()) == ([0, 1, 2, 3], [0, 1, 2, 3], [1] * 4)
+
+
+@pytest.mark.parametrize(
+    ("needs", "total", "shares"),
+    [
+        ([5, 20, 10], 100, [5, 20, 10]),
+        ([5, 20, 10], 30, [5, 15, 10]),
+        ([50, 20, 10], 30, [10, 10, 10]),
+        ([50, 0], 30, [30, 0]),
+        ([50, 60], 0, [0, 0]),
+    ],
+)
+def test_memory_goes_to_small_needs_first(needs: list[int], total: int, shares: list[int]) -> None:
+    assert share_out(needs, total) == shares
 
 
 def test_threads_end_with_the_rasterizer() -> None:

@@ -12,7 +12,14 @@ import pytest
 from hsplat_cli.executors import ExecutorSpec, executor
 from hsplat_cli.executors.cluster import cluster_drawing, connection
 from hsplat_cli.terminal import Reporter
-from renderer.system import num_cores
+from renderer.system import MemoryShare, num_cores
+
+
+def test_processes_share_the_memory() -> None:
+    """Several draw, and this process draws trial frames."""
+    assert ExecutorSpec(memory=12).share == MemoryShare(12, 1)
+    assert ExecutorSpec(3, memory=12).share == MemoryShare(12, 4)
+    assert MemoryShare(12, 4).num_bytes() == 3
 
 
 @pytest.mark.parametrize(
@@ -54,7 +61,7 @@ def test_no_more_processes_than_frames(workers: int, num_frames: int, is_timed: 
         mock.patch.object(connection, "connect_locally", start),
         mock.patch.object(cluster_drawing, "ClusterDrawing", return_value=drawing),
     ):
-        several = executor.ProcessesExecutor(local, workers, stack, Reporter())
+        several = executor.ProcessesExecutor(local, ExecutorSpec(workers), stack, Reporter())
         place = "here" if num_started is None else "there"
         assert list(several.draw(plan, range(num_frames))) == [f"{place} {number}" for number in range(num_frames)]
         assert several.notes == ([] if num_started is None else ["a note"])

@@ -62,6 +62,17 @@ def test_control_groups_limit_the_memory(
     assert memory.free_swap_bytes() == 7 * 1024
 
 
+@pytest.mark.parametrize(
+    ("total", "num_processes", "free", "num_bytes"),
+    [(None, 1, 8 * GIB, 4 * GIB), (None, 4, 8 * GIB, GIB), (GIB, 2, 0, GIB // 2), (None, 2, math.inf, 2**27)],
+)
+def test_drawing_has_a_share(
+    total: int | None, num_processes: int, free: float, num_bytes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(memory, "free_bytes", lambda: free)
+    assert memory.MemoryShare(total, num_processes).num_bytes() == num_bytes
+
+
 def test_a_system_without_either_has_no_known_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory, "_MEMINFO", tmp_path / "absent")
     monkeypatch.setattr(memory, "control_groups", lambda name: control_groups(name, tmp_path, tmp_path / "absent"))

@@ -1,11 +1,11 @@
-"""`--frames` picks frames as Python slices do, forward only, and `parse_duration` reads durations such as 1h30m."""
+"""`--frames` picks frames as Python slices do, forward only; durations are such as 1h30m, and memory such as 2GB."""
 
 from __future__ import annotations
 
 import pytest
 from hypothesis import given, strategies as st
 
-from hsplat_cli.terminal import is_one_frame, parse_duration, parse_frames
+from hsplat_cli.terminal import is_one_frame, parse_bytes, parse_duration, parse_frames
 from renderer.errors import InputError
 
 
@@ -84,3 +84,21 @@ def test_a_duration_of_0_is_an_error() -> None:
             parse_duration(text, where="--time-limit")
         expected = "a time such as 90s, 10m or 1h30m, more than 0"
         assert str(caught.value) == f"--time-limit: a duration of 0\n  got: '{text}'\n  expected: {expected}"
+
+
+@pytest.mark.parametrize(
+    ("text", "num_bytes"),
+    [
+        ("1", 1), ("1000000", 10**6), ("2GB", 2 * 10**9), ("2 gb", 2 * 10**9), ("512M", 512 * 10**6),
+        ("1.5GiB", 3 * 2**29), ("3kib", 3072), ("1T", 10**12), (" 7 B ", 7),
+    ],
+)  # fmt: skip
+def test_memory_is_read(text: str, num_bytes: int) -> None:
+    assert parse_bytes(text, where="--memory") == num_bytes
+
+
+@pytest.mark.parametrize("text", ["", "GB", "-1", "1e9", "2 G B", "2PB", "0", "0.0GB", "0.1", "1GB2", "9" * 10**6])
+def test_other_memory_is_refused(text: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_bytes(text, where="--memory")
+    assert caught.value.where == "--memory"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 
 import numpy as np
@@ -38,16 +37,3 @@ def test_rows_are_many_enough_and_cover_all(threads: ThreadPool, num: int, least
     assert [first for first, _ in parts] == [0, *(end for _, end in parts[:-1])]
     assert parts[-1][1] == num
     assert len(parts) == 1 or min(end - first for first, end in parts) >= least
-
-
-def test_results_are_concatenated_in_order(threads: ThreadPool) -> None:
-    items = np.arange(17)
-    names: set[str] = set()
-
-    def make(part: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
-        names.add(threading.current_thread().name)
-        return part[:, None] * [1, 10]
-
-    np.testing.assert_array_equal(threads.map_concatenated(make, items, 4), items[:, None] * [1, 10])
-    assert any(name.startswith("hsplat") for name in names) == (threads.num > 1)
-    assert threads.map_concatenated(make, items[:0], 4).shape == (0, 2)

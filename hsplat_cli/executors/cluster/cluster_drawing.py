@@ -25,7 +25,7 @@ from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.film import Picture
 from renderer.frame import serialize_stage
 from renderer.job import DrawnFrame, FilmPlan
-from renderer.system import package_versions
+from renderer.system import MemoryShare, package_versions
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -49,12 +49,14 @@ _RUN_IN_MOTION = 8
 class ClusterDrawing:
     """A drawing of a plan by the workers of a cluster, at the tolerances of its schedule; to be closed.
 
-    where: the option that chose the cluster, for messages. `draw` raises RenderError where workers are missing or
-    cannot draw.
+    where: the option that chose the cluster, for messages. memory: as of ExecutorSpec. `draw` raises RenderError where
+    workers are missing or cannot draw.
     """
 
-    def __init__(self, client: Client, where: str, plan: FilmPlan, reporter: Reporter) -> None:
-        self.plan = plan
+    def __init__(
+        self, client: Client, where: str, plan: FilmPlan, reporter: Reporter, memory: int | None = None
+    ) -> None:
+        self.plan, self._memory = plan, memory
         self._client, self._registry = client, WorkerRegistry(client, where, reporter)
         self._threads = ThreadPoolExecutor(_MAX_THREADS, "hsplat-cluster")
         self._lock = threading.Lock()
@@ -135,7 +137,8 @@ class ClusterDrawing:
                 except (KeyError, OSError, TimeoutError):  # the worker is gone
                     self._registry.recheck(worker)
                     continue
-                future = self._client.submit(draw_on_worker, stage_data, number, workers=[worker], pure=False)
+                share = MemoryShare(self._memory, self._registry.num_beside(worker) + 1)  # and this process, if there
+                future = self._client.submit(draw_on_worker, stage_data, number, share, workers=[worker], pure=False)
                 is_done = threading.Event()
                 future.add_done_callback(lambda _, is_done=is_done: is_done.set())
                 while not is_done.wait(_POLL_INTERVAL_S) and worker in self._registry.usable_workers:

@@ -44,6 +44,11 @@ class WorkerRegistry:
         self._changed, self._is_closed = threading.Condition(), False
         self._require_hsplat_in_scheduler()
 
+    def num_beside(self, worker: str) -> int:
+        """Return how many workers the machine of a worker has, itself included."""
+        host, _, _ = worker.rpartition(":")
+        return sum(each.rpartition(":")[0] == host for each in [*self.usable_workers])
+
     @contextmanager
     def idle_worker(self) -> Iterator[str]:
         """Wait for a worker that nobody uses; it is busy in the block. Raises CancelledError after `close`."""

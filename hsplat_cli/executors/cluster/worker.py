@@ -19,7 +19,7 @@ from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import ContextLostError
 from renderer.frame import ScheduleController, deserialize_stage
 from renderer.job import FrameRecord, draw_frames
-from renderer.system import package_versions, sources_digest
+from renderer.system import MemoryShare, package_versions, sources_digest
 
 
 class SerializedStage:
@@ -43,20 +43,24 @@ class SerializedStage:
     def __sizeof__(self) -> int:
         return self._content.nbytes
 
-    def draw(self, number: int, num_threads: int) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
+    def draw(
+        self, number: int, num_threads: int, memory: MemoryShare
+    ) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
         """Draw a frame, after those that other threads have requested; returns what `draw_on_worker` does.
 
-        num_threads: that draw it, unless LP_NUM_THREADS is set.
+        num_threads: that draw it, unless LP_NUM_THREADS is set. memory: as of `open_rasterizer`.
         """
-        return self._thread.submit(self._draw, number, num_threads).result()
+        return self._thread.submit(self._draw, number, num_threads, memory).result()
 
-    def _draw(self, number: int, num_threads: int) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
+    def _draw(
+        self, number: int, num_threads: int, memory: MemoryShare
+    ) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
         if not self._rasterizers:
             os.environ.setdefault("LP_NUM_THREADS", str(num_threads))
             content = self._content if self._content.flags.writeable else self._content.copy()
             self._stage = deserialize_stage(content.data)
             self._controller, self._prober = ScheduleController(self._stage), open_prober(self._stage, num_threads)
-            self._rasterizers.append(open_rasterizer(self._stage.scene))
+            self._rasterizers.append(open_rasterizer(self._stage.scene, memory))
             self._versions = package_versions() | {"device": self._rasterizers[0].device}
         try:
             (drawn,) = draw_frames(self._stage, [number], self._rasterizers[0], self._controller, self._prober)
@@ -84,8 +88,13 @@ def describe_worker() -> dict[str, Any]:
 _sources_digest = functools.cache(sources_digest)
 
 
-def draw_on_worker(stage_data: SerializedStage, number: int) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
-    """Draw a frame; return its pictures' files, its record for the sidecar, and by name the versions that made it."""
+def draw_on_worker(
+    stage_data: SerializedStage, number: int, memory: MemoryShare
+) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
+    """Draw a frame; return its pictures' files, its record for the sidecar, and by name the versions that made it.
+
+    memory: as of `open_rasterizer`; that of the first frame counts.
+    """
     from distributed import get_worker
 
-    return stage_data.draw(number, get_worker().state.nthreads)
+    return stage_data.draw(number, get_worker().state.nthreads, memory)

@@ -18,15 +18,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.bricks import BrickBatch
-from renderer.draw.brick_cache import BrickCache, BrickView
+from renderer.draw.brick_cache import BrickCache, BrickView, needed_bytes
+from renderer.draw.cpu.bands import plan_bands
 from renderer.draw.cpu.extremum import search_of
 from renderer.draw.cpu.field import field_of
 from renderer.draw.cpu.grid import make_grid
 from renderer.draw.cpu.mixture import make_mixture
-from renderer.draw.rasterizer import Rasterizer
+from renderer.draw.rasterizer import BrickMemory, Rasterizer
 from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.kernels import ThreadPool, kernels
 from renderer.scene import FACE_DEPTH
+from renderer.system import MemoryShare
 from renderer.view import RaySetup, View
 from renderer.volume import Bools, Float32, Float64, Int64, UInt32
 
@@ -41,8 +43,8 @@ class BrickRasterizer(Rasterizer):
 
     device = "the processor"
 
-    def __init__(self, *, num_threads: int = 2) -> None:
-        self.threads = ThreadPool(num_threads)
+    def __init__(self, *, num_threads: int = 2, memory: MemoryShare | None = None) -> None:
+        self.threads, self._memory = ThreadPool(num_threads), memory or MemoryShare()
         self.caches: dict[int, BrickCache] = {}  # by the identities of layers, which they hold
 
     def release(self) -> None:
@@ -53,11 +55,8 @@ class BrickRasterizer(Rasterizer):
 
     def upload(self, batches: Sequence[BrickBatch], orders: Sequence[UInt32], view: View) -> bool:
         """Upload the bricks `batch[order]` of all batches, and return whether any of them was missing."""
-        shown = [id(batch.bricks) for batch in batches]
-        for number in [number for number in self.caches if number not in shown]:  # of another film
-            self.caches.pop(number).release()
-        pairs = zip(batches, orders, strict=True)
-        uploaded = [self._cache_of(batch).upload(batch, order, view) for batch, order in pairs]
+        of_batches = zip(self._caches_of(batches), batches, orders, strict=True)
+        uploaded = [cache.upload(batch, order, view) for cache, batch, order in of_batches]
         return any(uploaded)
 
     def rasterize(self, batches: Sequence[BrickBatch], orders: Sequence[UInt32], view: View) -> Float32:
@@ -66,7 +65,7 @@ class BrickRasterizer(Rasterizer):
         Returns float32 [height, width, 4], premultiplied RGBA. Where nothing is absorbed, alpha is what absorption
         would give, or the brightest channel if that is more, at most 1.
         """
-        caches = [self._cache_of(batch) for batch in batches]
+        caches = self._caches_of(batches)
         views = [
             cache.begin_frame(batch, order, view) for cache, batch, order in zip(caches, batches, orders, strict=True)
         ]
@@ -93,36 +92,42 @@ class BrickRasterizer(Rasterizer):
             image[..., 3] = np.maximum(-np.expm1(-image[..., 3]), brightest)
         return image
 
-    def _cache_of(self, batch: BrickBatch) -> BrickCache:
-        """Return the cache of a batch's layers."""
-        number = id(batch.bricks)
-        if number not in self.caches:
-            self.caches[number] = BrickCache(batch.bricks, self.threads)
-        return self.caches[number]
+    def _caches_of(self, batches: Sequence[BrickBatch]) -> list[BrickCache]:
+        """Return the caches of the layers of batches, which share the memory, and free those of all other layers."""
+        shown = {id(batch.bricks): batch.bricks for batch in batches}
+        for number in [number for number in self.caches if number not in shown]:  # of another frame or film
+            self.caches.pop(number).release()
+        if new := [number for number in shown if number not in self.caches]:
+            needs = {number: needed_bytes(bricks) for number, bricks in shown.items()}
+            limit, kept = self._memory.num_bytes(), sum(cache.num_bytes for cache in self.caches.values())
+            self.brick_memory = BrickMemory(sum(map(sum, needs.values())), limit)
+            shares = share_out([need for number in new for need in needs[number]], max(0, limit - kept))
+            for number in new:
+                own, shares = shares[: len(needs[number])], shares[len(needs[number]) :]
+                self.caches[number] = BrickCache(shown[number], self.threads, own)
+        return [self.caches[id(batch.bricks)] for batch in batches]
 
     def _draw_parts(self, parts: Sequence[_Part], stride: int, is_drawn: Bools, image: Float32) -> None:
         """Draw parts of a picture, one under the other, each in bands of tiles whose bricks have slots at once."""
         for part in parts:
             grid = make_grid(part.rectangles_px, stride, is_drawn, image, is_mixture=len(part.views) > 1)
-            starts, numbers = grid["starts"], grid["numbers"]
-            bands = [np.flatnonzero(np.diff(starts))]
-            while bands:
-                tiles = bands.pop()
-                met = np.zeros(len(part.members), np.bool_)
-                for tile in tiles:
-                    met[numbers[starts[tile] : starts[tile + 1]]] = True
-                met_of_views = [
-                    np.sort(part.members[met & (part.members[:, 0] == k), 1]) for k in range(len(part.views))
-                ]
-                if tiles.size > 1 and not all(map(BrickCache.have_slots, part.caches, part.views, met_of_views)):
-                    bands += reversed(np.array_split(tiles, 2))
-                    continue
-                draw = part.make_kernel(
-                    grid, list(map(BrickCache.upload_bricks, part.caches, part.views, met_of_views))
-                )
+            bands, first_use = plan_bands(grid["starts"], grid["numbers"], len(part.members), part.have_slots)
+            part.plan(first_use)
+            for tiles, met, next_use in bands:
+                draw = part.make_kernel(grid, part.upload(met, next_use))
                 num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
                 tasks = [partial(draw, tiles=few) for few in np.array_split(tiles, max(1, num_tasks))]
                 self.threads.map(lambda task: task(), tasks)
+
+
+def share_out(needs: Sequence[int], total: int) -> list[int]:
+    """Return shares of a total for some needs: all of it is used, and no share is larger than its need, unless there is
+    more than enough; those that cannot have what they need have equal ones."""
+    shares, left = [0] * len(needs), total
+    for num_before, number in enumerate(sorted(range(len(needs)), key=needs.__getitem__)):
+        shares[number] = min(needs[number], left // (len(needs) - num_before))
+        left -= shares[number]
+    return shares
 
 
 class _Part(NamedTuple):
@@ -137,6 +142,30 @@ class _Part(NamedTuple):
     members: Int64
     rectangles_px: Float64
     make_kernel: Callable[[dict[str, Any], Sequence[Int64]], Callable[..., None]]
+
+    def have_slots(self, members: Int64, times: int) -> bool:
+        """Return whether so many times as many bricks as these have slots at once."""
+        of_views = zip(self.caches, self.views, self._by_view(members), strict=True)
+        return all(cache.have_slots(view, self.members[each, 1], times) for cache, view, each in of_views)
+
+    def plan(self, first_use: Int64) -> None:
+        """Note which band meets each brick first, or -1: int64 [members]."""
+        for k, (cache, view) in enumerate(zip(self.caches, self.views, strict=True)):
+            of_view, by_number = self.members[:, 0] == k, np.full(len(view.order), -1, np.int64)
+            by_number[self.members[of_view, 1]] = first_use[of_view]
+            cache.plan(view, by_number)
+
+    def upload(self, members: Int64, next_use: Int64) -> list[Int64]:
+        """Upload these bricks, and return where their texels begin, of each view. next_use: as in Band."""
+        by_member = np.full(len(self.members), -1, np.int64)
+        by_member[members] = next_use
+        parts = zip(self.caches, self.views, self._by_view(members), strict=True)
+        return [cache.upload_bricks(view, self.members[each, 1], by_member[each]) for cache, view, each in parts]
+
+    def _by_view(self, members: Int64) -> list[Int64]:
+        """Return which of these bricks are of each view, by ascending numbers in it."""
+        found = [members[self.members[members, 0] == k] for k in range(len(self.views))]
+        return [each[np.argsort(self.members[each, 1])] for each in found]
 
 
 def _part_alone(cache: BrickCache, brick_view: BrickView) -> _Part:

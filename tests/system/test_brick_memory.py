@@ -1,0 +1,33 @@
+"""The memory for bricks is recorded, and changes no byte of a film."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from small_scene import engine_block, sidecar, small_tree
+
+from hsplat_cli import main
+
+# Bytes of a brick of 16^3 voxels and their halo: of scalars, and of four numbers.
+SCALARS, FOUR = 4 * 18**3, 16 * 18**3
+
+
+@pytest.mark.parametrize("shading", [None, {}], ids=["plain", "lit"])
+def test_films_have_the_same_bytes(folder: Path, shading: dict[str, float] | None) -> None:
+    tree = small_tree(frames=3, volume=engine_block(64, 64, 48)) | ({} if shading is None else {"shading": shading})
+    (folder / "scene.yaml").write_text(json.dumps(tree))
+    films, limits = set[bytes](), list[int]()
+    for options in ([], ["--memory", "1"], ["--memory", "600kB"], ["--memory=1GiB"], ["--workers=2", "--memory=1MB"]):
+        assert main.run(["render", "scene.yaml", "--quiet", "--force", *options]) == 0
+        films.add(Path("film.mp4").read_bytes())
+        found = sidecar().get("memory")
+        assert (found is None) == ("--workers=2" in options)
+        if found is not None:
+            limits.append(found["limit"])
+            most = 4 * 4 * 3 * (SCALARS if shading is None else FOUR) + (2 * 2 * 2 + 1) * FOUR
+            assert most / 4 < found["needed"] <= most  # bricks that show nothing need nothing
+    assert len(films) == 1
+    assert limits[1:] == [1, 600_000, 2**30]
+    assert limits[0] > 2**26
