@@ -85,7 +85,9 @@ def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
     if without_image[main]:
         hint = "it was cut off, or is no slice: copy it again, or remove it"
         raise unreadable_slice(without_image[main][0], hint, "no Rows and Columns")
-    _check_none_lost(others, series[main])
+    cut_off = [file for uid, files in without_image.items() if uid != main for file in files]
+    _check_none_lost([*others, *cut_off], series[main])
+    left_out["file without an image"] += cut_off
     return series[main], left_out
 
 
@@ -124,7 +126,7 @@ def _check_none_lost(others: list[Path], files: list[Path]) -> None:
     for path in others:
         if shape_of(path.name) in shapes:
             is_empty = path.is_file() and path.stat().st_size == 0
-            kind = "a DICOM file without a series" if is_dicom(path) else "a file that is not DICOM"
+            kind = "a DICOM file without an image" if is_dicom(path) else "a file that is not DICOM"
             raise unreadable_slice(
                 path,
                 "the file is truncated or damaged: copy it again, or remove it if it is no slice",

@@ -93,6 +93,7 @@ def link(path: Path, target: str) -> None:
         ("99.dcm", lambda path: link(path, "/dev/zero")),
         *((name, lambda path: cut(path, -20)) for name in ("97.dcm", "98.dcm", "99.dcm")),
         ("99.dcm", lambda path: cut(path, path.read_bytes().index(b"\x20\x00\x0d\x00"))),  # before its series
+        ("99.dcm", lambda path: cut(path, path.read_bytes().index(b"1.2.3.4\0") + 4)),  # in the name of its series
         ("98.dcm", lambda path: cut(path, path.read_bytes().index(b"\x28\x00\x30\x00"))),  # before its lengths
     ],
 )
