@@ -95,7 +95,7 @@ def forecast_frames(
         rows = np.array([row for row in found if row[0] == max(found)[0]])
         encoding, sizes[file] = np.average(rows[:, 2:], axis=0, weights=rows[:, 1]).tolist()
         seconds += encoding
-    return Forecast(seconds, sizes, executor.brick_memory)
+    return Forecast(seconds, sizes, brick_memory=executor.brick_memory)
 
 
 def _store(frame: DrawnFrame) -> DrawnFrame:
