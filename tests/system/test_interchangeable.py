@@ -81,9 +81,10 @@ def write_scene(footprint: str | None = None, error: str | None = None) -> None:
 
 
 def without_seconds(data: Any) -> Any:
-    """Return the content of a sidecar without the times in it."""
+    """Return the content of a sidecar without times, and without the memory that was free."""
     if isinstance(data, dict):
-        return {key: [*value] if key == "seconds" else without_seconds(value) for key, value in data.items()}
+        is_own = {"seconds", "memory"}
+        return {key: [*value] if key in is_own else without_seconds(value) for key, value in data.items()}
     return [without_seconds(item) for item in data] if isinstance(data, list) else data
 
 
