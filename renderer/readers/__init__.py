@@ -4,10 +4,10 @@ In: a `VolumeSpec`. Out: `Volume`, one step in time or between two, cropped and 
 the format has them.
 Sizes are checked before memory is taken, and all compressed voxels with a checksum are compared with it.
 
-- `read.py` chooses the reader, crops and checks; `nodata.py`: which voxels have no data; `sniff.py` finds formats and
-  volumes in folders; `foreign.py` names files that are not read, by `foreign.tsv`; `headerless.py`: what the name of a
-  file without a header tells of its voxels; `common.py`: the checks that hold for all formats; `colors.py` joins the
-  components of colours, and `segments.py` segments that overlap.
+- `read.py` chooses the reader, crops and checks; `recent_images.py` keeps steps of DICOM; `nodata.py`: which voxels
+  have no data; `sniff.py` finds formats and volumes in folders; `foreign.py` names files that are not read, by
+  `foreign.tsv`; `headerless.py`: what the name of a file without a header tells of its voxels; `common.py`: the checks
+  that hold for all formats; `colors.py` joins the components of colours, and `segments.py` segments that overlap.
 - `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `mgh.py`, `mrc.py`, `arrays.py` (.npy, .npz, raw), `cube.py`: parsed
   in Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and decompresses
   voxels; `segments.py` joins the segments of several layers.

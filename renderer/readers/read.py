@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from renderer.readers import common
 from renderer.readers.colors import join_colors
 from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.nodata import find_fill_values, mark_absent
+from renderer.readers.recent_images import FileMarks, RecentImages, marks_of
 from renderer.readers.sniff import find_format, find_volume
 from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.units import units_of
@@ -27,6 +27,8 @@ from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping,
 Ranges = Sequence[tuple[int, int]]
 # The most steps of a volume in time in which fill values are looked for.
 _MOST_STEPS = 5
+# Steps of DICOM that are kept, for the suggested look and the film: to find one, all files of a series are parsed.
+_DICOM_IMAGES = RecentImages(most_bytes=256 << 20)
 
 
 def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
@@ -158,13 +160,12 @@ def _fill_values_in_time(spec: VolumeSpec, image: common.Image) -> tuple[float, 
     num_times, source = image.steps.num_times, spec.source
     if num_times == 1 or image.values.dtype.itemsize == 1 or not isinstance(source, FileSource):
         return ()
-    states = [os.stat(file) for file in source.steps or (source.file,)]
-    marks = tuple((state.st_mtime_ns, state.st_size) for state in states)
-    return _found_fill_values(replace(values_at(spec, 0), time=None), num_times, marks)
+    marks = tuple(marks_of(file) for file in source.steps or (source.file,))
+    return _found_fill_values(VolumeSpec(source, component=_component(spec), dataset=spec.dataset), num_times, marks)
 
 
 @lru_cache(maxsize=16)
-def _found_fill_values(spec: VolumeSpec, num_times: int, _marks: tuple[tuple[int, int], ...]) -> tuple[float, ...]:
+def _found_fill_values(spec: VolumeSpec, num_times: int, _marks: tuple[FileMarks, ...]) -> tuple[float, ...]:
     """Return the fill values of some steps, ascending. _marks: of the files, by which it is known if they changed.
 
     A step that cannot be read has none: its error is told when it is drawn.
@@ -244,7 +245,13 @@ def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> common.Image:
         choice |= {"dataset": spec.dataset} if form == "hdf5" else {}
         # Wrong lengths in the file do not matter if the scene gives a spacing.
         has_spacing = isinstance(spec.source, FileSource) and spec.source.spacing is not None
-        image = read_isolated(reader, found, has_spacing_override=has_spacing, **choice)
+        read = partial(read_isolated, reader, found, has_spacing_override=has_spacing, **choice)
+        if form == "dicom":
+            folder = found if found.is_dir() else found.parent  # others there tell whether a file is all of its series
+            key = (found.resolve(), time, _component(spec), has_spacing, marks_of(folder))
+            image = _DICOM_IMAGES.get(key, read)
+        else:
+            image = read()
     else:
         with common.errors_about(found):
             image = import_reader(reader)(found, time, _component(spec))
