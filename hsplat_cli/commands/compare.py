@@ -10,7 +10,6 @@ from pathlib import Path
 import click
 
 from hsplat_cli.commands.options import quiet_option, takes_scene
-from hsplat_cli.executors import ExecutorSpec, workers_option
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import OutputPath, Reporter, option_group
 from renderer.errors import InputError
@@ -49,7 +48,6 @@ _SIDES = option_group(
     volume_help="Of a scene: take the volume from this file.",
     arguments=_SIDES,
 )
-@workers_option
 @quiet_option(help="Print nothing unless a frame fails.")
 def compare(
     request: SceneRequest,
@@ -61,7 +59,6 @@ def compare(
     junit_file: Path | None,
     html_file: Path | None,
     no_paths: bool,
-    workers: int | None,
     reporter: Reporter,
 ) -> None:
     """Compare frames with golden ones; exit with 1 where they differ.
@@ -77,8 +74,7 @@ def compare(
     files = {"--json": json_file, "--junit": junit_file, "--html": html_file}
     private = [request.path, actual] if no_paths else []
     reports = ReportFiles({option: path for option, path in files.items() if path}, private)
-    executor = ExecutorSpec(workers)
-    comparison = compare_frames(request, actual, reports, executor, level=level, limits=limits, reporter=reporter)
+    comparison = compare_frames(request, actual, reports, level=level, limits=limits, reporter=reporter)
     if comparison.passes:
         reporter.line(comparison_table(comparison))
     else:

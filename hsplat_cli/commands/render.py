@@ -9,7 +9,7 @@ from functools import partial
 import click
 
 from hsplat_cli.commands.options import no_paths_option, quiet_option, takes_scene
-from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor, require_executor_for
+from hsplat_cli.executors import require_scheduler, require_untimed, scheduler_option
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_duration, report_film
 from renderer.errors import InputError
@@ -22,7 +22,7 @@ from renderer.errors import InputError
 @click.option("--progressive", is_flag=True, help="Draw a coarse film first, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
 @click.option("--best-effort", is_flag=True, help="Exit with 0 even if less than what was requested is reached.")
-@executor_options
+@scheduler_option
 @click.option("--force", is_flag=True, help="Draw again what is finished.")
 @quiet_option()
 def render(
@@ -32,7 +32,6 @@ def render(
     progressive: bool,
     time_limit: str | None,
     best_effort: bool,
-    workers: int | None,
     scheduler: str | None,
     force: bool,
     reporter: Reporter,
@@ -42,20 +41,19 @@ def render(
     SCENE is a YAML file. A JSON file beside the output records how it was made; given in place of SCENE, it makes the
     same film again.
     """
-    executor = ExecutorSpec(workers, scheduler)
-    require_executor(executor)
+    require_scheduler(scheduler)
     job = load_job(replace(request, output=output), "passes" if progressive else "film")
     limit = None if time_limit is None else parse_duration(time_limit, where="--time-limit")
     if limit is not None and not progressive:
         raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
-    require_executor_for(executor, job.scene, progressive=progressive)
+    require_untimed(scheduler, job.scene, progressive=progressive)
     # Imported here to keep --help fast.
     from hsplat_cli.executors import open_executor
     from renderer.job import Refinement, make_film, one_pass
 
     passes = Refinement(math.inf if limit is None else limit, best_effort) if progressive else one_pass
     with FilmEvents(reporter, job.scene.splat.primitive_name) as events:
-        film = make_film(job, partial(open_executor, executor, reporter), passes, events, resumes=not force)
+        film = make_film(job, partial(open_executor, scheduler, reporter), passes, events, resumes=not force)
     report_film(film, reporter)
     if film.shortfall is not None:
         if not best_effort:

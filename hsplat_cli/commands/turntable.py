@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from hsplat_cli.commands.options import FILE, quiet_option, require_none_of
-from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor
+from hsplat_cli.executors import require_scheduler, scheduler_option
 from hsplat_cli.scenes import SharedLook, expand_volumes, film_options, name_volumes, volume_options, volume_spec
 from hsplat_cli.terminal import OutputPath, Reporter
 from hsplat_cli.turntable import FilmRequest, Gallery, make_film, print_film_record, require_inputs_kept, run_batch
@@ -44,7 +44,7 @@ from renderer.suggest import FilmOptions
 @click.option("--match", "reference", type=FILE, metavar="FILE", help="Match values with those of this volume.")
 @film_options
 @volume_options()
-@executor_options
+@scheduler_option
 @click.option("--force", is_flag=True, help="Draw again, and overwrite scenes that were edited.")
 @quiet_option(help="Print only the table and errors.")
 @click.option("--name", hidden=True, help="The name of the only volume's film; set by a batch for its processes.")
@@ -55,7 +55,6 @@ def turntable(
     kind: str,
     look: Path | None,
     reference: Path | None,
-    workers: int | None,
     scheduler: str | None,
     force: bool,
     reporter: Reporter,
@@ -72,8 +71,7 @@ def turntable(
     With --scene all have the look of a scene, each framed on its own. Its values may be percentiles (relative: true);
     with --match they are those of a reference, and are shifted and scaled to each volume by their histograms.
     """
-    executor = ExecutorSpec(workers, scheduler)
-    require_executor(executor)
+    require_scheduler(scheduler)
     if options["background"] == "transparent" and not FORMATS[f".{kind}"].has_alpha:
         hint = f"--format {', '.join(suffix[1:] for suffix, each in FORMATS.items() if each.has_alpha)}"
         raise InputError(f"a transparent background in .{kind}", where="--background", expected="a color", hint=hint)
@@ -83,14 +81,14 @@ def turntable(
     if shared is not None:
         film = FilmOptions(shared.scene.num_frames, no_paths=not shared.scene.output.record_paths)
     arguments = [*_as_arguments(_given(options) | chosen | {"force": force}), f"--output={folder}"]
-    how = [*_as_arguments({"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler})]
+    how = [*_as_arguments({"quiet": reporter.is_quiet, "scheduler": scheduler})]
     requests = [
         FilmRequest(
             volume=volume_spec(volume, options),
             film=film,
             scene=folder / f"{film_name}.yaml",
             output=shared.outputs(folder, film_name).file if shared else folder / f"{film_name}{numbered}.{kind}",
-            executor=executor,
+            scheduler=scheduler,
             force=force,
             command=shlex.join(["hsplat", "turntable", *arguments, "--", str(volume)]),
             look=shared,

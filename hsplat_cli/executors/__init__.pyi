@@ -1,8 +1,6 @@
 from .executor import open_executor as open_executor
 from .options import (
-    ExecutorSpec as ExecutorSpec,
-    executor_options as executor_options,
-    require_executor as require_executor,
-    require_executor_for as require_executor_for,
-    workers_option as workers_option,
+    require_scheduler as require_scheduler,
+    require_untimed as require_untimed,
+    scheduler_option as scheduler_option,
 )

@@ -14,7 +14,6 @@ from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import SharedLook, suggest_scene, volume_file
 from hsplat_cli.terminal import FilmEvents, Reporter, report_film
 from hsplat_cli.turntable import manifest
@@ -37,14 +36,15 @@ _FOLDER_FILES = (manifest.MANIFEST_FILE, manifest.LOCK_FILE, PAGE_FILE, CONTACT_
 class FilmRequest:
     """A film to make. scene: the file for its scene. look: whose it has, unless one is suggested.
 
-    force: an edited scene may be overwritten, and finished frames are drawn again. command: what makes this film alone.
+    scheduler: the address of the Dask scheduler that draws it. force: an edited scene may be overwritten, and finished
+    frames are drawn again. command: what makes this film alone.
     """
 
     volume: VolumeSpec
     film: FilmOptions
     scene: Path
     output: Path
-    executor: ExecutorSpec
+    scheduler: str | None
     force: bool
     command: str = ""
     look: SharedLook | None = None
@@ -166,7 +166,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     from renderer.job import make_film as draw_film, one_pass, visibility_text
 
     job = FilmJob(scene, range(scene.num_frames), accuracy_of(scene.error))
-    open_this = partial(open_executor, request.executor, reporter)
+    open_this = partial(open_executor, request.scheduler, reporter)
     with _TurntableEvents(reporter, request, content, scene.splat.primitive_name) as events:
         film = draw_film(job, open_this, one_pass, events, resumes=not request.force)
     report_film(film, reporter)

@@ -225,11 +225,11 @@ def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
 
 
 def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
-    """The process of the film, its workers and its encoder end."""
+    """The process of the film and its encoder end."""
     mark = new_mark()
     arguments = ["turntable", "in/labels.npy", "in/signed.npy", "-o", "out", "--frames", "400", "--size", "64"]
     process = subprocess.Popen(
-        [*HSPLAT, *arguments, "--workers", "2", "--quiet"], env=environment(**{MARK: mark}), start_new_session=True
+        [*HSPLAT, *arguments, "--quiet"], env=environment(**{MARK: mark}), start_new_session=True
     )
     while not list(Path("out").glob("labels.mp4.unfinished/000003.json")):
         assert process.poll() is None

@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 from commands import environment, other_process
 
-from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import FilmRequest, manifest as manifest_module
 from hsplat_cli.turntable.manifest import MANIFEST_FILE
@@ -176,9 +175,9 @@ def test_other_things_of_this_name(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def order(folder: Path, volume: str = "scan.npy", *, force: bool = False) -> FilmRequest:
     (folder / volume).touch()
-    spec, executor = VolumeSpec(FileSource(folder / volume)), ExecutorSpec(None, None)
+    spec = VolumeSpec(FileSource(folder / volume))
     out = folder / "out"
-    return FilmRequest(spec, FilmOptions(), out / "scan.yaml", out / "scan.mp4", executor, force)
+    return FilmRequest(spec, FilmOptions(), out / "scan.yaml", out / "scan.mp4", None, force)
 
 
 def write(request: FilmRequest, text: str) -> None:
