@@ -41,7 +41,6 @@ _SIDES = option_group(
 @click.option("--json", "json_file", type=_REPORT, metavar="FILE", help="Write the result of every frame as JSON.")
 @click.option("--junit", "junit_file", type=_REPORT, metavar="FILE", help="Write a JUnit report for CI systems.")
 @click.option("--html", "html_file", type=_REPORT, metavar="FILE", help="Write a page that shows the worst frames.")
-@click.option("--no-paths", is_flag=True, help="Leave folders out of the reports.")
 @takes_scene(
     "Of a scene: compare only its goldens in this range.",
     set_help="Of a scene: change a value.",
@@ -58,7 +57,6 @@ def compare(
     json_file: Path | None,
     junit_file: Path | None,
     html_file: Path | None,
-    no_paths: bool,
     reporter: Reporter,
 ) -> None:
     """Compare frames with golden ones; exit with 1 where they differ.
@@ -72,8 +70,7 @@ def compare(
     from hsplat_cli.compare import ReportFiles, compare_frames, comparison_table
 
     files = {"--json": json_file, "--junit": junit_file, "--html": html_file}
-    private = [request.path, actual] if no_paths else []
-    reports = ReportFiles({option: path for option, path in files.items() if path}, private)
+    reports = ReportFiles({option: path for option, path in files.items() if path})
     comparison = compare_frames(request, actual, reports, level=level, limits=limits, reporter=reporter)
     if comparison.passes:
         reporter.line(comparison_table(comparison))

@@ -79,7 +79,7 @@ def turntable(
     shared = _shared_look(look, reference)
     chosen = {"format": kind} if shared is None else {"scene": look, "match": reference}
     if shared is not None:
-        film = FilmOptions(shared.scene.num_frames, no_paths=not shared.scene.output.record_paths)
+        film = FilmOptions(shared.scene.num_frames)
     arguments = [*_as_arguments(_given(options) | chosen | {"force": force}), f"--output={folder}"]
     how = [*_as_arguments({"quiet": reporter.is_quiet, "scheduler": scheduler})]
     requests = [

@@ -23,7 +23,16 @@ from hsplat_cli.turntable.up_to_date import made_by, marks_of
 from renderer.errors import HsplatError, InputError, OutputLockedError
 from renderer.film import bytes_digest, require_writable, sidecar_path_of_file, translate_os_errors, write_staged
 from renderer.job import FilmJob, expand_pattern, film_files, require_no_input, scene_files, volume_files
-from renderer.scene import ColormapSpec, OutputSpec, Scene, VolumeSpec, accuracy_of, file_source, parse_scene_content
+from renderer.scene import (
+    ColormapSpec,
+    OutputSpec,
+    Scene,
+    VolumeSpec,
+    accuracy_of,
+    file_source,
+    parse_scene_content,
+    relative_path,
+)
 from renderer.suggest import FilmOptions
 
 if TYPE_CHECKING:
@@ -55,14 +64,13 @@ class FilmRequest:
         return self.look.outputs(self.scene.parent, self.scene.stem) if self.look else OutputSpec(self.output)
 
     def record(self, status: str) -> FilmEntry:
-        """Return what the record of the film has in any case."""
-        paths = {"record_paths": False} if self.film.no_paths else {}
-        return paths | {
-            "volume": str(volume_file(self.volume)),
-            "scene": str(self.scene),
-            "film": str(self.output),
+        """Return what the record of the film has in any case; its paths are relative to the folder."""
+        folder = self.scene.parent
+        return {
+            "volume": relative_path(volume_file(self.volume), folder),
+            "scene": self.scene.name,
+            "film": relative_path(self.output, folder),
             "status": status,
-            manifest.VOLUME_KEY: self.volume_path,
         }
 
     @property
@@ -100,9 +108,8 @@ class FilmRequest:
     def failure_record(self, error: HsplatError) -> FilmEntry:
         """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
         status = manifest.NOT_STARTED if isinstance(error, OutputLockedError) else manifest.FAILED
-        summary = {"summary": error.summary} if self.film.no_paths else {}
         exit_code = 2 if isinstance(error, InputError) else 1
-        return self.record(status) | {"exit_code": exit_code, "error": str(error), "command": self.command} | summary
+        return self.record(status) | {"exit_code": exit_code, "error": str(error), "command": self.command}
 
 
 def require_inputs_kept(requests: Sequence[FilmRequest]) -> None:

@@ -116,7 +116,7 @@ def _kept_film(
     """Return the film that is up to date."""
     # Left by a job that was killed when its film was complete.
     remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
-    record = existing.keep(output)
+    record = existing.record
     events.note(f"{output.spec.file} is up to date; --force draws it again")
     return FinishedFilm(output.spec.file, output.sidecar, record, volume_note=note)
 

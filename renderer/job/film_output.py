@@ -28,7 +28,7 @@ from renderer.job.executor import DrawnFrame
 from renderer.job.film_accuracy import with_encoding_loss
 from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, OutputRecord
 from renderer.job.sidecar import write_sidecar
-from renderer.scene import OutputFile, OutputSpec
+from renderer.scene import OutputFile, OutputSpec, relative_path, with_files
 
 # Of the frames, and their memory, that are compared with what the file keeps of them: a decoder takes as long for the
 # rest as an encoder for a tenth of it.
@@ -108,7 +108,7 @@ class FilmOutput:
                 first.append(pictures[kinds.index(each.kind)])
 
     def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
-        """Write the sidecar of a film, and return its record.
+        """Write the sidecar of a film, and return its record, in which files are relative to the sidecar.
 
         fingerprint: of a film that is up to date from now on; None for one that the next job makes again. With it the
         record has the digests of films in one file, too; frames in files have digests in their records.
@@ -130,6 +130,7 @@ class FilmOutput:
         )
         digest = digests.get(self.spec.file)
         record = replace(record, fingerprint=fingerprint, accuracy=accuracy, digest=digest, outputs=outputs)
+        record = _relative_to(self.sidecar.parent, record)
         write_sidecar(self.sidecar, record, self.folder)
         return record
 
@@ -144,6 +145,16 @@ def locked_film_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path) -
     with locked_output(spec, frames, sidecar) as folder:
         require_encoder(spec)
         yield FilmOutput(spec, frames, sidecar, folder)
+
+
+def _relative_to(folder: Path, record: FilmRecord) -> FilmRecord:
+    """Return a record in which the names of files are relative to a folder."""
+    return replace(
+        record,
+        scene=with_files(record.scene, lambda _, file: relative_path(file, folder)),
+        outputs=tuple(replace(each, file=relative_path(each.file, folder)) for each in record.outputs),
+        parts=tuple(replace(each, sidecar=relative_path(each.sidecar, folder)) for each in record.parts),
+    )
 
 
 def _digest(file: Path) -> str:

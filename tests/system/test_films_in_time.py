@@ -81,7 +81,7 @@ def test_between_steps() -> None:
 def test_however_it_is_made(scheduler: str) -> None:
     expected = film("film")
     assert film("cluster", arguments=("--scheduler", scheduler)) == expected
-    render("film/frames.json", "--output", "again/{frame}.png", "--no-paths")
+    render("film/frames.json", "--output", "again/{frame}.png")
     assert [Path(f"again/{frame}.png").read_bytes() for frame in range(NUM_FRAMES)] == expected
     assert main.run(["verify", "film/frames.json", "--quiet"]) == 0
 

@@ -69,7 +69,7 @@ def test_each_frame_is_that_of_a_still_scene(name: str, folder: Path) -> None:
 
 
 def test_however_it_is_made(folder: Path, scheduler: str) -> None:
-    """In parts, on a cluster, and again from its sidecar, without paths."""
+    """In parts, on a cluster, and again from its sidecar."""
     changes = [*MOTIONS["a transfer function"], *MOTIONS["a plane"], *MOTIONS["a camera"]]
     arguments, told = film(folder / "film", *changes)
     expected = pictures(folder / "film")
@@ -80,7 +80,7 @@ def test_however_it_is_made(folder: Path, scheduler: str) -> None:
     parts, whole = sorted(map(str, (folder / "parts").glob("*.json"))), folder / "whole" / "{frame}.png"
     assert main.run(["assemble", *parts, "--output", str(whole), "--quiet"]) == 0
     assert pictures(folder / "whole") == expected
-    render(str(folder / "film" / "frames.json"), "--output", str(folder / "again" / "{frame}.png"), "--no-paths")
+    render(str(folder / "film" / "frames.json"), "--output", str(folder / "again" / "{frame}.png"))
     assert pictures(folder / "again") == expected
     assert main.run(["verify", str(folder / "whole" / "frames.json"), "--quiet"]) == 0
     moved = told["frames"][LAST]["values"]
