@@ -92,3 +92,13 @@ def test_a_worker_in_doubt_is_checked_at_once(monkeypatch: pytest.MonkeyPatch) -
     found.update_workers()
     assert found.usable_workers == {"a", "b"}
     assert found.notes == []
+
+
+def test_an_excluded_worker_is_not_used_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "_CHECK_INTERVAL_S", 0.0)
+    found = registry_of({"a": SAME, "b": SAME})
+    found.update_workers()
+    found.exclude("a", "it failed")
+    found.update_workers()
+    assert found.usable_workers == {"b"}
+    assert found.notes == ["workers that could not draw were not used: 1 x it failed"]
