@@ -52,7 +52,7 @@ from renderer.scene import (
     format_of,
     load_scene as load_scene_file,
 )
-from renderer.system import num_cores, printable
+from renderer.system import ctrl_c_stops_kernels, num_cores, printable
 
 # An output that may have any size and background; it is not written.
 _ANY_PICTURE = "{frame}.png"
@@ -140,6 +140,7 @@ def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -
     return load_scene_file(scene_file(path), overrides=overrides)
 
 
+@ctrl_c_stops_kernels()
 def suggest_scene(
     volume: str | os.PathLike[str] | npt.ArrayLike,
     *,
@@ -180,6 +181,7 @@ def suggest_scene(
     return make_scene(volume, options, is_volume=True)
 
 
+@ctrl_c_stops_kernels()
 def render_frame(
     scene: SceneLike,
     frame: int = 0,
@@ -222,6 +224,7 @@ def render_frame(
     return image
 
 
+@ctrl_c_stops_kernels()
 def render(
     scene: SceneLike,
     *,
@@ -244,7 +247,8 @@ def render(
     frames: the frames to draw, ascending: `range(0, 30)`, `slice(None, None, 10)`, `-1`; all by default.
     best_effort: accept a film that is less accurate than the scene asks for. A budget of seconds is kept as well as
         this machine can; frames that take longer are no error.
-    resume: keep the frames that an earlier job finished. Without it every frame is drawn, as with `--force`.
+    resume: keep the frames that an earlier job finished, and further outputs of other films, which are errors then.
+        Without it every frame is drawn, and such files are replaced, as with `--force`.
     on_progress: called as `on_progress(num_finished, num_frames)` after each frame that is drawn. What it raises ends
         the job, which can be resumed. By default notebooks show a bar.
 
@@ -273,6 +277,7 @@ def render(
     return Film(film.file, record.numbers, film.sidecar, (*notes, *record.notes), *told)
 
 
+@ctrl_c_stops_kernels()
 def preview(scene: SceneLike) -> Page:
     """Show a scene on one page before its film is made: the page of `hsplat preview`. Nothing is written.
 
@@ -292,9 +297,11 @@ def preview(scene: SceneLike) -> Page:
     made = make_scene(scene, {})
     title = f"Preview of {Path(scene).name if isinstance(scene, (str, os.PathLike)) else 'a scene'}"
     job = FilmJob(made, range(made.num_frames), accuracy_of(made.error))
-    return Page(preview_page(job, title, lambda _: None))
+    page, _ = preview_page(job, title, lambda _: None)
+    return Page(page)
 
 
+@ctrl_c_stops_kernels()
 def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     """Compute the exact picture of a frame: the converged ray integral, without pyramid, cells or tolerance.
 

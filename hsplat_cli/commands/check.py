@@ -12,15 +12,15 @@ from hsplat_cli.commands.options import takes_scene
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import Reporter
 from renderer.accuracy import finer_than_kept, psnr, typical_kept_psnr, typical_psnr, wanted_error
-from renderer.errors import HsplatError
+from renderer.errors import HsplatError, InputError, SceneError
 from renderer.film import (
     frame_path,
     require_own_folder,
     require_writable_dry_run,
-    sidecar_path,
     translate_os_errors,
     unfinished_folder,
 )
+from renderer.job import require_own_files
 from renderer.readers import find_volume
 from renderer.scene import (
     FileSource,
@@ -57,24 +57,39 @@ def check(request: SceneRequest, *, output: str | None, no_cost: bool) -> None:
 
     SCENE is a YAML file, or the JSON file beside a film. Finds all that render refuses before it loads a library to
     read voxels, to draw or to encode. Nothing is written. Of a scene that is right, some frames are drawn and encoded,
-    which tells what the film costs here; with --no-cost, only the first bytes of the volume are read. Where that fails,
-    a note says why: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg.
+    which tells what the film costs here, and numbers that do not fit the volumes are errors, too; with --no-cost, only
+    the first bytes of the volume are read, and labels that the scene names. Where nothing can be drawn, a note says
+    why: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg.
     """
     request = replace(request, output=output)
-    job = load_job(request, reads=False)
+    job = load_job(request, reads="nothing")
     outputs = [frame_path(each.file, job.frames[0]) for each in job.scene.output.files]
-    for file in (*outputs, sidecar_path(job.scene, job.frames)):
+    for file in (*outputs, job.sidecar):
         require_writable_dry_run(file)
     with translate_os_errors(job.scene.output.file):
-        require_own_folder(unfinished_folder(job.scene.output))
+        for each in job.scene.output.files:
+            require_own_folder(unfinished_folder(each))
+    require_own_files(job.scene.output, job.frames, job.sidecar)
     for layer in job.scene.layers:
         for volume in layer.volumes.values():
             if isinstance(volume.source, FileSource):
                 for file in volume.source.steps or (volume.source.file,):
                     find_volume(file)
+    notes = [*_label_notes(request)]
     cost_rows, costs = ([], None) if no_cost else _costs(request)
-    rows = [f"  {name:<8} {text}" for name, text in [*_summary(job.scene, len(job.frames), costs), *cost_rows]]
+    facts = [*_summary(job.scene, len(job.frames), costs), *notes, *cost_rows]
+    rows = [f"  {name:<8} {text}" for name, text in facts]
     Reporter().result(join_lines([f"{request.path}: ok", *rows]))
+
+
+def _label_notes(request: SceneRequest) -> Iterator[tuple[str, str]]:
+    """Yield why it is not known whether a volume has the labels that a scene names. Raises SceneError if it has not."""
+    try:
+        load_job(request, reads="labels")
+    except SceneError:
+        raise
+    except InputError as error:
+        yield "note", f"labels are not looked for: {str(error).partition(chr(10))[0]}"
 
 
 def _costs(request: SceneRequest) -> tuple[list[tuple[str, str]], Forecast | None]:
@@ -87,9 +102,12 @@ def _costs(request: SceneRequest) -> tuple[list[tuple[str, str]], Forecast | Non
         job = load_job(request)
         with FilmEvents(Reporter(), job.scene.splat.primitive_name) as events:
             found = forecast_film(job, open_local_executor, events)
+    except SceneError:  # its numbers do not fit the volumes
+        raise
     except HsplatError as error:
         return [("note", f"the cost is not known: {str(error).partition(chr(10))[0]}")], None
-    return [("cost", f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}")], found
+    cost = f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}"
+    return [("cost", cost), *(("note", each.note) for each in found.glances)], found
 
 
 def _summary(scene: Scene, num_frames: int, costs: Forecast | None) -> list[tuple[str, str]]:

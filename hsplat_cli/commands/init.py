@@ -10,11 +10,19 @@ from typing import Any
 import click
 
 from hsplat_cli.commands.options import FILE
-from hsplat_cli.scenes import base_name, film_options, suggest_scene, volume_options, volume_spec
+from hsplat_cli.scenes import (
+    SceneRequest,
+    base_name,
+    film_options,
+    load_job,
+    suggest_scene,
+    volume_options,
+    volume_spec,
+)
 from hsplat_cli.terminal import OutputPath, Reporter
-from renderer.errors import InputError
-from renderer.film import require_writable_dry_run, write_staged
-from renderer.job import require_no_input, volume_files
+from renderer.errors import HsplatError, InputError
+from renderer.film import WrittenFiles, require_writable_dry_run, write_staged
+from renderer.job import volume_files
 from renderer.suggest import FilmOptions
 
 
@@ -37,14 +45,30 @@ def init(*, volume: Path, output: Path | None, force: bool, **options: Any) -> N
     spec = volume_spec(volume, options)
     if output is not None:  # before the volume is read, which may take long
         _require_output(output, force=force)
-        require_no_input([output], chain.from_iterable(map(volume_files, filter(None, (spec, film.under)))))
+        volumes = filter(None, (spec, film.under))
+        WrittenFiles([output]).require_harmless(chain.from_iterable(map(volume_files, volumes)))
     scene, film_file = output or Path("scene.yaml"), Path(f"{base_name(volume)}.mp4")
     text, _ = suggest_scene(spec, film, reporter, scene=scene, output=film_file)
+    _tell_what_it_shows(SceneRequest(scene, content=text.encode()), reporter)
     if output is None:
         reporter.content(text.encode())
     else:
         write_staged(output, text.encode())
         reporter.status(f"{output}: written; `hsplat render {output}` makes the film")
+
+
+def _tell_what_it_shows(request: SceneRequest, reporter: Reporter) -> None:
+    """Print what is wrong with what the film of a suggested scene shows; it is written in any case."""
+    # Imported here: it loads kernels.
+    from renderer.job import glance_at_film
+
+    try:
+        glances = glance_at_film(load_job(request, "nothing"))
+    except HsplatError as error:
+        reporter.warning(f"what the film shows is not known: {error.summary}")
+        return
+    for each in glances:
+        reporter.warning(f"warning: {each.note}")
 
 
 def _require_output(output: Path, *, force: bool) -> None:

@@ -14,7 +14,7 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
-from renderer.job import require_no_input
+from renderer.film import WrittenFiles, locked_files
 from renderer.scene import AnnotationSpec
 
 # Options of a sweep and its report, which a search for one tolerance does not have.
@@ -79,15 +79,18 @@ def measure(
     if not thorough:
         _reject_options("needs --thorough", _THOROUGH_OPTIONS, _THOROUGH_HINT)
         sweep, repeats = replace(sweep, errors=(job.error,), splats=(job.splat,)), 0  # the first pass is timed
-    from hsplat_cli.reports import REPORT_FILES
+    from hsplat_cli.reports import PAGE_FILE, REPORT_FILES, require_own_page
     from hsplat_cli.studies import StudyRequest, run_study
 
     name = request.path.stem
     folder = output or Path(f"{name}.measured")
-    require_no_input([folder / name for name in REPORT_FILES], given.input_files())
+    files = [folder / name for name in REPORT_FILES]
+    WrittenFiles(files).require_harmless(given.input_files())
+    require_own_page(folder / PAGE_FILE)
     picked = list(numbers) if request.frames else None
     request_ = StudyRequest(name, job, sweep, picked, repeats, peer, truth_tolerance, folder, not thorough)
-    run_study(request_, reporter)
+    with locked_files(files):
+        run_study(request_, reporter)
 
 
 def _reject_options(why: str, names: Sequence[str], hint: str) -> None:

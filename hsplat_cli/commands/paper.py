@@ -14,8 +14,8 @@ import click
 from hsplat_cli.commands.options import FILE, quiet_option
 from hsplat_cli.terminal import OutputPath, Reporter, describe_machine
 from renderer.errors import InputError
-from renderer.film import require_writable_dry_run, write_staged
-from renderer.job import require_no_input, scene_files
+from renderer.film import WrittenFiles, locked_files, require_writable_dry_run, write_staged
+from renderer.job import scene_files
 from renderer.scene import Scene, load_scene
 from renderer.system import num_cores
 
@@ -64,15 +64,19 @@ def paper(folder: Path | None, volume: Path | None, output: Path, numbers: tuple
     FOLDER holds a scene file for each figure; by default the scenes that come with hsplat are used. The page states
     what the paper claims, what was measured, and whether the claim is confirmed.
     """
-    from hsplat_cli.reports import require_page_packages
+    from hsplat_cli.reports import require_own_page, require_page_packages
 
     require_page_packages()
     scenes = _load_scenes(folder or SCENES, numbers, volume)
     path = output / PAGE_FILE
     require_writable_dry_run(path)
-    require_no_input([path], [file for path, scene in scenes.values() for file in (path, *scene_files(scene))])
-    figures, text = _page(scenes, reporter)
-    write_staged(path, text.encode())
+    WrittenFiles([path]).require_harmless(
+        file for scene_path, scene in scenes.values() for file in (scene_path, *scene_files(scene))
+    )
+    require_own_page(path)
+    with locked_files([path]):
+        figures, text = _page(scenes, reporter)
+        write_staged(path, text.encode())
     for number, figure in figures.items():
         for claim in figure.claims:
             verdict = "confirmed" if claim.is_confirmed else "NOT CONFIRMED"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,10 +21,12 @@ from hsplat_cli.scenes import (
     volume_spec,
 )
 from hsplat_cli.terminal import OutputPath, Reporter
-from renderer.errors import InputError
-from renderer.film import require_writable_dry_run, write_staged
+from renderer.errors import HsplatError, InputError
+from renderer.film import locked_files, require_writable_dry_run, write_staged
 from renderer.suggest import FilmOptions
+from renderer.system import interrupted_status
 
+_CTRL_C_STATUS = 128 + signal.SIGINT
 _PAGE = "Write to this page.  [default: NAME.html in the current folder]"
 
 
@@ -66,23 +69,38 @@ def preview(*, source: Path, page: Path | None, watches: bool, serve: bool, repo
 
     ReportFiles({"--output": page}).require_names([source, *job.input_files()])
     require_writable_dry_run(page)
-    with reporter.progress([1.0] * NUM_PARTS, label="preview", unit="parts") as bar:
-        content = preview_page(job, f"Preview of {source.absolute().name}", bar.advance).encode()
-    write_staged(page, content)
+    with locked_files([page]):
+        with reporter.progress([1.0] * NUM_PARTS, label="preview", unit="parts") as bar:
+            content, glances = preview_page(job, f"Preview of {source.absolute().name}", bar.advance)
+        write_staged(page, content.encode())
+    for each in glances:
+        reporter.note(each.note)
     reporter.line(f"page: {page}")
 
 
 def _watch(request: SceneRequest, page: Path, *, serve: bool, reporter: Reporter) -> None:
-    """Show a scene on a page, as long as nobody interrupts that."""
+    """Show a scene on a page until Ctrl-C."""
     from hsplat_cli.compare import ReportFiles
     from hsplat_cli.preview import file_states, served_states, watch
 
     title = request.path.absolute().name
-    with contextlib.suppress(KeyboardInterrupt), contextlib.ExitStack() as stack:
-        if serve:
-            address, show = stack.enter_context(served_states(title))
-        else:
-            ReportFiles({"--output": page}).require_names([request.path])
-            address, show = str(page), file_states(page, title)
-        reporter.line(f"page: {address} (Ctrl-C ends it)")
-        watch(request, show)
+    try:
+        with contextlib.ExitStack() as stack:
+            if serve:
+                address, show = stack.enter_context(served_states(title))
+            else:
+                inputs = _known_inputs(request)
+                ReportFiles({"--output": page}).require_names(inputs)
+                address, show = str(page), stack.enter_context(file_states(page, title, inputs))
+            reporter.line(f"page: {address} (Ctrl-C ends it)")
+            watch(request, show)
+    except KeyboardInterrupt as error:
+        if interrupted_status(error) != _CTRL_C_STATUS:  # other signals end it early
+            raise
+
+
+def _known_inputs(request: SceneRequest) -> list[Path]:
+    """Return the files that a scene names now, as far as it can be read: mistakes in it are shown on the page."""
+    with contextlib.suppress(HsplatError):
+        return [*load_job(request, "nothing", reads="nothing").input_files()]
+    return [request.path]

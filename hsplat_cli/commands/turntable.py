@@ -14,7 +14,7 @@ from hsplat_cli.commands.options import FILE, quiet_option, require_none_of
 from hsplat_cli.executors import require_scheduler, scheduler_option
 from hsplat_cli.scenes import SharedLook, expand_volumes, film_options, name_volumes, volume_options, volume_spec
 from hsplat_cli.terminal import OutputPath, Reporter
-from hsplat_cli.turntable import FilmRequest, Gallery, make_film, print_film_record, require_inputs_kept, run_batch
+from hsplat_cli.turntable import FilmRequest, Gallery, make_film, print_film_record, require_harmless, run_batch
 from renderer.errors import InputError
 from renderer.scene import FORMATS
 from renderer.suggest import FilmOptions
@@ -81,10 +81,12 @@ def turntable(
     if shared is not None:
         film = FilmOptions(shared.scene.num_frames)
     arguments = [*_as_arguments(_given(options) | chosen | {"force": force}), f"--output={folder}"]
+    named = _named_volumes(volumes, name, reporter)
     how = [*_as_arguments({"quiet": reporter.is_quiet, "scheduler": scheduler})]
+    problems = {volume: list[InputError]() for volume in named.values()}
     requests = [
         FilmRequest(
-            volume=volume_spec(volume, options),
+            volume=volume_spec(volume, options, problems[volume]),
             film=film,
             scene=folder / f"{film_name}.yaml",
             output=shared.outputs(folder, film_name).file if shared else folder / f"{film_name}{numbered}.{kind}",
@@ -92,10 +94,11 @@ def turntable(
             force=force,
             command=shlex.join(["hsplat", "turntable", *arguments, "--", str(volume)]),
             look=shared,
+            problem=next(iter(problems[volume]), None),
         )
-        for film_name, volume in _named_volumes(volumes, name, reporter).items()
+        for film_name, volume in named.items()
     ]
-    require_inputs_kept(requests)
+    require_harmless(requests)
     if name is not None:
         print_film_record(requests[0], reporter)
     elif len(requests) > 1:

@@ -122,10 +122,8 @@ def _prepare_report(path: Path | None, job: FilmJob) -> None:
         return
     from hsplat_cli.compare import ReportFiles
     from renderer.film import require_writable
-    from renderer.job import film_files
 
-    files = film_files(job.scene.output, job.frames, job.sidecar)
-    ReportFiles({"--json": path}).require_names([*job.input_files(), *files])
+    ReportFiles({"--json": path}).require_names([*job.input_files(), *job.written_files.all_files()])
     require_writable(path)
 
 

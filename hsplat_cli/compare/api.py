@@ -19,7 +19,7 @@ from hsplat_cli.compare.scene_pairs import load_numbered_job, open_scene_pairs
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError
-from renderer.job import folder_files
+from renderer.film import folder_files
 from renderer.system import join_lines
 
 # A scene, or the sidecar of a film.
@@ -45,23 +45,26 @@ def compare_frames(
     """
     golden = request.path
     reports.require_names(_input_files(request, actual))
-    try:
-        reports.prepare()
-        draws = _is_scene(golden)
-        if not draws and _is_scene(actual):
-            hint = f"hsplat compare {actual} {golden}"
-            raise InputError("the scene must come first, then the folder of its goldens", where=str(actual), hint=hint)
-        rules = load_rules(actual if draws else golden, level, limits, option_names)
-        if draws:
-            with open_scene_pairs(request, actual, rules, reporter) as pairs:
-                return _compare(pairs, rules, reports, reporter, (str(actual), f"{golden}, drawn now"))
-        _reject_scene_options(request, actual)
-        with open_pairs(golden, actual) as pairs:
-            return _compare(pairs, rules, reports, reporter, (str(golden), str(actual)))
-    except Exception as error:
-        with contextlib.suppress(HsplatError):  # a report that cannot be written must not hide the reason
-            reports.write_failure(golden, actual, error)
-        raise
+    with reports.locked():
+        try:
+            reports.prepare()
+            draws = _is_scene(golden)
+            if not draws and _is_scene(actual):
+                hint = f"hsplat compare {actual} {golden}"
+                raise InputError(
+                    "the scene must come first, then the folder of its goldens", where=str(actual), hint=hint
+                )
+            rules = load_rules(actual if draws else golden, level, limits, option_names)
+            if draws:
+                with open_scene_pairs(request, actual, rules, reporter) as pairs:
+                    return _compare(pairs, rules, reports, reporter, (str(actual), f"{golden}, drawn now"))
+            _reject_scene_options(request, actual)
+            with open_pairs(golden, actual) as pairs:
+                return _compare(pairs, rules, reports, reporter, (str(golden), str(actual)))
+        except Exception as error:
+            with contextlib.suppress(HsplatError):  # a report that cannot be written must not hide the reason
+                reports.write_failure(golden, actual, error)
+            raise
 
 
 def _reject_scene_options(request: SceneRequest, actual: Path) -> None:

@@ -11,8 +11,16 @@ from pathlib import Path
 from hsplat_cli.compare.outcome import Pair, Pairs
 from hsplat_cli.compare.picture_file import MAX_PIXELS, decode_picture, file_content, is_picture, read_picture
 from renderer.errors import InputError, Problem, SceneError
-from renderer.film import ANY_FRAME_FIELD, Pixels, count_film_frames, decode_film, frame_path, sidecar_path_of_file
-from renderer.job import accuracy_text, folder_files, parse_film_record
+from renderer.film import (
+    ANY_FRAME_FIELD,
+    Pixels,
+    count_film_frames,
+    decode_film,
+    folder_files,
+    frame_path,
+    sidecar_path_of_file,
+)
+from renderer.job import accuracy_text, parse_film_record
 from renderer.readers import natural_sort_key
 from renderer.scene import (
     FILM_SUFFIXES,

@@ -147,9 +147,9 @@ class Comparison:
     def frame_numbers(self) -> Mapping[str, int]:
         """Return the last number in each frame's name; empty unless the names differ in it alone."""
         names = [outcome.name for outcome in self.outcomes]
-        found = {name: re.fullmatch("(.*?)([0-9]+)([^0-9]*)", name, re.DOTALL) for name in names}
-        patterns = {(match[1], match[3]) if match else None for match in found.values()}
-        numbers = {name: int(match[2]) for name, match in found.items() if match}
+        found = {name: re.split("([0-9]{1,18})", name) for name in names}
+        patterns = {(*parts[:-2], parts[-1]) if len(parts) > 1 else None for parts in found.values()}
+        numbers = {name: int(parts[-2]) for name, parts in found.items() if len(parts) > 1}
         return numbers if len(patterns) == 1 and len(set(numbers.values())) == len(names) else {}
 
 

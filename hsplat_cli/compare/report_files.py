@@ -5,6 +5,7 @@ Equal comparisons give equal text. Text is printable, except in JSON.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -16,10 +17,10 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hsplat_cli.compare.comparison_html import Gallery, comparison_page
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status, figure_text
+from hsplat_cli.reports import require_own_page
 from hsplat_cli.terminal import format_table
 from renderer.errors import HsplatError, InputError
-from renderer.film import require_writable, staged_files, translate_os_errors
-from renderer.job import require_no_input
+from renderer.film import WrittenFiles, locked_files, require_writable, staged_files, translate_os_errors
 from renderer.scene import MAX_SIDECAR_BYTES, counted, read_json_object
 from renderer.study import COMPARISON_METRICS
 from renderer.system import PrintableText, join_lines, printable
@@ -40,7 +41,7 @@ class ReportFiles:
     paths: Mapping[str, Path]
 
     def require_names(self, inputs: Iterable[Path]) -> None:
-        """Raise InputError if a name has a wrong suffix, or is that of an input or a sidecar. Write nothing."""
+        """Raise InputError if a name has a wrong suffix, or is that of an input, a sidecar or somebody's page."""
         for option, path in self.paths.items():
             where, suffixes = f"{option} {path}", _SUFFIXES[option]
             if path.suffix.lower() not in suffixes:
@@ -49,7 +50,9 @@ class ReportFiles:
             if os.path.exists(path) and not os.path.isfile(path):  # a device, or a pipe
                 got = "a folder" if os.path.isdir(path) else "a special file"
                 raise InputError("a report cannot replace this", where=where, got=got)
-        require_no_input(self.paths.values(), inputs)
+        WrittenFiles([*self.paths.values()]).require_harmless(inputs)
+        for option in self.paths.keys() & {"--html", "--output"}:
+            require_own_page(self.paths[option])
         record = self.paths.get("--json")
         if record is not None and "scene" in (read_json_object(record, MAX_SIDECAR_BYTES) or {}):
             raise InputError(
@@ -59,8 +62,17 @@ class ReportFiles:
                 hint="give the report another name",
             )
 
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Lock the reports, whose missing folders are made; raises as `renderer.film.locked_files`."""
+        for path in self.paths.values():
+            with translate_os_errors(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+        with locked_files(self.paths.values()):
+            yield
+
     def prepare(self) -> None:
-        """Remove the reports of an earlier comparison, which would be wrong if this one fails; create missing folders.
+        """Remove the reports of an earlier comparison, which would be wrong if this one fails.
 
         Raises InputError or RenderError if one of them cannot be written.
         """

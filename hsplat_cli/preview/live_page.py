@@ -3,98 +3,63 @@
 from __future__ import annotations
 
 import contextlib
-import hmac
 import json
-import secrets
-import threading
-from collections.abc import Callable, Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+import os
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from urllib.parse import quote
 
+from hsplat_cli.preview.server import Channel, serve_page
 from hsplat_cli.preview.watch import State
 from hsplat_cli.reports import render_page, webp_data_uri
-from renderer.film import staged_files, write_staged
+from renderer.errors import InputError
+from renderer.film import WrittenFiles, locked_files, staged_files, translate_os_errors, write_staged
+from renderer.scene import require_file
 
-_LOOPBACK = "127.0.0.1"
-# How often a connection without news hears that there are none, so that one that is closed is noticed.
-_HEARTBEAT_S = 5.0
+# The first line of the script beside a page.
+_SCRIPT_MARK = b"// by hsplat\n"
 
 
-def file_states(page: Path, title: str) -> Callable[[State], None]:
-    """Write a page, and return what shows a state on it: a script beside the page, which looks for it again and again.
+@contextlib.contextmanager
+def file_states(page: Path, title: str, inputs: Iterable[Path]) -> Iterator[Callable[[State], None]]:
+    """Write a page, and yield what shows a state on it: a script beside the page, which looks for it again and again.
 
-    Browsers let a page from a file load a script from beside it, and nothing else.
+    Browsers let a page from a file load a script from beside it, and nothing else. Both files are locked until the end
+    of the block. Raises InputError if one of them is an input, or the script is a file of somebody else.
     """
     script = page.with_name(f"{page.name}.js")
-    with staged_files() as write:
-        write(page, render_page("watch.html", title=title, script=script.name, is_served=False).encode())
-        write(script, b"")
-    return lambda state: write_staged(script, f"show({_json(state)});\n".encode(), is_durable=False)
+    WrittenFiles([page, script]).require_harmless(inputs)
+    _require_own_script(script)
+
+    def show(state: State) -> None:
+        write_staged(script, _SCRIPT_MARK + f"show({_json(state)});\n".encode(), is_durable=False)
+
+    with locked_files([page, script]):
+        with staged_files() as write:
+            # A name is no address: with a colon, it would be one of another server.
+            address = quote(os.fsencode(script.name))
+            write(page, render_page("watch.html", title=title, script=address, is_served=False).encode())
+            write(script, _SCRIPT_MARK)
+        yield show
+
+
+def _require_own_script(script: Path) -> None:
+    require_file(script, "the name of a script")
+    with translate_os_errors(script):
+        content = script.read_bytes() if script.exists() else b""
+    if content and not content.startswith(_SCRIPT_MARK):
+        raise InputError(
+            "another script has this name", where=str(script), hint="move it, or give the page another --output"
+        )
 
 
 @contextlib.contextmanager
 def served_states(title: str) -> Iterator[tuple[str, Callable[[State], None]]]:
-    """Serve a page to this machine, and yield its address and what shows a state on it.
-
-    The address has a token, without which nothing is answered, and a port that is free.
-    """
+    """Serve a page to this machine, and yield its address and what shows a state on it."""
     page = render_page("watch.html", title=title, script="", is_served=True).encode()
-    token, changed, states = secrets.token_urlsafe(24), threading.Condition(), [State(0)]
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            name = self.path.removeprefix("/").split("/")
-            # A page of another origin can ask for a name of its own that leads to this address.
-            is_own = self.headers.get("Host") == f"{_LOOPBACK}:{server.server_port}"
-            if len(name) != 2 or not is_own or not hmac.compare_digest(name[0].encode(), token.encode()):
-                self.send_error(404)
-            elif name[1] == "":
-                self._begin("text/html; charset=utf-8")
-                self.wfile.write(page)
-            elif name[1] == "events":
-                self._begin("text/event-stream")
-                with contextlib.suppress(OSError):  # the browser has gone
-                    self._send_states()
-            else:
-                self.send_error(404)
-
-        def _begin(self, kind: str) -> None:
-            self.send_response(200)
-            for header, value in {
-                "Content-Type": kind,
-                "Cache-Control": "no-store",
-                "Referrer-Policy": "no-referrer",
-            }.items():
-                self.send_header(header, value)
-            self.end_headers()
-
-        def _send_states(self) -> None:
-            sent = None
-            while True:
-                with changed:
-                    if states[0] is sent:
-                        changed.wait(_HEARTBEAT_S)
-                    state = states[0]
-                text = ": no news" if state is sent else f"data: {_json(state)}"
-                self.wfile.write(f"{text}\n\n".encode())
-                self.wfile.flush()
-                sent = state
-
-        def log_message(self, *_: object) -> None:
-            """Print nothing."""
-
-    def show(state: State) -> None:
-        with changed:
-            states[0] = state
-            changed.notify_all()
-
-    with ThreadingHTTPServer((_LOOPBACK, 0), Handler) as server:
-        server.daemon_threads = True
-        threading.Thread(target=server.serve_forever, name="hsplat-server", daemon=True).start()
-        try:
-            yield f"http://{_LOOPBACK}:{server.server_port}/{token}/", show
-        finally:
-            server.shutdown()
+    channel = Channel(_json(State(0)))
+    with serve_page(page, channel) as address:
+        yield address, lambda state: channel.send(_json(state))
 
 
 def _json(state: State) -> str:

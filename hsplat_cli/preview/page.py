@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from hsplat_cli.preview.charts import chart_of
 from hsplat_cli.preview.studio import TOLERANCE, Shot, Studio, shot_of, small_scene
 from hsplat_cli.preview.variants import draw_tolerances, suggest_looks, variants
 from hsplat_cli.reports import render_page
-from renderer.accuracy import is_loop, scalar_ranges, spread_evenly
+from renderer.accuracy import Glance, is_loop, look_ahead, scalar_ranges, spread_evenly
 from renderer.draw import open_rasterizer
 from renderer.job import (
     FilmJob,
@@ -24,6 +23,7 @@ from renderer.job import (
     visibility_text,
 )
 from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tolerance, with_tolerance
+from renderer.system import num_cores, start_threads
 
 # Of the calls of `advance`.
 NUM_PARTS = 4
@@ -37,18 +37,19 @@ _RAYS_A_FRAME = 96
 _MOST_CHARTS = 8
 
 
-def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> str:
-    """Return the page of a film. advance: takes the name of each part that is done.
+def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> tuple[str, Sequence[Glance]]:
+    """Return the page of a film, and what is wrong with what it shows.
 
-    Raises InputError, SceneError, and RenderError where a scene with splats finds no OpenGL.
+    advance: takes the name of each part that is done. Raises InputError, SceneError, and RenderError where a scene with
+    splats finds no OpenGL.
     """
     film = job.scene
     frame = film.num_frames // 2 if film.moves else 0
-    with open_rasterizer(film) as rasterizer, ThreadPoolExecutor(1) as beside:
+    with open_rasterizer(film) as rasterizer, start_threads(1) as beside:
         studio, still = Studio(rasterizer), small_scene(film.at(frame), _OTHERS_PX)
         with studio.stage(still) as stage:
             looks = beside.submit(suggest_looks, stage)  # these take one processor
-            sheet, visibility = _sheet(studio, job)
+            sheet, visibility, glances = _sheet(studio, job)
             advance("frames")
             shown = [*enumerate(stage.layers[:_MOST_CHARTS])]
             charts = beside.submit(lambda: [chart_of(layer, _of_layer(visibility, number)) for number, layer in shown])
@@ -58,7 +59,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
             advance("turning")
             rows = [*variants(studio, stage, frame, coarser, looks.result())]
             advance("variants")
-    return render_page(
+    page = render_page(
         "preview.html",
         title=title,
         facts=_facts(job),
@@ -69,9 +70,11 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
         charts=charts.result(),
         num_layers=len(still.layers),
         hidden="" if visibility is None else visibility_text(visibility),
+        notes=[each.note for each in glances],
         variants=rows,
         frame=frame,
     )
+    return page, glances
 
 
 def _facts(job: FilmJob) -> list[tuple[str, str]]:
@@ -82,8 +85,8 @@ def _facts(job: FilmJob) -> list[tuple[str, str]]:
     return [("film", f"{output.file.name}, {size}, {counted(len(job.frames), 'frame')}, {seconds:.3g} s")]
 
 
-def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None]:
-    """Draw some frames of the film with their annotation, and find what they show by exact rays."""
+def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None, Sequence[Glance]]:
+    """Draw some frames of the film with their annotation, and find what they show, and what is wrong with that."""
     has_text = bool(job.scene.annotation.entries)  # which is made for larger pictures
     scene = small_scene(job.scene, _ANNOTATED_PX if has_text else _FRAME_PX, is_annotated=True)
     frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.camera.path))
@@ -91,11 +94,12 @@ def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | N
         require_annotation(stage, frames)
         ranges = scalar_ranges(stage)
         drawn = studio.draw(stage, frames, _RAYS_A_FRAME if ranges else 0)
+        glances = look_ahead(stage, job.frames, num_threads=num_cores())
     shots = [
         shot_of(each, scene.at(number).output.background, f"frame {number}", side=_FRAME_PX)
         for number, each in zip(frames, drawn, strict=True)
     ]
-    return shots, film_visibility([each.record for each in drawn], [*map(range_record, ranges)])
+    return shots, film_visibility([each.record for each in drawn], [*map(range_record, ranges)]), glances
 
 
 def _of_layer(visibility: FilmVisibility | None, number: int) -> list[VisibleRange]:

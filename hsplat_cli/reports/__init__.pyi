@@ -5,9 +5,10 @@ from .html import (
     plot_style as plot_style,
     png_data_uri as png_data_uri,
     render_page as render_page,
+    require_own_page as require_own_page,
     require_page_packages as require_page_packages,
     webp_data_uri as webp_data_uri,
 )
 from .number_format import bytes_text as bytes_text, short_count_text as short_count_text
-from .study_html import REPORT_FILES as REPORT_FILES, write_study as write_study
+from .study_html import PAGE_FILE as PAGE_FILE, REPORT_FILES as REPORT_FILES, write_study as write_study
 from .tables import terminal_table as terminal_table

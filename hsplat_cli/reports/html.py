@@ -13,14 +13,16 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from renderer.errors import require_package
-from renderer.film import encode_png
+from renderer.errors import InputError, require_package
+from renderer.film import encode_png, translate_os_errors
+from renderer.scene import require_file
 from renderer.system import join_lines
 
 if TYPE_CHECKING:
@@ -47,6 +49,10 @@ PALETTE = {
 }
 LIGHT_PALETTE = {name: light for name, (light, _) in PALETTE.items()}
 SERIES_COLORS = tuple(color for name, color in LIGHT_PALETTE.items() if name.startswith("series-"))
+
+# In the style of every page. It stands within the first bytes, of which this many are read.
+_MARK = b"/* by hsplat"
+_MAX_HEAD_BYTES = 2**16
 
 # Of 100.
 _WEBP_QUALITY = 80
@@ -83,6 +89,18 @@ class Chart:
 def require_page_packages() -> None:
     """Raise InputError if the package that plots of pages need is missing."""
     require_package("matplotlib", extra="measure")
+
+
+def require_own_page(page: Path) -> None:
+    """Raise InputError if a page exists that hsplat has not made."""
+    require_file(page, "the name of a page")
+    with translate_os_errors(page):
+        if not page.exists():
+            return
+        with page.open("rb") as stream:
+            is_own = _MARK in stream.read(_MAX_HEAD_BYTES)
+    if not is_own:
+        raise InputError("another page has this name", where=str(page), hint="move it, or give another --output")
 
 
 def render_page(template: str, *, title: str, **values: object) -> str:

@@ -32,7 +32,8 @@ from renderer.film import write_staged
 from renderer.study import DIFFERENCE_GAIN, Cost, Measurement, Study, thumbnail
 
 # The page comes last: if it exists, the others do.
-REPORT_FILES = ("measure.csv", "measure.json", "index.html")
+PAGE_FILE = "index.html"
+REPORT_FILES = ("measure.csv", "measure.json", PAGE_FILE)
 # In the order of the table: the metric of the plots comes first.
 _METRICS = ("psnr", "ssim", "flip", "flip_p99", "delta_e_share", "rmse", "max_error")
 

@@ -36,6 +36,8 @@ _VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.r
 # Nor does the place of the film.
 _PLACE_KEYS = ("output.file", *_VOLUME_OPTIONS)
 
+# What is read of volumes: what a scene leaves open, such as channels and labels; labels that it names; or nothing.
+Reads = Literal["all", "labels", "nothing"]
 # What appears under the name of the output: the film at once, or coarser passes first.
 Draws = Literal["film", "passes", "nothing"]
 
@@ -55,11 +57,11 @@ class SceneRequest:
     content: bytes | None = None
 
 
-def load_job(request: SceneRequest, draws: Draws = "film", *, reads: bool = True) -> FilmJob:
+def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all") -> FilmJob:
     """Load the job of a scene file or a sidecar, with the changes of the command line's options.
 
-    The job of a sidecar makes its film again, or another one elsewhere. reads: the channels and labels of files are
-    found, for which their voxels are read. Raises InputError, and SceneError as `load_scene`.
+    The job of a sidecar makes its film again, or another one elsewhere. Raises InputError, and SceneError as
+    `load_scene`.
     """
     content = read_content(request.path) if request.content is None else request.content
     if may_be_json(content):
@@ -70,12 +72,14 @@ def load_job(request: SceneRequest, draws: Draws = "film", *, reads: bool = True
             return _load_original(record, request, draws)
     editor = edit_scene_content(content, request.path, request.overrides, request.volume, request.output)
     scene = editor.parse(is_single_frame=is_one_frame(request.frames))
-    if reads:
+    if reads == "all":
         scene = _resolved(scene, editor)
+    elif reads == "labels":
+        _require_labels(scene, editor)
     picked = parse_frames(request.frames, scene.num_frames)
     job = FilmJob(scene, picked, accuracy_of(scene.error), path=request.path)
     if draws != "nothing":
-        job.require_no_input()
+        job.require_harmless()
     return job
 
 
@@ -93,6 +97,16 @@ def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
         return resolve_scene(scene, read_volume)
     except SceneError as error:
         raise SceneError(editor.located_problems(error.problems)) from None
+
+
+def _require_labels(scene: Scene, editor: TreeEditor) -> None:
+    """Raise SceneError for labels that a scene names and its files have not; for that, volumes of labels are read."""
+    if not any(layer.transfer_function.labels or layer.mask for layer in scene.layers):
+        return
+    from renderer.readers import read_volume
+    from renderer.suggest import label_problems
+
+    raise_problems(editor.located_problems(label_problems(scene, read_volume)))
 
 
 def load_film(film: Path, volume: Path | None) -> FilmJob:
@@ -139,7 +153,7 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> F
     if draws != "nothing" and not is_elsewhere and (is_changed or not is_whole or draws == "passes"):
         raise InputError("this would overwrite the recorded film", where=str(path), hint="--output names another file")
     if draws != "nothing":
-        job.require_no_input()
+        job.require_harmless()
     if is_changed or not _has_recorded_tolerances(record, scene):
         return replace(job, original=replace(original, keeps_accuracy=False, keeps_versions=False))
     requested = record.schedule.requested

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -18,6 +19,7 @@ from renderer.scene import (
     COLORMAP_FIELD,
     SUBSET_INDEX_FIELD,
     TOLERANCE_FIELD,
+    FileSource,
     OutputSpec,
     RawSource,
     TurntablePath,
@@ -145,10 +147,11 @@ film_options = option_group(
 )
 
 
-def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
+def volume_spec(volume: Path, options: Mapping[str, Any], problems: list[InputError] | None = None) -> VolumeSpec:
     """Return the volume that the options of `volume_options` describe, by their names.
 
-    Raises InputError where one of --shape and --dtype is missing, or another option needs them.
+    problems: takes the error about a file that names several steps and is damaged, which otherwise is raised. Raises
+        InputError where one of --shape and --dtype is missing, or another option needs them.
     """
     shape, dtype, spacing = options["shape"], options["dtype"], options["spacing"]
     time, component = options["time"], options["component"]
@@ -171,7 +174,14 @@ def volume_spec(volume: Path, options: Mapping[str, Any]) -> VolumeSpec:
             hint="leave it out: a file with a header says it itself; the voxels of others are read with --shape and "
             "--dtype",
         )
-    source = replace(file_source(volume), spacing=spacing)
+    try:
+        source = file_source(volume)
+    except InputError as error:
+        if problems is None:
+            raise
+        problems.append(error)
+        source = FileSource(volume)
+    source = replace(source, spacing=spacing)
     return VolumeSpec(source, time, component, nodata=options["nodata"], dataset=options["dataset"])
 
 
@@ -187,12 +197,23 @@ def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool =
     except InputError as error:
         error.got, error.expected, error.hint = map(_as_options, (error.got, error.expected, error.hint))
         if isinstance(error, UnknownFormatError):
-            error.hint = _HEADERLESS_HINT
+            error.hint = _headerless_hint(error)
         raise
     is_open = in_time and volume.time is None and read.num_times > 1  # its steps are read next
     if read.note is not None and not is_open:
         reporter.status(f"{read.name}: {_as_options(read.note)}")
     return read
+
+
+def _headerless_hint(error: UnknownFormatError) -> str:
+    """Return the options that read a file as voxels without a header: whole ones if its name and size tell them."""
+    found = error.declaration
+    if found is None:
+        return _HEADERLESS_HINT
+    file = shlex.quote(error.where or "FILE")
+    order = " --byte-order big" * found.is_big_endian
+    command = f"hsplat info {file} --shape {','.join(map(str, found.shape))} --dtype {found.dtype}{order}"
+    return f"`{command}` reads it as voxels without a header: {found.remark}"
 
 
 def _as_options(text: str | None) -> str | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.job import expand_pattern, header_data_files
-from renderer.readers import volumes_in
+from renderer.readers import series_of_slice, volumes_in
 from renderer.scene import join_some
 
 # Endings of volumes; only the last one of a name such as scan.v2.nii.gz is removed.
@@ -43,10 +43,8 @@ def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
     """Return the volumes, each once, in the order given, and notes about those left out.
 
     Expands patterns that the shell did not, sorted, and folders of several volumes, to any depth. Leaves out data files
-    whose headers are among the volumes. A pattern that matches nothing stays, as a missing volume, which is an error
-    when it is read.
-
-    Raises InputError for single slices of a DICOM series.
+    whose headers are among the volumes, and takes the folder for single slices of a DICOM series. What cannot be read,
+    such as a pattern that matches nothing, stays, and is an error when its turn comes.
     """
     found: dict[Path, Path] = {}
     others: dict[Path, list[Path]] = {}  # what else is in the folders
@@ -61,9 +59,9 @@ def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
                 found.setdefault(_real(each), each)
             taken = {part for each in inside for part in (each, *each.parents)}
             others |= {path: sorted({*path.iterdir()} - taken)} if inside else {}
-    _refuse_slices(list(found.values()))
+    joined = _join_slices(found)
     data = {file: head for key, head in found.items() for file in header_data_files(head) if file != key}
-    notes = [f"{path} is the data of {data[key]}" for key, path in found.items() if key in data]
+    notes = [*joined, *(f"{path} is the data of {data[key]}" for key, path in found.items() if key in data)]
     for folder, entries in others.items():
         unused = [each for each in entries if _real(each) not in data and _real(each) not in found]
         names = [each.name for each in unused if not each.name.startswith(".")]
@@ -85,15 +83,22 @@ def _volumes_in(path: Path) -> list[Path]:
     return []
 
 
-def _refuse_slices(volumes: Sequence[Path]) -> None:
-    folders = Counter(path.parent for path in volumes if path.suffix.lower() == ".dcm" and path.is_file())
-    for folder, num in folders.items():
-        if num > 1:
-            raise InputError(
-                f"{num} DICOM files of one folder would be a film each",
-                where=str(folder),
-                hint="name the folder: its files are the slices of one volume",
-            )
+def _join_slices(found: dict[Path, Path]) -> list[str]:
+    """Replace single slices of one DICOM series by their folder, in its place, and return a note on each folder."""
+    slices: dict[tuple[Path, str], list[Path]] = {}
+    for key, path in found.items():
+        with contextlib.suppress(InputError, OSError):
+            if path.is_file() and (series := series_of_slice(path)) is not None:
+                slices.setdefault((path.parent, series), []).append(key)
+    joined = {key: folder for (folder, _), keys in slices.items() if len(keys) > 1 for key in keys}
+    volumes: dict[Path, Path] = {}
+    for key, path in found.items():
+        folder = joined.get(key)
+        volumes.setdefault(key if folder is None else _real(folder), path if folder is None else folder)
+    found.clear()
+    found.update(volumes)
+    counts = Counter(joined.values())
+    return [f"{num} files of {folder} are slices of one volume: the folder is drawn" for folder, num in counts.items()]
 
 
 def name_volumes(volumes: Sequence[Path]) -> dict[str, Path]:

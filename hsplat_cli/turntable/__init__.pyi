@@ -4,5 +4,5 @@ from .one_film import (
     FilmRequest as FilmRequest,
     make_film as make_film,
     print_film_record as print_film_record,
-    require_inputs_kept as require_inputs_kept,
+    require_harmless as require_harmless,
 )

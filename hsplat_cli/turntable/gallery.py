@@ -23,14 +23,12 @@ from hsplat_cli.turntable.manifest import (
     read_films,
     short_number,
 )
-from renderer.errors import HsplatError, InputError
-from renderer.film import frame_path, translate_os_errors, write_staged
-from renderer.scene import FORMATS, output_suffix, require_file
+from renderer.errors import HsplatError
+from renderer.film import frame_path, write_staged
+from renderer.scene import FORMATS, output_suffix
 from renderer.system import join_lines
 
 PAGE_FILE, CONTACT_FILE = "index.html", "contact.png"
-# In each page that is ours; another one of this name stays.
-_MARK = b"/* by hsplat turntable */"
 # While a batch runs, writing takes at most this part of the time, and adds at most this number of older posters.
 _SHARE, _MAX_POSTERS = 0.05, 100
 _TEXTS = ("status", "kind", "values", "hidden", "error", "command")
@@ -56,14 +54,14 @@ class Gallery:
     def _write(self, max_posters: int | None) -> None:
         """Write posters that are missing, and the page; without a limit contact.png, too."""
         # Imported here to keep --help fast.
-        from hsplat_cli.reports import render_page
+        from hsplat_cli.reports import render_page, require_own_page
         from hsplat_cli.turntable.posters import contact_sheet
 
         folder = self._folder
         if not (films := read_films(folder)):
             return
         try:
-            _require_own(folder / PAGE_FILE)
+            require_own_page(folder / PAGE_FILE)
             problems = _make_posters(folder, films.values(), max_posters)  # nobody waits for the lock meanwhile
             with locked_manifest(folder, self._reporter, LOCK_TIMEOUT_S):
                 shown = [_shown(folder, record, problems) for record in read_films(folder).values()]
@@ -74,15 +72,6 @@ class Gallery:
                 write_staged(folder / CONTACT_FILE, contact_sheet(posters), is_durable=False)
         except HsplatError as error:
             self._reporter.warning(join_lines(["the gallery is not written", *str(error).splitlines()]))
-
-
-def _require_own(page: Path) -> None:
-    """Raise InputError for a page of somebody else."""
-    require_file(page, "a page of this command")
-    with translate_os_errors(page):
-        is_own = not page.exists() or _MARK in page.read_bytes()
-    if not is_own:
-        raise InputError("another page has this name", where=str(page), hint="move it, or give another --output")
 
 
 def poster_file(folder: Path, name: str) -> Path:

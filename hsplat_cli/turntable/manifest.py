@@ -9,7 +9,7 @@ import contextlib
 import json
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +33,9 @@ _NOTICE_DELAY_S, _POLL_INTERVAL_S = 2.0, 0.02
 
 # Titles of columns, and the keys of records.
 _COLUMNS = {name: name for name in ("volume", "status", "kind", "frames", "primitives", "seconds")}
-_COLUMNS |= {"file PSNR": "file_psnr", "frames PSNR": "psnr", "film": "film"}
-_NUMBER_COLUMNS = (3, 4, 5, 6, 7)
+# What is wrong with what a film shows has a column where there is any.
+_COLUMNS |= {"file PSNR": "file_psnr", "frames PSNR": "psnr", "seen": "seen", "film": "film"}
+_NUMBER_COLUMNS = ("frames", "primitives", "seconds", "file_psnr", "psnr")
 NUMBER_KEYS, _TOO_LARGE = ("psnr", "file_psnr", "seconds"), 1e9
 
 _TEXT_KEYS = ("volume", "scene", "film", "status")  # that each record has
@@ -144,15 +145,19 @@ def has_volume(folder: Path, record: FilmEntry) -> bool:
 
 def manifest_table(folder: Path, records: Sequence[FilmEntry]) -> str:
     """Return a line for each volume, in columns; for a film that failed with the first line of the error."""
-    return format_table([list(_COLUMNS), *(_row(folder, each) for each in records)], right_aligned=_NUMBER_COLUMNS)
+    has_seen = any(record.get("seen") for record in records)
+    columns = {title: key for title, key in _COLUMNS.items() if has_seen or key != "seen"}
+    rows = [_row(folder, record, columns.values()) for record in records]
+    numbers = [number for number, key in enumerate(columns.values()) if key in _NUMBER_COLUMNS]
+    return format_table([list(columns), *rows], right_aligned=numbers)
 
 
-def _row(folder: Path, record: FilmEntry) -> list[str]:
+def _row(folder: Path, record: FilmEntry, keys: Iterable[str]) -> list[str]:
     shown = record | {key: short_number(record.get(key)) or "-" for key in NUMBER_KEYS}
     shown |= {key: os.path.normpath(folder / record[key]) for key in ("volume", "film")}
     if record["status"] != FINISHED:
         shown["film"] = record.get("error", "-").splitlines()[0]
-    return [str(shown.get(key, "-")) for key in _COLUMNS.values()]
+    return [str(shown.get(key) or "-") if key == "seen" else str(shown.get(key, "-")) for key in keys]
 
 
 def short_number(value: Any) -> str:

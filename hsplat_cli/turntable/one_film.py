@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -21,15 +19,25 @@ from hsplat_cli.turntable.gallery import CONTACT_FILE, PAGE_FILE, poster_file
 from hsplat_cli.turntable.manifest import FilmEntry, update_manifest
 from hsplat_cli.turntable.up_to_date import made_by, marks_of
 from renderer.errors import HsplatError, InputError, OutputLockedError
-from renderer.film import bytes_digest, require_writable, sidecar_path_of_file, translate_os_errors, write_staged
-from renderer.job import FilmJob, expand_pattern, film_files, require_no_input, scene_files, volume_files
+from renderer.film import (
+    WrittenFiles,
+    bytes_digest,
+    film_files,
+    require_writable,
+    sidecar_path_of_file,
+    translate_os_errors,
+    write_staged,
+)
+from renderer.job import FilmJob, expand_pattern, scene_files, volume_files
 from renderer.scene import (
     ColormapSpec,
+    LabelsSpec,
     OutputSpec,
     Scene,
     VolumeSpec,
     accuracy_of,
     file_source,
+    join_some,
     parse_scene_content,
     relative_path,
 )
@@ -46,7 +54,8 @@ class FilmRequest:
     """A film to make. scene: the file for its scene. look: whose it has, unless one is suggested.
 
     scheduler: the address of the Dask scheduler that draws it. force: an edited scene may be overwritten, and finished
-    frames are drawn again. command: what makes this film alone.
+    frames are drawn again. command: what makes this film alone. problem: why there is no film, where that is known
+    before the volume is read.
     """
 
     volume: VolumeSpec
@@ -57,6 +66,7 @@ class FilmRequest:
     force: bool
     command: str = ""
     look: SharedLook | None = None
+    problem: InputError | None = None
 
     @property
     def outputs(self) -> OutputSpec:
@@ -93,17 +103,12 @@ class FilmRequest:
             yield Path(self.film.preset.partition("#")[0])
         yield from _look_files(self.look)
 
-    def film_files(self) -> Iterator[Path]:
-        """Yield the scene, the film, its sidecar and unfinished work."""
+    @property
+    def film_files(self) -> WrittenFiles:
+        """Return the scene, the film, its sidecar and unfinished work."""
         frames = range(self.look.scene.num_frames if self.look else self.film.frames)
-        yield self.scene
-        yield from film_files(self.outputs, frames, sidecar_path_of_file(self.output, frames, len(frames)))
-
-    def output_files(self) -> Iterator[Path]:
-        """Yield all files that making the film may replace or remove."""
-        yield from (self.scene.parent / name for name in _FOLDER_FILES)
-        yield poster_file(self.scene.parent, self.scene.stem)
-        yield from self.film_files()
+        sidecar = sidecar_path_of_file(self.output, frames, len(frames))
+        return WrittenFiles([self.scene]) + film_files(self.outputs, frames, sidecar)
 
     def failure_record(self, error: HsplatError) -> FilmEntry:
         """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
@@ -112,15 +117,15 @@ class FilmRequest:
         return self.record(status) | {"exit_code": exit_code, "error": str(error), "command": self.command}
 
 
-def require_inputs_kept(requests: Sequence[FilmRequest]) -> None:
+def require_harmless(requests: Sequence[FilmRequest]) -> None:
     """Raise InputError if an output of one of the films is a file of a volume or a look, or another output."""
-    names = Counter(str(each.file).lower() for request in requests for each in request.outputs.files)
-    if (twice := names.most_common(1)[0])[1] > 1:
-        hint = "give outputs of the look other names, or each volume its own --output"
-        raise InputError("two outputs would have one name", where=twice[0], hint=hint)
-    outputs = chain.from_iterable(request.output_files() for request in requests)
+    folder = requests[0].scene.parent
+    posters = [poster_file(folder, request.scene.stem) for request in requests]
+    written = WrittenFiles([*(folder / name for name in _FOLDER_FILES), *posters])
+    for request in requests:
+        written += request.film_files
     volumes = {each for request in requests for each in (request.volume, request.film.under) if each is not None}
-    require_no_input(outputs, chain(_look_files(requests[0].look), chain.from_iterable(map(volume_files, volumes))))
+    written.require_harmless(chain(_look_files(requests[0].look), *map(volume_files, volumes)))
 
 
 def _look_files(look: SharedLook | None) -> Iterator[Path]:
@@ -155,6 +160,8 @@ def make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
 
 def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     """Write the scene, render it, and return the record of the film. Raises HsplatError."""
+    if request.problem is not None:
+        raise request.problem
     expand_pattern(str(volume_file(request.volume)))  # raises where no file matches
     inputs = marks_of(request.input_files())
     # Before the volume is read, which may take long.
@@ -186,8 +193,11 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     if accuracy is not None:
         record |= {"psnr": round(accuracy.psnr, 2), "psnr_interval": list(accuracy.interval)}
         record["file_psnr"] = round((accuracy.file or accuracy).psnr, 2)
+    before = manifest.read_films(request.scene.parent).get(request.scene.name, {})
+    seen = ", ".join(each.word for each in film.glances if each.word) if film.summary else before.get("seen", "")
     return record | {
         **facts,
+        **({"seen": seen} if seen else {}),
         "values": facts.get("values", _visible_values(scene)),
         "hidden": "" if visibility is None else visibility_text(visibility),
         "notes": [*film.record.notes, *notes],
@@ -209,8 +219,10 @@ def _scene_text(request: FilmRequest, reporter: Reporter) -> tuple[str, FilmEntr
 
 
 def _visible_values(scene: Scene) -> str:
-    """Return `18.9 to 255` of those values of the first volume between which anything shows; empty of labels."""
+    """Return `18.9 to 255` of those values of the first volume between which anything shows; of labels their names."""
     transfer = scene.at(0).transfer_function
+    if transfer.labels is not None:
+        return _label_names(transfer.labels)
     pairs = [(point.value, point.opacity) for point in transfer.points]
     if isinstance(transfer.mapping, ColormapSpec):
         pairs = [*transfer.mapping.opacity]
@@ -219,9 +231,16 @@ def _visible_values(scene: Scene) -> str:
 
 
 def _shown_values(suggestion: Suggestion) -> str:
-    """Return `18.9 to 255`; empty where it is not known which values are shown."""
+    """Return `18.9 to 255`, or the names of labels; empty where it is not known which values are shown."""
+    if (labels := suggestion.transfer.labels) is not None:
+        return _label_names(labels)
     ends = [end for layer in suggestion.visible for each in layer.ranges for end in each]
     return f"{min(ends):g} to {max(ends):g}" if ends else ""
+
+
+def _label_names(labels: LabelsSpec) -> str:
+    """Return `caudate, putamen and 14 more`, with numbers of labels that have no name."""
+    return join_some([style.name or f"label {style.value}" for style in labels.styles])
 
 
 class _TurntableEvents(FilmEvents):
@@ -280,6 +299,10 @@ def _require_replaceable(request: FilmRequest, content: bytes) -> bool:
     return False
 
 
+# Behind it a marked scene has the path of its volume, as JSON.
+_MARK = b'; of "'
+
+
 def marked_scene(text: str, volume_path: str) -> bytes:
     """Return a scene with a last line that shows whose it is, and that nobody has edited it."""
     volume = json.dumps(volume_path)
@@ -289,8 +312,9 @@ def marked_scene(text: str, volume_path: str) -> bytes:
 
 def _volume_of_unedited(content: bytes) -> str | None:
     """Return the volume path in a marked scene that nobody has edited."""
-    found = re.fullmatch(rb'(.*; of ("[^\n]*"): )([0-9a-f]{32})\n', content, re.DOTALL)
-    return json.loads(found[2]) if found and bytes_digest(found[1]).encode() == found[3] else None
+    before, mark, digest = content.rpartition(b": ")
+    is_unedited = bytes_digest(before + mark).encode() + b"\n" == digest
+    return json.loads(before[before.rindex(_MARK) + len(_MARK) - 1 :]) if is_unedited and _MARK in before else None
 
 
 def print_film_record(request: FilmRequest, reporter: Reporter) -> None:

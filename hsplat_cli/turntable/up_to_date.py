@@ -36,7 +36,7 @@ def _mark(file: Path) -> tuple[int, ...]:
 
 def made_by(request: FilmRequest, inputs: _Marks) -> str:
     """Return the digest of a film that is finished. inputs: marks of its input files, from before they were read."""
-    return data_digest([request.wish, _program(), inputs, marks_of(request.film_files())])
+    return data_digest([request.wish, _program(), inputs, marks_of(request.film_files.all_files())])
 
 
 @functools.cache

@@ -15,6 +15,12 @@ from .estimate import (
     ErrorSamples as ErrorSamples,
     pool_samples as pool_samples,
 )
+from .glance import (
+    NOTHING as NOTHING,
+    NOTHING_VISIBLE as NOTHING_VISIBLE,
+    Glance as Glance,
+    look_ahead as look_ahead,
+)
 from .metrics import (
     METRICS as METRICS,
     REACH_PX as REACH_PX,

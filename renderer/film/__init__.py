@@ -8,6 +8,7 @@ drawing under temporary names and renames them at the end. `locked_output` keeps
 - `quantization.py`: float to whole numbers; `picture.py`: a finished frame; `png.py`, `exr.py`: its files.
 - `atomic.py`: temporary names, renamed at the end; `names.py`: the names of frames and files; `lock.py`: one job at a
   time; `runs.py`: consecutive frames as ranges; `digests.py`: whether a file is still the same.
+- `written_files.py`: the list of all files that a job writes, and what they may not be.
 """
 
 import lazy_loader

@@ -19,12 +19,14 @@ from .digests import (
 )
 from .lock import (
     lock_slots as lock_slots,
+    locked_files as locked_files,
     locked_output as locked_output,
     require_own_folder as require_own_folder,
 )
 from .names import (
     ANY_FRAME_FIELD as ANY_FRAME_FIELD,
     film_path_of_sidecar as film_path_of_sidecar,
+    film_sidecars as film_sidecars,
     frame_path as frame_path,
     picture_files as picture_files,
     sidecar_path as sidecar_path,
@@ -58,4 +60,10 @@ from .writer import (
     film_notes as film_notes,
     open_films as open_films,
     require_encoder as require_encoder,
+)
+from .written_files import (
+    WrittenFiles as WrittenFiles,
+    film_files as film_files,
+    folder_files as folder_files,
+    require_no_input as require_no_input,
 )

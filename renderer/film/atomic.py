@@ -9,28 +9,35 @@ import re
 import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Protocol
 
 from renderer.errors import HsplatError, InputError, RenderError
 
 
+class StageFile(Protocol):
+    """Makes a temporary file for a path, and its missing folders.
+
+    folder: where the temporary file lies, on the disk of the path; it exists. None for beside the path.
+    """
+
+    def __call__(self, path: Path, folder: Path | None = None) -> Path: ...
+
+
 @contextlib.contextmanager
-def staging(folder: Path | None = None, *, is_durable: bool = True) -> Iterator[Callable[[Path], Path]]:
+def staging(*, is_durable: bool = True) -> Iterator[StageFile]:
     """Yield a function that makes a temporary file for a path. After the block, all are renamed, one by one.
 
-    folder: where temporary files lie of paths beside it or below; others lie beside their paths, as all do for None.
-    Missing folders of the paths are made, but not `folder`. is_durable: the files are on the disk before they are
-    renamed. Without it a power failure may leave a file empty under its final name. If the block raises,
-    KeyboardInterrupt included, temporary files are removed and nothing else changes. Refusals of the operating system
-    become InputError or RenderError, as in `translate_os_errors`; an OSError that the block raises passes unchanged.
+    is_durable: the files are on the disk before they are renamed. Without it a power failure may leave a file empty
+    under its final name. If the block raises, KeyboardInterrupt included, temporary files are removed and nothing else
+    changes. Refusals of the operating system become InputError or RenderError, as in `translate_os_errors`; an OSError
+    that the block raises passes unchanged.
     """
     staged: list[tuple[Path, Path]] = []
 
-    def stage(path: Path) -> Path:
-        is_beside = folder is not None and folder.parent in path.parents  # others may be on other disks
-        own = folder if is_beside else None
-        temporary = _temporary_path(path, own)
+    def stage(path: Path, folder: Path | None = None) -> Path:
+        temporary = _temporary_path(path, folder)
         staged.append((temporary, path))  # before the file exists: an interrupt may come at any time
-        _create(temporary, path, own)
+        _create(temporary, path, folder)
         return temporary
 
     try:
@@ -51,11 +58,11 @@ def staging(folder: Path | None = None, *, is_durable: bool = True) -> Iterator[
 @contextlib.contextmanager
 def staged_files(folder: Path | None = None, *, is_durable: bool = True) -> Iterator[Callable[[Path, bytes], None]]:
     """Yield a function that writes whole files, which get their names after the block; as `staging`."""
-    with staging(folder, is_durable=is_durable) as stage:
+    with staging(is_durable=is_durable) as stage:
 
         def write(path: Path, content: bytes) -> None:
             with translate_os_errors(path):
-                stage(path).write_bytes(content)
+                stage(path, folder).write_bytes(content)
 
         yield write
 

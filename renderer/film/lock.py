@@ -13,14 +13,15 @@ import re
 import stat
 import struct
 import sys
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import InputError, OutputLockedError
 from renderer.film.atomic import remove_temporaries, require_writable, sync_to_disk, translate_os_errors
 from renderer.film.names import frame_path, unfinished_folder
 from renderer.film.runs import consecutive_ranges
-from renderer.scene import OutputSpec
+from renderer.scene import OutputSpec, place_of
 
 _LOCK_FILE = "lock"
 _OWNER_PATTERN = re.compile(rb"process [0-9]+ on .+", re.DOTALL)
@@ -36,18 +37,43 @@ _WAIT_FOR_LOCK = getattr(fcntl, "F_OFD_SETLKW", fcntl.F_SETLKW)
 
 @contextlib.contextmanager
 def locked_output(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[Path]:
-    """Lock the output, and yield the folder for unfinished work. After the block, the folder is removed if empty.
+    """Lock all files of an output that have any of the frames; yield the first one's folder for unfinished work.
 
-    Raises OutputLockedError if another job is writing the same output; InputError and RenderError if the output cannot
-    be written.
+    After the block, folders for unfinished work are removed if they are empty. Raises OutputLockedError if another job
+    is writing one of the files; InputError and RenderError if one cannot be written.
     """
-    folder = unfinished_folder(output)
-    with lock_slots(folder, frames if output.is_numbered else [0], output.file):
-        for each in output.others:  # which may be on another disk
-            require_writable(frame_path(each.file, frames[0]))
-        for file in (frame_path(output.file, frames[0]), sidecar):
-            require_writable(file, folder)
-        yield folder
+    slots, names = defaultdict[Path, set[int]](set), dict[Path, Path]()
+    for each in output.shown(frames):
+        folder = unfinished_folder(each)  # that of two templates may be one
+        slots[folder].update(filter(each.shows, frames) if each.is_numbered else [0])
+        names.setdefault(folder, each.file)
+    with contextlib.ExitStack() as stack:
+        # In one order, so that of jobs with the same files one has them all.
+        for folder in sorted(slots, key=place_of):
+            stack.enter_context(lock_slots(folder, sorted(slots[folder]), names[folder]))
+        for each in output.shown(frames):
+            require_writable(frame_path(each.file, frames[0]), unfinished_folder(each))
+        require_writable(sidecar, unfinished_folder(output))
+        yield unfinished_folder(output)
+
+
+@contextlib.contextmanager
+def locked_files(files: Iterable[Path]) -> Iterator[None]:
+    """Lock files that have no folder for unfinished work, each by a hidden file beside it; raises as `lock_slots`.
+
+    Missing folders are made; those in which nothing is written are removed at the end.
+    """
+    files = sorted(files, key=place_of)
+    made = dict.fromkeys(each for file in files for each in file.parents if not os.path.lexists(each))
+    try:
+        with contextlib.ExitStack() as stack:
+            for file in files:
+                stack.enter_context(lock_slots(file.parent, [0], file, shared_file=f".{file.name}.lock"))
+            yield
+    finally:
+        for folder in made:
+            with contextlib.suppress(OSError):  # it is not empty
+                folder.rmdir()
 
 
 @contextlib.contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import re
 from collections.abc import Iterator, Sequence
@@ -9,6 +10,8 @@ from pathlib import Path
 
 from renderer.scene import FRAME_FIELD, OutputFile, Scene
 
+# Of the folders for frames of films that are not finished.
+UNFINISHED_SUFFIX = ".unfinished"
 # What is meant as FRAME_FIELD, well-formed or not, in names that are not checked yet.
 ANY_FRAME_FIELD = re.compile(r"\{frame(:[^{}]*)?\}")
 
@@ -48,6 +51,13 @@ def _sidecar_path_of_whole_film(file: Path) -> Path:
     return file.with_name(f"{file.name}.json")
 
 
+def film_sidecars(file: Path) -> list[Path]:
+    """Return the sidecars that exist of an output file or template: that of the whole film, and those of parts."""
+    whole = _sidecar_path_of_whole_film(file)
+    parts = sorted(whole.parent.glob(f"{glob.escape(whole.stem)}.*.json")) if FRAME_FIELD.search(str(file)) else []
+    return [path for path in (whole, *parts) if path.exists()]
+
+
 def _part_name(frames: Sequence[int]) -> str:
     """Return the name of a part of a path: `30-59`, `30-57-by-3`, `7`."""
     first, last = frames[0], frames[-1]
@@ -61,11 +71,11 @@ def _part_name(frames: Sequence[int]) -> str:
 
 
 def unfinished_folder(output: OutputFile) -> Path:
-    """Return the folder of a film's checkpoint: `engine.mp4.unfinished`, `frames/frames.unfinished`.
+    """Return the folder for the lock and the unfinished work of a file: `engine.mp4.unfinished`.
 
-    All parts of a path with numbered files share it.
+    Numbered files share `frames/frames.unfinished`, as do all parts of a path.
     """
-    return _sidecar_path_of_whole_film(output.file).with_suffix(".unfinished")
+    return _sidecar_path_of_whole_film(output.file).with_suffix(UNFINISHED_SUFFIX)
 
 
 def film_path_of_sidecar(sidecar: Path, recorded: Path) -> Path:

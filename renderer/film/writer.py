@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
 
 from renderer.film.atomic import staging, translate_os_errors
 from renderer.film.encode import frame_rate, open_encoder, require_codec
 from renderer.film.exr import require_openexr
-from renderer.film.names import frame_path
+from renderer.film.names import frame_path, unfinished_folder
 from renderer.film.picture import Picture
 from renderer.scene import OutputFile, OutputSpec, PictureKind
 
@@ -31,7 +30,7 @@ def open_films(
     outputs: Sequence[OutputFile],
     kinds: Sequence[PictureKind],
     *,
-    staging_folder: Path | None = None,
+    is_locked: bool = False,
     before_rename: Callable[[], None] = lambda: None,
 ) -> Iterator[WriteFrame]:
     """Yield a function that writes the next frame to each of the outputs that shows it.
@@ -40,13 +39,17 @@ def open_films(
     If the block raises, nothing is written. Films wait for the disk before they are renamed; frames in files do not:
     they are known by their digests.
 
-    staging_folder: on the same disk, for incomplete files; None for beside the outputs.
+    is_locked: the outputs have folders for unfinished work, in which incomplete files lie. Else they lie beside.
     before_rename: called when everything is written, before files get their final names.
     """
     films = [each for each in outputs if not each.is_frames]
-    with staging(staging_folder, is_durable=bool(films)) as stage:
+    folders = {each.file: unfinished_folder(each) if is_locked else None for each in outputs}
+    with staging(is_durable=bool(films)) as stage:
         with contextlib.ExitStack() as stack:
-            encoders = {each.file: stack.enter_context(open_encoder(each, stage(each.file))) for each in films}
+            encoders = {
+                each.file: stack.enter_context(open_encoder(each, stage(each.file, folders[each.file])))
+                for each in films
+            }
 
             def write(frame: int, pictures: Mapping[int, Picture]) -> None:
                 for each in (each for each in outputs if each.shows(frame)):
@@ -55,7 +58,7 @@ def open_films(
                         encoders[each.file](picture.pixels)
                         continue
                     with translate_os_errors(path):
-                        stage(path).write_bytes(picture.content)
+                        stage(path, folders[each.file]).write_bytes(picture.content)
 
             yield write
         before_rename()

@@ -6,7 +6,7 @@ Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> splats or b
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import ExitStack
 from dataclasses import replace
 from itertools import zip_longest
@@ -32,10 +32,10 @@ from renderer.scene import (
     motions_in,
     raise_problems,
     volume_extent,
-    volume_problems,
     with_draw_order,
 )
 from renderer.splats import GAUSSIAN_CUTOFF
+from renderer.system import start_threads
 from renderer.view import (
     are_clipped_away,
     corners_around,
@@ -78,17 +78,17 @@ def prepare_stage(
     if volumes is not None:
         maker.volumes = [volume_key(layer) for layer in first.layers], volumes
     volumes = maker.volumes_of(first)
+    raise_problems(placement_problems(scene, volumes))
     for volume in volumes:
-        extent = volume_extent(volume)
-        raise_problems([*volume_problems(extent, volume.name), *camera_problems(first.camera, size, extent)])
-    raise_problems(placement_problems(volumes))
+        raise_problems(camera_problems(first.camera, size, volume_extent(volume)))
     watch.lap("read")
     layers = maker.layers_of(first, min_tolerance(scene.error), watch.lap)
-    target, distance = _framing(scene, maker, layers)
+    target, distance, left_out = _framing(scene, maker, layers)
     raise_problems(_clip_problems(scene, volumes))
     stage = maker.stage_of(first, layers, target, distance)
     watch.lap("framing")
-    return replace(stage, scene=scene, seconds=watch.seconds, maker=maker if scene.moves else None)
+    kept = maker if scene.moves else None
+    return replace(stage, scene=scene, seconds=watch.seconds, maker=kept, not_framed=left_out)
 
 
 def render_frames(
@@ -103,7 +103,7 @@ def render_frames(
     controller = ScheduleController(stage) if controller is None else controller
     with ExitStack() as stack:
         ahead: Future[Stage] | None = None
-        thread = stack.enter_context(ThreadPoolExecutor(1)) if stage.maker is not None else None
+        thread = stack.enter_context(start_threads(1)) if stage.maker is not None else None
         for number, following in zip_longest(frames, frames[1:]):
             watch = Stopwatch(clock)
             if ahead is not None:
@@ -138,19 +138,23 @@ def _clip_problem(key: str, volume: Volume) -> Problem:
     return Problem(key, "leaves nothing of the volume", expected=expected)
 
 
-def _framing(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float]:
-    """Return target and distance: the scene's, or such that all frames have in frame what is visible on any."""
+def _framing(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float, float]:
+    """Return target and distance: the scene's, or such that all frames have in frame what is visible on any.
+
+    The third number is the part of a picture that does not count for that.
+    """
     camera, size = scene.at(0).camera, scene.output.size
     frames_of: dict[CameraSpec, list[int]] = {}
     for frame in _sampled(scene, _MOST_SAMPLED_CAMERAS):
         frames_of.setdefault(scene.at(frame).camera, []).append(camera.path_frame(frame))
     if all(isinstance(each.target, tuple) and each.distance is not None for each in frames_of):
         assert isinstance(camera.target, tuple) and camera.distance is not None
-        return camera.target, camera.distance
-    points = np.concatenate([points_in_frame(scene.at(0), layers), *_other_points(scene, maker, layers)])
+        return camera.target, camera.distance, 0.0
+    framed = [points_in_frame(scene.at(0), layers), *_other_points(scene, maker, layers)]
+    points, left_out = np.concatenate([each for each, _ in framed]), max(part for _, part in framed)
     target = _target(camera, layers, points)
     if camera.distance is not None:
-        return target, camera.distance
+        return target, camera.distance, left_out
     if len(frames_of) == 1:
         distance = fit_distance(camera, points, target, size)
     else:
@@ -164,7 +168,7 @@ def _framing(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> tupl
         reach = GAUSSIAN_CUTOFF * scene.splat.sigma - 0.5
         whole = corners_around(volume, points, reach)
         distance = max(distance, fit_distance(camera, whole, target, size, margin=0.0))
-    return target, distance
+    return target, distance, left_out
 
 
 def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vector:
@@ -179,8 +183,8 @@ def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vec
     return float(x), float(y), float(z)
 
 
-def _other_points(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[Float64]:
-    """Yield what is visible on some of the frames of a film in which something moves, besides the first."""
+def _other_points(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[tuple[Float64, float]]:
+    """Yield what `points_in_frame` returns for some frames of a film in motion, besides the first."""
     tolerance, known = min_tolerance(scene.error), [layer.digest for layer in layers]
     for frame in _sampled(scene, _MOST_SAMPLED_LAYERS)[1:] if scene.moves else ():
         sampled = scene.at(frame)

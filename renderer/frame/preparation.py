@@ -36,6 +36,7 @@ from renderer.scene import (
 )
 from renderer.view import (
     finest_useful_level,
+    framed_points,
     make_order_blending,
     place_object_clips,
     smallest_voxel_px,
@@ -72,7 +73,7 @@ class StageMaker:
         scene = film.scene.at(frame)
         layers, target = self.layers_of(scene, min_tolerance(film.scene.error)), scene.camera.target
         if not isinstance(target, tuple):
-            target = visible_centre(points_in_frame(scene, layers)) if scene.camera.follow else film.target
+            target = visible_centre(points_in_frame(scene, layers)[0]) if scene.camera.follow else film.target
         return self.stage_of(scene, layers, target, scene.camera.distance or film.distance)
 
     def volumes_of(self, scene: Scene) -> Sequence[Volume]:
@@ -208,18 +209,24 @@ def volume_key(layer: LayerSpec) -> VolumeKey:
     return layer.volume, layer.transform, layer.mask
 
 
-def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> Float64:
-    """Return the positions that a camera is to have in frame: float64 [n, 3], as `visible_points`."""
+def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> tuple[Float64, float]:
+    """Return the positions that a camera is to have in frame, float64 [n, 3], and which part of a picture is left out.
+
+    Both as of `framed_points`; the part is the largest one of a layer.
+    """
     if scene.annotation.bounds:
-        return np.concatenate([volume_corners(layer.volume) for layer in layers])
+        return np.concatenate([volume_corners(layer.volume) for layer in layers]), 0.0
     clip = scene.clip if scene.camera.target == "visible" else None
-    return np.concatenate([_visible_points(layer, clip) for layer in layers])
+    points, parts = zip(*(_framed_points(layer, clip) for layer in layers), strict=True)
+    return np.concatenate(points), max(parts)
 
 
-def _visible_points(layer: Layer, clip: tuple[ClipSpec, ...] | None = None) -> Float64:
-    """Return the positions of what is visible of a layer; with `clip`, of what is left of it."""
+def _framed_points(layer: Layer, clip: tuple[ClipSpec, ...] | None) -> tuple[Float64, float]:
+    """Return what `points_in_frame` does for a layer; with `clip`, of what is left of it."""
     region = None if clip is None else place_object_clips(layer.volume, clip + layer.spec.clip)
-    return visible_points(layer.pyramid, region)
+    if layer.projection is not None:  # a single voxel may be the brightest of a ray
+        return visible_points(layer.pyramid, region), 0.0
+    return framed_points(layer.pyramid, region)
 
 
 def _have_same_groups(before: Scene, layers_before: Sequence[Layer], now: Scene, layers: Sequence[Layer]) -> bool:
@@ -233,7 +240,7 @@ def _have_same_groups(before: Scene, layers_before: Sequence[Layer], now: Scene,
 def _resolution(group: LayerGroup, camera: CameraSpec, size: tuple[int, int]) -> Resolution:
     target, distance = camera.target, camera.distance
     assert isinstance(target, tuple) and distance is not None
-    points = np.concatenate([_visible_points(layer) for layer in group.layers])
+    points = np.concatenate([visible_points(layer.pyramid) for layer in group.layers])
     return Resolution(
         finest_useful_level(group.volume, points, camera, target, distance, size),
         smallest_voxel_px(group.volume, camera, target, distance, size),

@@ -45,6 +45,7 @@ class Stage:
     groups: the layers that are drawn as one. resolutions: of each group.
     order_blending: which neighbours change their order along the path.
     seconds: the time that each step of the preparation took. maker: of a film in which something moves.
+    not_framed: the part of a picture that did not count when the film was framed; 0 where all did.
     """
 
     scene: Scene
@@ -56,6 +57,7 @@ class Stage:
     order_blending: OrderBlending
     seconds: dict[str, float]
     maker: FrameStageMaker | None = None
+    not_framed: float = 0.0
 
     def at(self, frame: int) -> Stage:
         """Return the stage of a frame, with plain numbers in its scene; the last one stays usable."""

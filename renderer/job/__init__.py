@@ -15,9 +15,10 @@ A film that is up to date is not drawn again, and one that was stopped resumes w
 - `events.py`: what a job tells while it runs, to a function, a bar in a notebook, or another listener.
 - `checkpoint.py`: finished frames; those of an unfinished film are kept in files.
 - `record.py`: the records of films and frames, to JSON and back; `make_record.py`: makes them; `sidecar.py`: the file.
-- `fingerprint.py`: what frames depend on; `existing_film.py`: the film that is there.
+- `fingerprint.py`: what frames depend on; `existing_film.py`: the film that is there;
+  `own_files.py`: whether files that are there are its own.
 - `verification.py`: whether a finished film is what its sidecar says; `verified_accuracy.py`: by exact rays.
-- `inputs.py`: files that are read, which no output overwrites.
+- `inputs.py`: the files that are read, and folders that no output joins.
 - `assemble/`: one film of parts: `parts.py` finds them, `agreement.py` compares them, `merged_record.py` and
   `assembly.py` write the film.
 """

@@ -21,6 +21,7 @@ from .film_job import FilmJob as FilmJob, OriginalFilm as OriginalFilm
 from .film_making import (
     FinishedFilm as FinishedFilm,
     forecast_film as forecast_film,
+    glance_at_film as glance_at_film,
     make_film as make_film,
     one_pass as one_pass,
 )
@@ -33,13 +34,11 @@ from .fingerprint import describe_differences as describe_differences
 from .forecast import Forecast as Forecast, forecast_frames as forecast_frames
 from .inputs import (
     expand_pattern as expand_pattern,
-    film_files as film_files,
-    folder_files as folder_files,
     header_data_files as header_data_files,
-    require_no_input as require_no_input,
     scene_files as scene_files,
     volume_files as volume_files,
 )
+from .own_files import require_own_files as require_own_files
 from .plan import FilmPlan as FilmPlan, make_plan as make_plan
 from .record import (
     DIGEST_FIELD as DIGEST_FIELD,

@@ -11,7 +11,7 @@ from renderer.film import file_matches_digest, frame_matches_digest, frame_path
 from renderer.job.events import JobEvents
 from renderer.job.fingerprint import describe_differences, describe_mismatch
 from renderer.job.record import FilmFingerprint, FilmRecord, record_from_json
-from renderer.scene import MAX_SIDECAR_BYTES, OutputFile, OutputSpec, read_json_object
+from renderer.scene import FRAME_FIELD, MAX_SIDECAR_BYTES, OutputFile, OutputSpec, read_json_object
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class ExistingFilm:
 
     def is_up_to_date(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> bool:
         """Return whether it is the film that is requested, and its files are those that were written."""
-        return not self._change(fingerprint, frames) and self.is_complete and self._is_unchanged(output)
+        return not self._change(fingerprint, frames) and self.is_complete and self._changed_file(output) is None
 
     def why_stale(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> str:
         """Return why this film is not up to date, as the end of a sentence about it.
@@ -43,9 +43,14 @@ class ExistingFilm:
             return f"does not exist, and its sidecar describes another film: {change}" if change else ""
         if change:
             return f"is another film and is drawn again: {change}"
-        gone = next((each.file for each in output.others if not (each.is_numbered or each.file.exists())), None)
-        why = "is not the file that its sidecar describes" if self.is_complete else "is less than what was requested"
-        return f"{f'has no {gone} beside it' if gone and self.is_complete else why} and is drawn again"
+        if not self.is_complete:
+            return "is less than what was requested and is drawn again"
+        file = self._changed_file(output)
+        why = "is not the file that its sidecar describes"
+        if file is not None and file != output.file:
+            is_gone = not (FRAME_FIELD.search(str(file)) or file.exists())
+            why = f"has no {file} beside it" if is_gone else f"has another {file} beside it than its sidecar describes"
+        return f"{why} and is drawn again"
 
     def _change(self, fingerprint: FilmFingerprint, frames: Sequence[int]) -> str:
         """Return what distinguishes the requested film from this one; empty if nothing does."""
@@ -56,12 +61,15 @@ class ExistingFilm:
             return describe_differences(own.encoding, fingerprint.encoding) or "it has other frames"
         return ""
 
-    def _is_unchanged(self, output: OutputSpec) -> bool:
+    def _changed_file(self, output: OutputSpec) -> Path | None:
+        """Return the first output that is not the file that was written; None if all are."""
         digests = [self.record.digest, *(each.digest for each in self.record.outputs)]
-        return len(digests) == len(output.files) and all(
-            self._has_frames(each) if each.is_frames else file_matches_digest(each.file, digest)
-            for each, digest in zip(output.files, digests, strict=True)
-        )
+        if len(digests) != len(output.files):
+            return output.file
+        for each, digest in zip(output.files, digests, strict=True):
+            if not (self._has_frames(each) if each.is_frames else file_matches_digest(each.file, digest)):
+                return each.file
+        return None
 
     def _has_frames(self, output: OutputFile) -> bool:
         """Return whether the files of an output's frames are those that were written."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from renderer.film import sidecar_path
-from renderer.job.inputs import film_files, require_no_input, scene_files
+from renderer.film import WrittenFiles, film_files, require_no_input, sidecar_path
+from renderer.job.inputs import require_no_new_slices, scene_files
 from renderer.scene import ErrorSpec, Scene, is_same_file
 
 if TYPE_CHECKING:  # records take a while to load, and the job of a scene needs none before it draws
@@ -68,10 +68,19 @@ class FilmJob:
             yield self.path
         yield from scene_files(self.scene)
 
-    def require_no_input(self) -> None:
-        """Raise InputError where an output is an input; the sidecar that a film is made again from may be rewritten."""
-        outputs = film_files(self.scene.output, self.frames, self.sidecar)
+    @property
+    def written_files(self) -> WrittenFiles:
+        """Return the files that the job may write, replace or remove."""
+        return film_files(self.scene.output, self.frames, self.sidecar)
+
+    def require_harmless(self) -> None:
+        """Raise InputError where a file that the job writes would harm another one, as `WrittenFiles` says.
+
+        The sidecar that a film is made again from may be rewritten.
+        """
+        written = self.written_files
         if self.original is not None and is_same_file(self.original.path, self.sidecar):
             require_no_input([self.sidecar], scene_files(self.scene))
-            outputs = (file for file in outputs if file != self.sidecar)
-        require_no_input(outputs, self.input_files())
+            written = replace(written, files=[file for file in written.files if file != self.sidecar])
+        written.require_harmless(self.input_files())
+        require_no_new_slices(self.scene.output.files, self.scene)

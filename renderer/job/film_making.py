@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from renderer.accuracy import finer_than_kept
+from renderer.accuracy import NOTHING, Glance, finer_than_kept, look_ahead
 from renderer.errors import InputError, RenderError
 from renderer.film import film_notes, require_encoder
 from renderer.frame import FilmVolumes, LODCostEstimator, Stage, framing_note, prepare_stage, read_film_volumes
@@ -48,6 +48,7 @@ class FinishedFilm:
     file: the film, or the template of its frames. record: the content of the sidecar.
     summary: what was made and what it cost; empty for a film that was up to date.
     volume_note: what the reader of the volume says. shortfall: what was requested and not reached.
+    glances: what is wrong with what it shows; not known of a film that was up to date.
     """
 
     file: Path
@@ -56,6 +57,7 @@ class FinishedFilm:
     summary: str = ""
     volume_note: str | None = None
     shortfall: RenderError | None = None
+    glances: Sequence[Glance] = ()
 
 
 def make_film(
@@ -68,8 +70,8 @@ def make_film(
     Raises OutputLockedError if another job is writing the output, InputError and RenderError if it cannot be written,
     and InputError if it is one of the job's inputs; HsplatError, and KeyboardInterrupt.
     """
-    job.require_no_input()
-    with locked_film_output(job.scene.output, job.frames, job.sidecar) as output:
+    job.require_harmless()
+    with locked_film_output(job.scene.output, job.frames, job.sidecar, resumes=resumes) as output:
         events.locked()
         start = time.perf_counter()
         # What can fail early is tried before a voxel is read: the output, the encoder, OpenGL or the cluster.
@@ -78,8 +80,9 @@ def make_film(
             volumes = read_film_volumes(job.scene)
             read_seconds = time.perf_counter() - before_reading
             for volume in volumes.first:
-                if volume.note is not None:
-                    events.volume_noted(f"{volume.name}: {volume.note}")
+                for each in filter(None, (volume, volume.mask)):
+                    if each.note is not None:
+                        events.volume_noted(f"{each.name}: {each.note}")
             placed = placement_notes(job.scene.at(0).layers, volumes.first)
             for note in filter(None, (*job.scene.import_notes, *placed, framing_note(job.scene))):
                 events.note(note)
@@ -92,10 +95,13 @@ def make_film(
                 if why_stale:
                     events.note(f"{output.spec.file} {why_stale}")
                 require_annotation(stage, job.frames)
+                glances = look_ahead(stage, job.frames, num_threads=num_cores())
+                for glance in glances:
+                    events.note(glance.note)
                 events.prepared()
                 stage.seconds["read"] += read_seconds
                 film = FilmInProgress(
-                    job, output, fingerprint, stage, executor, events, start, existing, resumes=resumes
+                    job, output, fingerprint, stage, executor, events, start, existing, glances, resumes=resumes
                 )
                 made = passes(film)
     return made
@@ -107,7 +113,14 @@ def forecast_film(job: FilmJob, open_executor: OpenExecutor, events: JobEvents) 
     require_encoder(job.scene.output)
     with open_executor(job.scene) as executor, open_job_stage(job, read_film_volumes(job.scene)) as stage:
         require_annotation(stage, job.frames)
-        return forecast_frames(stage, executor, job.frames, start, events)
+        found = forecast_frames(stage, executor, job.frames, start, events)
+        return replace(found, glances=look_ahead(stage, job.frames, num_threads=num_cores()))
+
+
+def glance_at_film(job: FilmJob) -> Sequence[Glance]:
+    """Look at a film before it is made, and return what is wrong with what it shows. Raises InputError."""
+    with open_job_stage(job, read_film_volumes(job.scene)) as stage:
+        return look_ahead(stage, job.frames, num_threads=num_cores())
 
 
 def _kept_film(
@@ -116,9 +129,9 @@ def _kept_film(
     """Return the film that is up to date."""
     # Left by a job that was killed when its film was complete.
     remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
-    record = existing.record
+    output.remove_mark()
     events.note(f"{output.spec.file} is up to date; --force draws it again")
-    return FinishedFilm(output.spec.file, output.sidecar, record, volume_note=note)
+    return FinishedFilm(output.spec.file, output.sidecar, existing.record, volume_note=note)
 
 
 def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJob, FilmFingerprint]:
@@ -157,6 +170,7 @@ class FilmInProgress:
     """A film that is being made.
 
     start: when the job began, by `perf_counter`. existing: the film that is there, if it may be used.
+    glances: what is wrong with what it shows.
     resumes: frames that an earlier job finished are kept.
     """
 
@@ -168,6 +182,7 @@ class FilmInProgress:
     events: JobEvents
     start: float
     existing: ExistingFilm | None
+    glances: Sequence[Glance]
     resumes: bool
 
     def plan(self, estimator: LODCostEstimator, on_step: Callable[[], None] = lambda: None) -> FilmPlan:
@@ -223,7 +238,8 @@ class FilmInProgress:
         """
         scene, requested, seconds = self.stage.scene, self.job.requested, time.perf_counter() - self.start
         shortfall = find_shortfall(scene, requested, plan, frames)
-        notes = [*film_notes(self.output.spec), *annotation_notes(self.stage), *self.executor.notes]
+        seen = [each.note for each in self.glances if each.word != NOTHING]  # of which the frames tell more
+        notes = [*film_notes(self.output.spec), *annotation_notes(self.stage), *seen, *self.executor.notes]
         record = film_record(plan, frames, requested, self.job.original, shortfall, self._devices(frames))
         record = replace(
             record,
@@ -241,7 +257,8 @@ class FilmInProgress:
             self.events.note(advice)
         summary = ", ".join(summary_parts(scene, plan, record, num_resumed))
         file, sidecar = self.output.spec.file, self.output.sidecar
-        return FinishedFilm(file, sidecar, record, summary, self.stage.layers[0].volume.note, shortfall)
+        note = self.stage.layers[0].volume.note
+        return FinishedFilm(file, sidecar, record, summary, note, shortfall, self.glances)
 
     def _devices(self, frames: Sequence[FrameRecord]) -> Sequence[str]:
         """Return what drew the frames: what their records say, and for all others the executor's device."""

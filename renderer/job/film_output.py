@@ -6,7 +6,7 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, wait
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -21,14 +21,17 @@ from renderer.film import (
     open_films,
     require_encoder,
     translate_os_errors,
+    write_staged,
 )
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
 from renderer.job.film_accuracy import with_encoding_loss
+from renderer.job.own_files import naming_mark, require_own_files
 from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, OutputRecord
 from renderer.job.sidecar import write_sidecar
 from renderer.scene import OutputFile, OutputSpec, relative_path, with_files
+from renderer.system import start_threads
 
 # Of the frames, and their memory, that are compared with what the file keeps of them: a decoder takes as long for the
 # rest as an encoder for a tenth of it.
@@ -76,12 +79,17 @@ class FilmOutput:
                     events.frame_finished(record)
 
         files = self.shown[1:] if store.is_output else self.shown  # where the store's pictures are the first
-        films = open_films(files, self.spec.kinds, staging_folder=self.folder, before_rename=defer_interrupts)
-        # However the block ends, a frame that was drawn is stored before.
-        with films as write_to_films, ThreadPoolExecutor(1, "hsplat-background") as thread:
+
+        def before_rename() -> None:
+            defer_interrupts()
+            if self.shown[1:]:
+                write_staged(naming_mark(self.spec, self.sidecar), b"", self.folder)
+
+        films = open_films(files, self.spec.kinds, is_locked=True, before_rename=before_rename)
+        # However the block ends, a frame that was drawn is stored before, unless its exact rays are interrupted.
+        with films as write_to_films, start_threads(1, "hsplat-background") as thread:
             write = partial(self._write_and_remember, write_to_films)
             self.first_pictures.clear()
-            thread.submit(bool).result()  # an interrupt while the thread starts would lose its task
             for number in self.frames:
                 is_new = number in missing
                 frame = _next_frame(drawn, number) if is_new else store.finished_frame(number)
@@ -96,7 +104,7 @@ class FilmOutput:
     @property
     def shown(self) -> list[OutputFile]:
         """Return the files that have any of the frames."""
-        return [each for each in self.spec.files if any(map(each.shows, self.frames))]
+        return self.spec.shown(self.frames)
 
     def _write_and_remember(self, write: WriteFrame, number: int, pictures: Mapping[int, Picture]) -> None:
         write(number, pictures)
@@ -132,7 +140,13 @@ class FilmOutput:
         record = replace(record, fingerprint=fingerprint, accuracy=accuracy, digest=digest, outputs=outputs)
         record = _relative_to(self.sidecar.parent, record)
         write_sidecar(self.sidecar, record, self.folder)
+        self.remove_mark()
         return record
+
+    def remove_mark(self) -> None:
+        """Take note that the sidecar describes the files that there are."""
+        with translate_os_errors(self.sidecar):
+            naming_mark(self.spec, self.sidecar).unlink(missing_ok=True)
 
     def _loss(self, output: OutputFile) -> float:
         first = [picture.pixels for picture in self.first_pictures[output.file]]
@@ -140,9 +154,16 @@ class FilmOutput:
 
 
 @contextlib.contextmanager
-def locked_film_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[FilmOutput]:
-    """Lock an output; raises as `renderer.film.locked_output`, and where its encoder is missing."""
+def locked_film_output(
+    spec: OutputSpec, frames: Sequence[int], sidecar: Path, *, resumes: bool
+) -> Iterator[FilmOutput]:
+    """Lock an output; raises as `renderer.film.locked_output`, and where its encoder is missing.
+
+    resumes: raises InputError where files that the film has not made have the names of its files.
+    """
     with locked_output(spec, frames, sidecar) as folder:
+        if resumes:
+            require_own_files(spec, frames, sidecar)
         require_encoder(spec)
         yield FilmOutput(spec, frames, sidecar, folder)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from renderer.accuracy import ScalarRange
 from renderer.job.record import FilmVisibility, FrameRecord, VisibleRange
+from renderer.scene import join_some
 from renderer.system import printable
 
 _DIGITS = 6
@@ -53,7 +54,7 @@ def visibility_text(visibility: FilmVisibility) -> str:
 
     runs = groupby(visibility.ranges, lambda each: (is_hidden(each), each.layer))
     groups = [list(group) for (hidden, _), group in runs if hidden]
-    parts = [f"{_ends_text(group[0], group[-1])}, {_percent(group)}" for group in groups]
+    parts = [f"{_group_text(group)}, {_percent(group)}" for group in groups]
     return f"hardly seen: {'; '.join(parts)} of what is visible" if parts else ""
 
 
@@ -61,10 +62,11 @@ def _percent(ranges: Sequence[VisibleRange]) -> str:
     return f"{100 * sum(each.share for each in ranges):.2g} %"
 
 
-def _ends_text(first: VisibleRange, last: VisibleRange) -> str:
+def _group_text(group: Sequence[VisibleRange]) -> str:
+    """Return the values from the first range to the last one, or the labels of all."""
+    first, last = group[0], group[-1]
     volume = "" if first.layer is None else f" of volume {first.layer + 1}"
-    if first.name is not None and first.low is not None and last.high is not None:
-        name = printable(first.name) if first is last else f"labels {first.low + 0.5:g} to {last.high - 0.5:g}"
-        return name + volume
+    if first.name is not None:
+        return join_some([printable(each.name or "") for each in group]) + volume
     ends = [f"{word} {end:g}" for word, end in (("from", first.low), ("to", last.high)) if end is not None]
     return " ".join(["values", *ends]) + volume

@@ -6,7 +6,7 @@ import contextlib
 import tempfile
 import time
 from collections.abc import Collection, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, wait
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.accuracy import Glance
 from renderer.film import Picture, open_films
 from renderer.frame import LODCostEstimator, Stage, Stopwatch
 from renderer.job.events import JobEvents
@@ -22,6 +23,7 @@ from renderer.job.executor import DrawnFrame, Executor
 from renderer.job.plan import make_plan
 from renderer.layers import layer_parts
 from renderer.scene import OutputFile, Scene, changing_frames
+from renderer.system import start_threads
 from renderer.volume import Float64
 
 # At each place along the path, this many frames are drawn. One follows upon another as in the film: what it costs
@@ -31,10 +33,14 @@ NUM_NEIGHBOURS = 3
 
 @dataclass(frozen=True)
 class Forecast:
-    """A prediction of what a film costs: seconds, and the bytes of each output by its file."""
+    """A prediction of what a film costs: seconds, and the bytes of each output by its file.
+
+    glances: what is wrong with what it shows, where that was looked at.
+    """
 
     seconds: float
     num_bytes: Mapping[Path, float]
+    glances: Sequence[Glance] = ()
 
     @property
     def seconds_text(self) -> str:
@@ -67,7 +73,7 @@ def forecast_frames(
     plan = make_plan(LODCostEstimator(stage), sorted({*numbers}), lambda: executor.rasterizer, events)
     events.started("cost", len(numbers))
     output, seconds, costs = stage.scene.output, time.perf_counter() - start, dict[Path, list[tuple[float, ...]]]()
-    with contextlib.closing(executor.draw(plan, numbers)) as drawing, ThreadPoolExecutor(1) as thread:
+    with contextlib.closing(executor.draw(plan, numbers)) as drawing, start_threads(1) as thread:
         for trial in trials:
             stored, laps, watch = list[Future[DrawnFrame]](), list[float](), Stopwatch(time.perf_counter)
             for frame in islice(drawing, len(trial.frames)):

@@ -1,50 +1,16 @@
-"""Find the files that a job reads, and refuse outputs that would overwrite one of them."""
+"""Find the files that a job reads."""
 
 from __future__ import annotations
 
 import contextlib
 import glob
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.film import picture_files, unfinished_folder
-from renderer.scene import ArraySource, FileSource, OutputSpec, ProceduralSource, Scene, VolumeSpec
-
-
-def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
-    """Raise InputError if an existing output is the same file as one of the inputs, through any links.
-
-    inputs: not read if no output exists.
-    """
-    there: dict[tuple[int, int] | None, Path] = {mark: path for path in outputs if (mark := _mark(path)) is not None}
-    if not there:
-        return
-    for path in inputs:
-        output = there.get(_mark(path))
-        if output is not None:
-            raise InputError(
-                "this output would overwrite an input",
-                where=str(output),
-                got=f"the input {path}",
-                expected="a file that is not read",
-                hint="give the output another name or folder",
-            )
-
-
-def film_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[Path]:
-    """Yield all files that a job may replace or remove: pictures, sidecar, and what is in the unfinished folder."""
-    for each in output.files:
-        yield from picture_files(each, frames)
-    yield sidecar
-    yield from folder_files(unfinished_folder(output))
-
-
-def folder_files(folder: Path) -> Iterator[Path]:
-    """Yield what is in a folder; nothing where there is none, or it cannot be read."""
-    with contextlib.suppress(OSError):
-        yield from folder.iterdir()
+from renderer.film import folder_files
+from renderer.scene import ArraySource, FileSource, OutputFile, ProceduralSource, Scene, VolumeSpec, place_of
 
 
 def scene_files(scene: Scene) -> Iterator[Path]:
@@ -84,6 +50,37 @@ def volume_files(volume: VolumeSpec) -> Iterator[Path]:
             header, voxels = _header_and_voxel_files(file)
             yield header
             yield from voxels
+
+
+def require_no_new_slices(outputs: Iterable[OutputFile], scene: Scene) -> None:
+    """Raise InputError if an output's pictures would be slices of a volume that is a folder of pictures."""
+    pictures = [each for each in outputs if each.is_frames]
+    if not pictures:
+        return
+    folders = {place_of(folder): folder for folder in _picture_folders(scene)}
+    for each in pictures:
+        folder = folders.get(place_of(each.file.parent))
+        if folder is not None:
+            raise InputError(
+                "this output would become a slice of an input",
+                where=str(each.file),
+                got=f"a picture in {folder}",
+                expected="another folder",
+                hint="give the output another folder",
+            )
+
+
+def _picture_folders(scene: Scene) -> Iterator[Path]:
+    """Yield the folders whose pictures are the slices of a volume or a mask."""
+    from renderer.readers import find_volume
+
+    sources = [volume.source for layer in scene.layers for volume in layer.volumes.values()]
+    for source in (source for source in sources if isinstance(source, FileSource)):
+        for folder in filter(os.path.isdir, source.steps or (source.file,)):
+            with contextlib.suppress(InputError, OSError):  # its reader reports it
+                found, form, _ = find_volume(folder)
+                if form == "pictures":
+                    yield found
 
 
 def _slices(folder: Path) -> Iterator[Path]:
@@ -142,17 +139,3 @@ def _header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
         if file.is_file():  # a pipe would be waited for
             return header_and_voxel_files(file)
     return file, []
-
-
-def _mark(path: Path) -> tuple[int, int] | None:
-    """Return what a file shares with all links to it; None if it does not exist.
-
-    `missing/../film.mp4` exists, if `film.mp4` does: folders of outputs are made.
-    """
-    try:
-        status = os.stat(path)
-    except (OSError, ValueError):
-        if ".." not in path.parts:
-            return None
-        return _mark(Path(os.path.realpath(path)))
-    return status.st_dev, status.st_ino

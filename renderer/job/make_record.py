@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.accuracy import scalar_ranges
+from renderer.accuracy import NOTHING_VISIBLE, scalar_ranges
 from renderer.errors import RenderError
 from renderer.frame import Frame, Stage, finest_level_at
 from renderer.job.film_accuracy import film_accuracy
@@ -144,9 +144,7 @@ def _measured_record(plan: FilmPlan) -> MeasuredRecord | None:
 def visibility_notes(frames: Sequence[FrameRecord]) -> list[str]:
     """Return notes for the user if nothing is visible on some or all pictures."""
     if all(frame.cells == 0 for frame in frames):
-        return [
-            "nothing is visible: the transfer function hides every voxel; `hsplat info` shows which values there are"
-        ]
+        return [NOTHING_VISIBLE]
     empty = [frame for frame in frames if frame.primitives == 0 or frame.blank]
     if not empty:
         return []

@@ -6,35 +6,49 @@
 
 Every array is checked: its dtype, its number of dimensions, that it is contiguous, and writeable where the kernel
 writes. ctypes releases the interpreter's lock.
+
+Long kernels stop when the process is asked to end, and then raise KeyboardInterrupt. Python handles signals in the main
+thread, which would not come to it inside a kernel: another thread runs the long ones that the main thread calls.
 """
 
 from __future__ import annotations
 
 import ctypes
 import struct
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 from typing import Any
+
+import numpy as np
 
 from renderer.kernels.build import SOURCES
 from renderer.kernels.header import Header, Struct
 from renderer.kernels.library import load_library
+from renderer.system import start_threads, stop_flag
 
 _STATUS = {1: MemoryError, 2: IndexError}
+# A long kernel saw that the process is to end.
+STOPPED = 3
 
 
 class Kernel:
-    """A kernel, as a function of keyword arguments: the members of its struct in kernels.h."""
+    """A kernel, as a function of keyword arguments: the members of its struct in kernels.h.
 
-    def __init__(self, name: str, function: Any, arguments: Struct) -> None:
+    is_long: whether it stops when the process is asked to end.
+    """
+
+    def __init__(self, name: str, function: Any, arguments: Struct, *, is_long: bool) -> None:
         function.argtypes, function.restype = [ctypes.c_char_p], ctypes.c_int32
-        self._name, self._function, self._arguments = name, function, arguments
+        self._name, self._function, self._arguments, self._is_long = name, function, arguments, is_long
         self._layouts = {key: struct.Struct("=" + one.format) for key, (_, one) in arguments.members.items()}
 
     def __call__(self, **values: Any) -> None:
         """Run the kernel. Raise MemoryError, or IndexError for shapes that do not fit together.
 
-        Raises TypeError or ValueError where an argument is not what the kernel takes.
+        Raises TypeError or ValueError where an argument is not what the kernel takes, and KeyboardInterrupt, with the
+        number of the signal, where a long kernel was stopped.
         """
         self.partial(**values)()
 
@@ -49,10 +63,28 @@ class Kernel:
             self._fill(block, others, also_kept)
             if missing := self._layouts.keys() - values.keys() - others.keys():
                 raise TypeError(f"{self._name}: no {', '.join(missing)}")
-            if status := self._function(bytes(block)):
+            is_main = threading.current_thread() is threading.main_thread()
+            run = self._run_beside if self._is_long and is_main else self._run
+            status = run(bytes(block), also_kept)
+            if status == STOPPED:
+                raise KeyboardInterrupt(stop_flag.value)
+            if status:
                 raise _STATUS[status](self._name)
 
         return call
+
+    def _run(self, block: bytes, kept: list[Any]) -> int:
+        """Run the kernel, and return its status. kept: what must live as long as it runs."""
+        return int(self._function(block))
+
+    def _run_beside(self, block: bytes, kept: list[Any]) -> int:
+        """Run the kernel on another thread, so that a signal comes to this one meanwhile."""
+        running = _thread_of_long_kernels().submit(self._run, block, kept)
+        try:
+            return running.result()
+        except KeyboardInterrupt:
+            wait([running])
+            raise
 
     def _fill(self, block: bytearray, values: dict[str, Any], kept: list[Any]) -> None:
         members, layouts = self._arguments.members, self._layouts
@@ -81,7 +113,8 @@ class Kernels:
         arguments = self._header.struct_of(name)
         size = ctypes.c_int64.in_dll(self._library, f"{name}_bytes").value
         assert size == arguments.size, f"{name} takes {size} bytes, and kernels.h is read as {arguments.size}"
-        kernel = Kernel(name, getattr(self._library, name), arguments)
+        is_long = name in self._header.long_kernels
+        kernel = Kernel(name, getattr(self._library, name), arguments, is_long=is_long)
         setattr(self, name, kernel)
         return kernel
 
@@ -89,4 +122,12 @@ class Kernels:
 @cache
 def kernels() -> Kernels:
     """Return the kernels for this processor. Raise RenderError where they cannot be loaded."""
-    return Kernels(load_library(), Header((SOURCES / "kernels.h").read_text("ascii")))
+    found = Kernels(load_library(), Header((SOURCES / "kernels.h").read_text("ascii")))
+    found.heed_flag(flag=np.frombuffer(memoryview(stop_flag), np.int32))
+    return found
+
+
+@cache
+def _thread_of_long_kernels() -> ThreadPoolExecutor:
+    """Return the thread that runs the long kernels of the main thread."""
+    return start_threads(1, "hsplat-kernels")

@@ -18,7 +18,7 @@ _NUMBERS = {
     "int64_t": ("q", np.int64), "float": ("f", np.float32), "double": ("d", np.float64),
 }  # fmt: skip
 _STRUCT = re.compile(r"^struct (\w+) \{\n(.*?)^\};", re.DOTALL | re.MULTILINE)
-_KERNEL = re.compile(r"^KERNEL\((\w+), (\w+)\)", re.MULTILINE)
+_KERNEL = re.compile(r"^(LONG_)?KERNEL\((\w+), (\w+)\)", re.MULTILINE)
 # The type of some members, then their names.
 _MEMBERS = re.compile(r"((?:const )?\w+(?:<.*>)?) ([^<>]+);")
 _MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
@@ -133,11 +133,16 @@ class Struct(Type):
 
 
 class Header:
-    """A table of the structs in the text of kernels.h, each of which is read when it is first needed."""
+    """A table of the structs in the text of kernels.h, each of which is read when it is first needed.
+
+    arguments: by kernel, the name of the struct that it takes. long_kernels: those that stop when they are asked to.
+    """
 
     def __init__(self, text: str) -> None:
         self._bodies = dict(_STRUCT.findall(text))
-        self.arguments: dict[str, str] = dict(_KERNEL.findall(text))
+        found = _KERNEL.findall(text)
+        self.arguments: dict[str, str] = {name: arguments for _, name, arguments in found}
+        self.long_kernels = frozenset(name for long, name, _ in found if long)
 
     def struct_of(self, kernel: str) -> Struct:
         """Return the struct that a kernel takes."""

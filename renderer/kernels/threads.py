@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+
+from renderer.system import start_threads
 
 # With fewer pixels than these, work on them takes less time than starting threads.
 MIN_PIXELS_PER_THREAD = 1 << 15
@@ -25,7 +26,7 @@ class ThreadPool:
 
     def __init__(self, num: int = 1) -> None:
         self.num = num
-        self._pool = ThreadPoolExecutor(num, thread_name_prefix="hsplat") if num > 1 else None
+        self._pool = start_threads(num, "hsplat") if num > 1 else None
 
     def __enter__(self) -> ThreadPool:
         return self
@@ -34,9 +35,9 @@ class ThreadPool:
         self.release()
 
     def release(self) -> None:
-        """End the threads."""
+        """End the threads. Items that none has started are dropped: after an interrupt some may be left."""
         if self._pool is not None:
-            self._pool.shutdown()
+            self._pool.shutdown(cancel_futures=True)
 
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """Return `work(item)` for all items, in their order."""

@@ -37,7 +37,16 @@ def number_labels(volume: Volume, shown: Sequence[int], *, as_one: bool = False)
 
 
 def mask_volume(volume: Volume, mask: Volume, shown: Sequence[int]) -> Volume:
-    """Return a volume that is shown only where another one has one of some labels, ascending; errors as above."""
+    """Return a volume that is shown only where another one has one of some labels, ascending; errors as above.
+
+    A mask that gives no lengths of a voxel, and has the shape of the volume, is on the grid of that.
+    """
+    if not mask.has_lengths:
+        note = mask.note or "this mask does not give its voxel size; 1 x 1 x 1 is assumed"
+        mask = replace(mask, note=note)
+        if mask.shape_xyz == volume.shape_xyz:
+            note = f"{note}; but its shape is that of {volume.name}, whose grid it is given"
+            mask = replace(mask, world_from_index=volume.world_from_index, note=note)
     fingerprint = joint_fingerprint([volume, mask])
     return replace(volume, mask=number_labels(mask, shown, as_one=True), fingerprint=fingerprint)
 

@@ -1,4 +1,4 @@
-from .color_spaces import lab_from_rgb as lab_from_rgb
+from .color_spaces import lab_from_rgb as lab_from_rgb, rgb_from_lab as rgb_from_lab
 from .curves import linear_in_extinction as linear_in_extinction
 from .label_tables import (
     find_label_table as find_label_table,

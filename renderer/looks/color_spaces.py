@@ -52,7 +52,7 @@ def _needed(color_at: Callable[[float], Numbers], first: CurvePoint, second: Cur
 
 
 def _between_lab(first: Numbers, second: Numbers, share: float) -> Numbers:
-    return _rgb_from_lab(mix(lab_from_rgb(first), lab_from_rgb(second), share))
+    return rgb_from_lab(mix(lab_from_rgb(first), lab_from_rgb(second), share))
 
 
 def _between_hsv(first: Numbers, second: Numbers, share: float) -> Numbers:
@@ -71,7 +71,7 @@ def _between_msh(first: Numbers, second: Numbers, share: float) -> Numbers:
         one, other = ((m, s, h if s > _GRAY_SATURATION else hue) for m, s, h in (one, other))
     magnitude, saturation, hue = mix(one, other, share)
     radius = magnitude * math.sin(saturation)
-    return _rgb_from_lab((magnitude * math.cos(saturation), radius * math.cos(hue), radius * math.sin(hue)))
+    return rgb_from_lab((magnitude * math.cos(saturation), radius * math.cos(hue), radius * math.sin(hue)))
 
 
 def _hue_towards_gray(full: Numbers, gray_magnitude: float) -> float:
@@ -97,7 +97,8 @@ def lab_from_rgb(color: Numbers) -> Numbers:
     return 116 * v - 16, 500 * (u - v), 200 * (v - w)
 
 
-def _rgb_from_lab(lab: Numbers) -> Numbers:
+def rgb_from_lab(lab: Numbers) -> Numbers:
+    """Return the sRGB colour in [0, 1] of lightness, a and b of CIELAB."""
     v = (lab[0] + 16) / 116
     roots = (v + lab[1] / 500, v, v - lab[2] / 200)
     xyz = [(root**3 if root**3 > _DARK else (root - 16 / 116) / _SLOPE) * white

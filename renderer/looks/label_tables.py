@@ -7,7 +7,7 @@ look, a label is opaque unless its opacity says something else, and label 0 is t
 
 from __future__ import annotations
 
-import html
+import csv
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -17,31 +17,34 @@ from typing import Any
 
 from renderer.errors import InputError
 from renderer.looks.look_file import MAX_LOOK_BYTES, LookFile
+from renderer.system import unescaped, whole_number_in
 from renderer.volume import Label
 
 _MAX_LABELS, _MAX_NAME_LENGTH, _MAX_VALUE = 2**16, 200, 2.0**53
 
-# Rows, by what their groups are.
+# Rows, by what their groups are, of which a row has the first two.
+_ROW_PARTS = ("label", "name", "r", "g", "b", "alpha", "is_shown")
 _RGB = r"(?P<r>\d+)\s+(?P<g>\d+)\s+(?P<b>\d+)"
 _SHARES = _RGB.replace(r"\d+", r"[-+.\deE]+")
-_FREESURFER = re.compile(rf'(?P<label>\d+)\s+(?P<name>"[^"]*"|\S+)\s+{_RGB}\s+(?P<alpha>\d+)(?:\s.*)?')
-_FSLEYES = re.compile(rf"(?P<label>\d+)\s+{_SHARES}(?:\s+(?P<name>.*))?")
+_FREESURFER = re.compile(rf'(?P<label>\d+)\s+(?P<name>"[^"]*"|\S+)\s+{_RGB}\s+(?P<alpha>\d+)(?:\s.*)?').fullmatch
+_FSLEYES = re.compile(rf"(?P<label>\d+)\s+{_SHARES}(?P<name>(?:\s.*)?)").fullmatch
 # A label that is not shown has no opacity.
 _ITK_SNAP = re.compile(
-    rf'(?P<label>\d+)\s+{_SHARES}\s+(?:(?P<alpha>[-+.\deE]+)\s+1|[-+.\deE]+\s+0)\s+[01]\s+(?P<name>".*")'
-)
-# A name has a letter. MRIcron's rows may end with a number of another table, of four digits or more.
-_NAMED = re.compile(r"(?P<label>\d+)[\s,]+(?=[^\s,])(?P<name>.*[^\W\d_].*?)(?:\s+\d{4,})?")
+    rf'(?P<label>\d+)\s+{_SHARES}\s+(?P<alpha>[-+.\deE]+)\s+(?P<is_shown>[01])\s+[01]\s+(?P<name>".*")'
+).fullmatch
+_NAMED = re.compile(r"(?P<label>\d+)[\s,]+(?P<name>[^\s,].*)").fullmatch
+# MRIcron's rows may end with a number of another table.
+_OTHER_NUMBER = re.compile(r"\d{4,}")
 _HEX_COLOR = re.compile(r"#[\da-fA-F]{6}")
 
-_FSLEYES_ROW = rb"(?m)^[ \t]*\d+([ \t]+[.\d]+){3}[ \t]+\S"
-_ITK_SNAP_ROW = rb'(?m)^[ \t]*\d+[ \t]+[-+.\d][^"\n]*"'
-_NAMED_ROW = rb"\A(?:\xef\xbb\xbf)?(?:[ \t]*(?:#.*)?\r?\n)*[ \t]*\d+[ \t,]+(?![ \t,])(?!\S+([ \t]+\d+){4})"
-_768_BYTES = rb"(?s)\A.{768}\Z"
+_FSLEYES_ROW = re.compile(rb"(?m)^[ \t]*\d+([ \t]+[.\d]+){3}[ \t]+\S")
+_ITK_SNAP_ROW = re.compile(rb'(?m)^[ \t]*\d+[ \t]+[-+.\d][^"\n]*"')
+_NAMED_ROW = re.compile(rb"\d+[ \t,]+(?![ \t,])(?!\S+([ \t]+\d+){4})")
+_COLOR_TABLE = re.compile(rb"\A# Color table file")
+_NUM_BYTES = 768
 
-# Where AFNI has a table, and its rows.
+# Where AFNI has a table.
 _AFNI_MARK = 'atr_name="VALUE_LABEL_DTABLE"'
-_AFNI_ROW = re.compile(r'(?m)^[ \t]*"?(-?\d+)"?[ \t]+"?([^"\n]+)')
 
 # What tables beside a volume are called: its name without suffixes, and one of these.
 _ENDS = (".ctbl", ".txt", ".lut", ".label", ".tsv", ".csv", "_LUT.txt", "-label.txt", "-labels.txt", "_labels.txt",
@@ -51,6 +54,9 @@ _VOLUME_SUFFIXES = re.compile(r"(\.seg)?\.[^.]+(\.gz)?\Z", re.IGNORECASE)
 _MAX_FOLDERS_UP = 3
 
 Row = Sequence[Any]
+# Tells whether a file with this content is of a format.
+Sign = Callable[[bytes], object]
+_Match = Callable[[str], "re.Match[str] | None"]
 LabelReader = Callable[[LookFile], tuple[Label, ...]]
 
 
@@ -96,8 +102,8 @@ def read_label_table(path: Path) -> tuple[Label, ...]:
 
 def parse_label_table(path: Path, suffix: str, content: bytes) -> tuple[Label, ...]:
     """Return the labels of a table with this content, in the format that a suffix and the content tell."""
-    for end, sign, kind, read in (*LABEL_FORMATS, (".lut", _768_BYTES, "colours of labels: 768 bytes", _read_bytes)):
-        if suffix.lower() == end and re.search(sign, content):
+    for end, sign, kind, read in (*LABEL_FORMATS, (".lut", _is_bytes, "colours of labels: 768 bytes", _read_bytes)):
+        if suffix.lower() == end and sign(content):
             return read(LookFile(path, content, kind))
     suffixes = ", ".join(dict.fromkeys(end for end, *_ in LABEL_FORMATS))
     raise InputError("not a kind of table of labels that is known", where=str(path), expected=f"a file {suffixes}")
@@ -140,18 +146,32 @@ def read_extension(path: Path, content: bytes, image: int, *, are_labels: bool) 
         return ()
 
 
-def _rows(file: LookFile, pattern: re.Pattern[str]) -> Iterator[Row]:
-    """Yield the row in each line, with as much of a colour as the pattern has."""
-    parts = [part for part in ("r", "g", "b", "alpha") if part in pattern.groupindex]
+def _rows(file: LookFile, match: _Match) -> Iterator[Row]:
+    """Yield the row in each line, with as much of a colour as its pattern has."""
     for line, text in file.lines():
-        found = pattern.fullmatch(text)
+        found = match(text)
         if found is None:
             raise file.error("not a row of a table of labels", line, got=text, expected="a label and its colour")
-        yield line, found["label"], (found["name"] or "").strip('"'), *(found[part] for part in parts)
+        label, name, *parts = (found.groupdict().get(key) for key in _ROW_PARTS)
+        yield line, label, (name or "").strip().strip('"'), *(part for part in parts if part is not None)
 
 
-def _read_rows(pattern: re.Pattern[str], white: float, file: LookFile) -> tuple[Label, ...]:
-    return make_labels(file, _rows(file, pattern), white)
+def _read_names(file: LookFile) -> tuple[Label, ...]:
+    """Return the table of labels and names, each of which has a letter."""
+    rows = list[Row]()
+    for line, label, text in _rows(file, _NAMED):
+        words = text.rsplit(maxsplit=1)
+        name = words[0] if len(words) > 1 and _OTHER_NUMBER.fullmatch(words[1]) else text
+        if not any(map(str.isalpha, name)):
+            raise file.error(
+                "not a row of a table of labels", line, got=f"{label} {name}", expected="a label and a name"
+            )
+        rows.append((line, label, name))
+    return make_labels(file, rows, 1.0)
+
+
+def _read_rows(match: _Match, white: float, file: LookFile) -> tuple[Label, ...]:
+    return make_labels(file, _rows(file, match), white)
 
 
 def _read_freesurfer(file: LookFile) -> tuple[Label, ...]:
@@ -162,23 +182,33 @@ def _read_freesurfer(file: LookFile) -> tuple[Label, ...]:
 
 def _read_itk_snap(file: LookFile) -> tuple[Label, ...]:
     """Return the table whose colours are from 0 to 255, and whose opacities are from 0 to 1."""
-    rows = ((*row, 255 * file.number(alpha or 0, row[0], 0, 1)) for *row, alpha in _rows(file, _ITK_SNAP))
+    rows = (
+        (*row, 255 * file.number(alpha if is_shown == "1" else 0, row[0], 0, 1))
+        for *row, alpha, is_shown in _rows(file, _ITK_SNAP)
+    )
     return make_labels(file, rows, 255.0)
 
 
 def _read_columns(file: LookFile) -> tuple[Label, ...]:
     """Return the table with a heading, of BIDS, or of 3D Slicer with red, green, blue and alpha in four columns."""
     mark = "\t" if file.path.suffix.lower() == ".tsv" else ","
-    cell = re.compile(rf'(?:^|{mark}) *("[^"]*"|[^{mark}]*)')
     (first, heading), *lines = [*file.lines()] or [(1, "")]
-    keys, rows = [key.strip(' "').lower() for key in cell.findall(heading)], list[Row]()
+    keys, rows = [key.lower() for key in _cells(file, first, heading, mark)], list[Row]()
     if not {"index", "labelvalue"} & {*keys}:
         raise file.error("no column `index`", first, got=heading, expected="a heading, such as index, name, color")
     for line, text in lines:
-        row = dict(zip(keys, (part.strip(' "') for part in cell.findall(text)), strict=False))
+        row = dict(zip(keys, _cells(file, line, text, mark), strict=False))
         label, name = row.get("index", row.get("labelvalue")), row.get("name", row.get("label", ""))
         rows.append((line, label, name, *_color(file, line, row)))
     return make_labels(file, rows, 255.0)
+
+
+def _cells(file: LookFile, line: int, text: str, mark: str) -> list[str]:
+    """Return the cells of a row, between marks, perhaps in quotes."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([text], delimiter=mark, skipinitialspace=True))]
+    except csv.Error as error:
+        raise file.error(f"not a row of cells: {error}", line, got=text) from error
 
 
 def _color(file: LookFile, line: int, row: Mapping[str, str]) -> list[Any]:
@@ -209,9 +239,29 @@ def _read_xml(file: LookFile, image: int) -> tuple[Label, ...]:
 def _read_afni(file: LookFile) -> tuple[Label, ...]:
     """Return the labels of an attribute that holds, in quotes and escaped, an element with rows `"1" "name"`."""
     text = file.text().partition(_AFNI_MARK)[2].partition(">")[2].partition("<")[0]
-    table = html.unescape("".join(text.split('"')[1::2]))
-    rows = ((f"row {k}", value, html.unescape(name)) for k, (value, name) in enumerate(_AFNI_ROW.findall(table), 1))
+    table = unescaped("".join(text.split('"')[1::2]))
+    rows = list[Row]()
+    for line in table.split("\n"):
+        value, *name = line.split(maxsplit=1)[:2] or [""]
+        if name and whole_number_in(value.strip('"')) is not None:
+            rows.append((f"row {len(rows) + 1}", value.strip('"'), unescaped(name[0].lstrip('"').partition('"')[0])))
     return make_labels(file, rows, 1.0)
+
+
+def _is_bytes(content: bytes) -> bool:
+    return len(content) == _NUM_BYTES
+
+
+def any_content(_content: bytes) -> bool:
+    """Return whether a file whose suffix alone tells its format has it: always."""
+    return True
+
+
+def _begins_with_name(content: bytes) -> bool:
+    """Return whether the first row, behind comments, is a label with a name."""
+    rows = (line.strip(b" \t\r") for line in content.removeprefix(b"\xef\xbb\xbf").split(b"\n"))
+    first = next((row for row in rows if row and not row.startswith(b"#")), b"")
+    return _NAMED_ROW.match(first) is not None
 
 
 _FSLEYES_LABELS = "labels of FSLeyes: rows of label, red, green, blue and name"
@@ -219,15 +269,20 @@ _SLICER_LABELS = "labels of 3D Slicer: rows of label, name, red, green, blue and
 _ITK_LABELS = "labels of ITK-SNAP: rows of label, red, green, blue, alpha, two flags and a name in quotes"
 _NAMES, _COLUMNS = "names of labels: rows of label and name", "labels in columns: index, name and color as #rrggbb"
 
-# The suffix of a file's name, a pattern that its content has, what such a file is, for its errors, and its parser. The
+# The suffix of a file's name, what tells by its content, what such a file is, for its errors, and its parser. The
 # first that fits reads the file.
-LABEL_FORMATS: tuple[tuple[str, bytes, str, LabelReader], ...] = (
-    (".lut", _FSLEYES_ROW, _FSLEYES_LABELS, partial(_read_rows, _FSLEYES, 1.0)),
-    (".ctbl", b"", _SLICER_LABELS, partial(_read_rows, _FREESURFER, 255.0)),
-    (".txt", rb"\A# Color table file", _SLICER_LABELS, partial(_read_rows, _FREESURFER, 255.0)),
-    (".txt", _ITK_SNAP_ROW, _ITK_LABELS, _read_itk_snap),
-    (".label", b"", _ITK_LABELS, _read_itk_snap),
-    *((suffix, _NAMED_ROW, _NAMES, partial(_read_rows, _NAMED, 1.0)) for suffix in (".txt", ".tsv", ".csv")),
-    (".txt", b"", "labels of FreeSurfer: rows of label, name, red, green, blue and transparency", _read_freesurfer),
-    *((suffix, b"", _COLUMNS, _read_columns) for suffix in (".tsv", ".csv")),
+LABEL_FORMATS: tuple[tuple[str, Sign, str, LabelReader], ...] = (
+    (".lut", _FSLEYES_ROW.search, _FSLEYES_LABELS, partial(_read_rows, _FSLEYES, 1.0)),
+    (".ctbl", any_content, _SLICER_LABELS, partial(_read_rows, _FREESURFER, 255.0)),
+    (".txt", _COLOR_TABLE.search, _SLICER_LABELS, partial(_read_rows, _FREESURFER, 255.0)),
+    (".txt", _ITK_SNAP_ROW.search, _ITK_LABELS, _read_itk_snap),
+    (".label", any_content, _ITK_LABELS, _read_itk_snap),
+    *((suffix, _begins_with_name, _NAMES, _read_names) for suffix in (".txt", ".tsv", ".csv")),
+    (
+        ".txt",
+        any_content,
+        "labels of FreeSurfer: rows of label, name, red, green, blue and transparency",
+        _read_freesurfer,
+    ),
+    *((suffix, any_content, _COLUMNS, _read_columns) for suffix in (".tsv", ".csv")),
 )

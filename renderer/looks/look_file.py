@@ -7,6 +7,7 @@ import math
 import re
 import reprlib
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +15,7 @@ from xml.etree import ElementTree
 
 from renderer.errors import InputError
 from renderer.looks.curves import CurvePoint, by_value
+from renderer.system import number_in
 
 T = TypeVar("T")
 
@@ -56,10 +58,12 @@ class LookFile:
 
     def number(self, value: object, at: object, low: float = -math.inf, high: float = math.inf) -> float:
         """Return a finite number from `low` to `high`, or the one that a text spells."""
-        try:
-            found = float(value) if isinstance(value, (int, float, str)) and not isinstance(value, bool) else math.nan
-        except (ValueError, OverflowError):
-            found = math.nan
+        found = math.nan
+        if isinstance(value, str):
+            found = number_in(value.strip())
+        elif isinstance(value, (int, float)) and not isinstance(value, bool):
+            with suppress(OverflowError):
+                found = float(value)
         if math.isfinite(found) and low <= found <= high:
             return found
         limits = f" from {low:g} to {high:g}" if math.isfinite(low) and math.isfinite(high) else ""

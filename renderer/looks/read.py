@@ -10,7 +10,7 @@ from typing import Any
 
 from renderer.errors import InputError, closest_match
 from renderer.looks import fsleyes, imagej, inviwo, mricrogl, niivue, paraview, slicer, voreen
-from renderer.looks.label_tables import LABEL_FORMATS, LabelReader
+from renderer.looks.label_tables import LABEL_FORMATS, LabelReader, Sign, any_content
 from renderer.looks.look import MAX_LOOK_POINTS, Look, Looks
 from renderer.looks.look_file import LookFile
 from renderer.looks.tables import labels_look
@@ -25,20 +25,25 @@ def _labels_look(read: LabelReader, file: LookFile) -> Look:
     return labels_look(labels)
 
 
-# The end of a file's name, a pattern that its content has, what such a file is, for its errors, and its importer. The
+# The end of a file's name, what tells by its content, what such a file is, for its errors, and its importer. The
 # first that fits reads the file.
-_IMPORTERS: tuple[tuple[str, bytes, str, Importer], ...] = (
-    (".json", rb'"volumeProperties"', "a volume property of 3D Slicer", slicer.read_json),
-    (".json", rb'"R"\s*:', "a colormap of niivue: an object with lists R, G, B, A and I", niivue.read),
-    (".json", b"", "colormaps of ParaView: a list of objects with Name and RGBPoints", paraview.read),
-    (".xml", b"", "presets of 3D Slicer: elements VolumeProperty", slicer.read_xml),
-    (".vp", b"", "a volume property of 3D Slicer: nine lines", slicer.read_text),
-    (".tfi", b"", "a transfer function of Voreen: TransFuncIntensity with Keys", voreen.read),
-    (".itf", b"", "a transfer function of Inviwo: Points with pos and rgba", inviwo.read),
-    (".clut", b"", "a colour table of MRIcroGL: numnodes, min, max, nodes", mricrogl.read),
-    (".cmap", b"", "a colormap of FSLeyes: rows of red, green and blue", fsleyes.read),
+_IMPORTERS: tuple[tuple[str, Sign, str, Importer], ...] = (
+    (".json", re.compile(rb'"volumeProperties"').search, "a volume property of 3D Slicer", slicer.read_json),
+    (
+        ".json",
+        re.compile(rb'"R"\s*:').search,
+        "a colormap of niivue: an object with lists R, G, B, A and I",
+        niivue.read,
+    ),
+    (".json", any_content, "colormaps of ParaView: a list of objects with Name and RGBPoints", paraview.read),
+    (".xml", any_content, "presets of 3D Slicer: elements VolumeProperty", slicer.read_xml),
+    (".vp", any_content, "a volume property of 3D Slicer: nine lines", slicer.read_text),
+    (".tfi", any_content, "a transfer function of Voreen: TransFuncIntensity with Keys", voreen.read),
+    (".itf", any_content, "a transfer function of Inviwo: Points with pos and rgba", inviwo.read),
+    (".clut", any_content, "a colour table of MRIcroGL: numnodes, min, max, nodes", mricrogl.read),
+    (".cmap", any_content, "a colormap of FSLeyes: rows of red, green and blue", fsleyes.read),
     *((suffix, sign, kind, partial(_labels_look, labels)) for suffix, sign, kind, labels in LABEL_FORMATS),
-    (".lut", b"", "a look-up table of ImageJ: 768 bytes, or rows of red, green and blue", imagej.read),
+    (".lut", any_content, "a look-up table of ImageJ: 768 bytes, or rows of red, green and blue", imagej.read),
 )
 _MAX_LISTED = 12
 
@@ -48,8 +53,8 @@ def read_look(path: Path, content: bytes, name: str | None) -> Look:
 
     Raises InputError with the place in the file, LookNameError for a name that is unknown or missing.
     """
-    for suffix, pattern, kind, read in _IMPORTERS:
-        if path.name.lower().endswith(suffix) and re.search(pattern, content):
+    for suffix, sign, kind, read in _IMPORTERS:
+        if path.name.lower().endswith(suffix) and sign(content):
             file = LookFile(path, content, kind)
             look = _choose(read(file), name, str(path))
             if len(look.curve) > MAX_LOOK_POINTS:

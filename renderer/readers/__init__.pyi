@@ -11,6 +11,7 @@ from .sniff import (
     is_dicom as is_dicom,
     is_volume_name as is_volume_name,
     natural_sort_key as natural_sort_key,
+    series_of_slice as series_of_slice,
     slices_of_pictures as slices_of_pictures,
     volumes_in as volumes_in,
 )

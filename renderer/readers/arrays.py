@@ -17,8 +17,17 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers import common
+from renderer.readers.statements import FormatTable, Statement
 from renderer.scene import RawSource, format_value, join_some, short_text
 from renderer.volume import Array
+
+STATEMENTS = FormatTable(
+    "NumPy",
+    (
+        Statement("descr", "values", "the type of numbers and the order of their bytes"),
+        Statement("fortran_order", "place", "whether the first axis is the fastest"),
+    ),
+)
 
 # The largest number of axes in any version of numpy; a volume has fewer. Its headers are no longer than this.
 _MAX_AXES = 32
@@ -97,7 +106,8 @@ def _chosen(values: Array, time: int | None, component: int | None) -> common.Im
     if values.ndim == 2:
         values = values[np.newaxis]
     chosen = common.choose(axes_of_array(values.shape, time, component), values.shape, time, component)
-    return common.Image(values[chosen.part], np.eye(4), chosen.notes, channels=chosen.channels, steps=chosen.steps)
+    options: dict[str, Any] = {"channels": chosen.channels, "steps": chosen.steps, "has_lengths": False}
+    return common.Image(values[chosen.part], np.eye(4), chosen.notes, **options)
 
 
 def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +23,8 @@ from renderer.readers.units import Units
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, join_some, missing_file_error, short_text
 from renderer.system import free_bytes, free_swap_bytes
 from renderer.volume import Array, Channel, Float64, Label, MappedFile, iter_slabs
+
+T = TypeVar("T")
 
 # Larger volumes are refused, whatever their header says: a corrupt header must not exhaust the machine's memory.
 MAX_VOLUME_BYTES = 2**40
@@ -40,6 +42,8 @@ _NUM_STEPS = 2**16
 # How notes on guessed lengths begin, and the note for a file without any. A scene's own `spacing` makes them void.
 GUESSED_LENGTHS = "the file does not give its voxel size"
 NO_SPACING = f"{GUESSED_LENGTHS}; 1 x 1 x 1 is assumed"
+# Of fields that may have lengths, a note names no more.
+_MAX_NAMED = 8
 
 # More components than the first are taken for spectra and the like. No more than the second are described.
 MAX_LIGHTS, MAX_LISTED = 8, 1000
@@ -60,6 +64,7 @@ class Image:
     labels: those that the file describes, by value.
     steps: all that it has in time.
     units: of its lengths and values, and its axes.
+    has_lengths: whether the format can say how long a voxel is.
     """
 
     values: Array
@@ -70,6 +75,13 @@ class Image:
     labels: tuple[Label, ...] = ()
     steps: TimeSteps = field(default=TimeSteps())
     units: Units = field(default=Units())
+    has_lengths: bool = True
+
+
+def no_spacing(names: Sequence[str]) -> str:
+    """Return the note for a file without lengths in a known form. names: of its fields that may have them."""
+    listed = ", ".join(short_text(name) for name in names[:_MAX_NAMED])
+    return f"{GUESSED_LENGTHS} in a known form; 1 x 1 x 1 is assumed; not applied: {listed}" if names else NO_SPACING
 
 
 def describe_count(n: int) -> str:
@@ -96,6 +108,21 @@ def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLi
 def in_lps(world_from_index: Float64, factors: tuple[float, ...]) -> Float64:
     """Return the affine with x, y and z of the world multiplied by these factors, each 1 or -1, and without -0."""
     return np.asarray(world_from_index * np.array([*factors, 1.0])[:, np.newaxis] + 0.0, np.float64)
+
+
+def scaled(values: Array, slope: float, intercept: float) -> Array:
+    """Return `slope * values + intercept`; the values themselves for 1 and 0.
+
+    They are float32 if the stored ones have at most 16 bits or are float32, else float64.
+    """
+    if (slope, intercept) == (1.0, 0.0):
+        return values
+    exact_in_single = values.dtype.itemsize <= 2 or values.dtype.newbyteorder("=") == np.float32
+    found = np.empty(values.shape, np.float32 if exact_in_single else np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # too large values become infinite, and are refused later
+        for plane, target in zip(values, found, strict=True):  # the float64 product needs no second volume
+            target[...] = plane.astype(np.float64) * slope + intercept
+    return found
 
 
 def bytes_of(values: Array) -> memoryview:
@@ -363,8 +390,8 @@ def require_exists(path: Path) -> Path:
     raise missing_file_error(path, "no such file or folder")
 
 
-def labels_or_note(read: Callable[[], tuple[Label, ...]]) -> tuple[tuple[Label, ...], str | None]:
-    """Return the labels that a file describes, and a note in place of those that are wrong: voxels do not need them."""
+def labels_or_note(read: Callable[[], tuple[T, ...]]) -> tuple[tuple[T, ...], str | None]:
+    """Return the labels that a file describes, and a note in place of wrong ones: voxels do not need them."""
     try:
         return read(), None
     except InputError as error:

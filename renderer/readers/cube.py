@@ -15,10 +15,23 @@ from typing import IO
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, choose
+from renderer.readers.common import MAX_LISTED, Image, affine, choose
+from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field
 from renderer.readers.units import units_of
+from renderer.scene import short_text
+
+STATEMENTS = FormatTable(
+    "Gaussian cube",
+    (
+        Statement("origin", "place", "the place of the first voxel"),
+        Statement("axes", "place", "the direction and the step of each axis"),
+        Statement("sign of the number of voxels", "meaning", "whether lengths are in bohr or angstrom"),
+        Statement("sign of the number of atoms", "meaning", "whether there are several orbitals"),
+        Statement("NVal", "meaning", "the number of values of a voxel"),
+    ),
+)
 
 # No molecule has as many atoms.
 _MAX_LINES = 2**17
@@ -34,6 +47,7 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
         lines = _lines(file, path)
         next(lines), next(lines)  # comments
         first = next(lines)
+        names = list[str]()
         num_atoms, *origin = first.numbers(4 + (len(first.text.split()) == 5))
         num_values = int(origin.pop()) if len(origin) == 4 else 1
         steps = [next(lines).numbers(4) for _ in range(3)]
@@ -41,23 +55,31 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
         for _ in range(abs(int(num_atoms))):
             next(lines)
         if num_atoms < 0:
-            orbitals = next(lines)
-            num_values = int(orbitals.numbers(len(orbitals.text.split()))[0])
-            num_left = num_values + 1 - len(orbitals.text.split())
-            while num_left > 0:
-                num_left -= len(next(lines).text.split())
+            num_values, names = _orbitals(lines)
         offset = file.tell()
     counts = [num_atoms, *(step[0] for step in steps)]
     if min(*shape, num_values) < 1 or not all(map(float.is_integer, counts)):
         raise first.error("a whole number of atoms, and below it three of voxels")
     layout = Layout(np.dtype(np.float32), (*shape, num_values), (StoredVoxels(path, offset, "text"),))
-    chosen = choose("sssc", layout.shape, time, component)
+    chosen = choose("sssc", layout.shape, time, component, names)
     values, left_over = read_stored(layout, chosen)
     world_from_index = affine(np.ones(3), origin, np.transpose([step[1:] for step in steps]))
     are_bohr = {n > 0 for n in counts[1:]}
     units = units_of({True: "bohr", False: "Å"}[are_bohr.pop()] if len(are_bohr) == 1 else "")
     notes = (left_over, *chosen.notes)
     return Image(values.transpose(2, 1, 0), world_from_index, notes, channels=chosen.channels, units=units)
+
+
+def _orbitals(lines: Iterator[Field]) -> tuple[int, list[str]]:
+    """Return the number of orbitals, and their names, of which there are no more than are listed."""
+    first = next(lines)
+    count = int(first.numbers(len(first.text.split()))[0])
+    names, words = list[str](), first.text.split()[1:]
+    num_left = count
+    while num_left > len(words):
+        names, num_left = [*names, *words][:MAX_LISTED], num_left - len(words)
+        words = next(lines).text.split()
+    return count, [f"orbital {short_text(name)}" for name in [*names, *words[: max(num_left, 0)]]]
 
 
 def _lines(file: IO[bytes], path: Path) -> Iterator[Field]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.readers.common import describe_count, describe_shape, require_exists
+from renderer.readers.foreign import refuse_pointer
 from renderer.scene import short_text
 
 # Numbered data files: `slice%03d.raw 1 60 1`, first, last and step, of which MetaImage may leave out some. No other
@@ -17,7 +19,7 @@ _NUMBERED = re.compile(
     r"(?:\s{1,9}([0-9]{1,9})(?:\s{1,9}([0-9]{1,9})(?:\s{1,9}(-?[1-9][0-9]{0,8})(?:\s{1,9}([0-9]{1,2}))?)?)?)?"
 )
 # What both forms may end with is the number of axes in each file.
-_LIST = re.compile(r"LIST(?:\s+([0-9]+)D?)?", re.IGNORECASE)
+_LIST = re.compile(r"LIST(?:\s+([0-9]{1,2})D?)?", re.IGNORECASE)
 
 # No volume has more slices; a short pattern or a list of one name could stand for any number of files.
 _MAX_FILES = 2**16
@@ -27,12 +29,12 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
     """Return the data files in order, and the number of slowest axes that they divide: 0 for one file.
 
     name: one file, `LIST`, or a pattern. listed: the lines below the header. shape: of the whole array, from the
-        slowest axis to the fastest. Raises InputError for files that are missing, too few or too many, and for names of
-        another form.
+        slowest axis to the fastest. Files that have all axes are slabs: each has as many steps along the slowest axis.
+        Raises InputError for files that are missing, too few or too many, and for names of another form.
     """
     name = unquoted(header, name)
     numbered, is_list = _NUMBERED.fullmatch(name), _LIST.fullmatch(name)
-    if numbered is None and is_list is None and ("%" not in name or (header.parent / name).is_file()):
+    if numbered is None and is_list is None and ("%" not in name or named_file(header, name).is_file()):
         return [_data_file(header, name)], 0
     num_axes, num_files = None, 0
     if numbered is not None:
@@ -45,14 +47,22 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
     elif is_list is not None:
         num_axes, num_files = is_list[1], len(listed)
     num_split = len(shape) - int(num_axes) if num_axes else 1
-    if num_files == 0 or not 0 < num_split < len(shape):
+    are_slabs = num_split == 0
+    if num_files == 0 or not 0 <= num_split < len(shape):
         raise InputError(
             "data files cannot be named in this way",
             got=short_text(name),
             expected="one file, LIST, or a pattern with first number, last and step, such as slice%03d.raw 1 60 1",
             hint="write LIST, and below it the name of the file of each slice on its own line",
         )
-    num_expected = math.prod(shape[:num_split])
+    if are_slabs and shape[0] % num_files:
+        raise InputError(
+            "these data files cannot each have as many slices",
+            got=f"{num_files} files for {shape[0]} slices",
+            expected=f"a number of files that divides {shape[0]}",
+            hint="without the number of axes behind LIST, each file has one slice",
+        )
+    num_expected = num_files if are_slabs else math.prod(shape[:num_split])
     if num_files != num_expected:
         raise InputError(
             f"this header names too {'few' if num_files < num_expected else 'many'} data files",
@@ -63,17 +73,25 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
     if num_files > _MAX_FILES:
         raise InputError("this header names too many data files", got=str(num_files), expected=f"at most {_MAX_FILES}")
     names = [f"{before}{number:{width}d}{after}" for number in numbers] if numbered is not None else listed
-    return [_data_file(header, each) for each in names], num_split
+    return [_data_file(header, each) for each in names], max(num_split, 1)
 
 
 def unquoted(header: Path, name: str) -> str:
     """Return what a header names without the quotes around it, unless a file is called so, quotes included."""
-    quoted = re.fullmatch(r"""(["'])((?:(?!\1).)+)\1""", name)
-    return quoted[2] if quoted and not (header.parent / name).is_file() else name
+    inside, mark = name[1:-1], name[:1]
+    is_quoted = mark in ("'", '"') and name.endswith(mark) and inside != "" and mark not in inside
+    return inside if is_quoted and not named_file(header, name).is_file() else name
+
+
+def named_file(header: Path, name: str) -> Path:
+    """Return the path of a file that a header names: beside it, or beside the file that the header is a link to."""
+    beside = header.parent / name
+    target = Path(os.path.realpath(header)).parent / name
+    return target if header.is_symlink() and target.is_file() and not beside.is_file() else beside
 
 
 def _data_file(header: Path, name: str) -> Path:
-    file = header.parent / unquoted(header, name)
+    file = named_file(header, unquoted(header, name))
     if not file.is_file():
         raise InputError(
             "the data file that this header names is not there",
@@ -81,4 +99,5 @@ def _data_file(header: Path, name: str) -> Path:
             expected=f"a file {short_text(str(file))}",
             hint="the two belong together: move or copy both",
         )
-    return require_exists(file)
+    refuse_pointer(require_exists(file))
+    return file

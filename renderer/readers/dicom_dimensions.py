@@ -1,46 +1,61 @@
 """Sort frames by their place, and those at one place by what tells them apart: times, echoes, stacks, segments.
 
-What tells them apart is the first field of a table (`dicom_fields.py`) that parts the frames of every place alike. More
-fields may part them further; all of times count as one axis, and all others as another.
+Places decide first: frames at different even places are one volume, whatever their fields say. What tells frames at one
+place apart is the first field of a table (`dicom_fields.py`) that parts the frames of every place alike. More fields
+may part them further; all of times count as one axis, and all others as another. Where some places have fewer frames
+than others, the last volume, or place, was not finished: it is left out.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers.dicom_fields import CLOCKS, SEGMENT, STACK, Dimension
 from renderer.readers.dicom_frames import Frame
+from renderer.readers.dicom_places import are_one_volume, by_place, distances
 from renderer.readers.steps_in_time import TimeSteps, steps_at
-from renderer.volume import Float64
+from renderer.scene import counted
 
 # Of a time or a component: one for each dimension that tells them apart.
 Index = tuple[int, ...]
 
-# Frames may be off by this part of the spacing: positions have few digits, and gantries are not perfect. A missing
-# one is off by a whole step.
-UNEVEN = 0.05
+# Volumes by the indices of their time and component.
+_Volumes = dict[tuple[Index, Index], list[Frame]]
 
 # A segmentation may leave out this many empty slices for each one that it has.
 _MAX_EMPTY = 64
 
 
-def sort_frames(frames: Sequence[Frame]) -> tuple[list[list[list[Frame]]], dict[str, str]]:
-    """Return frames as `volumes[time][component]`, each in ascending order along its normal, and the names of what
-    tells times apart, under `t`, and components, under `c`.
+class Sorted(NamedTuple):
+    """Frames as `volumes[time][component]`, each in ascending order along its normal.
 
-    Raises InputError if nothing tells frames at one place apart.
+    by_axis: the names of what tells times apart, under `t`, and components, under `c`. note: on frames that are left
+    out; None if none are.
     """
+
+    volumes: list[list[list[Frame]]]
+    by_axis: dict[str, str]
+    note: str | None
+
+
+def sort_frames(frames: Sequence[Frame]) -> Sorted:
+    """Sort frames; raises InputError if nothing tells frames at one place apart."""
     part = SEGMENT if any(SEGMENT in frame.marks for frame in frames) else STACK
     parts = _parted(frames, part)
-    volumes: dict[tuple[Index, Index], list[Frame]] = {}
+    if part is STACK and len(parts) > 1 and are_one_volume(frames):
+        parts = [list(frames)]
+    volumes: _Volumes = {}
+    notes: list[str] = []
     for k, own in enumerate(parts):
-        found, told_apart = _sort_part(_with_empty(own, frames) if part is SEGMENT else own)
+        found, told_apart, note = _sort_part(_with_empty(own, frames) if part is SEGMENT else own)
         volumes |= {(time, (k, *component)): volume for (time, component), volume in found.items()}
+        notes += [note] if note else []
     times, components = (sorted(set(indices)) for indices in zip(*volumes, strict=True))
     if len(volumes) < len(times) * len(components):  # then times of each part are components, too
         volumes = {((), (*component, *time)): volume for (time, component), volume in volumes.items()}
@@ -48,7 +63,8 @@ def sort_frames(frames: Sequence[Frame]) -> tuple[list[list[list[Frame]]], dict[
     told_apart = [part] * (len(parts) > 1) + told_apart
     names = {axis: " and ".join(each.name for each in told_apart if each.axis == axis) for axis in "tc"}
     by_axis = {axis: name for axis, name in names.items() if name}
-    return [[volumes[time, component] for component in components] for time in times], by_axis
+    sorted_volumes = [[volumes[time, component] for component in components] for time in times]
+    return Sorted(sorted_volumes, by_axis, "; ".join(dict.fromkeys(notes)) or None)
 
 
 def times_of(volumes: Sequence[Sequence[Sequence[Frame]]]) -> TimeSteps:
@@ -63,12 +79,34 @@ def times_of(volumes: Sequence[Sequence[Sequence[Frame]]]) -> TimeSteps:
     return TimeSteps(count)
 
 
-def _sort_part(frames: Sequence[Frame]) -> tuple[dict[tuple[Index, Index], list[Frame]], list[Dimension]]:
-    """Return volumes by the indices of their time and component, and the dimensions that these count."""
-    cells = groups = _by_place(frames)
+def _sort_part(frames: Sequence[Frame]) -> tuple[_Volumes, list[Dimension], str | None]:
+    """Return volumes, the dimensions that their indices count, and a note on frames that are left out."""
+    groups = by_place(frames)
+    found = _told_apart(groups)
+    if found is not None:
+        return *found, None
+    for kept, note in _without_unfinished(groups):
+        found = _told_apart(by_place(kept))
+        if found is not None:
+            return *found, note
+    same = max(groups, key=len)
+    fewest, most = min(map(len, groups)), max(map(len, groups))
+    why = f"; there are {fewest} to {most} at a position" if fewest < most else ", which no field tells apart"
+    raise InputError(
+        "two slices of this series are at the same position",
+        got=f"{same[0].label} and {same[1].label}{why}",
+        expected="one slice at each position, or as many at each as there are times or components",
+        hint="a time series or several echoes? put each volume into its own folder",
+    )
+
+
+def _told_apart(groups: list[list[Frame]]) -> tuple[_Volumes, list[Dimension]] | None:
+    """Return volumes of frames by their places, and the dimensions that tell those at one place apart; None if none
+    do."""
+    cells = groups
     shape: list[int] = []
     found: list[Dimension] = []
-    for dimension in dict.fromkeys(each for frame in frames for each in frame.marks):
+    for dimension in _dimensions_of(groups):
         if len(cells[0]) == 1 or (dimension.is_order and len(groups) == 1):  # without positions slices are no times
             continue
         parted = [_parted(cell, dimension) for cell in cells]
@@ -76,21 +114,67 @@ def _sort_part(frames: Sequence[Frame]) -> tuple[dict[tuple[Index, Index], list[
             cells = [item for cell in parted for item in cell]
             shape.append(len(parted[0]))
             found.append(dimension)
-    same = max(cells, key=len)
-    if len(same) > 1:
-        fewest, most = min(map(len, groups)), max(map(len, groups))
-        why = f"; there are {fewest} to {most} at a position" if fewest < most else ", which no field tells apart"
-        raise InputError(
-            "two slices of this series are at the same position",
-            got=f"{same[0].label} and {same[1].label}{why}",
-            expected="one slice at each position, or as many at each as there are times or components",
-            hint="a time series or several echoes? put each volume into its own folder",
-        )
-    volumes: dict[tuple[Index, Index], list[Frame]] = defaultdict(list)
+    if max(map(len, cells)) > 1:
+        return None
+    volumes: _Volumes = defaultdict(list)
     for (_, *index), (frame,) in zip(np.ndindex(len(groups), *shape), cells, strict=True):
         time, component = (tuple(k for k, each in zip(index, found, strict=True) if each.axis == axis) for axis in "tc")
         volumes[time, component].append(frame)
     return volumes, found
+
+
+def _dimensions_of(groups: Sequence[Sequence[Frame]]) -> list[Dimension]:
+    """Return the dimensions that frames have, in the order in which they are tried."""
+    return list(dict.fromkeys(each for group in groups for frame in group for each in frame.marks))
+
+
+def _without_unfinished(groups: list[list[Frame]]) -> Iterator[tuple[list[Frame], str]]:
+    """Yield frames without volumes, or a last place, that lack some, and a note on these."""
+    if len(groups) < 2 or len({len(group) for group in groups}) == 1:
+        return
+    place_of = {id(frame): place for place, group in enumerate(groups) for frame in group}
+    everything = [frame for group in groups for frame in group]
+    for dimension in _dimensions_of(groups):
+        parts = _parted(everything, dimension)
+        is_counted = dimension.is_order and len(parts) == len(everything)
+        kept = (_whole_beginning if is_counted else _whole_parts)(parts, place_of, len(groups))
+        if kept:
+            num_left = len(everything) - len(kept)
+            yield kept, f"an incomplete volume is left out: {counted(num_left, 'slice')}, by {dimension.name}"
+    sizes = [len(group) for group in groups]
+    for end, others in ((0, slice(1, None)), (-1, slice(None, -1))):
+        kept = [frame for group in groups[others] for frame in group]
+        is_short = len({*sizes[others]}) == 1 and sizes[end] < sizes[others][0]
+        if is_short and any(_come_last(groups[end], kept, dimension) for dimension in _dimensions_of(groups)):
+            yield kept, f"an incomplete place is left out: {sizes[end]} of {sizes[others][0]} slices there"
+
+
+def _come_last(frames: Sequence[Frame], others: Sequence[Frame], dimension: Dimension) -> bool:
+    """Return whether frames come after others in an order."""
+    if not dimension.is_order:
+        return False
+    marks, before = ([each.marks.get(dimension, ([], "")) for each in own] for own in (frames, others))
+    return min(marks) > max(before)
+
+
+def _whole_parts(parts: Sequence[list[Frame]], place_of: dict[int, int], num_places: int) -> list[Frame]:
+    """Return the frames of the parts that have as many at each place as the largest; none if others are no smaller."""
+    most = max(map(len, parts))
+    nums = [Counter(place_of[id(frame)] for frame in part) for part in parts]
+    largest = [(part, num) for part, num in zip(parts, nums, strict=True) if len(part) == most]
+    if any(len(num) < num_places or len({*num.values()}) > 1 for _, num in largest):
+        return []
+    return [frame for part, _ in largest for frame in part]
+
+
+def _whole_beginning(parts: Sequence[list[Frame]], place_of: dict[int, int], num_places: int) -> list[Frame]:
+    """Return the frames up to the last one with which all places have as many. parts: of one frame each, in order."""
+    nums, num_whole = [0] * num_places, 0
+    for k, (frame,) in enumerate(parts):
+        nums[place_of[id(frame)]] += 1
+        if (k + 1) % num_places == 0 and min(nums) == max(nums):
+            num_whole = k + 1
+    return [frame for (frame,) in parts[:num_whole]]
 
 
 def _parted(frames: Sequence[Frame], dimension: Dimension) -> list[list[Frame]]:
@@ -101,31 +185,16 @@ def _parted(frames: Sequence[Frame], dimension: Dimension) -> list[list[Frame]]:
     return sorted(parts.values(), key=lambda own: own[0].marks.get(dimension, ([], "")))
 
 
-def _distances(frames: Sequence[Frame], first: Frame) -> Float64:
-    """Return how far frames lie from the first along its normal, float64 [n]."""
-    return np.asarray([(frame.position - first.position) @ first.normal for frame in frames], np.float64)
-
-
-def _by_place(frames: Sequence[Frame]) -> list[list[Frame]]:
-    """Return frames by their place along their normal, in ascending order."""
-    order = np.argsort(places := _distances(frames, frames[0]), kind="stable")
-    gaps = np.diff(places[order])
-    # Gaps far smaller than pixels and the largest gap, which may be between two blocks, are rounded positions.
-    steps = gaps[gaps > min(0.01 * gaps.max(initial=0.0), 0.1 * min(frames[0].spacing))]
-    begins = np.flatnonzero(gaps > UNEVEN * np.median(steps)) + 1 if steps.size else np.array([], np.intp)
-    return [[frames[k] for k in part.tolist()] for part in np.split(order, begins)]
-
-
 def _with_empty(frames: list[Frame], everything: Sequence[Frame]) -> list[Frame]:
     """Return the frames of a segment, and an empty one where only others have one, or none has.
 
     Frames that do not fit even places stay as they are.
     """
-    places = [group[0] for group in _by_place(everything)]
-    along = _distances(places, places[0])
+    places = [group[0] for group in by_place(everything)]
+    along = distances(places, places[0])
     step = float(np.diff(along).min(initial=np.inf))
     count = round(along[-1] / step) + 1
-    own = {round(place / step): frame for place, frame in zip(_distances(frames, places[0]), frames, strict=True)}
+    own = {round(place / step): frame for place, frame in zip(distances(frames, places[0]), frames, strict=True)}
     if count > _MAX_EMPTY * len(places) or len(own) < len(frames):
         return frames
     first, last = places[0].position, places[-1].position

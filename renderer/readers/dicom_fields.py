@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from renderer.errors import InputError
-from renderer.readers.units import Units, units_of
 
 # A pydicom.Dataset.
 Dataset = Any
@@ -18,7 +17,8 @@ Dataset = Any
 _GROUPS = (
     *("PixelMeasuresSequence", "PlanePositionSequence", "PlaneOrientationSequence", "PixelValueTransformationSequence"),
     *("FrameContentSequence", "MREchoSequence", "MRDiffusionSequence", "CardiacSynchronizationSequence"),
-    *("SegmentIdentificationSequence", "TemporalPositionSequence", "MRImageFrameTypeSequence"),
+    *("SegmentIdentificationSequence", "TemporalPositionSequence", "RealWorldValueMappingSequence"),
+    *("MRImageFrameTypeSequence", "CTImageFrameTypeSequence", "PETFrameTypeSequence"),
     *("PlanePositionVolumeSequence", "PlaneOrientationVolumeSequence"),  # of ultrasound
 )
 _DIRECTIONS = "DiffusionGradientDirectionSequence"
@@ -48,7 +48,7 @@ _ORDERS = (
     *("FrameAcquisitionNumber", "AcquisitionNumber", "FrameAcquisitionDateTime", "AcquisitionDateTime"),
     *("AcquisitionTime", "ContentTime", "InstanceNumber"),  # of single slices, too
 )
-_TOLD_APART = (
+TOLD_APART = (
     *(STACK, SEGMENT, Dimension("TemporalPositionIdentifier", "t"), Dimension("TemporalPositionIndex", "t")),
     *(Dimension("EchoNumbers", "c"), Dimension("EffectiveEchoTime", "c"), Dimension("EchoTime", "c")),
     *(Dimension("DiffusionBValue and DiffusionGradientOrientation", "c"), Dimension("InversionTime", "c")),
@@ -57,9 +57,10 @@ _TOLD_APART = (
     *(Dimension("ComplexImageComponent", "c"), Dimension("FrameType", "c"), IMAGE_TYPE),
     *(Dimension(keyword, "t", is_order=True) for keyword in _ORDERS),
 )
-_TIMES = {each.name for each in _TOLD_APART if each.axis == "t"}
+_TIMES = {each.name for each in TOLD_APART if each.axis == "t"}
 # Those that tell when a frame was taken: their units, and whether they begin at midnight.
 CLOCKS = {
+    "FrameTime": ("ms", False),
     "TemporalPositionTimeOffset": ("s", False),
     **dict.fromkeys(("NominalCardiacTriggerDelayTime", "TriggerTime", "FrameReferenceTime"), ("ms", False)),
     **dict.fromkeys(("FrameAcquisitionDateTime", "AcquisitionDateTime", "AcquisitionTime"), ("s", True)),
@@ -68,7 +69,7 @@ CLOCKS = {
 _NO_UNITS = ("", "US", "NONE", "NORMALIZED", "RELATIVE")
 _CLOCK = re.compile(r"(?:[0-9]{8})?([0-9]{2})([0-9]{2})([0-9]{2}(?:\.[0-9]+)?)(?:[+-][0-9]{4})?\s*")
 # Vectors of nuclear medicine have a number for each frame.
-_VECTORS = (
+VECTORS = (
     *(Dimension("EnergyWindowVector", "c"), Dimension("DetectorVector", "c"), Dimension("PhaseVector", "t")),
     *(Dimension("RotationVector", "c"), Dimension("RRIntervalVector", "t"), Dimension("TimeSlotVector", "t")),
     *(Dimension("AngularViewVector", "c"), Dimension("TimeSliceVector", "t")),
@@ -87,43 +88,13 @@ def open_dicom(path: Path, *, with_pixels: bool = False) -> tuple[Dataset, bool]
             dataset = pydicom.dcmread(file, stop_before_pixels=not with_pixels, force=True)
             return dataset, bool(file.read(1))
     except Exception as error:  # of its parser, for damaged bytes
-        raise unreadable_slice(path, "a field of it is damaged: copy it again, or save it again") from error
+        hint = "a field of it is damaged: copy it again, or save it again"
+        raise unreadable_slice(path, hint) from error
 
 
 def unreadable_slice(path: Path, hint: str = "the file is truncated or damaged", got: str | None = None) -> InputError:
     """Return the error for a file that cannot be read."""
     return InputError("this DICOM slice cannot be read", where=str(path), got=got, hint=hint)
-
-
-def kind_of(dataset: Dataset) -> str:
-    """Return the name of the kind of a DICOM file, such as `CT Image`; nothing for a kind that is not known."""
-    from pydicom.uid import UID
-
-    uid = UID(text_of([dataset], "SOPClassUID") or text_of([dataset.file_meta], "MediaStorageSOPClassUID"))
-    return uid.name.removesuffix(" Storage") if uid.type == "SOP Class" else ""
-
-
-def kind_without_pixels(dataset: Dataset) -> str:
-    """Return the name of a kind of DICOM that never has pixels, such as `RT Plan`; nothing for any other."""
-    kind = kind_of(dataset)
-    may_have_pixels = "Image" in kind or kind in ("Segmentation", "RT Dose", "Parametric Map") or "Rows" in dataset
-    return "" if may_have_pixels else kind
-
-
-def no_volume_error(path: Path, kind: str) -> InputError:
-    """Return the error for a file of a kind that never has pixels."""
-    hint = "name the images that it belongs to"
-    if "Directory" in kind:
-        hint = "an index of other files: name the folder that holds them"
-    elif "Structure Set" in kind or "Surface" in kind:
-        hint = "contours, not voxels: save them as a mask first, for example in 3D Slicer"
-    return InputError(
-        "this DICOM file holds no volume",
-        where=str(path),
-        got=f"{kind}, a kind of file without pixels",
-        expected="an image, a dose or a segmentation",
-        hint=hint,
-    )
 
 
 def text_of(fields: Sequence[Dataset], keyword: str) -> str:
@@ -150,6 +121,12 @@ def numbers_of(fields: Sequence[Dataset], keyword: str) -> list[float]:
     return _numbers_in(text_of(fields, keyword))
 
 
+def first_numbers(fields: Sequence[Dataset], keywords: Sequence[str], usual: list[float]) -> list[float]:
+    """Return the numbers of the first of these fields that has as many as usual, or the usual ones."""
+    found = (numbers_of(fields, keyword) for keyword in keywords)
+    return next((numbers for numbers in found if len(numbers) == len(usual)), usual)
+
+
 def _numbers_in(text: str) -> list[float]:
     """Return the numbers that a text lists; none if one of them is no number, or is not finite."""
     try:
@@ -168,7 +145,7 @@ def groups_of(dataset: Dataset, keyword: str) -> list[list[Dataset]]:
 
 def vectors_of(dataset: Dataset, count: int) -> dict[Dimension, list[float]]:
     """Return the vectors that have a number for each of `count` frames."""
-    vectors = {each: numbers_of([dataset], each.name) for each in _VECTORS}
+    vectors = {each: numbers_of([dataset], each.name) for each in VECTORS}
     return {each: numbers for each, numbers in vectors.items() if len(numbers) == count}
 
 
@@ -176,7 +153,7 @@ def frame_marks(fields: Sequence[Dataset], dimensions: Sequence[Dimension]) -> d
     """Return what the fields say of one frame. dimensions: as `declared_dimensions` returns them."""
     indices = numbers_of(fields, "DimensionIndexValues")
     marks: dict[Dimension, Mark] = {each: ([k], "") for each, k in zip(dimensions, indices, strict=False)}
-    for dimension in _TOLD_APART:
+    for dimension in TOLD_APART:
         texts = [text_of(fields, keyword) for keyword in dimension.name.split(" and ")]
         if any(texts):
             numbers = [number for text in texts for number in _numbers_in(text)]
@@ -195,19 +172,15 @@ def times_in(fields: Sequence[Dataset]) -> dict[str, float]:
     return {keyword: found[0] for keyword, found in times.items() if found}
 
 
-def units_in(fields: Sequence[Dataset]) -> Units:
-    """Return the units of a frame: mm, in axes of the patient where it has a place there; values as rescaled.
+def value_unit_in(fields: Sequence[Dataset], unit: str) -> str:
+    """Return the unit of the values of a frame as rescaled. unit: where their scale tells it.
 
-    Without a type, those of CT are HU. The axes of quadrupeds have other names.
+    Without a type, those of CT are HU.
     """
-    place = (("ImagePositionPatient", 3), ("ImageOrientationPatient", 6))
-    is_patient = all(len(numbers_of(fields, keyword)) == count for keyword, count in place)
-    is_patient &= text_of(fields, "AnatomicalOrientationType") != "QUADRUPED"
-    given = [text_of(fields, keyword).strip() for keyword in ("RescaleType", "Units", "DoseUnits")]
+    given = [unit, *(text_of(fields, keyword).strip() for keyword in ("RescaleType", "Units", "DoseUnits"))]
     if not any(given) and text_of(fields, "Modality") == "CT" and text_of(fields, "RescaleIntercept"):
         given = ["HU"]
-    value = next((text for text in given if text.upper() not in _NO_UNITS), "")
-    return units_of("mm", "LPS" * is_patient, value)
+    return next((text for text in given if text.upper() not in _NO_UNITS), "")
 
 
 def declared_dimensions(dataset: Dataset) -> list[Dimension]:

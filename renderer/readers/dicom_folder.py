@@ -11,7 +11,8 @@ from functools import partial
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.readers.dicom_fields import Dataset, kind_of, kind_without_pixels, open_dicom, text_of, unreadable_slice
+from renderer.readers.dicom_fields import Dataset, open_dicom, text_of, unreadable_slice
+from renderer.readers.dicom_kinds import kind_of, kind_without_pixels
 from renderer.readers.sniff import is_dicom
 from renderer.scene import join_some, short_text
 
@@ -20,6 +21,10 @@ _MAX_NEIGHBOURS = 1000
 
 # Unnamed images that do not fit are left out beside at least this many times as many that do.
 FEW = 8
+
+# What images are beside slices, in the order in which they are read where there are none before.
+_OF_FRAMES = "file of several frames"
+_OTHERS = (_OF_FRAMES, "localizer", "capture")
 
 # Files that agree in these may be copies: some programs give all slices one UID.
 _IDENTITY = ("SOPInstanceUID", "InstanceNumber", "ImagePositionPatient")
@@ -30,7 +35,7 @@ def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
 
     Raises InputError for no series and several, and for files that are damaged slices.
     """
-    images: dict[str, dict[str, list[Path]]] = {kind: defaultdict(list) for kind in ("slice", "localizer", "capture")}
+    images: dict[str, dict[str, list[Path]]] = {kind: defaultdict(list) for kind in ("slice", *_OTHERS)}
     descriptions: dict[str, str] = {}
     left_out: dict[str, list[Path]] = defaultdict(list)
     without_image: dict[str, list[Path]] = defaultdict(list)
@@ -54,6 +59,8 @@ def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
             without_image[uid].append(path)
     others = without_image.pop("", [])
     series = next(filter(None, images.values()), {})  # where there are no slices, the others are the series
+    if _num_files(images[_OF_FRAMES]) > _num_files(images["slice"]):
+        series = images[_OF_FRAMES]
     for kind, each in images.items():
         left_out[kind] += [] if each is series else itertools.chain(*each.values())
     if not series:
@@ -76,16 +83,23 @@ def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
         )
     left_out["image of another series"] += few
     if without_image[main]:
-        raise unreadable_slice(without_image[main][0])
+        hint = "it was cut off, or is no slice: copy it again, or remove it"
+        raise unreadable_slice(without_image[main][0], hint, "no Rows and Columns")
     _check_none_lost(others, series[main])
     return series[main], left_out
 
 
+def _num_files(series: dict[str, list[Path]]) -> int:
+    return sum(map(len, series.values()))
+
+
 def _kind_of_image(dataset: Dataset) -> str:
-    """Return `slice`, or what an image is beside slices: `localizer` or `capture`."""
+    """Return `slice`, or what an image is beside slices, one of _OTHERS."""
     text = text_of([dataset], "ImageType")
     if "LOCALIZER" in text:
         return "localizer"
+    if text_of([dataset], "NumberOfFrames") not in ("", "1"):
+        return _OF_FRAMES
     if "ImagePositionPatient" in dataset or "PerFrameFunctionalGroupsSequence" in dataset:
         return "slice"
     is_capture = "Secondary Capture" in kind_of(dataset) or "SECONDARY" in text

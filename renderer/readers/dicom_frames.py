@@ -1,7 +1,8 @@
 """Find the frames in a DICOM file: where each lies, and what its stored values mean.
 
 An ordinary file has one frame. Enhanced files have one set of functional groups for each frame, and one that they
-share (PS3.3, C.7.6.16). Other files of several frames have the distance between them, or an offset for each.
+share (PS3.3, C.7.6.16). Other files of several frames have the distance between them, or an offset for each, or are
+times of one plane.
 """
 
 from __future__ import annotations
@@ -9,73 +10,92 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from renderer.errors import InputError, require_package
+from renderer.errors import InputError
+from renderer.readers.common import GUESSED_LENGTHS
 from renderer.readers.dicom_fields import (
     Dataset,
     Dimension,
     Mark,
     declared_dimensions,
+    first_numbers,
     frame_marks,
     groups_of,
-    kind_without_pixels,
-    no_volume_error,
     numbers_of,
     open_dicom,
     text_of,
     times_in,
-    units_in,
     unreadable_slice,
+    value_unit_in,
     vectors_of,
 )
-from renderer.readers.units import Units
+from renderer.readers.dicom_kinds import require_image, run_of, times_of_run
+from renderer.readers.dicom_orientation import axes_of
+from renderer.readers.dicom_pixels import has_palette, palette_dtype
+from renderer.readers.dicom_statements import stated_in
+from renderer.readers.dicom_values import Scale, scale_of
+from renderer.readers.units import Units, units_of
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
 # Some kinds of images have their place, and their pixel spacing, down and across, in another field than the first.
 _POSITIONS = ("ImagePositionPatient", "ImagePositionVolume")
-_ORIENTATIONS = ("ImageOrientationPatient", "ImageOrientationVolume")
 _IN_PLANE = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing", "ImagePlanePixelSpacing")
+
+# Sequences whose first items hold fields of all frames.
+_ITEMS = ("DetectorInformationSequence", "RealWorldValueMappingSequence")
+
+# Without these there is no image.
+_SIZES = ("Rows", "Columns", "SamplesPerPixel", "NumberOfFrames")
+
+# Numbers of slices in files of their own, in the order in which they take the place of a position.
+PLACE_KEYS = ("SliceLocation", "InstanceNumber")
 
 # How files of several frames that say nothing else are told apart: by their order in the file.
 _FRAME_NUMBER = Dimension("frame number", "t", is_order=True)
-
-# Fields without which pydicom decodes no pixels, and what they are where a writer left them out.
-_USUAL = {"SamplesPerPixel": 1, "PhotometricInterpretation": "MONOCHROME2", "PixelRepresentation": 0}
+_THICK = "the file does not give the distance of its slices; their thickness (SliceThickness) is taken"
+_IN_STACK = "the slices have no positions; their InStackPositionNumber is taken"
 
 
 @dataclass(frozen=True)
 class Frame:
     """A slice of a DICOM file.
 
-    number: of its frame there, or None for an empty slice. size: pixels across and down. dtype: of its rescaled values.
-    position: of its first pixel, float64 [3]. across, down: to the next pixel, float64 [3]. thickness: along the
-        normal, if the file gives it; else 1. padding: the ends of the stored values that stand for no data.
+    number: of its frame there, or None for an empty slice. size: pixels across and down. scale: from its stored values
+        to values. position: of its first pixel, float64 [3]. across, down: to the next pixel, float64 [3]. thickness:
+        along the normal; 1 without `has_thickness`. has_thickness: whether the file gives it, or the scene will.
     marks: what tells it from other frames at its place. corner: the pixel across and down where it begins in the
         stored frame. notes: remarks on how it was read; None stands for none. times: when it was taken, by keywords.
-    units: of its lengths and values.
+    units: of its lengths and values. has_place: whether the file says its position; else `keys` has its PLACE_KEYS.
+    has_axes: whether the file says its directions, or neither these nor a position.
+    stated: fields that are not applied. space: the name of the space that its position belongs to. has_colors: whether
+        its samples are red, green and blue.
     """
 
     file: Path
     number: int | None
     size: tuple[int, int]
     num_samples: int
-    slope: float
-    intercept: float
-    dtype: np.dtype[Any]
+    scale: Scale
     position: Float64
     across: Float64
     down: Float64
     thickness: float
-    padding: tuple[float, float] | None = None
+    has_thickness: bool = False
     marks: dict[Dimension, Mark] = field(default_factory=dict)
     corner: tuple[int, int] = (0, 0)
     notes: tuple[str | None, ...] = ()
     times: dict[str, float] = field(default_factory=dict)
     units: Units = field(default=Units())
+    has_place: bool = True
+    has_axes: bool = True
+    keys: dict[str, float] = field(default_factory=dict)
+    stated: frozenset[str] = frozenset()
+    space: str = ""
+    has_colors: bool = False
 
     @property
     def label(self) -> str:
@@ -99,27 +119,37 @@ class Frame:
         normal = np.cross(self.across, self.down)
         return np.asarray(normal / np.linalg.norm(normal), np.float64)
 
-    @property
-    def nodata(self) -> tuple[float, float] | None:
-        """Return the ends of the rescaled values that stand for no data; None if none do."""
-        if self.padding is None:
-            return None
-        low, high = sorted(end * self.slope + self.intercept for end in self.padding)
-        return low, high
-
     def stored(self, pixels: Array, channel: int) -> Array:
         """Return its stored values [y, x], a part of those of its file."""
         x, y = self.corner
         return pixels[self.number or 0, y : y + self.size[1], x : x + self.size[0], channel]
 
-    def rescaled(self, stored: Array) -> Array:
-        """Return the values of stored pixels, in the frame's dtype; raises InputError for floats in a file whose fields
-        are those of integers."""
-        if stored.dtype.kind == "f" and self.dtype.kind != "f":
-            raise unreadable_slice(self.file, "save it again without BitsStored", "floats with the fields of integers")
-        if self.slope == 1.0 and self.intercept == 0.0:
-            return stored
-        return np.asarray(stored * self.slope + self.intercept).astype(self.dtype)
+
+class _File(NamedTuple):
+    """What the frames of a file have in common.
+
+    shared: functional groups. items: the detector of nuclear medicine, with its place, and a scale to a real unit.
+    dimensions: that the file names. vectors: of numbers, one for each frame. places: the number of each frame among the
+        slices of its volume. offsets: of each frame, of a dose.
+    run: what tells times of one plane apart, and a note on them; None for slices. run_times: of each frame.
+    notes: remarks on the whole file; None stands for none.
+    """
+
+    path: Path
+    dataset: Dataset
+    num_frames: int
+    size: tuple[int, int]
+    num_samples: int
+    shared: list[Dataset]
+    items: list[Dataset]
+    dimensions: list[Dimension]
+    vectors: dict[Dimension, list[float]]
+    places: Sequence[float]
+    offsets: list[float]
+    run: tuple[Dimension, str] | None
+    run_times: list[float]
+    is_palette: bool
+    notes: tuple[str | None, ...]
 
 
 def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
@@ -129,154 +159,168 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
         InputError for such lengths, as for damaged files and for files without pixels.
     """
     dataset, has_pixels = open_dicom(path)
-    kind = kind_without_pixels(dataset)
-    if kind:
-        raise no_volume_error(path, kind)
-    syntax = dataset.file_meta.get("TransferSyntaxUID")
-    if not has_pixels and not (syntax is not None and syntax.is_deflated):
-        raise unreadable_slice(path)
+    require_image(path, dataset, has_pixels=has_pixels)
+    file, each = _read_layout(path, dataset)
+    marks_of_all = frame_marks([*file.shared, dataset], ())
+    frames = []
+    for number, own in enumerate(each):
+        frame = _frame(file, number, own, is_needed=not has_spacing_override)
+        marks = {each: ([numbers[number]], "") for each, numbers in file.vectors.items()}
+        marks |= {file.run[0]: ([number], "")} if file.run else {}
+        marks |= frame_marks(own, file.dimensions)
+        marks = marks | marks_of_all | marks  # the first that tells frames apart is more often their own
+        marks |= {_FRAME_NUMBER: ([number], "")} if file.num_frames > 1 else {}
+        frames.append(replace(frame, marks=marks))
+    return frames
+
+
+def _read_layout(path: Path, dataset: Dataset) -> tuple[_File, list[list[Dataset]]]:
+    """Return what frames have in common, and the functional groups of each; raises InputError for damaged fields."""
     try:
         count = int(dataset.get("NumberOfFrames") or 1)
         shared, *_ = groups_of(dataset, "SharedFunctionalGroupsSequence") or [[]]
         each = groups_of(dataset, "PerFrameFunctionalGroupsSequence") or [[]] * count
         size, num_samples = (int(dataset.Columns), int(dataset.Rows)), int(dataset.get("SamplesPerPixel") or 1)
-        if min(*size, num_samples, count) < 1 or len(each) != count:
+        if min(*size, num_samples, count) < 1:
             raise ValueError
     except (AttributeError, ValueError, TypeError) as error:
-        raise unreadable_slice(path) from error
-    detector = (dataset.get("DetectorInformationSequence") or [])[:1]
-    dimensions, vectors = declared_dimensions(dataset), vectors_of(dataset, count)
-    places, offsets = _places(dataset, vectors, count), numbers_of([dataset], "GridFrameOffsetVector")
-    padding, marks_of_all = _padding(dataset), frame_marks([*shared, dataset], ())
-    frames = []
-    for number, own in enumerate(each):
-        fields = [*own, *shared, dataset, *detector]
-        has_position = any(keyword in group for keyword in _POSITIONS for group in (*own, *shared))
-        has_place = has_position or len(offsets) == count or not any(places)
-        pair, between = _lengths(path, fields, 1 if has_place else count, is_needed=not has_spacing_override)
-        row, column = np.reshape(_first_numbers(fields, _ORIENTATIONS, [1, 0, 0, 0, 1, 0]), (2, 3))
-        position, normal = np.array(_first_numbers(fields, _POSITIONS, [0.0, 0.0, 0.0])), np.cross(row, column)
-        if not has_position and len(offsets) == count:
-            # Those that begin with 0 are along the normal, and others are z of the patient (PS3.3, C.8.8.3.2).
-            step = offsets[number] - offsets[0]
-            position += (-step if offsets[0] != 0 and normal[2] < -0.999 else step) * normal
-        elif not has_position:
-            position += places[number] * between * normal
-        slope = _first_numbers(fields, ["RescaleSlope", "DoseGridScaling"], [1.0])[0] or 1.0
-        intercept = _first_numbers(fields, ["RescaleIntercept"], [0.0])[0]
-        dtype = _rescaled_dtype(dataset, slope, intercept)
-        marks = {each: ([numbers[number]], "") for each, numbers in vectors.items()} | frame_marks(own, dimensions)
-        marks = marks | marks_of_all | marks  # the first that tells frames apart is more often their own
-        marks |= {_FRAME_NUMBER: ([number], "")} if count > 1 else {}
-        across, down, thickness = row * pair[1], column * pair[0], abs(between)
-        frame = Frame(path, number, size, num_samples, slope, intercept, dtype, position, across, down, thickness)
-        frames.append(replace(frame, padding=padding, marks=marks, times=times_in(fields), units=units_in(fields)))
-    return frames
+        got = ", ".join(f"{each} = {short_text(text_of([dataset], each)) or 'none'}" for each in _SIZES)
+        raise unreadable_slice(path, "its header is damaged, or holds no image", got) from error
+    if len(each) != count:
+        got = f"PerFrameFunctionalGroupsSequence of {len(each)} items, and {count} frames"
+        raise unreadable_slice(path, "its header is damaged: export it again", got)
+    vectors, is_palette = vectors_of(dataset, count), has_palette(dataset)
+    places, note = _places(dataset, vectors, each)
+    has_position = any(keyword in group for own in (shared, *each) for group in own for keyword in _POSITIONS)
+    run = None if has_position else run_of(dataset, count)
+    file = _File(
+        path,
+        dataset,
+        count,
+        size,
+        3 if is_palette else num_samples,
+        shared,
+        items=[item for keyword in _ITEMS for item in (dataset.get(keyword) or [])[:1]],
+        dimensions=declared_dimensions(dataset),
+        vectors=vectors,
+        places=places,
+        offsets=numbers_of([dataset], "GridFrameOffsetVector"),
+        run=run,
+        run_times=times_of_run(dataset, count) if run else [],
+        is_palette=is_palette,
+        notes=(run[1] if run else None, None if has_position or run else note),
+    )
+    return file, each
 
 
-def _first_numbers(fields: list[Dataset], keywords: Sequence[str], usual: list[float]) -> list[float]:
-    """Return the numbers of the first of these fields that has as many as usual, or the usual ones."""
-    found = (numbers_of(fields, keyword) for keyword in keywords)
-    return next((numbers for numbers in found if len(numbers) == len(usual)), usual)
+def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> Frame:
+    """Return a frame, without its marks. is_needed: as for `_lengths`."""
+    dataset = file.dataset
+    fields = [*own, *file.shared, dataset, *file.items]
+    has_own = any(keyword in group for keyword in _POSITIONS for group in (*own, *file.shared))
+    has_offset = len(file.offsets) == file.num_frames and not has_own
+    is_stacked = not (has_own or has_offset or file.run) and any(file.places)
+    lengths = _lengths(file, fields, is_stacked=is_stacked, is_needed=is_needed)
+    axes = axes_of(fields)
+    normal = np.cross(axes.row, axes.column)
+    position = np.array(first_numbers(fields, _POSITIONS, [0.0, 0.0, 0.0]))
+    if has_offset:
+        # Those that begin with 0 are along the normal, and others are z of the patient (PS3.3, C.8.8.3.2).
+        step = file.offsets[number] - file.offsets[0]
+        position += (-step if file.offsets[0] != 0 and normal[2] < -0.999 else step) * normal
+    elif is_stacked:
+        position += file.places[number] * lengths.between * normal
+    scale = scale_of(file.path, fields, dataset)
+    scale = replace(scale, dtype=palette_dtype(dataset)) if file.is_palette else scale
+    times = {"FrameTime": file.run_times[number]} if file.run_times else times_in(fields)
+    length_unit, world_axes = "mm" * lengths.are_stated, "LPS" * axes.are_of_patient
+    units = units_of(length_unit, world_axes, value_unit_in(fields, scale.unit))
+    keys = {keyword: numbers[0] for keyword in PLACE_KEYS if (numbers := numbers_of(fields, keyword))}
+    has_stated = any(len(numbers_of(fields, keyword)) == 3 for keyword in _POSITIONS)
+    photometric = text_of([dataset], "PhotometricInterpretation")
+    return Frame(
+        file.path,
+        number,
+        file.size,
+        file.num_samples,
+        scale,
+        position,
+        axes.row * lengths.across,
+        axes.column * lengths.down,
+        abs(lengths.between),
+        has_thickness=lengths.has_between,
+        notes=(*file.notes, lengths.note, axes.note, scale.note),
+        times=times,
+        units=units,
+        has_place=has_stated or file.num_frames > 1,
+        has_axes=axes.are_known or not has_stated,
+        keys=keys,
+        stated=stated_in(fields, has_place=has_stated or file.num_frames > 1, has_axes=axes.are_known),
+        space=text_of(fields, "FrameOfReferenceUID"),
+        has_colors=file.num_samples == 3 and (file.is_palette or photometric.startswith(("RGB", "YBR"))),
+    )
 
 
-def _places(dataset: Dataset, vectors: dict[Dimension, list[float]], count: int) -> Sequence[float]:
-    """Return for each frame of a file its number among the slices of its volume, from 0 on, unless positions tell."""
+def _places(
+    dataset: Dataset, vectors: dict[Dimension, list[float]], each: list[list[Dataset]]
+) -> tuple[Sequence[float], str | None]:
+    """Return for each frame of a file its number among the slices of its volume, from 0 on, unless positions tell;
+    and a note on the field that has it where it is not the usual one."""
     numbers = numbers_of([dataset], "SliceVector")
-    if len(numbers) == count:
-        return [number - 1 for number in numbers]
-    return [0.0] * count if any(len(set(numbers)) > 1 for numbers in vectors.values()) else range(count)
+    if len(numbers) == len(each):
+        return [number - 1 for number in numbers], None
+    stacked = [numbers_of(own, "InStackPositionNumber") for own in each]
+    if all(stacked) and len({number[0] for number in stacked}) > 1:
+        return [number[0] - 1 for number in stacked], _IN_STACK
+    are_others = any(len(set(numbers)) > 1 for numbers in vectors.values())
+    return [0.0] * len(each) if are_others else range(len(each)), None
 
 
-def _lengths(path: Path, fields: list[Dataset], count: int, *, is_needed: bool) -> tuple[list[float], float]:
-    """Return the spacing down and across, and the distance of frames, which may be negative.
+class _Lengths(NamedTuple):
+    """Lengths of a voxel.
 
-    count: of the frames that need a distance. Raises InputError if the file does not give them and they are needed.
+    between: the distance of frames, which may be negative; 1 without `has_between`. note: a remark on lengths that the
+    file does not give. are_stated: whether it gives those of pixels.
+    """
+
+    across: float
+    down: float
+    between: float
+    has_between: bool
+    note: str | None = None
+    are_stated: bool = True
+
+
+def _lengths(file: _File, fields: list[Dataset], *, is_stacked: bool, is_needed: bool) -> _Lengths:
+    """Return the lengths of a frame.
+
+    is_stacked: it needs the distance of frames. Raises InputError if the file does not give lengths and `is_needed`; a
+    run has pixels of 1 x 1 then.
     """
     pairs = (numbers_of(fields, keyword) for keyword in _IN_PLANE)
     pair = next((found for found in pairs if len(found) == 2 and min(found) > 0), [])
-    distance = _first_numbers(fields, ["SpacingBetweenSlices"], [0.0])[0]
+    stated, thick = (first_numbers(fields, [each], [0.0])[0] for each in ("SpacingBetweenSlices", "SliceThickness"))
+    thick *= "LOCALIZER" not in text_of(fields, "ImageType")  # which has the thickness of a body
+    between, note = stated or max(thick, 0.0), _THICK if is_stacked and not stated and thick > 0 else None
     got = None
+    if not pair and file.run:
+        aspect = numbers_of(fields, "PixelAspectRatio")  # vertical, horizontal
+        ratio = aspect[0] / aspect[1] if len(aspect) == 2 and min(aspect) > 0 else 1.0
+        by = " by PixelAspectRatio" * (ratio != 1.0)
+        note = f"{GUESSED_LENGTHS}; 1 x {ratio:g} x 1 is assumed{by}"
+        return _Lengths(1.0, ratio, between or 1.0, between != 0.0, note, are_stated=False)
     if not pair:
         text = text_of(fields, _IN_PLANE[0])
         got = f"PixelSpacing = {short_text(text)}" if text else "no PixelSpacing"
-    elif count > 1 and distance == 0.0:
-        got = f"{count} frames without SpacingBetweenSlices or functional groups"
+    elif is_stacked and between == 0.0:
+        got = f"{file.num_frames} frames without SpacingBetweenSlices or functional groups"
     if got is None or not is_needed:
-        return pair or [1.0, 1.0], distance or 1.0
+        down, across = pair or [1.0, 1.0]
+        return _Lengths(across, down, between or 1.0, between != 0.0 or not is_needed, note, are_stated=bool(pair))
     raise InputError(
         "this DICOM file does not give its voxel size",
-        where=str(path),
+        where=str(file.path),
         got=got,
         expected="PixelSpacing of two positive numbers, and of several frames how far apart they are",
         hint="`spacing: [x, y, z]` replaces the spacing in the file",
     )
-
-
-def _padding(dataset: Dataset) -> tuple[float, float] | None:
-    """Return the ends of the stored values of gray pixels that stand for no data; None if none do.
-
-    Those of integers have 16 bits, with a sign if the pixels have one, whatever the type of the field says.
-    """
-    kind = next((kind for kind in ("Float", "DoubleFloat") if f"{kind}PixelPaddingValue" in dataset), "")
-    ends = [*numbers_of([dataset], f"{kind}PixelPaddingValue"), *numbers_of([dataset], f"{kind}PixelPaddingRangeLimit")]
-    if not ends or not (text_of([dataset], "PhotometricInterpretation") or "MONOCHROME").startswith("MONOCHROME"):
-        return None
-    if not kind:
-        ends = [(end + 2**15) % 2**16 - 2**15 if dataset.get("PixelRepresentation") else end % 2**16 for end in ends]
-    return min(ends), max(ends)
-
-
-def _rescaled_dtype(dataset: Dataset, slope: float, intercept: float) -> np.dtype[Any]:
-    """Return the dtype of rescaled values: the smallest of integers if both numbers are whole, else float64.
-
-    Files of floats have no BitsStored.
-    """
-    bits, stored = int(dataset.get("BitsAllocated") or 16), int(dataset.get("BitsStored") or 16)
-    if not 1 <= stored <= bits or bits not in (1, 8, 16, 32, 64):
-        raise unreadable_slice(Path(dataset.filename), got=f"{stored} of {bits} bits")
-    is_signed = bool(dataset.get("PixelRepresentation"))
-    is_neutral = slope == 1.0 and intercept == 0.0
-    if "BitsStored" not in dataset:
-        return np.dtype("f4" if bits == 32 and is_neutral else "f8")
-    if is_neutral:
-        return np.dtype(f"{'i' if is_signed else 'u'}{max(bits, 8) // 8}")
-    low, high = (-(2 ** (stored - 1)), 2 ** (stored - 1) - 1) if is_signed else (0, 2**stored - 1)
-    low, high = sorted((low * slope + intercept, high * slope + intercept))
-    if slope.is_integer() and intercept.is_integer() and max(-low, high) < 2**32:
-        return np.min_scalar_type(int(high) if low >= 0 else int(min(low, -1 - high)))
-    return np.dtype(np.float64)
-
-
-def pixels_of(path: Path) -> Array:
-    """Return the stored pixels of a file, [frame, y, x, sample]; raises InputError if they cannot be decoded."""
-    from pydicom.uid import ExplicitVRBigEndian, ExplicitVRLittleEndian, ImplicitVRLittleEndian
-
-    dataset, _ = open_dicom(path, with_pixels=True)
-    syntax = dataset.file_meta.get("TransferSyntaxUID")
-    if syntax is None:  # without a preamble
-        is_implicit, is_little = dataset.original_encoding
-        explicit = ExplicitVRLittleEndian if is_little else ExplicitVRBigEndian
-        dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian if is_implicit else explicit
-    for keyword, usual in _USUAL.items():
-        dataset.setdefault(keyword, usual)
-    try:
-        pixels = np.asarray(dataset.pixel_array)
-    except Exception as error:  # of its decoders
-        if syntax is not None and syntax.is_compressed and not syntax.is_deflated and "RLE" not in syntax.name:
-            require_package("gdcm", extra="dicom")
-        raise unreadable_slice(path) from error
-    samples = int(dataset.get("SamplesPerPixel") or 1)
-    frames = int(dataset.get("NumberOfFrames") or 1)
-    pixels = pixels.reshape(-1, int(dataset.Rows), int(dataset.Columns), samples)
-    return _without_unused_bits(pixels[:frames], dataset)  # what is left over may be padding
-
-
-def _without_unused_bits(pixels: Array, dataset: Dataset) -> Array:
-    """Return the values of the stored bits alone: others may hold overlays, and the sign may not reach into them."""
-    stored = int(dataset.get("BitsStored") or 16)
-    unused = 8 * pixels.itemsize - stored
-    if pixels.dtype.kind == "f" or unused <= 0:
-        return pixels
-    shift = int(dataset.get("HighBit") or stored - 1) + 1 - stored
-    return np.right_shift(np.left_shift(pixels, unused - shift), unused)

@@ -43,7 +43,7 @@ def slices_of(frame: Frame) -> list[Frame]:
     notes = (None if stated else _GUESSED.format(num), None if between else _THICK)
     step = frame.normal * distance * (-1 if normal is not None and frame.normal @ normal < 0 else 1)
     middle = frame.across * (frame.size[0] - size[0]) / 2 + frame.down * (frame.size[1] - size[1]) / 2
-    mosaic = replace(frame, size=size, thickness=distance, notes=notes)
+    mosaic = replace(frame, size=size, thickness=distance, notes=(*frame.notes, *notes), has_place=True)
     corners = [(k % per_side * size[0], k // per_side * size[1]) for k in range(num)]
     return [replace(mosaic, corner=at, position=frame.position + middle + k * step) for k, at in enumerate(corners)]
 

@@ -6,12 +6,25 @@ stands for the file's name. A kind with a pattern and ends of names has both. Th
 
 from __future__ import annotations
 
+import json
+import os
 import re
 from functools import cache
+from itertools import islice
 from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.scene import short_text
+
+# Files of an array of Zarr, of version 2 or 3; the latter may also be a group.
+_ZARR_ARRAYS = (".zarray", "zarr.json")
+# The most folders in which an array of Zarr is searched for, and the most bytes of its description.
+_MAX_ZARR_FOLDERS, _MAX_ZARR_BYTES = 1000, 2**20
+# A name that a shell and Python take as it is, between quotes.
+_PLAIN_NAME = re.compile(r"[\w .+-]{1,200}")
+# How pointers begin; the first bytes tell of which kind they are.
+_POINTERS = (b"version https://git-lfs", b"/annex/objects/")
+_POINTER_BYTES = 64
 
 _Kind = tuple[str, "re.Pattern[bytes] | None", tuple[str, ...], str]
 
@@ -33,6 +46,14 @@ def refuse_bytes(path: Path, start: bytes) -> None:
             raise _foreign(path, what, hint)
 
 
+def refuse_pointer(path: Path) -> None:
+    """Raise InputError for a small text in place of a file, as git-lfs and git-annex keep it until it is fetched."""
+    with path.open("rb") as file:
+        start = file.read(_POINTER_BYTES)
+    if start.startswith(_POINTERS):
+        refuse_bytes(path, start)
+
+
 def refuse_name(path: Path) -> None:
     """Raise InputError for a file whose name alone tells a kind that is not read."""
     for what, pattern, ends, hint in _kinds():
@@ -41,10 +62,44 @@ def refuse_name(path: Path) -> None:
 
 
 def refuse_zarr(path: Path) -> None:
-    """Raise InputError for a folder of Zarr."""
-    if any((path / name).is_file() for name in (".zarray", ".zgroup", "zarr.json")):
-        hint = "`python -c \"import numpy, zarr; numpy.save('volume.npy', zarr.open('FILE/0', mode='r')[:])\"`"
-        raise _foreign(path, "a Zarr array or group", hint)
+    """Raise InputError for a folder of Zarr; the hint names the first array in it."""
+    if not any((path / name).is_file() for name in (*_ZARR_ARRAYS, ".zgroup")):
+        return
+    array = _first_array(path)
+    if array is None:
+        raise _foreign(path, "a Zarr array or group", "no array was found in it: name the folder of one")
+    place = (Path("FILE") / array.relative_to(path)).as_posix()
+    command = f"import numpy, zarr; numpy.save('volume.npy', zarr.open('{short_text(place)}', mode='r')[:])"
+    raise _foreign(path, "a Zarr array or group", f'`python -c "{command}"`')
+
+
+def _first_array(folder: Path) -> Path | None:
+    """Return the array of Zarr nearest to a folder, in natural order: itself, or one below it; None without one."""
+    num_left, folders = _MAX_ZARR_FOLDERS, [folder]
+    while folders and num_left > 0:
+        num_left -= len(folders)
+        found = next((each for each in folders if _is_zarr_array(each)), None)
+        if found is not None:
+            return found
+        folders = [below for each in folders for below in _folders_in(each)]
+    return None
+
+
+def _folders_in(folder: Path) -> list[Path]:
+    """Return the first folders in a folder, in natural order; links are left out."""
+    with os.scandir(folder) as entries:
+        names = [each.name for each in islice(entries, _MAX_ZARR_FOLDERS) if each.is_dir(follow_symlinks=False)]
+    return [folder / name for name in sorted(names, key=lambda name: (len(name), name)) if _PLAIN_NAME.fullmatch(name)]
+
+
+def _is_zarr_array(folder: Path) -> bool:
+    if (folder / ".zarray").is_file():
+        return True
+    try:
+        with (folder / "zarr.json").open("rb") as file:
+            return bool(dict(json.loads(file.read(_MAX_ZARR_BYTES))).get("node_type") == "array")
+    except (OSError, ValueError, TypeError, RecursionError):
+        return False
 
 
 def compressed_error(path: Path, content: str) -> InputError:

@@ -30,7 +30,7 @@ from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.units import units_of
 from renderer.scene import short_text
 from renderer.system import ChildProcesses, describe_exit, open_anonymous_file
-from renderer.volume import Array, Channel
+from renderer.volume import Array, Channel, Label
 
 # The limits of a child: memory, to which voxels and files add, as libraries hold what they have read, what they have
 # decoded, and copies of both; and processor time, to which voxels, the number of files and what they take on the disk
@@ -117,7 +117,9 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
     count, times, unit = answer["steps"]
     steps = TimeSteps(int(count), tuple(float(time) for time in times), "s" if unit == "s" else "")
     units = units_of(*map(str, answer["units"]))
-    return Image(values, world_from_index, tuple(answer["notes"]), nodata, channels, steps=steps, units=units)
+    labels = tuple(_label(*each) for each in answer["labels"])
+    notes = tuple(answer["notes"])
+    return Image(values, world_from_index, notes, nodata, channels, labels=labels, steps=steps, units=units)
 
 
 def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
@@ -130,6 +132,19 @@ def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
         (shade[0], shade[1], shade[2]) if is_color else None,
         (ends[0], ends[1]) if is_window else None,
         None if is_light is None else bool(is_light),
+    )
+
+
+def _label(value: Any, name: Any, color: Any, opacity: Any) -> Label:
+    """Return a label of an answer; a colour and an opacity that are none are left out."""
+    shade = tuple(float(part) for part in color or ())
+    is_color = len(shade) == 3 and all(0 <= part <= 1 for part in shade)
+    is_opacity = opacity is not None and 0 <= float(opacity) <= 1
+    return Label(
+        int(value),
+        str(name),
+        (shade[0], shade[1], shade[2]) if is_color else None,
+        float(opacity) if is_opacity else None,
     )
 
 
@@ -226,6 +241,7 @@ def _main() -> None:
         answer = {name: getattr(image, name) for name in ("notes", "nodata", "steps", "units")}
         answer |= {"shape": image.values.shape, "dtype": image.values.dtype.str}
         answer |= {"world_from_index": image.world_from_index.tolist(), "channels": [*map(astuple, image.channels)]}
+        answer |= {"labels": [*map(astuple, image.labels)]}
         child.send(answer)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
@@ -15,12 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, choose
+from renderer.readers.common import NO_SPACING, Image, affine, choose, scaled
 from renderer.readers.data_files import find_data_files, unquoted
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, add_field, header_lines
 from renderer.readers.units import Units, units_of
+from renderer.scene import short_text
+from renderer.system import number_in
 from renderer.volume import Float64
 
 _INTEGERS = {"CHAR": "int8", "SHORT": "int16", "INT": "int32", "LONG": "int32", "LONG_LONG": "int64"}
@@ -30,6 +33,9 @@ _TYPES |= {"MET_FLOAT": "float32", "MET_DOUBLE": "float64"}
 _SPACINGS = ("ElementSpacing", "ElementSize")
 _ORIGINS = ("Origin", "Position", "Offset")
 _DIRECTIONS = ("Orientation", "Rotation", "TransformMatrix")
+_LETTERS = "AnatomicalOrientation"
+_SCALES = ("ElementToIntensityFunctionSlope", "ElementToIntensityFunctionOffset")
+_KINDS_OF_SPACE = ("domain", "space", "none", "???")
 _BYTE_ORDERS = ("ElementByteOrderMSB", "BinaryDataByteOrderMSB")
 
 STATEMENTS = FormatTable(
@@ -39,6 +45,12 @@ STATEMENTS = FormatTable(
         Statement("Offset", "place", "the place of the first voxel; also called Origin and Position"),
         Statement("TransformMatrix", "place", "the directions of the axes; also called Orientation and Rotation"),
         Statement("DistanceUnits", "meaning", "the unit of lengths"),
+        Statement(_LETTERS, "meaning", "where the axes come from in a body"),
+        Statement("ElementByteOrderMSB", "values", "the order of bytes; also called BinaryDataByteOrderMSB"),
+        Statement("ElementToIntensityFunctionSlope", "values", "a factor of the values"),
+        Statement("ElementToIntensityFunctionOffset", "values", "a number to be added to the values"),
+        Statement("Kinds", "meaning", "whether an axis is space, time, or a list of components"),
+        Statement("CenterOfRotation", "place", "a point around which the axes are turned", is_applied=False),
     ),
 )
 
@@ -50,26 +62,63 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
     """
     fields, layout = read_header(path)
     num_axes = _num_axes(fields)
-    axes = "tsss"[-num_axes:] + "c" * (len(layout.shape) - num_axes)
+    axes = _axes(fields, num_axes)
     note = None if any(name in fields for name in _SPACINGS) else NO_SPACING
     is_plain = layout.parts[0].encoding == "raw" and layout.parts[0].file != path and "HeaderSize" not in fields
     skip = "HeaderSize = -1" if is_plain else None
-    chosen = choose(axes, layout.shape, time, component)
+    chosen = choose(axes[::-1] + "c" * (len(layout.shape) - num_axes), layout.shape, time, component)
     values, left_over = read_stored(layout, chosen, skip)
-    notes = (note, left_over, *chosen.notes)
-    world_from_index = _world_from_index(fields, num_axes)
+    slope, offset = (
+        _words(fields, name, default=str(neutral)).numbers(1)[0] for name, neutral in zip(_SCALES, (1, 0), strict=True)
+    )
+    world_from_index = _world_from_index(fields, axes)
     units = _units(fields, world_from_index)
+    notes = (note, left_over, *chosen.notes, *_notes(fields, axes, world_from_index))
+    values = scaled(values, slope, offset)
     return Image(values, world_from_index, notes, channels=chosen.channels, steps=chosen.steps, units=units)
+
+
+def _axes(fields: dict[str, Field], num_axes: int) -> str:
+    """Return what each axis is, from the fastest to the slowest, by the letters of `choose`.
+
+    The fourth axis is time unless Kinds tell of another one. Two axes in space and one that is not are seen as a
+    volume.
+    """
+    axes = "ssst"[:num_axes]
+    kinds = fields["Kinds"].text.lower().split() if "Kinds" in fields else []
+    others = [k for k, kind in enumerate(kinds) if kind not in _KINDS_OF_SPACE]
+    if num_axes < 4 or len(kinds) != num_axes or len(others) != 1:
+        return axes
+    (other,) = others
+    is_time = kinds[other] == "time" or other == num_axes - 1
+    return "s" * other + ("t" if is_time else "c") + "s" * (num_axes - 1 - other)
+
+
+def _notes(fields: dict[str, Field], axes: str, world_from_index: Float64) -> Iterator[str | None]:
+    """Yield notes on what the file states beside the voxels."""
+    center = fields["CenterOfRotation"].text.split() if "CenterOfRotation" in fields else []
+    is_turned = bool(np.count_nonzero(world_from_index[:3, :3] - np.diag(np.diag(world_from_index[:3, :3]))))
+    yield STATEMENTS.note({"CenterOfRotation"} if is_turned and any(map(number_in, center)) else ())
+    letters = fields[_LETTERS].text if _LETTERS in fields else ""
+    if letters.strip("?") and letters.upper() != _code(world_from_index):
+        yield f"its {_LETTERS} is {short_text(letters)}, which does not fit its directions; these count"
+    kinds = fields["Kinds"].text.lower().split() if "Kinds" in fields else []
+    if kinds and sum(kind not in _KINDS_OF_SPACE for kind in kinds) != len(axes.replace("s", "")):
+        yield f"the kinds of its axes are {short_text(' '.join(kinds))}; they are seen as a volume"
 
 
 def _units(fields: dict[str, Field], world_from_index: Float64) -> Units:
     """Return the unit of lengths, and axes of a body where the letters from which the index axes come fit the
     directions."""
+    length, letters = (fields[name].text if name in fields else "" for name in ("DistanceUnits", _LETTERS))
+    return units_of(length.strip("?"), "LPS" * (letters.upper() == _code(world_from_index)))
+
+
+def _code(world_from_index: Float64) -> str:
+    """Return the letters of where the index axes come from in a body, such as RAI."""
     columns = world_from_index[:3, :3].T
     along = np.abs(columns).argmax(axis=1)
-    code = "".join("RAILPS"[k + 3 * bool(column[k] < 0)] for k, column in zip(along, columns, strict=True))
-    texts = {name: fields[name].text if name in fields else "" for name in ("DistanceUnits", "AnatomicalOrientation")}
-    return units_of(texts["DistanceUnits"].strip("?"), "LPS" * (texts["AnatomicalOrientation"].upper() == code))
+    return "".join("RAILPS"[k + 3 * bool(column[k] < 0)] for k, column in zip(along, columns, strict=True))
 
 
 def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
@@ -92,12 +141,6 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     kind = fields["ElementType"].text.removesuffix("_ARRAY")
     if kind not in _TYPES:
         raise fields["ElementType"].error(", ".join(_TYPES), "save it again in another type")
-    for name, neutral in (("ElementToIntensityFunctionSlope", 1), ("ElementToIntensityFunctionOffset", 0)):
-        if _words(fields, name, default=str(neutral)).numbers(1) != [neutral]:
-            raise fields[name].error(
-                f"{neutral}, as voxels that are to be scaled cannot be read",
-                "correct that line to have the values as they are in the file, or save scaled ones",
-            )
     is_big = any(_is_true(fields, name, default=False) for name in _BYTE_ORDERS)
     dtype = np.dtype(_TYPES[kind]).newbyteorder(">" if is_big else "<")
     data_file = unquoted(path, fields["ElementDataFile"].text)
@@ -105,7 +148,7 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     if data_file.upper() != "LOCAL":
         files, num_split = find_data_files(path, data_file, listed, space)
         begin = 0
-    num_bytes = math.prod(shape[num_split:]) * dtype.itemsize
+    num_bytes = math.prod(shape) * dtype.itemsize // len(files)
     parts = tuple(_part(fields, file, num_bytes, begin) for file in files)
     return fields, Layout(dtype, shape, parts, num_split)
 
@@ -131,16 +174,17 @@ def _part(fields: dict[str, Field], file: Path, num_bytes: int, begin: int) -> S
     return StoredVoxels(file, begin or offset, encoding, num_encoded=num_compressed or None, has_rest=has_rest)
 
 
-def _world_from_index(fields: dict[str, Field], num_axes: int) -> Float64:
-    """Return the affine, float64 [4, 4]; a plane lies at z = 0, and a time axis is left out."""
-    num_space = min(num_axes, 3)
+def _world_from_index(fields: dict[str, Field], axes: str) -> Float64:
+    """Return the affine, float64 [4, 4]; a plane lies at z = 0, and axes that are not in space are left out."""
+    num_axes, space = len(axes), [k for k, letter in enumerate(axes) if letter == "s"]
+    num_space = len(space)
     spacing, origin, direction = np.ones(3), np.zeros(3), np.eye(3)
     for target, names, default in ((spacing, _SPACINGS, "1 "), (origin, _ORIGINS, "0 ")):
         numbers = _words(fields, *names, count=num_axes, default=default * num_axes).numbers(num_axes)
-        target[:num_space] = numbers[:num_space]
+        target[:num_space] = np.array(numbers)[space]
     default = " ".join(map(str, np.eye(num_axes).ravel()))
     rows = _words(fields, *_DIRECTIONS, count=num_axes**2, default=default).numbers(num_axes**2)
-    direction[:num_space, :num_space] = np.reshape(rows, (num_axes, num_axes))[:num_space, :num_space].T
+    direction[:num_space, :num_space] = np.reshape(rows, (num_axes, num_axes))[np.ix_(space, space)].T
     return affine(spacing, origin, direction)
 
 

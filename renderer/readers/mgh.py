@@ -1,12 +1,17 @@
 """Read FreeSurfer's MGH (.mgh, .mgz): a big-endian header of fixed length, and voxels behind it, x fastest.
 
 Format: https://surfer.nmr.mgh.harvard.edu/fswiki/FsTutorial/MghFormat. RAS becomes LPS. The header gives the position
-of the middle of the volume, voxel `size / 2`. Frames are time steps. What follows the voxels is never read.
+of the middle of the volume, voxel `size / 2`. Frames are time steps. Of what follows the voxels, only the time between
+frames is read.
 """
 
 from __future__ import annotations
 
+import gzip
+import math
 import struct
+import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +19,8 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import Image, affine, choose, in_lps
 from renderer.readers.sniff import read_start
+from renderer.readers.statements import FormatTable, Statement
+from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units
 from renderer.volume import Float64
@@ -22,6 +29,17 @@ from renderer.volume import Float64
 _HEADER = struct.Struct(">7ih15f")
 _NUM_HEADER_BYTES = 284
 _TYPES = {0: ">u1", 1: ">i4", 3: ">f4", 4: ">i2", 10: ">u2"}
+
+STATEMENTS = FormatTable(
+    "MGH",
+    (
+        Statement("delta", "place", "the sizes of voxels"),
+        Statement("Mdc", "place", "the directions of the axes"),
+        Statement("Pxyz_c", "place", "the place of the middle"),
+        Statement("goodRASFlag", "place", "whether sizes, directions and place are given"),
+        Statement("tr", "meaning", "the time between frames, behind the voxels"),
+    ),
+)
 
 # The place of a volume whose flag is 0, as the format has it: coronal slices, 1 mm.
 _CORONAL = (*(1.0, 1.0, 1.0), *(-1.0, 0.0, 0.0), *(0.0, 0.0, -1.0), *(0.0, 1.0, 0.0), *(0.0, 0.0, 0.0))
@@ -46,7 +64,21 @@ def read_mgh(path: Path, time: int | None, component: int | None) -> Image:
     ras_from_index = _ras_from_index(sizes[:3], _HEADER.unpack(start)[8:] if flag > 0 else _CORONAL)
     notes = (None if flag > 0 else _NO_PLACE, *chosen.notes)
     units = Units("mm", "LPS") if flag > 0 else Units()
-    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes, steps=chosen.steps, units=units)
+    steps = _steps(part, sizes[3], math.prod(shape) * values.itemsize)
+    return Image(values, in_lps(ras_from_index, (-1.0, -1.0, 1.0)), notes, steps=steps, units=units)
+
+
+def _steps(part: StoredVoxels, count: int, num_bytes: int) -> TimeSteps:
+    """Return the steps in time by what follows the voxels: first of all milliseconds between two of them."""
+    if count == 1:
+        return TimeSteps(count)
+    content = b""
+    read = gzip.open if part.encoding == "deflate" else open
+    with suppress(EOFError, OSError, zlib.error), read(part.file, "rb") as opened:  # there may be nothing
+        opened.seek(_NUM_HEADER_BYTES + num_bytes)
+        content = opened.read(4)
+    step = float(str(np.frombuffer(content, ">f4")[0])) if len(content) == 4 else 0.0
+    return even_steps_at(count, step, "ms") if step > 0 else TimeSteps(count)
 
 
 def _ras_from_index(sizes: list[int], place: tuple[float, ...]) -> Float64:

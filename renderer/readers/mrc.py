@@ -15,6 +15,7 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.readers.common import NO_SPACING, Image, affine, choose
 from renderer.readers.sniff import MRC_MARK, read_start
+from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units
 from renderer.volume import Array, Float64
@@ -25,6 +26,28 @@ _FIELDS = np.dtype([
     ("axes", "3i4"), ("least", "f4"), ("largest", "f4"), ("mean", "f4"), ("space_group", "i4"), ("extension", "i4"),
     ("others", "V56"), ("imod", "i4"), ("flags", "i4"), ("numbers", "V36"), ("origin", "3f4"), ("mark", "S3"),
 ])  # fmt: skip
+STATEMENTS = FormatTable(
+    "MRC and CCP4",
+    (
+        Statement(
+            "mapc", "place", "the axes of the cell that columns, rows and sections run along; also mapr and maps"
+        ),
+        Statement("cella", "place", "the lengths of the cell"),
+        Statement("mx", "place", "the number of samples along the cell; also my and mz"),
+        Statement("cellb", "place", "the angles of the cell"),
+        Statement("origin", "place", "the place of the first voxel"),
+        Statement("nxstart", "place", "the number of the first voxel, if there is no origin; also nystart and nzstart"),
+        Statement("ispg", "meaning", "whether it is a stack of volumes"),
+        Statement("imodFlags", "values", "whether bytes have a sign, of IMOD"),
+        Statement("dmax", "values", "the largest value, by which bytes of other programs have a sign or none"),
+        Statement("lskflg", "place", "a skew of the world, of CCP4", is_applied=False),
+    ),
+)
+
+# Of the standard of 2014, which has other fields in place of the skew.
+_VERSIONS = range(20140, 20150)
+_SKEW = np.dtype([("flag", "i4"), ("matrix", "9f4"), ("shift", "3f4"), ("rest", "V4")])
+_VERSION = slice(12, 16)
 _IMOD, _HAS_SIGNED_BYTES = 1146047817, 1
 _TYPES = {0: "i1", 1: "i2", 2: "f4", 6: "u2", 12: "f2"}
 _OTHER_TYPES = {3: "complex integers", 4: "complex floats", 16: "colours of three bytes", 101: "integers of four bits"}
@@ -64,8 +87,17 @@ def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
     world_from_index = affine(spacing[columns], header["origin"], _cell(header["angles"])[:, columns])
     if not header["origin"].any() or header["mark"] != MRC_MARK:  # older headers have no origin
         world_from_index[:3, 3] = world_from_index[:3, :3] @ header["first"]
-    notes = (None if has_spacing else NO_SPACING, left_over, *chosen.notes)
+    unapplied = {"lskflg"} if _is_skewed(header["others"].tobytes(), order) else ()
+    notes = (None if has_spacing else NO_SPACING, left_over, *chosen.notes, STATEMENTS.note(unapplied))
     return Image(values, world_from_index, notes, steps=chosen.steps, units=Units("Å" if has_spacing else ""))
+
+
+def _is_skewed(others: bytes, order: Literal["<", ">"]) -> bool:
+    """Return whether a header of CCP4 has a skew that changes places. others: the fields behind the extension."""
+    version = int.from_bytes(others[_VERSION], "little" if order == "<" else "big")
+    skew = np.frombuffer(others, _SKEW.newbyteorder(order), 1)[0]
+    is_neutral = np.array_equal(skew["matrix"].reshape(3, 3), np.eye(3)) and not skew["shift"].any()
+    return skew["flag"] == 1 and version not in _VERSIONS and not is_neutral
 
 
 def _cell(angles: Array) -> Float64:

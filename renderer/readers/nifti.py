@@ -16,6 +16,7 @@ import math
 import re
 import struct
 import zlib
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -25,11 +26,15 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.looks import MAX_LOOK_BYTES, read_extension
 from renderer.readers import common
+from renderer.readers.data_files import named_file
+from renderer.readers.foreign import refuse_pointer
 from renderer.readers.sniff import read_start
+from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units, units_of
-from renderer.volume import Array, Float64, Label
+from renderer.scene import short_text
+from renderer.volume import Float64, Label
 
 # The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
 _NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540
@@ -42,9 +47,76 @@ _ANALYZE = (
     "standard says"
 )
 
+STATEMENTS = FormatTable(
+    "NIfTI and Analyze",
+    (
+        Statement("sform_code", "place", "whether srow_x, srow_y and srow_z place the voxels"),
+        Statement("qform_code", "place", "whether a quaternion places the voxels, if there is no sform"),
+        Statement("qfac", "place", "whether the third axis is turned over, in pixdim[0]"),
+        Statement("pixdim", "place", "the sizes of voxels"),
+        Statement("scl_slope", "values", "a factor of the values"),
+        Statement("scl_inter", "values", "a number to be added to the values"),
+        Statement("xyzt_units", "meaning", "the units of lengths and of the fourth axis"),
+        Statement("toffset", "meaning", "the time of the first step"),
+        Statement("intent_code", "meaning", "what the values are: labels, a statistic, the components of a vector"),
+        Statement("intent_p1", "meaning", "a parameter of a statistic; so are intent_p2 and intent_p3"),
+        Statement("intent_name", "meaning", "a name of the values"),
+        Statement("extensions", "meaning", "names and colours of labels"),
+        Statement("cal_min", "meaning", "the value that is shown as black", is_applied=False),
+        Statement("cal_max", "meaning", "the value that is shown as white", is_applied=False),
+        Statement("slice_code", "meaning", "the order in which slices were taken", is_applied=False),
+        Statement("slice_duration", "meaning", "the time between slices", is_applied=False),
+        Statement("funused1", "values", "a factor of the values, of SPM in Analyze"),
+        Statement("originator", "place", "the origin, of SPM in Analyze"),
+        Statement("vox_units", "meaning", "the unit of lengths in Analyze"),
+        Statement("cal_units", "meaning", "the unit of values in Analyze"),
+        Statement("orient", "place", "which way the slices of Analyze lie", is_applied=False),
+    ),
+)
+
+# What values and their components are, by the code of the intent.
+_INTENTS = {
+    2: "correlations",
+    3: "t statistics",
+    4: "F statistics",
+    5: "z scores",
+    6: "chi-squared statistics",
+    22: "p values",
+    23: "logarithms of p values",
+    24: "decimal logarithms of p values",
+    1001: "estimates",
+    1003: "names of brain regions",
+    1004: "matrices",
+    1005: "symmetric matrices",
+    1006: "displacements",
+    1007: "vectors",
+    1008: "points",
+    1009: "triangles",
+    1010: "quaternions",
+    1011: "values without a unit",
+    2001: "time series",
+    2003: "colours",
+    2004: "colours",
+    2005: "shapes",
+}
+_NO_INTENTS = (0, 1002)  # none, and labels
+_COMPONENTS = {
+    1005: "xx yx yy zx zy zz",
+    1006: "x y z",
+    1007: "x y z",
+    1010: "w x y z",
+    2003: "R G B",
+    2004: "R G B A",
+}
+# Units of the fourth axis that are none of time.
+_OTHER_UNITS = {32: "Hz", 40: "ppm", 48: "rad/s"}
+
 # The intent of labels; with colours of four bytes, it is a probabilistic atlas as niivue has it.
 _LABEL = 1002
 _ATLAS = ("label", "second label", "probability", "second probability")
+
+# Affines that differ by less than this part of a voxel are the same: qform and sform are rounded in different ways.
+_SAME_PLACE = 0.1
 
 _LENGTH_UNITS = {1: "m", 2: "mm", 3: "µm"}
 # Of the fourth axis; no unit may be one of time.
@@ -81,8 +153,9 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> common.Im
     offset = int(header["vox_offset"])
     part = StoredVoxels(data_file or header_file, 0, "deflate" if is_compressed else "raw", offset, has_rest=True)
     layout, names = Layout(dtype, shape[4::-1], (part,)), fields or ()
-    if len(names) == 4 and header["intent_code"] == _LABEL:
-        names = _ATLAS
+    if not _is_analyze(header):
+        intent = int(header["intent_code"])
+        names = _ATLAS if len(names) == 4 and intent == _LABEL else names or tuple(_COMPONENTS.get(intent, "").split())
     chosen = common.choose("ctsss", (len(names) or shape[4], *layout.shape[1:]), time, component, names)
     values, left_over = read_stored(layout, chosen._replace(part=(0, *chosen.part[1:])) if fields else chosen)
     values = values[fields[chosen.component]] if fields else values
@@ -91,18 +164,50 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> common.Im
     except ValueError as error:  # the quaternion is not a rotation
         raise common.unreadable_error(error) from error
     slope, intercept = header.get_slope_inter()
-    if slope is not None and (slope, intercept) != (1.0, 0.0):
-        values = _scaled(values, slope, intercept or 0.0)
-    notes += [*[_ANALYZE] * _is_analyze(header), left_over, *chosen.notes]
+    if slope is not None:
+        values = common.scaled(values, slope, intercept or 0.0)
+    notes += [*[_ANALYZE] * _is_analyze(header), left_over, *chosen.notes, *_statements(header)]
     has_extensions = data_file is None and start[len(header.binaryblock) :][:1] not in (b"", b"\0")
     labels, wrong = common.labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
     world_from_index = common.in_lps(ras_from_index, (-1.0, -1.0, 1.0))
     all_notes, steps = (*notes, wrong), _steps(header, shape[3])
     if _is_analyze(header):
-        units = units_of(header["vox_units"].item().decode("latin-1") or "mm")
+        length, value = (header[name].item().decode("latin-1") for name in ("vox_units", "cal_units"))
+        units = units_of(length or "mm", "", value)
     else:
         units = Units(_LENGTH_UNITS.get(int(header["xyzt_units"]) & 0b111, ""), axes)
     return common.Image(values, world_from_index, all_notes, (), chosen.channels, labels, steps, units)
+
+
+def _statements(header: _Header) -> Iterator[str | None]:
+    """Yield notes on what the header states beside the voxels."""
+    found = {name for name in header.keys() if np.any(header[name])} & {each.field for each in STATEMENTS.statements}  # noqa: SIM118
+    if _is_analyze(header):
+        yield STATEMENTS.note(found & {"cal_min", "cal_max", "orient"})
+        return
+    yield STATEMENTS.note(found)
+    intent = int(header["intent_code"])
+    if intent not in _NO_INTENTS:
+        parameters = [f"{number:g}" for k in (1, 2, 3) if (number := float(header[f"intent_p{k}"]))]
+        words = _INTENTS.get(intent, "of a kind that is not known here")
+        yield f"its values are {words} ({', '.join([f'intent_code {intent}', *parameters])})"
+    if name := header["intent_name"].item().decode("latin-1").strip():
+        yield f"its values are called {short_text(name)}"
+    if unit := _OTHER_UNITS.get(int(header["xyzt_units"]) & 0b111000):
+        yield f"its fourth axis is in {unit} and no time"
+    if {"sform_code", "qform_code"} <= found and _places_differ(header):
+        yield "its qform gives the voxels another place than its sform, which counts"
+
+
+def _places_differ(header: _Header) -> bool:
+    """Return whether both affines are there, and place a corner of the volume in another voxel."""
+    sform, qform = header.get_sform(), header.get_qform()
+    if not (common.has_volume(sform) and common.has_volume(qform)):
+        return False
+    corner = np.array([*header["dim"][1:4], 1.0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        moved = np.abs(np.linalg.solve(sform, (qform - sform) @ np.stack([corner, [0.0, 0.0, 0.0, 1.0]], axis=1)))
+    return bool(moved.max() > _SAME_PLACE)
 
 
 def _steps(header: _Header, count: int) -> TimeSteps:
@@ -139,13 +244,15 @@ def find_pair(path: Path) -> tuple[Path, Path | None]:
     if pair is None:
         return path, None
     start, name, end = pair[1], pair[2], pair[3] or ""
-    header, data = (path.with_name(start + (each.upper() if name.isupper() else each) + end) for each in ("hdr", "img"))
+    names = (start + (each.upper() if name.isupper() else each) + end for each in ("hdr", "img"))
+    header, data = (named_file(path, each) for each in names)
     common.require_exists(header)
     if not data.is_file():
         raise InputError(
             "the data file that belongs to this header is not there", where=str(header), expected=f"a file {data}"
         )
-    return header, common.require_exists(data)
+    refuse_pointer(common.require_exists(data))
+    return header, data
 
 
 def _header(start: bytes, path: Path, *, is_single: bool) -> tuple[_Header, list[str | None]]:
@@ -220,15 +327,6 @@ def _check_offset_and_slope(header: _Header, least: int) -> None:
             expected="a finite number, or 0 for values as they are stored",
             hint="correct the header, or save the file again",
         )
-
-
-def _scaled(values: Array, slope: float, intercept: float) -> Array:
-    exact_in_single = values.dtype.itemsize <= 2 or values.dtype.newbyteorder("=") == np.float32
-    scaled = np.empty(values.shape, np.float32 if exact_in_single else np.float64)
-    with np.errstate(over="ignore", invalid="ignore"):  # too large values become infinite, and are refused later
-        for plane, target in zip(values, scaled, strict=True):  # the float64 product needs no second volume
-            target[...] = plane.astype(np.float64) * slope + intercept
-    return scaled
 
 
 def _is_analyze(header: _Header) -> bool:

@@ -6,8 +6,8 @@ voxels have. Voxels of an integer type become floats that hold all of its number
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Literal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, Literal
 
 import numpy as np
 
@@ -44,17 +44,23 @@ def mark_absent(
     nodata: Literal["auto", "none"] | tuple[float, ...],
     declared: Ranges,
     first_xyz: tuple[int, ...],
+    elsewhere: Sequence[float] = (),
 ) -> tuple[Array, int, str | None]:
     """Return the values with NaN where there is no data, the number of such voxels, and a note on them.
 
     nodata: as in VolumeSpec. declared: by the file. first_xyz: the number of the first voxel in messages.
+    elsewhere: fill values of other steps in time, which few voxels of this one may have.
     Values that are mapped from a file are copied before any is replaced. Raises InputError where no voxel has data, and
     with `none` for NaN and infinities.
     """
     if nodata == "none":
         _require_finite(values, file, first_xyz)
         return values, 0, None
-    points = _find_fill_values(values, file) if nodata == "auto" else nodata
+    if nodata == "auto":
+        own = find_fill_values(values, file)
+        points = (*own, *_beyond_data(values, [each for each in elsewhere if each not in own], own))
+    else:
+        points = nodata
     ranges = [*(declared if nodata == "auto" else ()), *((point, point) for point in points)]
     if values.dtype.kind != "f" and not ranges:
         return values, 0, None
@@ -125,13 +131,36 @@ def _are_absent(values: Array, ranges: Ranges) -> Bools:
     return absent
 
 
+def with_nan_where(
+    values: Array, are_absent: Bools, allocate: Callable[[tuple[int, ...], np.dtype[Any]], Array]
+) -> Array:
+    """Return the values as floats, with NaN where they are absent: those of floats are changed themselves.
+
+    allocate: returns an array for others of a shape and a type, which may lie where the values lie.
+    """
+    dtype = _float_type(values.dtype, (plane[~absent] for plane, absent in zip(values, are_absent, strict=True)))
+    marked = values
+    if dtype != values.dtype:
+        check_memory(values.nbytes)
+        stored = values.copy()
+        marked = allocate(values.shape, dtype)
+        marked[...] = stored
+    marked[are_absent] = np.nan
+    return marked
+
+
+def _float_type(dtype: np.dtype[Any], data: Iterable[Array]) -> np.dtype[Any]:
+    """Return the smallest type of floats that has all values of some data of a type."""
+    wide: np.dtype[Any] = np.promote_types(dtype, np.float16)
+    if dtype.kind in "iu" and wide == np.float64:
+        ends = (max(-int(some.min(initial=0)), int(some.max(initial=0))) for some in data)
+        return np.dtype(np.float32) if all(end < _FLOAT32_INTEGERS for end in ends) else wide
+    return wide
+
+
 def _with_nan(values: Array, ranges: Ranges) -> Array:
     """Return the values as floats, with NaN where they are absent; a copy unless they may be written to."""
-    dtype, marked = np.promote_types(values.dtype, np.float16), values
-    if values.dtype.kind in "iu" and dtype == np.float64:
-        data = (plane[~_are_absent(plane, ranges)] for plane in values)
-        if all(max(-int(some.min(initial=0)), int(some.max(initial=0))) < _FLOAT32_INTEGERS for some in data):
-            dtype = np.dtype(np.float32)
+    dtype, marked = _float_type(values.dtype, (plane[~_are_absent(plane, ranges)] for plane in values)), values
     if dtype != values.dtype or not values.flags.writeable:
         check_memory(values.size * dtype.itemsize)
         marked = np.empty(values.shape, dtype)
@@ -143,13 +172,27 @@ def _with_nan(values: Array, ranges: Ranges) -> Array:
     return marked
 
 
-def _find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...]:
+def _beyond_data(values: Array, points: Sequence[float], own: Sequence[float]) -> list[float]:
+    """Return those fill values of other steps that lie beyond the values of this one. own: its fill values."""
+    sample = _sampled(values)
+    sample = sample[np.isfinite(sample) & ~np.isin(sample, [*points, *own])]
+    if not points or not sample.size:
+        return []
+    low, high = np.quantile(sample, (_OUTERMOST, 1 - _OUTERMOST), method="nearest").tolist()
+    return [point for point in points if not low <= point <= high]
+
+
+def _sampled(values: Array) -> Float64:
+    """Return values at random places: those of a regular pattern may have one x."""
+    places = np.random.default_rng(0).integers(values.size, size=_NUM_SAMPLES)
+    return np.asarray(values.reshape(-1)[np.sort(places)], np.float64)
+
+
+def find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...]:
     """Return the fill values, judging by the values alone, ascending; bytes have none."""
     if values.dtype.itemsize == 1:
         return ()
-    # At random places: those of a regular pattern may have one x.
-    places = np.random.default_rng(0).integers(values.size, size=_NUM_SAMPLES)
-    sample = values.reshape(-1)[np.sort(places)].astype(np.float64)
+    sample = _sampled(values)
     extremes = [end for slab in _finite_slabs(values, file) for end in (float(slab.min()), float(slab.max()))]
     sample = np.concatenate([sample[np.isfinite(sample)], [min(extremes), max(extremes)] if extremes else []])
     distinct, counts = np.unique(sample, return_counts=True)

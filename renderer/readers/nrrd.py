@@ -9,21 +9,49 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.looks import LookFile, make_labels
 from renderer.readers import common
 from renderer.readers.data_files import find_data_files
+from renderer.readers.segments import join_layers, labels_of_layer, segments_of_slicer
+from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
 from renderer.readers.units import Units, units_of
 from renderer.scene import did_you_mean, format_value
-from renderer.volume import Float64, Label
+from renderer.volume import Array, Channel, Float64, Label
+
+STATEMENTS = FormatTable(
+    "NRRD",
+    (
+        Statement("space", "place", "the axes of the world, such as those of a body; left-handed ones are turned over"),
+        Statement("space directions", "place", "the directions and steps of the axes"),
+        Statement("space origin", "place", "the place of the first sample"),
+        Statement("spacings", "place", "the distance of samples"),
+        Statement("axis mins", "place", "where an axis begins"),
+        Statement("axis maxs", "place", "where an axis ends"),
+        Statement("centers", "place", "whether samples lie in the middle of their step or at its ends"),
+        Statement("endian", "values", "the order of bytes"),
+        Statement(
+            "kinds", "meaning", "what each axis is: space, time, or the components of a colour, a vector, a matrix"
+        ),
+        Statement("units", "meaning", "the unit of each axis"),
+        Statement("space units", "meaning", "the unit of lengths"),
+        Statement("sample units", "meaning", "the unit of values"),
+        Statement("Segment", "meaning", "names, colours, values and layers of the segments of 3D Slicer"),
+        Statement("measurement frame", "meaning", "the directions of the components of vectors", is_applied=False),
+        Statement("thicknesses", "place", "the thickness of samples", is_applied=False),
+        Statement("labels", "meaning", "the names of axes", is_applied=False),
+        Statement("old min", "values", "the value of the smallest number before quantization", is_applied=False),
+        Statement("old max", "values", "the value of the largest number before quantization", is_applied=False),
+    ),
+)
 
 _MAX_AXES = 16  # of the format
 _MAX_LISTED = 10
@@ -61,10 +89,26 @@ _SPACES = {
     "left-posterior-superior": (1.0, 1.0, 1.0),
 }
 _SPACES |= {"".join(word[0] for word in name.split("-")): factors for name, factors in _SPACES.items()}
-_SPACES |= dict.fromkeys(("scanner-xyz", "3d-right-handed", "3d-left-handed"), (1.0, 1.0, 1.0))
+_SPACES |= dict.fromkeys(("scanner-xyz", "3d-right-handed"), (1.0, 1.0, 1.0)) | {"3d-left-handed": (1.0, 1.0, -1.0)}
 _SPACES |= {name + ("-time" if "-" in name else "t"): factors for name, factors in _SPACES.items()}
 # What 3D Slicer writes of each segment, as keys of its own.
 _SEGMENT = re.compile(r"(Segment\d{1,9}_(?:Name|LabelValue|Color|Layer)):=(.*)")
+# Without its place in a body, a left-handed space may be turned over along any axis.
+_LEFT_HANDED = "its space is left-handed, and the world is not: z is turned over, so that nothing is mirrored"
+# Names of components by the kind of their axis, without a mask, which comes first.
+_COMPONENTS = {
+    "complex": "real imaginary",
+    "quaternion": "w x y z",
+    "2-vector": "x y",
+    "3-vector": "x y z",
+    "4-vector": "x y z w",
+    "3-gradient": "x y z",
+    "3-normal": "x y z",
+    "2d-symmetric-matrix": "xx xy yy",
+    "2d-matrix": "xx xy yx yy",
+    "3d-symmetric-matrix": "xx xy xz yy yz zz",
+    "3d-matrix": "xx xy xz yx yy yz zx zy zz",
+}
 _CENTERS = ("cell", "node", *_UNKNOWN_KINDS)
 _VECTOR = re.compile(r"\(([^()]*)\)|none", re.IGNORECASE)
 
@@ -86,16 +130,71 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> common.Ima
             expected=f"`time: k` with k from 0 to {layout.shape[0] - 1} if the last one is time",
             hint="if the first one holds components, add a line `kinds: list domain domain domain`",
         )
-    skip = "byte skip: -1" if layout.parts[0].encoding == "raw" else "byte skip: {}"
-    has_skip = bool({"byteskip", "lineskip"} & fields.keys())
-    colours = "".join(re.findall(r"([a-z]+)-color", " ".join(kinds))).upper()  # RGB of rgb-color
-    chosen = common.choose(axes[::-1], layout.shape, time, component, colours)
-    values, left_over = read_stored(layout, chosen, None if has_skip else skip)
-    labels, wrong = common.labels_or_note(lambda: _segments(path, fields, len(chosen.channels), chosen.component))
-    notes = (None if has_spacing else common.NO_SPACING, left_over, *chosen.notes, wrong)
+    voxels = _read_voxels(path, fields, layout, axes, (time, component))
+    guessed = None if has_spacing else common.NO_SPACING
+    left_handed = _LEFT_HANDED if "space" in fields and _is_left_handed(fields["space"]) else None
+    notes = (guessed, left_handed, *voxels.notes, STATEMENTS.note(_unapplied(fields, axes)))
     steps = _steps(fields, axes, layout.shape[::-1])
     units = _units(fields, axes, has_directions=bool(directions))
-    return common.Image(values, world_from_index, notes, (), chosen.channels, labels, steps, units)
+    return common.Image(voxels.values, world_from_index, notes, (), voxels.channels, voxels.labels, steps, units)
+
+
+class _Voxels(NamedTuple):
+    """The voxels that are drawn, what is known of components and labels, and notes."""
+
+    values: Array
+    channels: tuple[Channel, ...]
+    labels: tuple[Label, ...]
+    notes: tuple[str | None, ...]
+
+
+def _read_voxels(
+    path: Path, fields: dict[str, Field], layout: Layout, axes: str, wanted: tuple[int | None, int | None]
+) -> _Voxels:
+    """Read one time step and component; of segments in several layers all, unless a component is wanted."""
+    time, component = wanted
+    num_layers = dict(zip(axes[::-1], layout.shape, strict=True)).get("c", 1)
+    segments, wrong = common.labels_or_note(lambda: segments_of_slicer(path, _segment_keys(fields), num_layers))
+    if segments and component is None and num_layers > 1:
+        chosen = common.choose(axes[::-1], layout.shape, time, 0)
+        layers, left_over = _read_layers(layout, chosen, axes[::-1])
+        values, about = join_layers(layers, segments)
+        labels = tuple(each.label for each in segments)
+        return _Voxels(values, (), labels, (left_over, *chosen.notes, about))
+    skip = None if {"byteskip", "lineskip"} & fields.keys() else "byte skip: {}"
+    if skip and layout.parts[0].encoding == "raw":
+        skip = "byte skip: -1"
+    chosen = common.choose(axes[::-1], layout.shape, time, component, _component_names(fields, axes))
+    values, left_over = read_stored(layout, chosen, skip)
+    labels, others = labels_of_layer(segments, chosen.component)
+    return _Voxels(values, chosen.channels, labels, (left_over, *chosen.notes, wrong, others))
+
+
+def _component_names(fields: dict[str, Field], axes: str) -> Sequence[str]:
+    """Return the names of components by the kind of their axis: `RGB` of rgb-color; none where it has none."""
+    kinds = fields["kinds"].text.lower().split() if "kinds" in fields else []
+    kind = kinds[axes.index("c")] if kinds and "c" in axes else ""
+    color, is_color, _ = kind.partition("-color")
+    if is_color and color.isalpha():
+        return color.upper()
+    plain = kind.replace("masked-", "")
+    return [*["mask"] * (plain != kind), *_COMPONENTS.get(plain, "").split()]
+
+
+def _unapplied(fields: dict[str, Field], axes: str) -> set[str]:
+    """Return the fields that have an effect which is not applied, as STATEMENTS names them."""
+    found = {each.field for each in STATEMENTS.statements if each.field.replace(" ", "") in fields}
+    if "thicknesses" in found and not any(map(math.isfinite, _axis_numbers(fields, "thicknesses", len(axes)))):
+        found.remove("thicknesses")
+    if "labels" in found:
+        words = [
+            label.strip().lower() for label, axis in zip(_quoted(fields, "labels"), axes, strict=False) if axis == "s"
+        ]
+        found -= {"labels"} if not any(words) or words == [*"xyz"][: len(words)] else set()
+    if "measurement frame" in found:
+        frame = [vector for vector in _vectors(fields["measurementframe"], None) if vector is not None]
+        found -= {"measurement frame"} if not frame or np.array_equal(frame, np.eye(3)[: len(frame)]) else set()
+    return found
 
 
 def _units(fields: dict[str, Field], axes: str, *, has_directions: bool) -> Units:
@@ -106,6 +205,10 @@ def _units(fields: dict[str, Field], axes: str, *, has_directions: bool) -> Unit
     is_body = has_directions and space.startswith(("right", "left", "ras", "las", "lps"))
     value = fields["sampleunits"].text.strip('" ') if "sampleunits" in fields else ""
     return units_of(lengths.pop() if len(lengths) == 1 else "", "LPS" * is_body, value)
+
+
+def _is_left_handed(space: Field) -> bool:
+    return space.text.lower().startswith("3d-left-handed")
 
 
 def _quoted(fields: dict[str, Field], name: str) -> list[str]:
@@ -146,21 +249,21 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
     if "datafile" in fields:
         files, num_split = find_data_files(path, fields["datafile"].text, listed, shape)
         offset = 0
-    num_bytes = dtype.itemsize * math.prod(shape[num_split:])
+    num_bytes = dtype.itemsize * math.prod(shape) // len(files)
     parts = tuple(_part(fields, file, offset, encoding, num_bytes) for file in files)
     return fields, Layout(dtype, shape, parts, num_split)
 
 
-def _segments(path: Path, fields: dict[str, Field], num_layers: int, layer: int) -> tuple[Label, ...]:
-    """Return the segments in one layer; the k-th is 1 in layer k if the file says neither, as older ones do."""
-    file = LookFile(path, b"", "segments of 3D Slicer")
-    texts = {name: field.text.strip() for name, field in fields.items() if name.startswith("Segment")}
-    names = sorted({name.partition("_")[0] for name in texts}, key=lambda name: int(name[7:]))
-    rows = [(each, texts.get(f"{each}_LabelValue", "1"), texts.get(f"{each}_Name", ""),
-             *texts.get(f"{each}_Color", "").split())
-            for each in names
-            if file.number(texts.get(f"{each}_Layer", each[7:] if num_layers else 0), each) == layer]  # fmt: skip
-    return make_labels(file, rows, 1.0) if rows else ()
+def _segment_keys(fields: dict[str, Field]) -> dict[str, str]:
+    return {name: field.text.strip() for name, field in fields.items() if name.startswith("Segment")}
+
+
+def _read_layers(layout: Layout, chosen: common.Chosen, axes: str) -> tuple[Array, str | None]:
+    """Return all components of a step, [component, z, y, x], and the note on bytes that are no voxels."""
+    part = tuple(slice(None) if letter == "c" else item for letter, item in zip(axes, chosen.part, strict=True))
+    values, left_over = read_stored(layout, chosen._replace(part=part))
+    layers = np.moveaxis(values, axes.translate({ord("t"): None, ord("-"): None}).index("c"), 0)
+    return (layers if layers.ndim == 4 else layers[:, np.newaxis]), left_over
 
 
 def _part(fields: dict[str, Field], file: Path, offset: int, encoding: Encoding, num_bytes: int) -> StoredVoxels:
@@ -274,11 +377,14 @@ def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Flo
     return "".join(letters.get(k, "-") for k in range(num_axes))
 
 
-def _vectors(field: Field, count: int) -> list[Float64 | None]:
-    """Return `count` vectors of a field in three dimensions; None for `none`, NaN, and one of several only in time."""
+def _vectors(field: Field, count: int | None) -> list[Float64 | None]:
+    """Return `count` vectors of a field in three dimensions; None for `none`, NaN, and one of several only in time.
+
+    count: None for any number.
+    """
     vectors: list[Float64 | None] = []
     matches = list(_VECTOR.finditer(field.text))
-    if re.sub(r"\s", "", _VECTOR.sub("", field.text)) or len(matches) != count:
+    if _VECTOR.sub("", field.text).strip() or len(matches) != (count or len(matches)):
         each = ", one for each axis; none for axes that are not in space"
         raise field.error("a vector such as (1,0,0)" if count == 1 else f"{count} vectors such as (1,0,0){each}")
     for match in matches:

@@ -1,10 +1,12 @@
 """Read a folder of PNG, JPEG or BMP pictures as slices, in natural order (`2.png` before `10.png`).
 
-Pillow decodes, in a child process (`isolation.py`). Pictures do not say how large a voxel is.
+Pillow decodes, in a child process (`isolation.py`). Pictures may say how large a pixel is, and never how far apart
+slices are.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,14 +14,50 @@ from typing import Any
 
 import numpy as np
 
-from renderer.readers.common import NO_SPACING, Image, choose, damaged_error, errors_about, require_exists, select_index
+from renderer.errors import InputError
+from renderer.readers.common import (
+    GUESSED_LENGTHS,
+    NO_SPACING,
+    Image,
+    choose,
+    damaged_error,
+    errors_about,
+    require_exists,
+    select_index,
+)
 from renderer.readers.isolation import Host, allocate_voxels
+from renderer.readers.orientation import known_orientation, oriented
 from renderer.readers.slice_names import require_alike, sort_slices
 from renderer.readers.sniff import slices_of_pictures
+from renderer.readers.statements import FormatTable, Statement
+from renderer.readers.units import Units, are_of_screen, units_of
+from renderer.volume import Float64
 
+STATEMENTS = FormatTable(
+    "PNG, JPEG and BMP",
+    (
+        Statement("PLTE", "values", "the colours of values"),
+        Statement("Orientation", "place", "what the first row and the first column are, in EXIF"),
+        Statement("pHYs", "place", "the size of pixels; also the density of JFIF and of BMP"),
+        Statement("16 bits", "values", "of colours, of which 8 are read: TIFF slices keep all", is_applied=False),
+        Statement("gAMA", "values", "the exponent of the light that numbers stand for", is_applied=False),
+        Statement("tRNS", "meaning", "a colour, or colours of a palette, that are transparent", is_applied=False),
+    ),
+)
+
+# The exponent of sRGB, which all pictures are taken for.
+_GAMMA = 0.45455
 _FORMATS = ("PNG", "JPEG", "BMP")
+_STARTS = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"BM")
+# The number of the field of EXIF.
+_ORIENTATION = 274
+_MM_PER_INCH = 25.4
 # No method of these formats packs pixels more: about 1228 of JPEG in a byte, 1032 of deflate.
 _MAX_PACKING = 2**11
+# Places of the bits of a sample and of the kind of colours in PNG, and the kinds that have several samples.
+_PNG_BITS_AT, _PNG_KIND_AT, _PNG_COLORS = 24, 25, (2, 4, 6)
+# The first bytes in which the frame of a JPEG picture is searched for.
+_JPEG_BYTES = 2**17
 
 
 def read_pictures(
@@ -27,26 +65,51 @@ def read_pictures(
 ) -> Image:
     """Read one component of the pictures in a folder, whose colours are components.
 
-    has_spacing_override: not used; pictures have no lengths. Raises InputError for pictures that are damaged or differ,
-        and if `time` or `component` do not fit.
+    has_spacing_override: not used; lengths of pictures are never wrong. Raises InputError for pictures that are damaged
+        or differ, and if `time` or `component` do not fit.
     """
     select_index("time", time, 1)
     files = sort_slices(slices_of_pictures(path))
-    values, expected, chosen = None, "", None
+    image, expected, number = None, "", 0
     for index, file in enumerate(files):
         host.begin_file(file)
         with errors_about(file), _opened(require_exists(file)) as picture:
-            bands = picture.getbands()
-            found = f"{picture.width} x {picture.height} {picture.mode}"
+            bands, turn = picture.getbands(), known_orientation(picture.getexif().get(_ORIENTATION))
+            found = f"{picture.width} x {picture.height} {picture.mode}{f' of Orientation {turn}' * (turn > 1)}"
             expected = expected or found
             require_alike(found, expected, files[0])
-            if chosen is None or values is None:
+            if image is None:
                 chosen = choose("c", (len(bands),), None, component, bands if len(bands) > 1 else ())
                 dtype = np.uint16 if picture.mode.startswith("I") else np.uint8
                 values = allocate_voxels(host, (len(files), picture.height, picture.width), dtype)
-            values[index] = np.atleast_3d(np.asarray(picture))[..., chosen.component]
-    assert values is not None and chosen is not None, "called without files"
-    return Image(values, np.eye(4), (NO_SPACING, *chosen.notes), channels=chosen.channels)
+                world_from_index, units, note = _lengths(picture)
+                place = oriented(world_from_index, turn, picture.size)
+                notes = (note, STATEMENTS.note(_unapplied(file, picture)), *chosen.notes)
+                image, number = Image(values, place, notes, channels=chosen.channels, units=units), chosen.component
+            image.values[index] = np.atleast_3d(np.asarray(picture))[..., number]
+    assert image is not None, "called without files"
+    return image
+
+
+def _lengths(picture: Any) -> tuple[Float64, Units, str]:
+    """Return the affine by the size of pixels, the unit of lengths, and a note on those that are guessed."""
+    per_inch = [float(n) for n in picture.info.get("dpi", ())]
+    if len(per_inch) != 2 or not all(0 < n < np.inf for n in per_inch) or are_of_screen(per_inch):
+        return np.eye(4), Units(), NO_SPACING
+    x, y = (_MM_PER_INCH / n for n in per_inch)
+    return np.diag([x, y, x, 1.0]), units_of("mm"), f"{GUESSED_LENGTHS} along z; that along x is assumed"
+
+
+def _unapplied(file: Path, picture: Any) -> set[str]:
+    """Return the statements of a picture that are not applied."""
+    with file.open("rb") as opened:
+        start = opened.read(_PNG_KIND_AT + 1)
+    found = {"tRNS"} if "transparency" in picture.info else set()
+    if not math.isclose(picture.info.get("gamma", _GAMMA), _GAMMA, rel_tol=1e-2):
+        found.add("gAMA")
+    if start.startswith(_STARTS[0]) and start[_PNG_BITS_AT] == 16 and start[_PNG_KIND_AT] in _PNG_COLORS:
+        found.add("16 bits")
+    return found
 
 
 @contextmanager
@@ -58,6 +121,7 @@ def _opened(file: Path) -> Iterator[Any]:
     from PIL import Image as pillow  # noqa: N813
 
     pillow.MAX_IMAGE_PIXELS = None  # sizes are checked below, and in `allocate_voxels`
+    _check_kind(file)
     try:
         with pillow.open(file, formats=_FORMATS) as picture:
             if picture.width * picture.height > _MAX_PACKING * file.stat().st_size:
@@ -66,3 +130,29 @@ def _opened(file: Path) -> Iterator[Any]:
             yield picture.convert("RGB") if picture.mode == "P" else picture
     except (OSError, SyntaxError, ValueError, IndexError) as error:
         raise damaged_error("this picture cannot be decoded", expected="PNG, JPEG or BMP") from error
+
+
+def _check_kind(file: Path) -> None:
+    """Raise InputError for files of other formats, and for JPEG that Pillow does not decode, damaged or not."""
+    with file.open("rb") as opened:
+        start = opened.read(_JPEG_BYTES)
+    if not start.startswith(_STARTS):
+        raise InputError(
+            "this is not a picture of the format that its name says",
+            expected="PNG, JPEG or BMP",
+            hint="open it in the program that it is from, and save it as PNG",
+        )
+    bits = _jpeg_bits(start)
+    if bits in range(9, 17):
+        raise InputError(f"JPEG of {bits} bits is not read", hint="save the slices as TIFF or PNG of 16 bits")
+
+
+def _jpeg_bits(start: bytes) -> int | None:
+    """Return the bits of a sample in a JPEG picture, by the first frame in its first bytes; None if there is none."""
+    at = 2
+    while start[:2] == b"\xff\xd8" and at + 5 <= len(start) and start[at] == 0xFF:
+        marker, length = start[at + 1], int.from_bytes(start[at + 2 : at + 4], "big")
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            return start[at + 4]
+        at += 1 if marker == 0xFF else 2 + length
+    return None

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from renderer.errors import InputError
 from renderer.readers import common
 from renderer.readers.colors import join_colors
 from renderer.readers.isolation import import_reader, read_isolated
-from renderer.readers.nodata import mark_absent
+from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.sniff import find_format, find_volume
 from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.units import units_of
@@ -22,6 +24,8 @@ from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource,
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
 Ranges = Sequence[tuple[int, int]]
+# The most steps of a volume in time in which fill values are looked for.
+_MOST_STEPS = 5
 
 
 def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
@@ -46,7 +50,8 @@ def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
 
 def _read_step(spec: VolumeSpec, time: int | None) -> Volume:
     name = _name(spec.source, time)
-    with common.errors_about(name):
+    # Numbers of headers may be infinite; what comes of them is refused, or has no data.
+    with common.errors_about(name), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
             return _read_volume(spec, time, name)
         except OSError as error:
@@ -129,7 +134,8 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
         guard_mapping(mapped, image.values)
     image = replace(image, values=_native_contiguous(image.values))
     file = backing_file(image.values)
-    values, num_absent, note = mark_absent(image.values, file, spec.nodata, image.nodata, first)
+    elsewhere = _fill_values_in_time(spec, image) if spec.nodata == "auto" else ()
+    values, num_absent, note = mark_absent(image.values, file, spec.nodata, image.nodata, first, elsewhere)
     if mapped is not None:  # checked for copies, too
         mapped.require_unchanged()
     file = file if values is image.values else None
@@ -138,10 +144,34 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
     remarks = "; ".join([*notes, *filter(None, [note])]) or None
     named = replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
+    is_guessed = not image.has_lengths or any((each or "").startswith(common.GUESSED_LENGTHS) for each in image.notes)
+    named = replace(named, has_lengths=spacing is not None or not is_guessed)
     # Lengths of the scene may be in any unit.
     are_own = spacing is None or np.allclose(spacing, replaced or 0.0, rtol=1e-3, atol=0.0)
     units = units_of(spec.unit or image.units.length_unit * bool(are_own), *image.units[1:])
     return replace(named, **image.steps._asdict(), **units._asdict())
+
+
+def _fill_values_in_time(spec: VolumeSpec, image: common.Image) -> tuple[float, ...]:
+    """Return the fill values of some steps of a volume in time: none of other volumes, and of bytes."""
+    num_times, source = image.steps.num_times, spec.source
+    if num_times == 1 or image.values.dtype.itemsize == 1 or not isinstance(source, FileSource):
+        return ()
+    states = [os.stat(file) for file in source.steps or (source.file,)]
+    marks = tuple((state.st_mtime_ns, state.st_size) for state in states)
+    return _found_fill_values(replace(values_at(spec, 0), time=None), num_times, marks)
+
+
+@lru_cache(maxsize=16)
+def _found_fill_values(spec: VolumeSpec, num_times: int, _marks: tuple[tuple[int, int], ...]) -> tuple[float, ...]:
+    """Return the fill values of some steps, ascending. _marks: of the files, by which it is known if they changed."""
+    found = set[float]()
+    for step in dict.fromkeys(k * (num_times - 1) // (_MOST_STEPS - 1) for k in range(_MOST_STEPS)):
+        values = _native_contiguous(_load(spec, step).values)
+        if (file := backing_file(values)) is not None:
+            guard_mapping(file, values)
+        found.update(find_fill_values(values, file))
+    return tuple(sorted(found))
 
 
 def _name(source: FileSource | RawSource | ProceduralSource | ArraySource, time: int | None) -> str:

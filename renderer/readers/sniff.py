@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Literal
 
 from renderer.errors import InputError
+from renderer.readers.dicom_tags import summarize
 from renderer.readers.foreign import compressed_error, refuse_bytes, refuse_name, refuse_zarr
+from renderer.readers.headerless import Declaration, declaration_in_name
 from renderer.scene import VOLUME_SUFFIXES, is_pattern, join_some, short_text
 
 Format = Literal[
@@ -62,7 +64,12 @@ _MAX_ENTRIES = 10_000
 
 
 class UnknownFormatError(InputError):
-    """An error about a file in no known format with a header: it may have no header, or be damaged."""
+    """An error about a file in no known format with a header: it may have no header, or be damaged.
+
+    declaration: of voxels without a header, as far as its name has one.
+    """
+
+    declaration: Declaration | None = None
 
 
 def find_format(path: Path) -> Format:
@@ -79,12 +86,19 @@ def find_format(path: Path) -> Format:
         inside = _format_by_signature(content)
         raise compressed_error(path, f"a file of {inside.upper()}" if inside else "a file of unknown content")
     refuse_name(path)
-    raise UnknownFormatError(
+    error = UnknownFormatError(
         "this is not a volume in a known format, or it is damaged",
         where=str(path),
         expected=KNOWN_FORMATS,
         hint="voxels without a header are read with `raw: {file, shape, dtype, spacing}`",
     )
+    error.declaration = declared = declaration_in_name(path)
+    if declared is not None:
+        order = ", byte_order: big" * declared.is_big_endian
+        raw = f"raw: {{file: {short_text(path.name)}, shape: {list(declared.shape)}, dtype: {declared.dtype}{order}}}"
+        error.expected = None
+        error.hint = f"`{raw}` reads it as voxels without a header: {declared.remark}"
+    raise error
 
 
 def _format_by_bytes(path: Path) -> Format | None:
@@ -119,6 +133,12 @@ def is_dicom(path: Path) -> bool:
     """Return whether a file begins like DICOM, with a preamble of 128 bytes and a mark or without, and is no index."""
     start = _start(path) if path.is_file() else b""
     return _begins_like_dicom(start) and _DICOM_INDEX not in start
+
+
+def series_of_slice(path: Path) -> str | None:
+    """Return the series of a DICOM file of one frame, perhaps an empty name; None for any other file."""
+    summary = summarize(path) if is_dicom(path) else None
+    return summary.series if summary is not None and summary.num_frames == 1 else None
 
 
 def natural_sort_key(name: str) -> tuple[list[str | int], str]:
@@ -178,7 +198,8 @@ def volumes_in(folder: Path) -> list[Path]:
 
 
 def _format_of_slices(folder: Path) -> Format | None:
-    """Return the format of the slices directly in a folder; None if there are none, but an index of others, DICOMDIR.
+    """Return the format of the slices directly in a folder; None if there are none, but an index of others, DICOMDIR,
+    or DICOM files that are a volume each.
 
     Raises InputError for slices of TIFF and DICOM together. Pictures beside them are left out.
     """
@@ -194,9 +215,28 @@ def _format_of_slices(folder: Path) -> Format | None:
             expected="the slices of one volume",
             hint="put each volume into its own folder",
         )
-    if tiffs or first is not None:
-        return "tiff" if tiffs else "dicom"
+    if tiffs:
+        return "tiff"
+    if first is not None:
+        return None if _volumes_of_frames(folder) else "dicom"
     return "pictures" if len(slices_of_pictures(folder)) > 1 else None
+
+
+def _volumes_of_frames(folder: Path) -> list[Path]:
+    """Return the DICOM files directly in a folder that are a volume each: with several frames, of different series.
+
+    Return none where most files have one frame, which are slices, or where all are of one series.
+    """
+    files = _files_in(folder)
+    num_single, series = 0, dict[Path, str]()
+    for file in files:
+        summary = summarize(file) if is_dicom(file) else None
+        if summary is not None and summary.num_frames > 1:
+            series[file] = summary.series
+        num_single += summary is not None and summary.num_frames == 1
+        if 2 * num_single > len(files):
+            return []
+    return list(series) if len(set(series.values())) > 1 and len(series) > num_single else []
 
 
 def slices_of_pictures(folder: Path) -> list[Path]:
@@ -234,8 +274,9 @@ def _search(folder: Path) -> list[Path]:
         elif slices is not None and here != folder:
             found[place] = here
             continue
+        own = set(_volumes_of_frames(here)) if slices is None else set()
         for file in map(here.joinpath, sorted(files, key=natural_sort_key)):
-            if _is_volume(file):
+            if file in own or _is_volume(file):
                 found.setdefault(os.path.realpath(file), file)
     return list(found.values()) or pictures
 

@@ -69,7 +69,8 @@ class Layout:
 
     dtype: in the byte order of the files. shape: from the slowest axis to the fastest.
     parts: the files that hold it one after the other, in parts of the same length.
-    num_split: the number of slowest axes that the parts divide; 0 for one part.
+    num_split: the number of slowest axes that the parts divide; 0 for one part. Of a single one, a part may have
+        several steps.
     """
 
     dtype: np.dtype[Any]
@@ -77,18 +78,24 @@ class Layout:
     parts: tuple[StoredVoxels, ...]
     num_split: int = 0
 
+    @property
+    def part_shape(self) -> tuple[int, ...]:
+        """Return the shape of each part."""
+        num_steps = math.prod(self.shape[: self.num_split]) // len(self.parts)
+        return (num_steps,) * (num_steps > 1) + self.shape[self.num_split :]
+
 
 def read_stored(layout: Layout, chosen: common.Chosen, skip: str | None = None) -> tuple[Array, str | None]:
     """Return one time step and component of an array, and a note if bytes of its files are no voxels.
 
-    The array has its axes in space alone, that of a plane is [1, y, x].
+    The array has its axes in space, that of a plane is [1, y, x], and other axes only if `chosen` has all of them.
 
     skip: how the file passes over a header before the voxels, with its length in place of `{}`, if it can. The array
         may be mapped from its file. Raises InputError for files that are missing, truncated, damaged, or too long.
     """
     values, num_left = _read_part(layout, chosen.part, in_time=chosen.is_step)
     note = _left_over_note(layout.parts[0].file, num_left, skip) if num_left else None
-    return values if values.ndim == 3 else values[np.newaxis], note
+    return values if values.ndim > 2 else values[np.newaxis], note
 
 
 def _left_over_note(file: Path, num_left: int, skip: str | None) -> str:
@@ -108,11 +115,10 @@ def _read_part(layout: Layout, index: tuple[int | slice, ...], *, in_time: bool)
         be read next, for which what is decoded is kept.
     """
     num_bytes = common.check_size(layout.shape[::-1], layout.dtype)
-    part_shape = layout.shape[layout.num_split :]
     num_left = 0
     for part in layout.parts:
         with common.errors_about(part.file):
-            num_left += _check_length(part, part_shape[::-1], layout.dtype)
+            num_left += _check_length(part, layout.part_shape[::-1], layout.dtype)
     only = layout.parts[0]
     if len(layout.parts) == 1 and only.encoding == "raw" and common.stays_mapped(num_bytes):
         mapped: Array = np.memmap(only.file, layout.dtype, "r", only.offset + only.num_skipped, layout.shape)
@@ -127,7 +133,7 @@ def _read_part(layout: Layout, index: tuple[int | slice, ...], *, in_time: bool)
     begin = first * values.nbytes
     for part in layout.parts:
         with common.errors_about(part.file):
-            num_left += _copy_part(part, values, begin, part_shape[::-1], in_time=in_time)
+            num_left += _copy_part(part, values, begin, layout.part_shape[::-1], in_time=in_time)
         begin -= num_bytes // len(layout.parts)
     return values[index[num_chosen:]], num_left
 

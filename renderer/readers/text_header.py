@@ -1,33 +1,20 @@
-"""Read headers of text, of which each line belongs to one field, and attributes and numbers in other texts."""
+"""Read headers of text, of which each line belongs to one field."""
 
 from __future__ import annotations
 
 import io
 import math
 import os
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.scene import short_text
+from renderer.system import number_in
 
 # No header comes near this size, even with a file for each slice.
 MAX_HEADER_BYTES = 2**22
-
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-
-
-def number_in(text: str | None) -> float:
-    """Return the number that a text spells; NaN for all else."""
-    return float(text) if text and _NUMBER.fullmatch(text) else math.nan
-
-
-def attribute(element: str, name: str) -> str | None:
-    """Return the text of an attribute of an XML element, in either kind of quotes; None if it is missing."""
-    found = re.search(rf"""\b{name}\s*=\s*(?:"([^"]*)"|'([^']*)')""", element)
-    return None if found is None else found[1] if found[1] is not None else found[2]
 
 
 @dataclass(frozen=True)
@@ -60,9 +47,9 @@ class Field:
         whole: whether only whole numbers belong there. least, most: the ends of what does.
         """
         words = self.text.split()
-        numbers = [float(word) for word in words if _NUMBER.fullmatch(word)]
+        numbers = [number_in(word) for word in words[: count + 1]]
         are_right = all(math.isfinite(x) and least <= x <= most and (x.is_integer() or not whole) for x in numbers)
-        if len(words) != count or len(numbers) != count or not are_right:
+        if len(numbers) != count or not are_right:
             kind = "whole number" if whole else "finite number"
             end = f" to {most:g}" if math.isfinite(most) else " on"
             ends = f" from {least:g}{end}" if math.isfinite(least) else ""

@@ -2,15 +2,16 @@
 `10.tif`).
 
 tifffile parses and decodes, in a child process (`isolation.py`). Values are those of the file, whatever its colours: a
-palette is not applied, and white may be 0. Smaller previews among the pages are left out. Axes and spacing come from
-what ImageJ, OME, tifffile and Zeiss write into the first page, and from the resolution (`tiff_description.py`,
-`tiff_spacing.py`). Planes of OME may be in files beside this one.
+palette is not applied, and white may be 0, which notes say (`tiff_statements.py`). Smaller previews among the pages are
+left out. Axes and spacing come from what ImageJ, OME, tifffile and Zeiss write into the first page, and from the
+resolution (`tiff_description.py`, `tiff_spacing.py`). Planes of OME may be in files beside this one.
 """
 
 from __future__ import annotations
 
 import logging
 import math
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -22,10 +23,10 @@ import numpy as np
 from renderer.errors import InputError, require_package
 from renderer.readers.common import Image, choose, damaged_error, errors_about, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
+from renderer.readers.orientation import oriented
 from renderer.readers.slice_names import require_alike, sort_slices
 from renderer.readers.sniff import TIFF_SUFFIXES
-from renderer.readers.text_header import number_in
-from renderer.readers.tiff_channels import find_channels, sample_names
+from renderer.readers.tiff_channels import find_channels
 from renderer.readers.tiff_description import (
     Page,
     num_planes_by_description,
@@ -33,10 +34,14 @@ from renderer.readers.tiff_description import (
     page_places,
     pages_of_first_image,
 )
+from renderer.readers.tiff_imagej import find_calibration, with_origin
+from renderer.readers.tiff_ome import note_of as note_of_ome
 from renderer.readers.tiff_spacing import find_spacing
+from renderer.readers.tiff_statements import note_of, orientation, sample_names, stated_orientations
 from renderer.readers.tiff_times import find_times
 from renderer.readers.units import Units, units_of
-from renderer.scene import short_text
+from renderer.scene import join_some, short_text
+from renderer.system import number_in
 from renderer.volume import Array, Float64
 
 # Fields by number.
@@ -71,19 +76,24 @@ def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacin
         part = choose(layout.axes.lower(), layout.counts, time, channel).part
         places = page_places(first.description, path.name, layout)
         planes = [places[k] for k in np.reshape(range(len(places)), layout.counts)[part].ravel()]
-        values = allocate_voxels(host, (len(planes), first.imagelength, first.imagewidth), _dtype(first))
+        calibration = find_calibration(first)
+        shape = (len(planes), first.imagelength, first.imagewidth)
+        values = allocate_voxels(host, shape, calibration.dtype(_dtype(first)))
         for name in sorted({name for name, _ in planes}):
             file = _sibling(path, name) if name else path
             host.begin_file(file)
             numbers = {k: number for k, (other, number) in enumerate(planes) if other == name}
             with _open_pages(file) if name else nullcontext(pages) as own:
                 _fill(values, numbers, _slices(own, first), sample, file)
+        calibration.apply(values)
         world_from_index, units, note_on_lengths = _world_from_index(first, layout.space, has_spacing_override)
         channels = find_channels(first, layout, chosen.channels)
-        nodata, steps = _nodata(first), find_times(first.description, layout.count("T"))
+        nodata, steps = calibration.of_ranges(_nodata(first)), find_times(first.description, layout.count("T"))
+        notes_on_page = (calibration.note, note_of(first), note_of_ome(first.description))
     num_left_out = len(pages) - len(slices)
     note = f"{num_left_out} smaller previews among the pages are left out" if num_left_out else None
-    all_notes = (note_on_images, note, note_on_lengths, layout.note, *chosen.notes)
+    all_notes = (note_on_images, note, note_on_lengths, layout.note, *notes_on_page, *chosen.notes)
+    units = units_of(units.length_unit, value=calibration.unit)
     return Image(values, world_from_index, all_notes, nodata, channels, steps=steps, units=units)
 
 
@@ -98,6 +108,9 @@ def _slices(pages: list[Page], first: Page) -> list[Page]:
                 expected=f"{_describe(first)} as on page 1",
                 hint="previews among the slices? save the slices alone",
             )
+    turns = sorted(stated_orientations(slices))
+    if len(turns) > 1:
+        raise InputError("the pages differ", got=f"Orientation {join_some([*map(str, turns)])}", expected="one for all")
     return slices
 
 
@@ -109,6 +122,9 @@ def _sibling(path: Path, name: str) -> Path:
             got=short_text(name),
             hint="an image in several files needs all of them: move or copy all, and do not rename them",
         )
+    if not Path(os.path.realpath(path.parent / name)).is_relative_to(os.path.realpath(path.parent)):
+        what = "a file that this OME-TIFF names is a link to another folder"
+        raise InputError(what, got=short_text(name), hint="copy all of them into one folder")
     return require_exists(path.parent / name)
 
 
@@ -140,23 +156,28 @@ def _read_folder(folder: Path, component: int | None, *, has_spacing_override: b
         host.begin_file(file)
         with _open_pages(require_exists(file)) as pages:
             page = pages[0]
-            expected = expected or _describe(page)
+            calibration = find_calibration(page)
+            found = f"{_describe(page)} of Orientation {orientation(page)}"
+            found += ", calibrated by ImageJ" * bool(calibration.coefficients)
+            expected = expected or found
             if not all(_is_preview(other, page) for other in pages[1:]):
                 raise InputError(
                     "a file among these slices has several pages",
                     got=f"{len(pages)} pages",
                     expected="a slice in each file, or one file with all slices",
                 )
-            require_alike(_describe(page), expected, files[0])
+            require_alike(found, expected, files[0])
             chosen = choose("c", (page.samplesperpixel,), None, component, sample_names(page))
             plane = _plane(page, chosen.component, file)
             if image is None:  # allocated only after one slice has been read
                 with errors_about(folder):
-                    values = allocate_voxels(host, (len(files), *plane.shape), _dtype(page))
+                    values = allocate_voxels(host, (len(files), *plane.shape), calibration.dtype(_dtype(page)))
                 world_from_index, units, note = _world_from_index(page, "XYZ", has_spacing_override)
-                notes = (note, *chosen.notes)
-                image = Image(values, world_from_index, notes, _nodata(page), chosen.channels, units=units)
+                notes = (note, calibration.note, note_of(page), note_of_ome(page.description), *chosen.notes)
+                nodata, units = calibration.of_ranges(_nodata(page)), units_of(units.length_unit, "", calibration.unit)
+                image = Image(values, world_from_index, notes, nodata, chosen.channels, units=units)
             image.values[index] = plane
+            calibration.apply(image.values[index : index + 1])
     assert image is not None, "called without files"
     return image
 
@@ -260,7 +281,7 @@ def _num_plain_bytes(page: Page) -> int:
 
 
 def _dtype(page: Page) -> np.dtype[Any]:
-    """Return the dtype of the voxels; single bits become bytes of 0 and 1."""
+    """Return the dtype of the pixels; single bits become bytes of 0 and 1."""
     return np.dtype(np.uint8) if page.dtype.kind == "b" else np.dtype(page.dtype)
 
 
@@ -327,7 +348,8 @@ def _world_from_index(first: Page, space: str, has_spacing_override: bool) -> tu
         spacing = [1.0, 1.0, 1.0]
     world_from_index = np.zeros((4, 4))
     world_from_index[[*map("XYZ".index, space), 3], range(4)] = [*spacing, 1.0]
-    return world_from_index, units_of(unit), note
+    size = first.imagewidth, first.imagelength
+    return oriented(with_origin(world_from_index, first), orientation(first), size), units_of(unit), note
 
 
 def _nodata(page: Page) -> tuple[tuple[float, float], ...]:

@@ -5,18 +5,17 @@ OME has a name and a colour for each channel; ImageJ a window, the labels of its
 
 from __future__ import annotations
 
-import html
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from renderer.readers.common import MAX_LISTED
-from renderer.readers.text_header import attribute, number_in
 from renderer.readers.tiff_description import Layout, Page, is_imagej, is_ome, ome_elements
+from renderer.readers.tiff_statements import sample_names
+from renderer.system import attribute, number_in, unescaped
 from renderer.volume import Channel
 
-_RGB = 2  # the photometric interpretation
 _MAX_NAME = 60
 
 
@@ -27,7 +26,7 @@ def find_channels(first: Page, layout: Layout, channels: tuple[Channel, ...]) ->
     or black for one, are left out.
     """
     count = len(channels)
-    if first.photometric == _RGB or count < 2:
+    if sample_names(first) or count < 2:
         return tuple(replace(each, is_light=False) for each in channels)
     if is_ome(first.description) and count <= MAX_LISTED:
         channels = _of_ome(first.description, count)
@@ -35,11 +34,6 @@ def find_channels(first: Page, layout: Layout, channels: tuple[Channel, ...]) ->
         channels = _of_imagej(first.parent.imagej_metadata or {}, layout, count)
     tell_apart = len({each.color for each in channels}) == count and all(any(each.color or (1,)) for each in channels)
     return tuple(replace(each, color=each.color if tell_apart else None, is_light=True) for each in channels)
-
-
-def sample_names(page: Page) -> str:
-    """Return the letters of the samples of a page, if it has colours."""
-    return "RGBA"[: page.samplesperpixel] if page.photometric == _RGB else ""
 
 
 def _of_ome(description: str, count: int) -> tuple[Channel, ...]:
@@ -80,4 +74,4 @@ def _of_imagej(fields: dict[str, Any], layout: Layout, count: int) -> tuple[Chan
 
 
 def _text(text: str | None) -> str:
-    return " ".join(html.unescape(text or "").split())[:_MAX_NAME]
+    return " ".join(unescaped(text or "").split())[:_MAX_NAME]

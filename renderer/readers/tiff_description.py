@@ -6,7 +6,6 @@ nothing is parsed, expanded or nested. That of Zeiss LSM is a record of numbers.
 
 from __future__ import annotations
 
-import html
 import json
 import math
 import re
@@ -14,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from renderer.errors import InputError
-from renderer.readers.text_header import attribute, number_in
+from renderer.system import attribute, number_in, unescaped
 
 _MAX_COUNT = 2**31 - 1
 _MAX_PLANES = 2**20
@@ -71,7 +70,7 @@ def shaped_fields(page: Page) -> dict[str, Any]:
 def num_planes_by_description(page: Page) -> int:
     """Return how many planes the description of the only page of ImageJ or tifffile tells of."""
     if is_imagej(page.description):
-        images = re.search(r"^images=([0-9]{1,9})\s*$", page.description, re.M)
+        images = re.search(r"^images=([0-9]{1,9})[ \t\r]*$", page.description, re.M)
         return int(images[1]) if images else 1
     fields = shaped_fields(page)
     return math.prod(_shape(fields)) // math.prod(page.shaped) if fields.get("truncated") is True else 1
@@ -212,7 +211,7 @@ def _tiff_data(description: str) -> list[tuple[str, str, str]]:
     for text in re.split(r"<(?:\w+:)?TiffData\b", image)[1:]:
         attributes, _, content = text.partition(">")
         uuid = re.search(r"<(?:\w+:)?UUID\b([^<>]*)>([^<]*)", content)
-        file = html.unescape(attribute(uuid[1], "FileName") or "") if uuid else ""
+        file = unescaped(attribute(uuid[1], "FileName") or "") if uuid else ""
         found.append((attributes, re.split(r"[/\\]", file)[-1], uuid[2].strip() if uuid else ""))
     return found
 

@@ -6,7 +6,6 @@ per inch of a screen are no lengths.
 
 from __future__ import annotations
 
-import html
 import math
 import re
 import unicodedata
@@ -14,13 +13,14 @@ from fractions import Fraction
 from typing import Any
 
 from renderer.errors import InputError
-from renderer.readers.common import GUESSED_LENGTHS, NO_SPACING
-from renderer.readers.text_header import attribute
+from renderer.readers.common import GUESSED_LENGTHS, no_spacing
 from renderer.readers.tiff_description import escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
-from renderer.readers.units import one_spelling
+from renderer.readers.tiff_statements import records_of
+from renderer.readers.units import are_of_screen, one_spelling
+from renderer.system import attribute, unescaped
 
 # Fields by number.
-_X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
+_X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT, _PIXEL_SCALE = 282, 283, 296, 33550
 
 # OME's units of length (OME 2016-06, UnitsLength) that can be converted. `pixel`, `reference frame` and unknown units
 # cannot; without a unit it is µm.
@@ -36,8 +36,6 @@ _METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METR
 # The units of the resolution by number, and their lengths in mm.
 _UNITS_OF_TAG = {2: "inch", 3: "cm"}
 _MM_PER_UNIT = {2: 25.4, 3: 10.0}
-# Pixels per inch that programs write for screens and printers, or for want of anything else.
-_NO_SIZES = (1, 72, 96, 300)
 _MICRON = unicodedata.normalize("NFKC", "µm")
 
 
@@ -53,7 +51,9 @@ def find_spacing(first: Any) -> tuple[list[float], str, str | None]:
     missing = [axis for axis, size in zip("xyz", given, strict=True) if not size]
     note = f"{GUESSED_LENGTHS} along {' and '.join(missing)}; {'that along x' if given[0] else '1'} is assumed"
     spacing = [x, given[1] or x, given[2] or x]
-    return (spacing, "", NO_SPACING) if len(missing) == 3 else (spacing, unit, note if missing else None)
+    if len(missing) == 3:
+        return spacing, "", no_spacing(records_of(first))
+    return spacing, unit, note if missing else None
 
 
 def _given_spacing(first: Any) -> tuple[list[float | None], str]:
@@ -65,6 +65,9 @@ def _given_spacing(first: Any) -> tuple[list[float | None], str]:
         return _ome_spacing(description)
     if first.is_lsm:
         return [abs(float(first.parent.lsm_metadata[f"VoxelSize{axis}"])) * 1e6 for axis in "XYZ"], "µm"
+    scale = first.tags.valueof(_PIXEL_SCALE)
+    if isinstance(scale, tuple) and len(scale) == 3 and all(0 < size < math.inf for size in scale[:2]):
+        return [float(scale[0]), float(scale[1]), float(scale[2]) if 0 < scale[2] < math.inf else None], ""
     fields = shaped_fields(first)
     if not is_imagej(description):
         keys = [key for key in ("unit", "yunit", "zunit", "spacing") if fields.get(key) is not None]
@@ -73,14 +76,15 @@ def _given_spacing(first: Any) -> tuple[list[float | None], str]:
     unit = _imagej_unit(description, "unit")
     mm = _MM_PER_UNIT.get(2 if tag is None and not unit else tag or 0)
     per_inch = [25.4 / (size * mm) for size in sizes if size and mm]
-    is_screen = bool(per_inch) and all(any(math.isclose(n, k, rel_tol=2e-3) for k in _NO_SIZES) for n in per_inch)
+    is_screen = are_of_screen(per_inch)
     if is_screen and not unit:  # as ImageJ has it for 72
         sizes, tag = [1.0, 1.0], 1
     is_said = bool(unit) and not is_screen
     if is_imagej(description) and (is_said or (tag == 1 and sizes not in ([1, 1], [None, None]))):
         # ImageJ writes no line for slices 1 unit apart, and none for a single one.
-        is_left_out = re.search(r"^(images|slices)=(?!1\s*$)", description, re.M) and "\nspacing=" not in description
-        description += "\nspacing=1" * bool(is_left_out)
+        counts = re.findall(r"^(?:images|slices)=(.*)", description, re.M)
+        is_left_out = any(count.strip() != "1" for count in counts) and "\nspacing=" not in description
+        description += "\nspacing=1" * is_left_out
     if is_said or re.search(r"^spacing=", description, re.M):
         return _imagej_spacing(description, sizes, tag)
     return [*(None if is_screen else size and mm and size * mm for size in sizes), None], "mm"
@@ -152,7 +156,7 @@ def _unit(attributes: str, axis: str) -> str:
     """Return the unit of a PhysicalSize, in one of its Unicode spellings."""
     found = attribute(attributes, f"PhysicalSize{axis}Unit")
     # A Latin-1 file read as UTF-8 has a replacement character for its only letter outside ASCII.
-    text = "µm" if found is None else html.unescape(found).replace("\ufffdm", "µm").replace("\ufffd", "Å")
+    text = "µm" if found is None else unescaped(found).replace("\ufffdm", "µm").replace("\ufffd", "Å")
     return unicodedata.normalize("NFKC", text.strip())
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import html
 import math
 import re
 
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at, steps_at
-from renderer.readers.text_header import attribute, number_in
 from renderer.readers.tiff_description import is_imagej, is_ome, ome_elements, ome_pixels
+from renderer.system import attribute, number_in, unescaped
 
 _STEP = re.compile(r"""(?:^finterval=|\bTimeIncrement\s*=\s*["'])([^"'\s]*)""", re.MULTILINE)
 _UNIT = re.compile(r"""(?:^tunit=|\bTimeIncrementUnit\s*=\s*["'])([^"'\n]*)""", re.MULTILINE)
@@ -20,7 +19,7 @@ def find_times(description: str, count: int) -> TimeSteps:
         return TimeSteps(count)
     fields = ome_pixels(description) if is_ome(description) else description
     step, unit = _STEP.search(fields), _UNIT.search(fields)
-    even = even_steps_at(count, number_in(step and step[1]), html.unescape(unit[1]) if unit else "s")
+    even = even_steps_at(count, number_in(step and step[1]), unescaped(unit[1]) if unit else "s")
     return even if even.times or is_imagej(description) else _of_planes(description, count)
 
 
@@ -29,4 +28,4 @@ def _of_planes(description: str, count: int) -> TimeSteps:
     for plane in ome_elements(description, "Plane"):
         number, time = (number_in(attribute(plane, name)) for name in ("TheT", "DeltaT"))
         times[number], unit = min(times.get(number, math.inf), time), attribute(plane, "DeltaTUnit") or "s"
-    return steps_at(count, [times.get(number, math.nan) for number in range(count)], html.unescape(unit))
+    return steps_at(count, [times.get(number, math.nan) for number in range(count)], unescaped(unit))

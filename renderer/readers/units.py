@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import unicodedata
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from renderer.scene import is_unit
@@ -16,6 +18,9 @@ _OTHERS = {"µm": "µm um micron microns", "Å": "å angstrom angstroms", "inch"
 _SPELLINGS |= {text: unit for unit, texts in _OTHERS.items() for text in texts.split()}
 _SPELLINGS |= dict.fromkeys(("pixel", "pixels", "voxel", "voxels"), "")
 _SPELLINGS = {unicodedata.normalize("NFKC", text): unit for text, unit in _SPELLINGS.items()}
+
+# Pixels per inch that programs write for screens and printers, or for want of anything else.
+_NO_SIZES = (1, 72, 96, 300)
 
 
 class Units(NamedTuple):
@@ -34,6 +39,11 @@ def units_of(length: str = "", axes: str = "", value: str = "") -> Units:
     """Return units by texts from outside; those that are none, or are too long, count as not said."""
     length, value = one_spelling(length), value.strip()
     return Units(length * is_unit(length), "LPS" if axes == "LPS" else "", value * is_unit(value))
+
+
+def are_of_screen(per_inch: Sequence[float]) -> bool:
+    """Return whether numbers of pixels per inch, at least one, are those of screens and printers, and no lengths."""
+    return bool(per_inch) and all(any(math.isclose(n, k, rel_tol=2e-3) for k in _NO_SIZES) for n in per_inch)
 
 
 def one_spelling(unit: str) -> str:

@@ -3,12 +3,11 @@
 They are image data, or rectilinear grids whose coordinates are even. The pieces of a parallel image (.pvti) are files
 in its folder, which are put together.
 Each component of each array is a component of the volume. Values of points are preferred to those of cells, which lie
-in the middle between points.
+in the middle between points. Points and cells that a mask hides (`vtk_arrays.py`) have no data.
 """
 
 from __future__ import annotations
 
-import html
 import importlib
 import math
 import mmap
@@ -23,9 +22,14 @@ import numpy as np
 from renderer.errors import InputError, require_package
 from renderer.readers.common import Image, affine, choose, errors_about, even_steps, require_exists, select_index
 from renderer.readers.isolation import Host, allocate_voxels
-from renderer.readers.text_header import MAX_HEADER_BYTES, attribute
+from renderer.readers.nodata import with_nan_where
+from renderer.readers.text_header import MAX_HEADER_BYTES
+from renderer.readers.units import units_of
+from renderer.readers.vtk_arrays import arrays_of, components_of, hidden_voxels, notes_of
+from renderer.readers.vtk_text import extent_in, fault_in
 from renderer.scene import short_text
-from renderer.volume import Array, Float64
+from renderer.system import attribute, unescaped
+from renderer.volume import Array, Bools, Float64
 
 _MAX_PACKING = 1032  # of deflate
 _MAX_PIECES = 10_000
@@ -56,50 +60,72 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
         values[...] = part.values
         part = replace(part, values=values)
     chosen = choose("c", (len(part.names),), None, component, part.names)
-    return Image(part.values, part.world_from_index, chosen.notes, channels=chosen.channels)
+    values = part.values if part.hidden is None else with_nan_where(
+        part.values, part.hidden, lambda shape, dtype: allocate_voxels(host, shape, dtype)
+    )  # fmt: skip
+    notes = (*part.notes, *chosen.notes)
+    return Image(values, part.world_from_index, notes, channels=chosen.channels, units=units_of(value=part.unit))
 
 
 @dataclass(frozen=True)
 class _Part:
-    """One component of an image: values [z, y, x], the names of all components, and the indices of its first voxel."""
+    """One component of an image, or of a piece of one.
+
+    values: [z, y, x]. names: of all components. first: the indices of its first voxel. unit: of its values.
+    hidden: which voxels have no data, [z, y, x]; None for none.
+    """
 
     values: Array
     names: list[str]
     is_cells: bool
     first: tuple[int, ...]
     world_from_index: Float64
+    unit: str
+    hidden: Bools | None
+    notes: tuple[str | None, ...]
 
 
 def _read_part(path: Path, component: int | None, host: Host, extent: tuple[int, ...] = ()) -> _Part:
     image = _read(path, host, extent)
-    fields = image.GetPointData()
-    is_cells = fields.GetNumberOfArrays() == 0
+    components = components_of(image.GetPointData())
+    is_cells = not components
     if is_cells:
-        fields = image.GetCellData()
-    components = [(array, k) for array in _arrays(fields) for k in range(array.GetNumberOfComponents())]
+        components = components_of(image.GetCellData())
     shape = tuple(max(n - is_cells, 1) for n in image.GetDimensions())
     if not components or 0 in image.GetDimensions():
         raise _damaged("no values")
-    names = [_name(*each) for each in components]
-    array, channel = components[select_index("component", component, len(components))]
+    fault = None if _is_legacy(path) else fault_in(path, image, is_cells=is_cells)
+    if fault is not None:
+        raise _damaged(fault)
+    own = components[select_index("component", component, len(components))]
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    stored = vtk_to_numpy(array).reshape(*shape[::-1], array.GetNumberOfComponents())
-    first = tuple(image.GetExtent()[::2])
-    return _Part(stored[..., channel], names, is_cells, first, _world_from_index(image, is_cells=is_cells))
+    stored = vtk_to_numpy(own.array).reshape(*shape[::-1], own.array.GetNumberOfComponents())
+    hidden, note = hidden_voxels(image, is_cells=is_cells)
+    return _Part(
+        stored[..., own.number],
+        [each.name for each in components],
+        is_cells,
+        tuple(image.GetExtent()[::2]),
+        _world_from_index(image, is_cells=is_cells),
+        own.unit,
+        hidden,
+        (note, *notes_of(image, own, is_cells=is_cells)),
+    )
 
 
 def _assembled(path: Path, pieces: list[tuple[Path, tuple[int, ...]]], component: int | None, host: Host) -> _Part:
     """Return the image that pieces make up; raises InputError for voxels in none, and for pieces that do not fit."""
     whole = _extent(re.search(r"<PImageData\b[^<>]*", _start(path)), "WholeExtent")
-    made, is_there = None, np.zeros(0, bool)
+    made, is_there, is_shown, notes = None, np.zeros(0, bool), np.zeros(0, bool), dict[str | None, None]()
     for file, extent in pieces:
         host.begin_file(file)
         with errors_about(file):
             part = _read_part(file, component, host, extent)
             if made is None:
                 shape = tuple(max(whole[k + 1] - whole[k] + (not part.is_cells), 1) for k in (4, 2, 0))
-                values, is_there = allocate_voxels(host, shape, part.values.dtype), np.zeros(shape, bool)
+                values = allocate_voxels(host, shape, part.values.dtype)
+                is_there, is_shown = np.zeros(shape, bool), np.zeros(shape, bool)
                 world_from_index = part.world_from_index.copy()
                 world_from_index[:3, 3] += world_from_index[:3, :3] @ np.subtract(whole[::2], part.first)
                 made = replace(part, values=values, world_from_index=world_from_index)
@@ -113,11 +139,16 @@ def _assembled(path: Path, pieces: list[tuple[Path, tuple[int, ...]]], component
                     "this piece does not fit the others of its image",
                     expected="the arrays and the spacing of the first piece, and a place inside the whole extent",
                 )
-            made.values[place], is_there[place] = part.values, True
+            # A voxel that one piece hides may be shown by another.
+            shown = np.ones(part.values.shape, bool) if part.hidden is None else ~part.hidden
+            np.copyto(made.values[place], part.values, where=shown)
+            is_there[place] = True
+            is_shown[place] |= shown
+            notes |= dict.fromkeys(part.notes)
     assert made is not None, "called without pieces"
     if not is_there.all():
         raise _damaged(f"pieces without {np.count_nonzero(~is_there)} of {is_there.size} voxels")
-    return made
+    return replace(made, hidden=None if is_shown.all() else ~is_shown, notes=tuple(notes))
 
 
 def piece_files(path: Path) -> list[Path]:
@@ -135,7 +166,7 @@ def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
         return []
     pieces, folder = [], os.path.realpath(path.parent)
     for piece in re.finditer(r"<Piece\b[^<>]*", text):
-        source = html.unescape(attribute(piece[0], "Source") or "")
+        source = unescaped(attribute(piece[0], "Source") or "")
         file = path.parent / source
         if not source or "\0" in source or not Path(os.path.realpath(file)).is_relative_to(folder):
             raise InputError(
@@ -151,11 +182,10 @@ def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
 
 def _extent(tag: re.Match[str] | None, name: str) -> tuple[int, ...]:
     """Return the first and the last point along each axis, by an attribute; raises InputError for anything else."""
-    words = ((tag and attribute(tag[0], name)) or "").split()
-    numbers = tuple(int(word) for word in words if re.fullmatch("-?[0-9]{1,9}", word))
-    if not len(words) == len(numbers) == 6 or any(numbers[k + 1] < numbers[k] for k in (0, 2, 4)):
+    extent = extent_in(tag[0], name) if tag else None
+    if extent is None:
         raise _damaged(f"no {name} of six numbers")
-    return numbers
+    return extent
 
 
 def _start(path: Path) -> str:
@@ -166,15 +196,14 @@ def _start(path: Path) -> str:
 def _kind(start: str) -> str:
     """Return the kind of data that a file says it has; an empty text if it says none."""
     if start.startswith("# vtk"):  # and a line of any text
-        found = re.search(r"^\s*DATASET\s+(\w+)", start.split("\n", 2)[-1].upper(), re.MULTILINE)
-    else:
-        found = re.search(r"""<VTKFile\b[^<>]*\btype\s*=\s*["'](\w+)["']""", start)
-    return found[1] if found else ""
+        lines = (line.upper().split(maxsplit=2) for line in start.split("\n")[2:])
+        return next((words[1] for words in lines if words[:1] == ["DATASET"] and len(words) > 1), "")
+    root = re.search(r"<VTKFile\b[^<>]*", start)
+    return (root and attribute(root[0], "type")) or ""
 
 
-def _name(array: Any, component: int) -> str:
-    name = short_text(array.GetName() or "an array without a name")
-    return name if array.GetNumberOfComponents() == 1 else f"{name}[{component}]"
+def _is_legacy(path: Path) -> bool:
+    return _start(path).startswith("# vtk")
 
 
 def _read(path: Path, host: Host, extent: tuple[int, ...]) -> Any:
@@ -195,7 +224,7 @@ def _read(path: Path, host: Host, extent: tuple[int, ...]) -> Any:
     module, name = _READERS[kind]
     reader = getattr(importlib.import_module(f"vtkmodules.{module}"), name)()
     reader.SetFileName(str(path))
-    is_legacy = kind.isupper()
+    is_legacy = _is_legacy(path)
     window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
     vtkOutputWindow.SetInstance(window)
     try:
@@ -227,18 +256,17 @@ def _check_appended(path: Path, image: Any) -> None:
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         if data.rfind(b"</VTKFile>") < 0:
             raise _damaged("a file that breaks off")
-        plain = re.search(rb"<AppendedData[^<>]*encoding\s*=\s*[\"']raw[^<>]*>\s*_", data)
-        if plain is None or b"compressor" in data[: plain.start()]:
+        element = re.search(rb"<AppendedData\b[^<>]*>", data)
+        begin = None if element is None else re.compile(rb"\s*_").match(data, element.end())
+        if element is None or begin is None or b"compressor" in data[: element.start()]:
             return
-        found = data.rfind(b"</AppendedData>") - plain.end()
-    fields = [each for part in (image.GetPointData(), image.GetCellData()) for each in _arrays(part)]
+        if attribute(element[0].decode("utf-8", "replace"), "encoding") != "raw":
+            return
+        found = data.rfind(b"</AppendedData>") - begin.end()
+    fields = [each for part in (image.GetPointData(), image.GetCellData()) for each in arrays_of(part)]
     expected = sum(each.GetNumberOfValues() * each.GetDataTypeSize() for each in fields)
     if found < expected:
         raise _damaged(f"{max(found, 0)} bytes of values, of {expected}")
-
-
-def _arrays(fields: Any) -> list[Any]:
-    return [each for k in range(fields.GetNumberOfArrays()) if (each := fields.GetArray(k)) is not None]
 
 
 def _num_bytes(reader: Any) -> int:

@@ -48,6 +48,8 @@ from .input_file import (
     may_be_json as may_be_json,
     missing_file_error as missing_file_error,
     nearest_file_hint as nearest_file_hint,
+    place_name as place_name,
+    place_of as place_of,
     read_bounded as read_bounded,
     read_content as read_content,
     read_json_object as read_json_object,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,8 +19,11 @@ MAX_SIDECAR_BYTES = 2**29
 
 _VOLUME_HINT = "a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
-# The first bytes of NRRD and VTK headers, and a line that every MetaImage header has.
-_VOLUME_HEADER = re.compile(rb"NRRD000|# vtk DataFile|(?:.*\n)*?ElementDataFile[ \t]*=", re.IGNORECASE)
+# The first bytes of NRRD and VTK headers, or a line that every MetaImage header has.
+_VOLUME_HEADER = re.compile(rb"\A(?:NRRD000|# vtk DataFile)|^ElementDataFile[ \t]*=", re.IGNORECASE | re.MULTILINE)
+
+# In the targets of links of git-annex.
+_ANNEX = ".git/annex/objects/"
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
@@ -27,7 +31,7 @@ _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 def require_file(path: Path, expected: str) -> None:
     """Raise InputError for a broken link, and for anything but a regular file: opening a pipe would block."""
     if os.path.islink(path) and not os.path.exists(path):
-        raise InputError("a broken link", where=str(path), got=str(path.readlink()))
+        raise missing_file_error(path)
     if os.path.exists(path) and not os.path.isfile(path):
         got = "a folder" if os.path.isdir(path) else "a special file"
         raise InputError("not a file", where=str(path), got=got, expected=expected)
@@ -95,7 +99,7 @@ def decode_utf8(content: bytes, path: Path) -> str:
 
 def reject_volume_header(content: bytes, path: Path) -> None:
     """Raise InputError if a file is the text header of a volume and not a scene."""
-    if b"\0" not in content and _VOLUME_HEADER.match(content):
+    if b"\0" not in content and _VOLUME_HEADER.search(content):
         raise InputError("a volume, not a scene", where=str(path), expected="a scene file", hint=_VOLUME_HINT)
 
 
@@ -107,10 +111,27 @@ def is_same_file(path: Path, other: Path) -> bool:
         return False
 
 
+def place_of(path: str | Path) -> str:
+    """Return the place that a name leads to, through links of files and of folders, also where these do not exist yet.
+
+    It is for comparisons alone: names that differ in case, or in how accents are encoded, are one file on some disks.
+    """
+    return place_name(os.path.realpath(path))
+
+
+def place_name(name: str) -> str:
+    """Return the name that a file which is no link has in its place."""
+    return unicodedata.normalize("NFC", name).lower()
+
+
 def missing_file_error(path: Path, what: str = "no such file") -> InputError:
     """Return the error for a file that is not there: with a similar name, or where a link of its name leads."""
     if path.is_symlink():
-        return InputError("a broken link", where=str(path), got=os.readlink(path))
+        target = os.readlink(path)
+        if _ANNEX in target.replace("\\", "/"):
+            what, hint = "a link of git-annex to a file that is not here", f"`git annex get {path.name}` fetches it"
+            return InputError(what, where=str(path), hint=hint)
+        return InputError("a broken link", where=str(path), got=target)
     return InputError(what, where=str(path), hint=nearest_file_hint(path))
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any, NamedTuple
 
 from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
+from renderer.scene.input_file import place_name, place_of
 from renderer.scene.message_text import did_you_mean, format_value, join_words
 from renderer.scene.motion import motion_of
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
@@ -185,6 +186,10 @@ class OutputSpec(OutputFile):
         """Return the kinds of pictures that the files are made of, each once; that of the first file first."""
         return tuple(dict.fromkeys(each.kind for each in self.files))
 
+    def shown(self, frames: Sequence[int]) -> list[OutputFile]:
+        """Return the files that have any of these frames."""
+        return [each for each in self.files if any(map(each.shows, frames))]
+
     def kinds_at(self, frame: int) -> tuple[int, ...]:
         """Return the numbers of those kinds of which a frame needs a picture."""
         kinds = self.kinds
@@ -294,7 +299,7 @@ def _check_names(files: Iterable[tuple[TreeNode, OutputFile]]) -> None:
     """Refuse files that another output, or one of its frames, may have the name of."""
     known = list[tuple[str, str]]()
     for node, each in files:
-        name = os.path.abspath(each.file)
+        name = os.path.join(place_of(each.file.parent), place_name(each.file.name))
         pattern = r"\d+".join(map(re.escape, FRAME_FIELD.split(name)[::2]))
         example = FRAME_FIELD.sub("0", name)
         if any(re.fullmatch(other, example) or re.fullmatch(pattern, one) for other, one in known):

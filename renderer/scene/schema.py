@@ -32,6 +32,7 @@ from renderer.scene.tree_node import (
     read_frame as read_frame,
     still as still,
 )
+from renderer.system import number_in
 
 T = TypeVar("T")
 
@@ -43,7 +44,6 @@ Color = tuple[float, float, float]
 MIN_WORLD_LENGTH, MAX_WORLD_LENGTH = 1e-30, 1e30
 
 
-_NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d{1,9})?", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
 
 TILDE_HINT = "~ is not expanded: write the whole path"
@@ -116,8 +116,9 @@ def _decimal_point_hint(value: object) -> str | None:
 def _as_float(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return None
-    if isinstance(value, str) and not _NUMBER.fullmatch(value):
-        return None
+    if isinstance(value, str):
+        number = number_in(value)
+        return None if math.isnan(number) else number
     try:
         return float(value)
     except OverflowError:

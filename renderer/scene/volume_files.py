@@ -31,8 +31,7 @@ VOLUME_SUFFIXES = (
     *(".mrc", ".mrcs", ".ccp4", ".mrc.gz", ".map.gz", ".ccp4.gz", ".nc", ".nc4"),
 )
 _HEADERLESS = (".raw", ".bin", ".dat")
-# Names of slices; of DICOM, many end with a number.
-_SLICE = re.compile(r".*\.(tiff?|dcm|ima)|(?=.*[0-9])[^.]*(\.[0-9]+)*", re.IGNORECASE | re.DOTALL)
+_SLICES = (".tif", ".tiff", ".dcm", ".ima")
 # The field of a pattern, with the least number of digits.
 _FIELD = re.compile(r"\{(?::0?([1-9]?))?\}")
 # Fewer files that differ in a number are no steps: T1 and T2, for one.
@@ -157,7 +156,7 @@ def _numbered_volumes(folder: Path) -> list[tuple[int, str]]:
     """
     names = [name for name in _names_in(folder) if not name.startswith(".")]
     volumes = [name for name in names if name.lower().endswith(VOLUME_SUFFIXES)]
-    if len(volumes) < _MIN_IN_FOLDER or any(_SLICE.fullmatch(name) for name in {*names}.difference(volumes)):
+    if len(volumes) < _MIN_IN_FOLDER or any(map(_may_be_slice, {*names}.difference(volumes))):
         return []
     parts = [re.split(r"([0-9]{1,18})", name) for name in volumes]
     if len({len(each) for each in parts}) > 1:
@@ -166,6 +165,12 @@ def _numbered_volumes(folder: Path) -> list[tuple[int, str]]:
     if len(different) != 1 or different[0] % 2 == 0:  # every second part is a number
         return []
     return [(int(own[different[0]]), name) for own, name in zip(parts, volumes, strict=True)]
+
+
+def _may_be_slice(name: str) -> bool:
+    """Return whether a file may be a slice by its name: of DICOM, many have a number in place of a suffix."""
+    has_numbers = re.search("[0-9]", name) and all(re.fullmatch("[0-9]+", part) for part in name.split(".")[1:])
+    return name.lower().endswith(_SLICES) or bool(has_numbers)
 
 
 def _names_in(folder: Path) -> list[str]:

@@ -269,7 +269,7 @@ _PYYAML_MESSAGES = (
 _COLOR = re.compile(r"\s#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})\b")
 _UNQUOTED = (
     (_COLOR, 'put colors in quotes, for # begins a comment: "#ff8800"'),
-    (re.compile(r"""^[^"'#]*\{frame(:[^{}]*)?\}"""), 'put names with braces in quotes: "frames/{frame:04}.png"'),
+    (re.compile(r"""^[^"'#]*\{frame[:}]"""), 'put names with braces in quotes: "frames/{frame:04}.png"'),
 )
 
 

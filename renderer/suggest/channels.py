@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, VolumeSpec, ramp
+from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, VolumeSpec, ramp, steps_in_time
 from renderer.suggest import features
 from renderer.suggest.histogram import compute_statistics
+from renderer.suggest.padding import without_padding
 from renderer.suggest.palette import in_8_bits
 from renderer.volume import Channel, Volume
 
@@ -20,6 +22,8 @@ _COLORS: tuple[Color, ...] = (
     (1.0, 0.5, 0.0), (1.0, 1.0, 1.0),
 )  # fmt: skip
 _MAX_CHANNELS = 64
+# The most steps of a volume in time that are read to suggest how to show all.
+_MOST_STEPS = 5
 # Of the values above the background, this percentile has the full colour.
 _BRIGHT_PERCENTILE = 99.0
 # Voxels of a sample along each axis. Rays with this part of the most light are bright, and this percentile of them is
@@ -47,14 +51,35 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
         name = " ".join(filter(None, (layer.name, channel.name or (f"{number + 1}" if layer.name else ""))))
         own = replace(layer, volume=spec, name=name)
         if layer.transfer_function == OF_CHANNELS:
-            volume = read(spec) if number else first
-            window = channel.window or suggest_window(volume)
+            steps = some_steps(steps_in_time(spec))
+            volumes = [first] if number == 0 and len(steps) == 1 else map(read, steps)
+            window, brightest = _common_window(volumes)
+            window = channel.window or window
             color = in_8_bits(channel.color or _COLORS[number % len(_COLORS)])
             own = replace(own, transfer_function=ramp(color, window), color=color, range=window)
             if layer.weight == 1.0:
-                own = replace(own, weight=suggest_weight(volume, window))
+                own = replace(own, weight=suggest_weight(brightest, window))
         made.append(own)
     return list(with_own_names(made))
+
+
+def some_steps(steps: Sequence[VolumeSpec]) -> list[VolumeSpec]:
+    """Return some steps in time, evenly, the first and the last among them."""
+    return [*dict.fromkeys(steps[k * (len(steps) - 1) // (_MOST_STEPS - 1)] for k in range(_MOST_STEPS))]
+
+
+def _common_window(steps: Iterable[Volume]) -> tuple[tuple[float, float], Volume]:
+    """Return the values of a channel that are shown as nothing and as its full colour, by some of its steps in time.
+
+    They are the highest of any step. Returns the brightest step, too.
+    """
+    (low, high), brightest = (-math.inf, -math.inf), None
+    for volume in steps:
+        window = suggest_window(volume)
+        brightest = volume if brightest is None or window[1] > high else brightest
+        low, high = max(low, window[0]), max(high, window[1])
+    assert brightest is not None, "there is a step"
+    return (low, high), brightest
 
 
 def suggest_window(volume: Volume) -> tuple[float, float]:
@@ -63,7 +88,7 @@ def suggest_window(volume: Volume) -> tuple[float, float]:
     shown = statistics.without_outliers or statistics
     if shown.minimum == shown.maximum:
         return float(shown.minimum), float(shown.minimum) + max(1.0, abs(shown.minimum))
-    sample = features.sample_volume(volume, shown)
+    sample = without_padding(features.sample_volume(volume, shown))
     background, values = features.find_background(sample), sample.normalized[sample.is_valid]
     low = background.high if background.is_there else float(np.percentile(values, _DARK_PERCENTILE))
     above = values[values > low]

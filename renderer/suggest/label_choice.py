@@ -21,6 +21,7 @@ from renderer.scene import (
     LabelsSpec,
     LayerSpec,
     MaskSpec,
+    Scene,
     VolumeSpec,
     colormap_points,
     format_value,
@@ -77,6 +78,9 @@ class KnownLabels:
         return f"the nearest is {min(self.present, key=lambda value: abs(value - key))}"
 
 
+NO_LABELS = KnownLabels((), {})
+
+
 def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Problems) -> LayerSpec:
     """Return a layer in which all labels that are shown have their number, colour and name.
 
@@ -99,26 +103,59 @@ def with_numbers(mask: MaskSpec | None, place: str, read: ReadVolume, problems: 
     return replace(mask, labels=LabelsSpec(show=choose_labels(mask.labels, known, place, problems).show))
 
 
+def label_problems(scene: Scene, read: ReadVolume) -> Problems:
+    """Return the labels that a scene names and no step of their volume, nor its table, has.
+
+    Only volumes of which some are named are read. Raises InputError as `known_labels`.
+    """
+    problems, choices = Problems(), dict[str, tuple[VolumeSpec, LabelsSpec]]()
+    for number, layer in enumerate(scene.layers):
+        place = f"volumes.{number}." if scene.volumes else ""
+        if (labels := layer.transfer_function.labels) is not None:
+            choices[f"{place}labels"] = layer.volume, labels
+        if (mask := layer.mask) is not None and isinstance(mask.volume, VolumeSpec):
+            choices["mask" if mask == scene.mask else f"{place}mask"] = mask.volume, mask.labels
+    for place, (volume, labels) in choices.items():
+        if labels.show or labels.hide or isinstance(labels.colors, tuple) or isinstance(labels.opacity, tuple):
+            choose_labels(labels, known_labels(volume, read, labels), place, problems)
+    return problems
+
+
 def known_labels(spec: VolumeSpec, read: ReadVolume, labels: LabelsSpec) -> KnownLabels:
     """Return what is known of the labels of a volume, which are the values of any of its steps in time.
 
     labels: whose names go before those of a table. Raises InputError for a volume that is no labels.
     """
-    steps = steps_in_time(spec)
-    volume = read(steps[0])
-    found = read_label_table(labels.names) if isinstance(labels.names, Path) else table_of(spec, volume)
-    table = {label.value: label for label in found}
-    if isinstance(labels.names, tuple):
-        table |= {value: replace(table.get(value, Label(value)), name=name) for value, name in labels.names}
-    present = {*count_labels(volume)}.union(*(count_labels(read(step)) for step in steps[1:]))
+    known = labels_of(steps_in_time(spec), read)
+    table = known.table
+    if isinstance(labels.names, Path):
+        table = {label.value: label for label in read_label_table(labels.names)}
+    elif isinstance(labels.names, tuple):
+        table = table | {value: replace(table.get(value, Label(value)), name=name) for value, name in labels.names}
+    return replace(known, table=table)
+
+
+def labels_of(steps: Sequence[VolumeSpec], read: ReadVolume) -> KnownLabels:
+    """Return what is known of the labels of the steps of a volume; of two that describe a label, the first one counts.
+
+    Raises InputError for volumes that are no labels, and tables that cannot be read.
+    """
+    present, table = set[int](), dict[int, Label]()
+    for step in steps:
+        volume = read(step)
+        present.update(count_labels(volume))
+        for label in table_of(step, volume):
+            table.setdefault(label.value, label)
     return KnownLabels(sorted(present), table)
 
 
 def table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:
     """Return what the file of a volume, or a table beside it, says of its labels."""
-    if volume.labels or not isinstance(spec.source, FileSource):
+    source = spec.source
+    if volume.labels or not isinstance(source, FileSource):
         return volume.labels
-    beside = find_label_table(spec.source.file)
+    file = source.steps[spec.time] if source.steps and isinstance(spec.time, int) else source.file
+    beside = find_label_table(file)
     return () if beside is None else read_label_table(beside)
 
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.scene import MAX_LABELS, LabelsSpec, TransferSpec
+from renderer.scene import MAX_LABELS, LabelsSpec, TransferSpec, counted, join_some
 from renderer.suggest.features import VoxelSample, faces
 from renderer.suggest.histogram import Statistics
-from renderer.suggest.label_choice import KnownLabels, choose_labels, count_labels, label_colors
+from renderer.suggest.label_choice import KnownLabels, choose_labels, count_labels
 from renderer.suggest.opacity import format_number, opacity_from_depth, opacity_unit_length
 from renderer.suggest.opacity_calibration import Layer, TurntableRays, cast_rays, solve_depths
 from renderer.suggest.presets import OPAQUE_COVERAGE, SHADING, STONE
 from renderer.suggest.suggestion import ShownLayer, Suggestion
-from renderer.volume import Bools, Float64, Label, Volume, iter_slabs
+from renderer.volume import Bools, Float64, Volume, iter_slabs
 
 # Occlusion, which is found for voxels, would show the stairs of a label.
 _SHADING = replace(SHADING, ambient=0.45, diffuse=0.6, occlusion=0.0)
@@ -122,43 +122,64 @@ def border_mode(sample: VoxelSample) -> float:
     return float(values[counts.argmax()])
 
 
-def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float]) -> Suggestion:
+def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float], known: KnownLabels) -> Suggestion:
     """Return the suggestion for labels: every one but the background has a colour and an opacity.
 
-    The background is the most frequent label at the volume's border.
+    The background is the most frequent label at the volume's border. What a table says holds as in a scene: names,
+    colours, and which labels are hidden or translucent. known: the table, and labels of other steps in time.
     """
+    voxels = count_labels(volume)
     at_border = sample.denormalize(border_mode(sample))
     outside = min(values, key=lambda value: abs(value / 2 - at_border / 2))
     pieces = ", in separate pieces" if _is_piecewise_constant(sample) else ""
     reason = f"there are {len(values)} values{pieces}, and {format_number(outside)} is the background"
-    shown = [int(value) for value in values if value != outside]
+    present = sorted({*map(int, values), *known.present} - {int(outside)})
+    if num_elsewhere := len({*present} - {*map(int, values)}):
+        reason += f"; {counted(num_elsewhere, 'more label')} in other steps"
+    hidden = [value for value in present if (label := known.table.get(value)) and label.opacity == 0]
+    shown = [value for value in present if value not in hidden] or present
     numbered = number_sample(sample, shown)
     rays = cast_rays(numbered)
     depths = _solve_label_depths(numbered, rays, len(shown))
-    colors = label_colors(len(shown)) if len(shown) > 1 else (STONE,)
-    opacities = [opacity_from_depth(depth, sample.diagonal) for depth in depths.tolist()]
-    one = opacities[0] if len(set(opacities)) == 1 else tuple(zip(shown, opacities, strict=True))
-    labels = LabelsSpec(tuple(zip(shown, colors, strict=True)), one, tuple(shown))
-    shares, voxels = _visible_shares(rays, depths), count_labels(volume)
+    solved = {
+        value: opacity_from_depth(depth, sample.diagonal) for value, depth in zip(shown, depths.tolist(), strict=True)
+    }
+    shares = _visible_shares(rays, depths)
     visible = tuple(
-        ShownLayer("", ((value, value),), voxels[value] / volume.values.size, share, 1 / len(shown))
+        ShownLayer(
+            known.names.get(value, ""),
+            ((value, value),),
+            voxels.get(value, 0) / volume.values.size,
+            share,
+            1 / len(shown),
+        )
         for value, share in zip(shown, shares.tolist(), strict=True)
     )
-    kind = "mask" if len(values) == 2 else "labels"
-    transfer = TransferSpec(labels, opacity_unit_length(sample.diagonal))
-    return Suggestion(kind, reason, transfer, (), _SHADING, visible=visible)
+    mapping = _with_table(LabelsSpec(opacity=tuple(solved.items()), show=tuple(shown)), known)
+    transfer = TransferSpec(mapping, opacity_unit_length(sample.diagonal))
+    kind = "mask" if len(present) == 1 else "labels"
+    notes = _hidden_note(hidden, known) if hidden else ()
+    return Suggestion(kind, reason, transfer, (), _SHADING, outlier_notes=notes, visible=visible)
 
 
-def with_table(suggestion: Suggestion, table: Sequence[Label], *, has_colors: bool) -> Suggestion:
-    """Return a suggestion for labels with the names in a table, and its colours unless it `has_colors` of its own."""
-    labels = suggestion.transfer.labels
-    assert labels is not None and isinstance(labels.colors, tuple)
-    known = KnownLabels(dict.fromkeys(labels.values), {each.value: each for each in table})
-    of_table = {value for value, label in known.table.items() if label.color is not None and not has_colors}
-    colors = tuple(pair for pair in labels.colors if pair[0] not in of_table)
-    labels = choose_labels(replace(labels, colors=colors), known, "", [])
-    visible = tuple(replace(each, name=known.names.get(int(each.ranges[0][0]), "")) for each in suggestion.visible)
-    return replace(suggestion, transfer=replace(suggestion.transfer, mapping=labels), visible=visible)
+def _with_table(labels: LabelsSpec, known: KnownLabels) -> LabelsSpec:
+    """Return labels that are shown with the colours, the names and the translucency that a table gives them."""
+    assert labels.show is not None and isinstance(labels.opacity, tuple)
+    given = {value: label.opacity for value, label in known.table.items() if label.opacity and label.opacity < 1}
+    opacities = {key: given.get(key, opacity) for key, opacity in labels.opacity if isinstance(key, int)}
+    colors = () if len(opacities) > 1 else tuple((each, STONE) for each in opacities if not _has_color(known, each))
+    spec = replace(labels, colors=colors, opacity=tuple(opacities.items()))
+    return choose_labels(spec, KnownLabels([*opacities], known.table), "", [])
+
+
+def _has_color(known: KnownLabels, value: int) -> bool:
+    return value in known.table and known.table[value].color is not None
+
+
+def _hidden_note(hidden: Sequence[int], known: KnownLabels) -> tuple[str, ...]:
+    """Return a clause on the labels that a table hides."""
+    names = join_some([known.names.get(value, f"label {value}") for value in hidden])
+    return (f"the table of labels hides {names}",)
 
 
 def number_sample(sample: VoxelSample, shown: Sequence[int]) -> VoxelSample:

@@ -13,6 +13,7 @@ from renderer.suggest import features
 from renderer.suggest.classes import foreground_threshold
 from renderer.suggest.histogram import compute_statistics
 from renderer.suggest.labels import label_values
+from renderer.suggest.padding import without_padding
 from renderer.volume import Float64, Volume
 
 _PERCENTILES = range(10, 100, 10)
@@ -61,6 +62,7 @@ def _landmarks(volume: Volume) -> Float64:
     sample = features.sample_volume(volume, shown)
     if volume.colors is not None or label_values(volume, shown, sample) is not None:
         raise _no_contrast(volume, "labels" if volume.colors is None else "colours")
+    sample = without_padding(sample)
     background, values = features.find_background(sample), sample.normalized[sample.is_valid]
     if background.is_there and background.below > background.above:
         values = values[values < background.low]

@@ -18,7 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.scene import TransferSpec
 from renderer.suggest.features import VoxelSample
+from renderer.transfer import make_transfer_function
 from renderer.volume import Bools, Float32, Float64
 
 # Parallel rays: views of a turn, rays along each side of a view, and the most samples of one; more where a volume is so
@@ -253,6 +255,16 @@ def step_weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
     for layer, own in zip(layers, weights, strict=True):
         own[is_inside] = 100 * rays.step * layer.mean_weights(one, other)
     return weights
+
+
+def depths_along(look: TransferSpec, sample: VoxelSample, rays: TurntableRays, unit: float) -> Float32:
+    """Return the optical depths of the steps of rays, [rays, steps].
+
+    sample: of the volume that the rays are of. unit: the length that theirs are given in.
+    """
+    transfer = make_transfer_function(look, min(sample.spacing))
+    at, depths = map(sample.normalize, transfer.values.tolist()), (transfer.extinctions * unit / 100).tolist()
+    return np.asarray(step_weights(rays, [Layer("", tuple(zip(at, depths, strict=True)))])[0])
 
 
 def _compact(weights: Float32) -> Float32:

@@ -6,10 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 from renderer.errors import Problem
-from renderer.scene import LayerSpec, Motion, Scene, VolumeSpec, moving, raise_problems
+from renderer.scene import LayerSpec, Motion, Scene, VolumeSpec, moving, raise_problems, steps_in_time
 from renderer.suggest.channels import ReadVolume, channel_layers, with_own_names
 from renderer.suggest.label_choice import with_labels, with_numbers
 from renderer.suggest.relative import with_values
+from renderer.suggest.unread import suggest_in_time
 from renderer.suggest.volume_suggestion import NO_WISH, read_in_colors, suggest_read
 
 
@@ -52,5 +53,9 @@ def _with_times(part: Any, num_frames: int, read: ReadVolume) -> Any:
 
 
 def _with_colors(layer: LayerSpec, read: ReadVolume) -> LayerSpec:
-    found = suggest_read(*read_in_colors(layer.volume, read(layer.volume), read), NO_WISH)
-    return replace(layer, volume=found.volume, transfer_function=found.suggestion.transfer)
+    volume = layer.volume
+    if len(steps_in_time(volume)) > 1:
+        found = suggest_in_time(volume, read, NO_WISH)
+    else:
+        found = suggest_read(*read_in_colors(volume, read(volume), read), NO_WISH)
+    return replace(layer, volume=replace(found.volume, time=volume.time), transfer_function=found.suggestion.transfer)

@@ -10,14 +10,14 @@ from renderer.scene import Color, VolumeSpec, raise_problems, volume_extent, vol
 from renderer.suggest.channels import ReadVolume
 from renderer.suggest.features import VoxelSample, sample_volume
 from renderer.suggest.labels import number_sample
-from renderer.suggest.opacity_calibration import Layer, TurntableRays, balance, cast_through, step_weights
+from renderer.suggest.opacity_calibration import balance, cast_through, depths_along
 from renderer.suggest.palette import to_lab
 from renderer.suggest.separation import Plane, are_beyond
 from renderer.suggest.suggestion import Suggestion, with_8_bit_colors, with_colormap
 from renderer.suggest.volume_suggestion import NO_WISH, VolumeSuggestion, read_in_colors, suggest_read
 from renderer.suggest.wishes import Wish
 from renderer.transfer import make_transfer_function
-from renderer.volume import Float32, Float64
+from renderer.volume import Float64
 
 # The part of what is seen that the upper volume has, on the rays that meet both.
 UPPER_SHARE = 2 / 3
@@ -45,7 +45,12 @@ def suggest_over(
     ends = _shell_ends(lower, below)
     factors = replace(below, normalized=np.interp(_gradients(below), ends, (0.0, 1.0)))
     *rays, of_factors = cast_through([above, below, factors])
-    weights = np.stack([_weights(*each, above.diagonal) for each in ((upper, above, rays[0]), (lower, below, rays[1]))])
+    weights = np.stack(
+        [
+            depths_along(each.suggestion.transfer, sample, of_sample, above.diagonal)
+            for each, sample, of_sample in ((upper, above, rays[0]), (lower, below, rays[1]))
+        ]
+    )
     weights[1] *= np.nan_to_num((of_factors.values[:, :-1] + of_factors.values[:, 1:]) / 2)
     are_both = weights.any(axis=2).all(axis=0)
     if not are_both.any():
@@ -77,13 +82,6 @@ def _suggest(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> tuple[VolumeSugg
     found = replace(found, suggestion=replace(suggestion, clip=planes, notes=notes, visible=()))
     at = [(np.array(each.plane.point) - sample.centre, np.array(each.plane.normal)) for each in planes if each.plane]
     return found, replace(sample, is_valid=sample.is_valid & ~are_beyond(sample, [Plane(*each) for each in at]))
-
-
-def _weights(found: VolumeSuggestion, sample: VoxelSample, rays: TurntableRays, unit: float) -> Float32:
-    """Return the optical depths of the steps of rays. unit: the length that theirs are given in."""
-    transfer = make_transfer_function(found.suggestion.transfer, min(sample.spacing))
-    at, depths = map(sample.normalize, transfer.values.tolist()), (transfer.extinctions * unit / 100).tolist()
-    return np.asarray(step_weights(rays, [Layer("", tuple(zip(at, depths, strict=True)))])[0])
 
 
 def _gradients(sample: VoxelSample) -> Float64:

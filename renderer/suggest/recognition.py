@@ -51,7 +51,7 @@ def recognise(sample: VoxelSample, zero: float | None, *, is_float: bool) -> Cho
         floor = _MIN_AWAY if features.is_smooth(sample, background.high) else _MIN_AWAY_OF_NOISE
         away = max(background.high - background.middle, floor)
         reason = f"values lie on both sides of a background near {middle:.12g}"
-        return Choice("field with two signs", reason, presets.diverging_preset(sample, background.middle, away))
+        return _two_signs_choice(sample, background.middle, away, reason)
     if background.below > background.above:
         turned = sample.with_inverted_range()
         kind, reason, preset = _object_preset(turned, features.find_background(turned), is_float)
@@ -97,6 +97,15 @@ def _object_preset(sample: VoxelSample, background: Background, is_float: bool) 
     return Choice(kind, f"{near}, and {reason}", preset)
 
 
+def _two_signs_choice(sample: VoxelSample, middle: float, away: float, reason: str) -> Choice:
+    """Return the preset of values on both sides of a middle, from `away` on; of a map, from the end of its noise on."""
+    if noise := features.noise_reach(sample, middle):
+        away = noise
+        reach = sample.round_value(sample.denormalize(middle + noise) - sample.denormalize(middle))
+        reason = f"{reason}, and those up to {reach:.3g} from it are noise, from which others stand out"
+    return Choice("field with two signs", reason, presets.diverging_preset(sample, middle, away))
+
+
 def _filled_volume_preset(sample: VoxelSample) -> Choice:
     """Return the preset for a volume without a background."""
     shares, zero = sample.normalized[sample.is_valid], sample.normalize(0.0)
@@ -105,8 +114,7 @@ def _filled_volume_preset(sample: VoxelSample) -> Choice:
         if features.is_about_zero(sample) and weaker > _MIN_SECOND_SIGN * stronger:
             reason = "values lie on both sides of 0 and fill the volume to its border"
             away = min(1.2 * float(np.std(shares)), _MOST_AWAY * stronger)
-            preset = presets.diverging_preset(sample, zero, away)
-            return Choice("field with two signs", reason, preset)
+            return _two_signs_choice(sample, zero, away, reason)
         if is_level_set_interior(sample.with_inverted_range(), 1 - zero):
             preset = presets.opaque_preset("inside", 1 - zero, min(1.02 - zero, 1.0)).with_inverted_range()
             return Choice("level set", "negative values lie inside of positive ones", preset)

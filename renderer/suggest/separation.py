@@ -15,7 +15,7 @@ import numpy as np
 
 from renderer.scene import MAX_CLIPS, ClipSpec, PlaneSpec, Vector
 from renderer.suggest.features import VoxelSample
-from renderer.volume import Bools, Float64, Int64, reduce_blocks
+from renderer.volume import Bools, Float64, Int64, grow, label_parts, reduce_blocks
 
 # Cells along each axis.
 _MAX_CELLS = 64
@@ -56,7 +56,7 @@ def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
         return []
     cells, sides = _pool(is_visible, sample.spacing)
     holders = _are_holders(cells, sides)
-    parts = _measure_parts(cells, np.where(holders, _label_parts(holders), _label_parts(cells & ~holders)), sides)
+    parts = _measure_parts(cells, np.where(holders, label_parts(holders), label_parts(cells & ~holders)), sides)
     axes = sample.directions * sides[::-1]
     places = np.argwhere(cells)[:, ::-1] + 0.5 - np.array(cells.shape[::-1]) / 2
     heights, reach = places @ axes.T @ _NORMALS.T, np.abs(_NORMALS @ axes).sum(axis=1) / 2
@@ -76,7 +76,7 @@ def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
     """Return which of the sample's voxels lie deep inside of what is visible, bool [z, y, x]."""
     cells, _ = _pool(is_visible, sample.spacing)
     for _ in range(_DEPTH):
-        cells = ~_grow(~cells, 1)
+        cells = ~grow(~cells, 1)
     z, y, x = (np.arange(num) // factor for num, factor in zip(is_visible.shape, _factors(is_visible), strict=True))
     return np.asarray(cells[np.ix_(z, y, x)])
 
@@ -140,35 +140,14 @@ def _are_holders(cells: Bools, sides: Float64) -> Bools:
     extruded = np.zeros_like(cells)
     for axis in range(3):
         if cells.shape[axis] >= _MIN_LENGTH:
-            extruded |= _grow(cells.mean(axis, keepdims=True) >= _MIN_FILLED, 1) & cells
+            extruded |= grow(cells.mean(axis, keepdims=True) >= _MIN_FILLED, 1) & cells
     middle = np.argwhere(cells).mean(axis=0)
-    parts = _measure_parts(extruded, _label_parts(extruded), sides)
+    parts = _measure_parts(extruded, label_parts(extruded), sides)
     is_around = ((parts.low <= middle) & (middle < parts.high)).all(axis=1)
     sizes = (parts.high - parts.low) * sides
     is_rod = np.sort(sizes, axis=1)[:, 1] < _MIN_WIDTH * parts.thickness * np.linalg.norm(sizes, axis=1)
     extruded[extruded] = (parts.is_sheet & ~is_around & ~is_rod)[parts.of_cell]
     return extruded
-
-
-def _label_parts(cells: Bools) -> Int64:
-    """Return a number for each connected part: the lowest flat index of its cells; -1 elsewhere."""
-    places = np.arange(cells.size).reshape(cells.shape)
-    begins = cells.copy()
-    begins[..., 1:] &= ~cells[..., :-1]
-    runs = np.maximum.accumulate(np.where(begins, places, 0), axis=2)  # along x, by their first cells
-    pairs = [np.empty((2, 0), np.int64)]
-    for axis in range(2):
-        run, are_in, begin = (np.moveaxis(each, axis, 0) for each in (runs, cells, begins))
-        meet = are_in[:-1] & are_in[1:] & (begin[:-1] | begin[1:])
-        pairs.append(np.array([run[:-1][meet], run[1:][meet]]))
-    labels, joined = np.where(cells, runs, places).ravel(), np.concatenate(pairs, axis=1)
-    while joined.size:
-        low, high = np.sort(labels[joined], axis=0)
-        np.minimum.at(labels, high, low)
-        while not np.array_equal(labels, jumped := labels[labels]):
-            labels = jumped
-        joined = joined[:, labels[joined[0]] != labels[joined[1]]]
-    return np.where(cells, labels.reshape(cells.shape), -1)
 
 
 class _Parts(NamedTuple):
@@ -208,21 +187,13 @@ def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
     sheets = np.zeros_like(cells)
     sheets[cells] = parts.is_sheet[of_cell] & (of_cell != main)
     # What is thin may be broken: legs of an insect, vessels, but sheets, too.
-    grown = _label_parts(_grow(cells & ~sheets, _GAP))[cells]
+    grown = label_parts(grow(cells & ~sheets, _GAP))[cells]
     is_near = np.bincount(of_cell, grown == grown[of_cell == main][0], num) > 0
-    of_sheet = np.bincount(of_cell, _grow(sheets, 1)[cells], num) > 0
+    of_sheet = np.bincount(of_cell, grow(sheets, 1)[cells], num) > 0
     share = parts.volumes / parts.volumes[main]
     is_kept = np.where(of_sheet, share >= _MIN_VOLUME_AT_SHEET, is_near | (share >= _MIN_VOLUME)) & ~parts.is_sheet
     is_kept[main] = True
     return np.asarray(is_kept)
-
-
-def _grow(cells: Bools, distance: int) -> Bools:
-    """Return the cells and all within a distance along the axes."""
-    grown = np.pad(cells, distance)
-    for axis in range(3):
-        grown = np.asarray(np.lib.stride_tricks.sliding_window_view(grown, 2 * distance + 1, axis).any(axis=-1))
-    return grown
 
 
 def _touching_planes(points: Float64, heights: Float64, limits: Float64) -> list[Plane]:

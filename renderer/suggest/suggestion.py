@@ -19,6 +19,8 @@ from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST, in_8_bits
 # Values further from the range of the others than this part of the range are transparent; half-way to outliers that are
 # nearer.
 _OUTLIER_MARGIN = 0.02
+# A background with a smaller opacity of a unit length is hardly seen: a unit is about 1 % of the diagonal.
+LEAST_OPACITY = 1e-3
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,7 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
         for outlier in statistics.outliers
     )
     suggestion = replace(suggestion, outlier_notes=(*outlier_notes, *suggestion.outlier_notes))
-    mapping, notes = suggestion.transfer.mapping, suggestion.notes
+    mapping = suggestion.transfer.mapping
     if isinstance(mapping, LabelsSpec):  # which leave out what they do not name
         return suggestion
     points: Sequence[ControlPoint]
@@ -140,16 +142,20 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
         points = [ControlPoint(at, (0.0, 0.0, 0.0), opacity) for at, opacity in mapping.opacity]
     else:
         points = mapping
-    named = dict(zip(points, notes, strict=False))
     if statistics.maximum > high:
         points = _transparent_above(points, high)
     if statistics.minimum < low:
         points = _mirrored(_transparent_above(_mirrored(points), -low))
     if isinstance(mapping, ColormapSpec):
-        mapping = replace(mapping, opacity=tuple((point.value, point.opacity) for point in points))
-    else:
-        mapping, notes = tuple(points), tuple(named.get(point, "") for point in points)
-    return replace(_with_mapping(suggestion, mapping), notes=notes)
+        opacity = tuple((point.value, point.opacity) for point in points)
+        return _with_mapping(suggestion, replace(mapping, opacity=opacity))
+    return with_points(suggestion, points)
+
+
+def with_points(suggestion: Suggestion, points: Sequence[ControlPoint]) -> Suggestion:
+    """Return the suggestion with other points; those that stay keep their notes."""
+    named = dict(zip(suggestion.transfer.points, suggestion.notes, strict=False))
+    return replace(_with_mapping(suggestion, tuple(points)), notes=tuple(named.get(point, "") for point in points))
 
 
 def _values_text(outlier: OutlierValue) -> str:
@@ -171,3 +177,8 @@ def _transparent_above(points: Sequence[ControlPoint], end: float) -> list[Contr
     r, g, b = (float(np.interp(end, at, part)) for part in zip(*(point.color for point in points), strict=True))
     opacity = float(f"{np.interp(end, at, [point.opacity for point in points]):.3g}")
     return [*below, ControlPoint(end, (r, g, b), opacity), ControlPoint(end, (r, g, b), 0.0)]
+
+
+def transparent_between(points: Sequence[ControlPoint], first: float, last: float) -> list[ControlPoint]:
+    """Return the points with an opacity of 0 from `first` to `last`."""
+    return [*_transparent_above(points, first), *_mirrored(_transparent_above(_mirrored(points), -last))]

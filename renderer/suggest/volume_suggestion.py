@@ -1,4 +1,4 @@
-"""Suggest how to show a volume, and give the reason in words.
+"""Suggest how to show a volume that is in memory, and give the reason in words.
 
 Labels, or the kind of data (`recognition.py`) or a wish (`wishes.py`), give a preset. Planes clip away what is not the
 object (`separation.py`), and densities are solved for what the picture shows (`opacity_calibration.py`).
@@ -7,11 +7,10 @@ object (`separation.py`), and densities are solved for what the picture shows (`
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
-from typing import Literal
 
 import numpy as np
 
@@ -19,26 +18,22 @@ from renderer.errors import InputError
 from renderer.looks import linear_in_extinction
 from renderer.readers import are_colors
 from renderer.scene import (
-    OF_CHANNELS,
     ControlPoint,
     LayerSpec,
     Scene,
     TransferSpec,
     VolumeSpec,
-    counted,
-    raise_problems,
-    volume_extent,
-    volume_problems,
 )
 from renderer.suggest import features
 from renderer.suggest.absent import suggest_fill
-from renderer.suggest.channels import ReadVolume, channel_layers
+from renderer.suggest.channels import ReadVolume
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics, compute_statistics
-from renderer.suggest.label_choice import table_of
-from renderer.suggest.labels import distinct_values, label_suggestion, label_values, with_table
+from renderer.suggest.label_choice import NO_LABELS, KnownLabels, table_of
+from renderer.suggest.labels import distinct_values, label_suggestion, label_values
 from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
 from renderer.suggest.opacity_calibration import cast_rays, measure_visibility, solve_depths
+from renderer.suggest.padding import without_padding
 from renderer.suggest.presets import Choice, Preset
 from renderer.suggest.recognition import hounsfield_zero, logarithmic_choice, recognise
 from renderer.suggest.separation import Plane, are_beyond, clip_specs, corner_box, separating_planes
@@ -54,8 +49,8 @@ from renderer.suggest.wishes import LABELS_WISH, WISHES, Wish, choose_by_word, i
 from renderer.volume import Float64, Volume
 
 NO_WISH = Wish()
-# The most steps of a volume in time that are read to suggest how to show all.
-_MOST_STEPS = 5
+# Tells what is known of the labels of a volume.
+KnowLabels = Callable[[], KnownLabels]
 _COLORS = "voxels that are colours"
 # The opacity of a voxel is its alpha.
 _ALPHA_POINTS = tuple(
@@ -90,39 +85,6 @@ class VolumeSuggestion:
         return replace(scene, transfer_function=transfer, shading=found.shading, clip=clip)
 
 
-def suggest_for(volume: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH) -> VolumeSuggestion:
-    """Read a volume and suggest how to show it.
-
-    read: reads the voxels; of several channels first those of one, which tells of all; of several steps in time some.
-    Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
-    """
-    may_have_channels = wish == NO_WISH and volume.component in (None, "all")
-    asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
-    found = read(replace(volume, component=asked) if may_have_channels else volume)
-    if found.num_times > 1 and volume.time is None:
-        return _suggest_in_time(volume, found.num_times, read, wish)
-    raise_problems(volume_problems(volume_extent(found), found.name))
-    if may_have_channels and (volume.component == "all" or any(channel.is_light for channel in found.channels)):
-        return _channels_suggestion(volume, found, read)
-    return suggest_read(*read_in_colors(volume, found, read, wish), wish)
-
-
-def _suggest_in_time(volume: VolumeSpec, num_times: int, read: ReadVolume, wish: Wish) -> VolumeSuggestion:
-    """Suggest how to show all steps of a volume in time: as of some steps the one with the widest range of values."""
-
-    def span(step: int) -> float:
-        low, high = read(replace(volume, time=step)).value_range()
-        return high - low
-
-    steps = dict.fromkeys(k * (num_times - 1) // (_MOST_STEPS - 1) for k in range(_MOST_STEPS))
-    widest = max(steps, key=span)
-    found = suggest_for(replace(volume, time=widest), read, wish=wish)
-    why = f"step {widest} of {num_times} has the widest range of {len(steps)} that were read"
-    layers = tuple(replace(layer, volume=replace(layer.volume, time="auto")) for layer in found.layers)
-    suggestion = replace(found.suggestion, reason=f"{found.suggestion.reason}; {why}")
-    return replace(found, volume=replace(found.volume, time="auto"), layers=layers, suggestion=suggestion)
-
-
 def read_in_colors(
     volume: VolumeSpec, found: Volume, read: ReadVolume, wish: Wish = NO_WISH
 ) -> tuple[VolumeSpec, Volume, Statistics]:
@@ -141,15 +103,25 @@ def read_in_colors(
     return replace(volume, component=component), found, compute_statistics(found.values, found.source)
 
 
-def suggest_read(volume: VolumeSpec, found: Volume, statistics: Statistics, wish: Wish) -> VolumeSuggestion:
-    """Suggest how to show a volume that is in memory. Raises as `suggest`."""
-    suggestion = (_color_suggestion if volume.has_colors else suggest)(found, statistics, wish)
+def suggest_read(
+    volume: VolumeSpec, found: Volume, statistics: Statistics, wish: Wish, known: KnowLabels | None = None
+) -> VolumeSuggestion:
+    """Suggest how to show a volume that is in memory. Raises as `suggest`.
+
+    known: as of `suggest`; None for what the volume, and a table beside it, tell.
+    """
+    if volume.has_colors:
+        suggestion = _color_suggestion(found, statistics, wish)
+    else:
+        suggestion = suggest(found, statistics, wish, known or partial(_labels_in_table, volume, found))
     if volume.component == "color_alpha" and wish == NO_WISH:
         reason = "of the 4 components the last is alpha, which says how opaque each voxel is"
         suggestion = Suggestion(_COLORS, reason, TransferSpec(_ALPHA_POINTS), (), None)
-    if suggestion.transfer.labels is not None:
-        suggestion = with_table(suggestion, table_of(volume, found), has_colors=wish.colormap is not None)
     return VolumeSuggestion(volume, with_8_bit_colors(suggestion), found.num_absent > 0)
+
+
+def _labels_in_table(spec: VolumeSpec, volume: Volume) -> KnownLabels:
+    return KnownLabels((), {label.value: label for label in table_of(spec, volume)})
 
 
 def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Suggestion:
@@ -164,13 +136,6 @@ def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Sug
     return replace(found, kind=_COLORS, reason=reason, transfer=transfer, shading=shading)
 
 
-def _channels_suggestion(volume: VolumeSpec, first: Volume, read: ReadVolume) -> VolumeSuggestion:
-    layers = channel_layers(LayerSpec(volume, OF_CHANNELS), first, read)
-    reason = "each is shown in a colour of its own, and their light adds up"
-    suggestion = Suggestion(counted(len(layers), "channel"), reason, layers[0].transfer_function, (), None)
-    return VolumeSuggestion(volume, suggestion, first.num_absent > 0, tuple(layers))
-
-
 # Outlying labels are smaller than this, and not negative.
 _MAX_OUTLYING_LABEL = 2**16
 # The opacity of a constant volume: a ray along the diagonal is covered by about two thirds.
@@ -179,11 +144,14 @@ _CONSTANT_OPACITY = 0.02
 _MASK_DEPTH = 3.0
 
 
-def suggest(volume: Volume, statistics: Statistics, wish: Wish = NO_WISH) -> Suggestion:
+def suggest(
+    volume: Volume, statistics: Statistics, wish: Wish = NO_WISH, known: KnowLabels = lambda: NO_LABELS
+) -> Suggestion:
     """Return a transfer function for a volume.
 
-    statistics: of the volume (`renderer.suggest.histogram.compute_statistics`). Raises InputError for a preset that
-    cannot be read, or does not suit the volume.
+    statistics: of the volume (`renderer.suggest.histogram.compute_statistics`). known: returns what is known of its
+    labels, if it has some: those of other steps in time, and a table. Raises InputError for a preset that cannot be
+    read, or does not suit the volume.
     """
     if statistics.minimum == statistics.maximum:
         return with_colormap(_constant_suggestion(volume, float(statistics.minimum)), wish.colormap)
@@ -196,7 +164,7 @@ def suggest(volume: Volume, statistics: Statistics, wish: Wish = NO_WISH) -> Sug
     fill = None if sample.is_valid.all() else suggest_fill(volume, shown)
     if fill is not None:
         sample = features.sample_volume(volume, shown, sample.normalize(fill))
-    suggestion = _suggest_from(volume, shown, sample, wish)
+    suggestion = _suggest_from(volume, shown, sample, wish, known)
     return suggestion if others is None else hide_outliers(suggestion, statistics, sample)
 
 
@@ -219,16 +187,18 @@ def _constant_suggestion(volume: Volume, value: float) -> Suggestion:
     return Suggestion(kind, reason, TransferSpec((point,), unit), ("",), None)
 
 
-def _suggest_from(volume: Volume, statistics: Statistics, sample: VoxelSample, wish: Wish) -> Suggestion:
+def _suggest_from(
+    volume: Volume, statistics: Statistics, sample: VoxelSample, wish: Wish, known: KnowLabels
+) -> Suggestion:
     """Return a suggestion from the statistics of the values to show and a sample of their range."""
     word = wish.preset
     if word in (None, LABELS_WISH):
         values = distinct_values(volume, statistics) if word else label_values(volume, statistics, sample)
         if values is not None:
-            return with_colormap(label_suggestion(volume, sample, values), wish.colormap)
+            return with_colormap(label_suggestion(volume, sample, values, known()), wish.colormap)
         if word:
             raise InputError("too many values for labels", where=volume.name, got="--preset labels")
-    zero = hounsfield_zero(statistics)
+    zero, sample = hounsfield_zero(statistics), without_padding(sample)
     if word is not None and word not in WISHES:
         return imported_suggestion(sample, zero, word)
     is_float = isinstance(statistics.minimum, float)
@@ -284,7 +254,11 @@ def _control_points(
         note = ", ".join(f"{layer.name}: {format_percent(layer.share)} of the picture" for layer in shown)
         if value not in points or point.opacity > points[value][0].opacity:
             points[value] = point, note
-    mapping, notes = zip(*(points[value] for value in sorted(points)), strict=True)
+    found = [points[value] for value in sorted(points)]
+    # The first point is the look of all that is below it, too.
+    if found[0][0].opacity > 0 and not any(layer.knots[0][1] for layer in preset.layers):
+        found.insert(0, (replace(found[0][0], opacity=0.0), ""))
+    mapping, notes = zip(*found, strict=True)
     return mapping, notes
 
 

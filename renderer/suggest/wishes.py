@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import Problem, SceneError, closest_match
-from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, TransferSpec, colormap_points, schema
+from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, ControlPoint, TransferSpec, colormap_points, schema
 from renderer.suggest import features
 from renderer.suggest.classes import foreground_threshold, material_edges, otsu_threshold, top_value
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.opacity_calibration import Layer
 from renderer.suggest.presets import OPAQUE_COVERAGE, RAMP, SHADING, STONE, Choice, Preset, glow_preset, opaque_preset
 from renderer.suggest.recognition import offset_text
-from renderer.suggest.suggestion import Suggestion
+from renderer.suggest.suggestion import LEAST_OPACITY, Suggestion, transparent_between
 from renderer.suggest.turntable import PRESET_WORDS
 
 
@@ -38,10 +38,26 @@ class Wish:
     preset: str | None = None
 
 
-# The ends of the materials, ascending, normalised.
-Ends = tuple[float, ...]
-# Returns the normalised value of Hounsfield units, or another value where the scan has none.
-At = Callable[[float, float], float]
+@dataclass(frozen=True)
+class Materials:
+    """The materials of a scan, as words pick them.
+
+    ends: of the materials, ascending, normalised. sample: of the scan. zero: the stored value of 0 Hounsfield units;
+        None where the values are no such units.
+    """
+
+    ends: tuple[float, ...]
+    sample: VoxelSample
+    zero: float | None
+
+    def at(self, hounsfield: float, otherwise: float) -> float:
+        """Return the normalised value of Hounsfield units, or another value where the scan has none."""
+        return otherwise if self.zero is None else self.sample.normalize(hounsfield + self.zero)
+
+    def named(self, in_hounsfield: str, otherwise: str) -> str:
+        """Return the name of what is at Hounsfield units, or another one where the scan has none."""
+        return otherwise if self.zero is None else in_hounsfield
+
 
 _SKIN, _BONE, _BLOOD, _BRAIN = (0.91, 0.72, 0.60), (0.97, 0.93, 0.84), (0.85, 0.22, 0.16), (0.90, 0.70, 0.66)
 _VEIL = (0.45, 0.52, 0.66)
@@ -50,48 +66,60 @@ _XRAY_COVERAGE = 0.4
 _LEAST_COMMON = 0.5
 
 
-def _surface(ends: Ends, at: At, color: Color = STONE) -> Preset:
-    first, second, *_ = ends
-    low, full = at(-400, first), at(-200, first + RAMP * (second - first))
+def _surface(scan: Materials, color: Color = STONE) -> Preset:
+    first, second, *_ = scan.ends
+    low, full = scan.at(-400, first), scan.at(-200, first + RAMP * (second - first))
     return opaque_preset("the surface", low, full, color, is_scan=True)
 
 
-def _bone(ends: Ends, at: At) -> Preset:
-    *_, first, top = ends
-    return opaque_preset("bone", at(180, first), at(400, first + RAMP * (top - first)), _BONE, is_scan=True)
+def _bone(scan: Materials) -> Preset:
+    *_, first, top = scan.ends
+    low, full = scan.at(180, first), scan.at(400, first + RAMP * (top - first))
+    return opaque_preset(_densest_name(scan, "bone and contrast medium"), low, full, _BONE, is_scan=True)
 
 
-def _vessels(ends: Ends, at: At) -> Preset:
-    begin, *_, first, top = (ends[0], *ends)
-    low, full, high = at(130, first), at(220, first + RAMP * (top - first)), at(600, top)
-    begin = at(-200, begin)
-    veil = Layer("what is around", ((begin, 0.0), ((begin + low) / 2, 1.0), (low, 1.0), (full, 0.0)), share=0.15)
-    vessels = Layer("vessels", ((low, 0.0), (full, 1.0)), share=0.85)
+def _vessels(scan: Materials) -> Preset:
+    *others, first, top = scan.ends
+    low, full, high = scan.at(130, first), scan.at(220, first + RAMP * (top - first)), scan.at(600, top)
+    vessels = Layer(_densest_name(scan, "contrast medium and bone"), ((low, 0.0), (full, 1.0)), share=0.85)
     colors = ((low, _VEIL), (full, _BLOOD), (high, _BONE))
-    return Preset((veil, vessels), colors, OPAQUE_COVERAGE, replace(SHADING, specular=0.2), is_scan=True)
+    shading = replace(SHADING, specular=0.2)
+    begin = scan.at(-200, others[0] if others else low)
+    if begin >= low:  # there is nothing around
+        return Preset((vessels,), colors, OPAQUE_COVERAGE, shading, is_scan=True)
+    veil = Layer("what is around", ((begin, 0.0), ((begin + low) / 2, 1.0), (low, 1.0), (full, 0.0)), share=0.15)
+    return Preset((veil, vessels), colors, OPAQUE_COVERAGE, shading, is_scan=True)
 
 
-def _brain(ends: Ends, at: At) -> Preset:
-    low, high = (ends[1], ends[2]) if len(ends) > 3 else (ends[0], 1.0)
-    low, high = at(5, low), at(70, high)
+def _densest_name(scan: Materials, in_hounsfield: str) -> str:
+    """Return the name of the densest material; of the only one, that of the object."""
+    return scan.named(in_hounsfield, "the densest material" if len(scan.ends) > 2 else "the object")
+
+
+def _brain(scan: Materials) -> Preset:
+    ends = scan.ends
+    has_middle = len(ends) > 3
+    low, high = (ends[1], ends[2]) if has_middle else (ends[0], 1.0)
+    low, high = scan.at(5, low), scan.at(70, high)
     ramp = RAMP * (high - low)
     knots = ((low, 0.0), (low + ramp, 1.0), (high, 1.0), (high + ramp / 2, 0.0))
-    return Preset((Layer("the brain", knots),), ((low, _BRAIN),), OPAQUE_COVERAGE, is_scan=True)
+    name = scan.named("soft tissue", "the middle material" if has_middle else "the object")
+    return Preset((Layer(name, knots),), ((low, _BRAIN),), OPAQUE_COVERAGE, is_scan=True)
 
 
-def _xray(ends: Ends, at: At) -> Preset:
-    first, top = at(-600, ends[0]), ends[-1]
-    layer = Layer("what is dense", ((first, 0.0), (first + 0.05 * (top - first), 0.1), (top, 1.0)))
+def _xray(scan: Materials) -> Preset:
+    first, top = scan.at(-600, scan.ends[0]), scan.ends[-1]
+    layer = Layer("all that stands out", ((first, 0.0), (first + 0.05 * (top - first), 0.1), (top, 1.0)))
     return Preset((layer,), ((first, (1.0, 1.0, 1.0)),), _XRAY_COVERAGE, None)
 
 
-def _glow(ends: Ends, _: At) -> Preset:
+def _glow(scan: Materials) -> Preset:
     palette: Sequence[Color] = colormap_points("inferno", 12)[-8:]
-    levels = np.linspace(ends[0], ends[-1], 8).tolist()
+    levels = np.linspace(scan.ends[0], scan.ends[-1], 8).tolist()
     return glow_preset([(level,) for level in zip(levels, palette, strict=True)])
 
 
-WISHES: dict[str, Callable[[Ends, At], Preset]] = {
+WISHES: dict[str, Callable[[Materials], Preset]] = {
     "bone": _bone,
     "vessels": _vessels,
     "skin": partial(_surface, color=_SKIN),
@@ -113,11 +141,7 @@ def choose_by_word(sample: VoxelSample, zero: float | None, *, word: str) -> Cho
         first = foreground_threshold(sample, background)
     else:
         first = otsu_threshold(sample.normalized, 0.0, 1.0) or 0.5
-
-    def at(hounsfield: float, otherwise: float) -> float:
-        return otherwise if zero is None else sample.normalize(hounsfield + zero)
-
-    preset = WISHES[word](material_edges(sample, first), at)
+    preset = WISHES[word](Materials(material_edges(sample, first), sample, zero))
     reason = "by the materials of the values" if zero is None else f"by Hounsfield units{offset_text(zero)}"
     return Choice(f"shown as --preset {word}", reason, preset.with_inverted_range() if is_dark else preset)
 
@@ -137,7 +161,8 @@ def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> S
     if zero:
         given["shift"] = zero
     found, problems = _parsed(given)
-    ends = (features.find_background(sample).middle, top_value(sample))
+    background = features.find_background(sample)
+    ends = (background.middle, top_value(sample))
     span = [sample.round_value(sample.denormalize(end)) for end in ends]
     is_share = [problem.path for problem in problems] == ["range"]
     if is_share:
@@ -152,6 +177,9 @@ def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> S
     notes = [f"not imported: {clause}" for clause in imported.left_out]
     if not is_share and zero is None:
         notes += _misfits([(point.value, point.opacity) for point in points], imported.name, span)
+    if zero is None and background.is_there and _opacity_at(points, span[0]) > LEAST_OPACITY:
+        points = transparent_between(points, *map(sample.denormalize, (background.low, background.high)))
+        notes.append(f"{imported.name} shows values near {span[0]:g}, which are the background here and are left out")
     return Suggestion(
         f"shown as --preset {wish}",
         f"values and opacities are those of {imported.name}{offset_text(zero)}",
@@ -160,6 +188,10 @@ def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> S
         replace(SHADING, **imported.shading, occlusion=0.0) if imported.shading else SHADING,
         outlier_notes=tuple(notes),
     )
+
+
+def _opacity_at(points: Sequence[ControlPoint], value: float) -> float:
+    return float(np.interp(value, [point.value for point in points], [point.opacity for point in points]))
 
 
 def _misfits(points: Sequence[tuple[float, float]], name: str, span: Sequence[float]) -> Iterator[str]:

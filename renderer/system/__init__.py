@@ -8,7 +8,7 @@ records.
 - `child_processes.py`: children that end with their parent.
 - `interrupts.py`: Ctrl-C, SIGTERM and SIGHUP, which wait while files get their final names.
 - `versions.py`: versions of what made an output.
-- `printable_text.py`: text from outside, made safe to print.
+- `printable_text.py`: text from outside, made safe to print; `text_scanner.py`: numbers and attributes in such text.
 """
 
 import lazy_loader

@@ -6,10 +6,13 @@ from .child_processes import (
 )
 from .cores import num_cores as num_cores, num_drawing_threads as num_drawing_threads
 from .interrupts import (
+    ctrl_c_stops_kernels as ctrl_c_stops_kernels,
     deferrable_interrupts as deferrable_interrupts,
     exit_on_signals as exit_on_signals,
     interrupted_status as interrupted_status,
     signals_as_interrupts as signals_as_interrupts,
+    start_threads as start_threads,
+    stop_flag as stop_flag,
 )
 from .memory import (
     PeakMemory as PeakMemory,
@@ -18,6 +21,12 @@ from .memory import (
     free_swap_bytes as free_swap_bytes,
 )
 from .printable_text import PrintableText as PrintableText, join_lines as join_lines, printable as printable
+from .text_scanner import (
+    attribute as attribute,
+    number_in as number_in,
+    unescaped as unescaped,
+    whole_number_in as whole_number_in,
+)
 from .versions import (
     MEASURING_PACKAGES as MEASURING_PACKAGES,
     commit as commit,

@@ -6,4 +6,4 @@ from .integrator import (
     integrate as integrate,
 )
 from .optics import TrueLayer as TrueLayer
-from .scene_rays import SceneRays as SceneRays
+from .scene_rays import SceneRays as SceneRays, chord_lengths as chord_lengths

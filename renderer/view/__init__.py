@@ -4,7 +4,8 @@ In: `CameraSpec`, and world positions of what is visible. Out: a `View` for each
 clipped; the order of the splats or bricks that it sees, and their place on the image.
 
 - `camera.py`: the view of one frame. `paths.py`: turntables, rockers (back and forth) and keyframes; `flights.py`: eyes
-  that fly along a curve. `framing.py`: the camera distance at which all that is visible is in the image.
+  that fly along a curve. `framing.py`: the camera distance at which all that is visible is in the image; `seen.py`:
+  which of it decides that.
 - `splat_projection.py` leaves out the splats that a view does not see, and sorts the others. `order_blending.py`:
   splats are drawn in several orders, and blended, while a turning camera passes from one to the other.
 - `brick_projection.py`: the bricks that a view sees, their rectangles on the image, and the rays that meet them.

@@ -16,6 +16,7 @@ from .framing import (
     corners_around as corners_around,
     finest_useful_level as finest_useful_level,
     fit_distance as fit_distance,
+    framed_points as framed_points,
     least_distance as least_distance,
     smallest_voxel_px as smallest_voxel_px,
     visible_centre as visible_centre,

@@ -19,6 +19,7 @@ from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
 from renderer.view.clipping import ClipRegion, are_clipped_away
 from renderer.view.paths import CameraPoses, camera_poses, focal_length_px, iter_camera_poses
+from renderer.view.seen import seen_cells
 from renderer.volume import Bools, Float64, Int64, Volume
 
 # The margin along every side, relative to half the frame's smaller side: a footprint extends beyond its cell's centre.
@@ -125,9 +126,23 @@ def visible_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> Float64:
     float64 [n, 3]; the corners of the whole volume where nothing is visible. The cells are 1/128 of the volume or
     smaller, down to two voxels (`Pyramid.occupied`). clip: cells outside do not count.
     """
+    return _extreme_corners(pyramid, pyramid.occupied if clip is None else _without_clipped_cells(pyramid, clip))
+
+
+def framed_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> tuple[Float64, float]:
+    """Return the points of `visible_points` without what adds next to nothing to a picture, and which part that adds.
+
+    The part is 0 where everything decides, as it mostly does.
+    """
+    cells = pyramid.occupied if clip is None else _without_clipped_cells(pyramid, clip)
+    seen = seen_cells(pyramid, cells)
+    return _extreme_corners(pyramid, seen.cells), seen.left_out
+
+
+def _extreme_corners(pyramid: Pyramid, occupied: Bools) -> Float64:
+    """Return corners of cells that have the extremes of all in every direction, as `visible_points`."""
     volume, level = pyramid.volume, pyramid.occupied_level
     shape = np.array(volume.shape_xyz)
-    occupied = pyramid.occupied if clip is None else _without_clipped_cells(pyramid, clip)
     rows = occupied.any(axis=2)
     if not rows.any():
         return volume_corners(volume)

@@ -18,6 +18,7 @@ from .mapped_file import (
     iter_slabs as iter_slabs,
 )
 from .mask import MaskGrid as MaskGrid, meet_mask as meet_mask
+from .parts import grow as grow, label_parts as label_parts
 from .truncation_guard import guard_mapping as guard_mapping
 from .volume import (
     Volume as Volume,

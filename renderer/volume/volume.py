@@ -32,6 +32,7 @@ class Volume:
     num_absent: the number of voxels without data.
     file_spacing: the spacing in the file, if the scene gives another; else None.
     note: a remark on how the volume was read.
+    has_lengths: whether its file, or the scene, gives the lengths of a voxel.
     channels: all components of the file that it is from; none where that has one.
     is_labels: whether the values are numbers of labels, 0 for none, and nothing lies between two of them.
     mask: where it is shown: a volume of labels on a grid of its own, whose number there is 1; None for everywhere.
@@ -52,6 +53,7 @@ class Volume:
     num_absent: int = 0
     file_spacing: tuple[float, float, float] | None = None
     note: str | None = None
+    has_lengths: bool = True
     channels: tuple[Channel, ...] = ()
     is_labels: bool = False
     mask: Volume | None = None
@@ -177,7 +179,8 @@ def move_volume(volume: Volume, matrix: Float64) -> Volume:
     digest = hashlib.blake2b(volume.fingerprint.encode("ascii") + placed.tobytes(), digest_size=16)
     turns = np.diag(matrix[:3, :3]) < math.cos(math.radians(30)) * np.linalg.norm(matrix[:3, :3], axis=0)
     axes = "" if turns.any() else volume.world_axes
-    return replace(volume, world_from_index=placed, fingerprint=digest.hexdigest(), world_axes=axes)
+    moved = replace(volume, world_from_index=placed, fingerprint=digest.hexdigest(), world_axes=axes)
+    return replace(moved, has_lengths=True)  # what places it knows them
 
 
 def joint_fingerprint(volumes: Sequence[Volume]) -> str:

@@ -37,6 +37,7 @@ MENDED = (
     *("nrrd_gzip_inflates_before_its_voxels", "nrrd_bzip2_inflates_before_its_voxels", "nrrd_gzip_of_no_bytes"),
     *("nrrd_origins", "nrrd_blanks_in_a_name", "nrrd_numbered_files", "metaimage_continued_lines"),
     *("nifti_extension_of_gigabytes", "nifti_extension_of_a_pair", "nifti_name_in_gzip", "nifti_many_extensions"),
+    *("nrrd_digits_in_a_number", "nifti_blanks_in_a_name", "vtk_empty_lines_in_a_legacy_header"),
     *("npy_long_shape", "npz_claims_gigabytes", "tiff_deflate_inflates", "dicom_many_series", "vtk_legacy_long_type"),
 )
 

@@ -22,6 +22,12 @@ from pydicom import dcmread
 from pydicom.dataset import Dataset
 from pydicom.uid import DeflatedExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
 from volume_base import Array, Base, Ranges, attached, behind, detached, sample_values, written
+from volume_bases_conventions import (
+    convention_bases,
+    masked_vtk_bases,
+    stated_picture_bases,
+    stated_tiff_bases,
+)
 from volume_bases_scientific import hdf5_bases, mrc_bases, other_vtk_bases, picture_bases, written_by_vtk
 from volume_bases_tiff import tiff_bases
 from volume_bombs import deflated, zip_archive
@@ -30,6 +36,7 @@ from vtkmodules.vtkIOLegacy import vtkStructuredPointsWriter
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
 
 from tests.support.dicom_files import dicom_bytes, functional_groups, image_fields, save, transcode, write_slice
+from tests.support.stated_dicom import segmentation
 from tests.support.volume_files import in_memory, write_image
 
 
@@ -38,6 +45,7 @@ def make_bases(data: Path | None) -> tuple[Base, ...]:
     """Return all undamaged volumes, in a fixed order. data: the folder of real ones, if there is one."""
     groups = (_nrrd, _metaimage, _nifti, _mgh, _arrays, _cube, tiff_bases, _dicom, _vtk)
     others = (mrc_bases, hdf5_bases, picture_bases, other_vtk_bases)
+    others += (convention_bases, masked_vtk_bases, stated_tiff_bases, stated_picture_bases)
     more = tuple(base for group in others for base in group(sample_values("int16")))
     return tuple(base for group in groups for base in group()) + more + (() if data is None else tuple(_real(data)))
 
@@ -232,6 +240,7 @@ def _dicom() -> Iterator[Base]:
     headers = {name: _before_pixels(data) for name, data in files.items()}
     yield Base("dicom series", files, "series", values=values.astype(np.int32), headers=headers)
     yield from _dicom_dimensions(values, stack)
+    yield from _dicom_meanings(values, stack)
 
 
 def _dicom_dimensions(values: Array, stack: dict[str, Any]) -> Iterator[Base]:
@@ -271,6 +280,32 @@ def _dicom_dimensions(values: Array, stack: dict[str, Any]) -> Iterator[Base]:
     files = written(times)
     headers = {name: _before_pixels(data) for name, data in files.items()}
     yield Base("dicom times", files, "series", values=values, headers=headers)
+
+
+def _dicom_meanings(values: Array, stack: dict[str, Any]) -> Iterator[Base]:
+    """Yield files whose stored values stand for others: by a table, by a palette, by segments; and a run of times."""
+    small = sample_values("uint8")
+    table = np.arange(256, dtype="<u2") * 3 + 7
+    item = Dataset()
+    item.ModalityLUTType = "US"
+    item.add_new("LUTDescriptor", "US", [256, 0, 16])
+    item.add_new("LUTData", "OW", table.tobytes())
+    yield _dicom_base("table", dicom_bytes(image_fields(small, **stack, ModalityLUTSequence=[item])), table[small])
+
+    colors = np.arange(256, dtype=np.uint8)[::-1]
+    palette: dict[str, Any] = {"PhotometricInterpretation": "PALETTE COLOR"}
+    for color in ("Red", "Green", "Blue"):
+        palette[f"{color}PaletteColorLookupTableDescriptor"] = [256, 0, 8]
+        palette[f"{color}PaletteColorLookupTableData"] = colors.tobytes()
+    yield _dicom_base("palette", dicom_bytes(image_fields(small, **(stack | palette))), colors[small])
+
+    masks = np.stack([small[0] > 200, small[0] < 50])
+    dataset = segmentation("BINARY", masks, SegmentLabel="Liver", RecommendedDisplayCIELabValue=[40_000] * 3)
+    segments = np.select([masks[1], masks[0]], [2, 1], 0)[np.newaxis].astype(np.uint8)
+    yield _dicom_base("segments", dicom_bytes(dataset), segments)
+
+    run = image_fields(small, Modality="XA", FrameTime="33", FrameIncrementPointer=0x00181063)
+    yield _dicom_base("run", dicom_bytes(run), small[:1])
 
 
 def _name_again(path: Path) -> None:

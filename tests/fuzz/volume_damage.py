@@ -15,6 +15,7 @@ from typing import TypeVar
 import numpy as np
 from volume_bases import Base, Ranges
 from volume_bombs_isolated import BOMBS
+from volume_bombs_text import TEXTS
 
 Random = np.random.Generator
 T = TypeVar("T")
@@ -410,15 +411,15 @@ def _spliced(base: Base, rng: Random) -> Case:
 
 def _bomb(base: Base, rng: Random) -> Case | None:
     """A small file that asks for much work or memory."""
-    bombs = BOMBS.get(base.form)
-    return None if bombs is None else make_bomb(base, _pick(rng, *bombs))
+    groups = [group[base.form] for group in (BOMBS, TEXTS) if base.form in group]
+    return make_bomb(base, _pick(rng, *_pick(rng, *groups))) if groups else None
 
 
 def make_bomb(base: Base, bomb: str) -> Case:
     """Return a case with the files of a bomb in place of those of an undamaged volume."""
     files: dict[str, Content] = {
         name: Sparse(*content) if isinstance(content, tuple) else content
-        for name, content in BOMBS[base.form][bomb]().items()
+        for name, content in (BOMBS[base.form] | TEXTS.get(base.form, {}))[bomb]().items()
     }
     opened = next(iter(files))
     return Case(base, f"bomb: {bomb.replace('_', ' ')}", files, os.path.dirname(opened) or opened)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hsplat_cli import main
+from tests.support.dicom_files import image_fields, save
 from tests.support.tiff_files import ome
 from tests.support.transcripts import Case, cases
 
@@ -17,8 +18,9 @@ def folder(folder: Path) -> None:
     """Fill the current folder with files, most of them with one fault."""
     for name in ("empty", "series", "other", "out"):
         Path(name).mkdir()
-    for name in ("series/1.dcm", "series/2.dcm", "out/scan.yaml"):
-        Path(name).touch()
+    for k in range(2):
+        save(Path(f"series/{k}.dcm"), image_fields(np.zeros((4, 5), np.uint8), InstanceNumber=str(k)))
+    Path("out/scan.yaml").touch()
     Path("notes.txt").write_text("a text", encoding="utf-8")
     Path("bare.raw").write_bytes(bytes(range(64)))
     sizes = 'SizeX="4" SizeY="4" PhysicalSizeX="1" PhysicalSizeXUnit="pixel" PhysicalSizeZ="2"'

@@ -160,9 +160,9 @@ def test_whether_a_film_exists_is_seen_under_the_lock(parts: None, monkeypatch: 
     run("assemble", "parts", "--output", "film.mp4")
 
     @contextlib.contextmanager
-    def taken(*arguments: Any) -> Iterator[FilmOutput]:
+    def taken(*arguments: Any, **options: Any) -> Iterator[FilmOutput]:
         Path("film.mp4").unlink()
-        with locked_film_output(*arguments) as output:
+        with locked_film_output(*arguments, **options) as output:
             yield output
 
     monkeypatch.setattr(assembly, "locked_film_output", taken)

@@ -1,4 +1,4 @@
-"""No command overwrites a file that it reads."""
+"""No command overwrites a file that it reads, or one that belongs to somebody else."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_scene import contents, small_scene
+import yaml
+from PIL import Image
+from small_scene import contents, small_scene, small_tree
 from volume_files import write_volume
 
 from hsplat_cli import main
@@ -125,6 +127,115 @@ def test_a_sidecar_that_is_the_volume(capsys) -> None:
     sidecar.write_bytes(sidecar.read_bytes().ljust(100 * 20 * 10))
     command = ["render", "film.mp4.json", "--set", "volume.raw.file=film.mp4.json", "--force"]
     refused(capsys, "film.mp4.json", str(Path("film.mp4.json").resolve()), *command)
+
+
+def films_of(*names: str) -> None:
+    """Write scene.yaml with several outputs, of which the later ones show one frame."""
+    outputs = [{"file": names[0]}, *({"file": name, "frame": 1} for name in names[1:])]
+    Path("scene.yaml").write_text(yaml.safe_dump(small_tree(frames=2, output=outputs)), "utf-8")
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Return the message of a command that ends with 2 and has changed nothing."""
+    before = contents()
+    assert main.run([*arguments]) == 2
+    assert contents() == before
+    return capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["render"], ["render", "--force"], ["check"]])
+def test_outputs_in_each_others_places(command: list[str], capsys) -> None:
+    Path("here").symlink_to(".")
+    Path("hidden").symlink_to("film.mp4.unfinished")
+    for name, what in {
+        "here/film.mp4": "output.1.file: the name of two outputs",
+        "FILM.mp4": "output.1.file: the name of two outputs",
+        "film.mp4.unfinished/still.png": "in a folder for unfinished frames",
+        "other.unfinished/still.png": "in a folder for unfinished frames",
+        "hidden/still.png": "in a folder for unfinished frames",
+        "film.mp4.json/still.png": "the folder of another one",
+    }.items():
+        films_of("film.mp4", name)
+        assert what in refusal(capsys, command[0], "scene.yaml", *command[1:]), name
+
+
+def test_a_picture_among_pictures_that_are_slices(capsys) -> None:
+    """It would be a slice of the volume from then on."""
+    Path("slices").mkdir()
+    for number in range(4):
+        Image.new("L", (8, 8), 60 * number).save(f"slices/{number}.png")
+    scene_of("file: slices")
+    for name in ("slices/{frame:03}.png", "slices/../slices/film-{frame}.png"):
+        message = refusal(capsys, "render", "scene.yaml", "--output", name)
+        assert "this output would become a slice of an input" in message
+    assert main.run(["render", "scene.yaml", "--quiet", "--output", "slices/film.mp4"]) == 0
+
+
+def test_a_further_output_of_another_film(capsys) -> None:
+    """Whoever comes second is refused, and the first film stays up to date; a film replaces what it has made itself."""
+    films_of("one.mp4", "common.png")
+    assert main.run(["render", "scene.yaml", "--quiet"]) == 0
+    assert main.run(["render", "scene.yaml", "--quiet", "--set", "error.tolerance=0.5"]) == 0
+    films_of("two.mp4", "common.png")
+    for command in (["check", "scene.yaml"], ["render", "scene.yaml"]):
+        message = refusal(capsys, *command)
+        assert message.startswith("common.png: this further output exists, and is not of this film")
+    films_of("two.mp4", "one.mp4")
+    assert "one.mp4: this further output exists" in refusal(capsys, "render", "scene.yaml")
+    films_of("two.mp4", "common.png")
+    assert main.run(["verify", "one.mp4", "--quiet"]) == 0
+    assert main.run(["render", "scene.yaml", "--quiet", "--force"]) == 0
+    capsys.readouterr()
+    films_of("one.mp4", "common.png")
+    assert main.run(["render", "scene.yaml", "--set", "error.tolerance=0.5"]) == 0
+    assert "one.mp4 has another common.png beside it than its sidecar describes" in capsys.readouterr().err
+
+
+def test_further_outputs_of_parts_and_of_moved_films() -> None:
+    """Parts of a path know what others have made."""
+    outputs = [
+        {"file": "film/{frame}.png", "size": [16, 16]},
+        {"file": "film/small/{frame}.png"},
+    ]
+    Path("scene.yaml").write_text(yaml.safe_dump(small_tree(frames=4, output=outputs)), "utf-8")
+    for frames in ("0:2", "1:4", ":"):
+        assert main.run(["render", "scene.yaml", "--quiet", f"--frames={frames}"]) == 0
+    text = Path("scene.yaml").read_text("utf-8")
+    Path("scene.yaml").write_text(text.replace("film/", "moved/film/"), "utf-8")
+    Path("moved").mkdir()
+    Path("film").rename("moved/film")
+    assert main.run(["render", "scene.yaml", "--quiet", "--set", "error.tolerance=0.5"]) == 0
+
+
+def test_a_json_file_of_another_program(capsys) -> None:
+    scene_of(None)
+    Path("film.mp4.json").write_text('{"streams": []}', "utf-8")
+    for command in ("check", "render"):
+        assert "something else has the name of the sidecar" in refusal(capsys, command, "scene.yaml")
+    assert main.run(["render", "scene.yaml", "--quiet", "--force"]) == 0
+
+
+def test_pages_of_somebody_else(capsys) -> None:
+    """Pages of hsplat are replaced."""
+    scene_of(None)
+    commands = {
+        "page.html": ["preview", "scene.yaml", "-o", "page.html"],
+        "measured/index.html": ["measure", "scene.yaml", "--output", "measured", "--frames", "0"],
+        "report.html": ["compare", "one", "two", "--html", "report.html"],
+        "paper/index.html": ["paper", str(SCENES), "--output", "paper"],
+    }
+    for name in ("one", "two", "measured", "paper"):
+        Path(name).mkdir()
+    for name in ("one/0.png", "two/0.png"):
+        Image.new("RGB", (32, 32)).save(name)
+    for page, command in commands.items():
+        Path(page).write_text("<p>mine", "utf-8")
+        assert f"{page}: another page has this name" in refusal(capsys, *command)
+        Path(page).unlink()
+    for page in ("page.html", "measured/index.html", "report.html"):
+        for _ in range(2):
+            assert main.run([*commands[page], "--quiet"]) == 0
+            assert "mine" not in Path(page).read_text("utf-8")
 
 
 def test_a_film_beside_its_slices() -> None:

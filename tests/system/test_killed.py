@@ -6,9 +6,10 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from commands import HSPLAT, environment, python
+import yaml
+from commands import HSPLAT, environment, other_process, python
 from resuming import assert_clean
-from small_scene import small_scene
+from small_scene import contents, engine_block, small_scene, small_tree
 
 from hsplat_cli import main
 
@@ -81,12 +82,22 @@ print(num_killed)
 """
 
 
-@pytest.mark.parametrize("output", ["film.mp4", "{frame}.png"])
-def test_killed_at_any_operation_on_a_file(output: str) -> None:
+@pytest.mark.parametrize(
+    "outputs",
+    [
+        ["film.mp4"],
+        ["{frame}.png"],
+        ["film.mp4", "film.gif", "{frame}.png", "far/still.png"],
+        ["{frame}.png", "film.webm", "far/small-{frame}.png"],
+    ],
+)
+def test_killed_at_any_operation_on_a_file(outputs: list[str]) -> None:
     """Nothing half-written has a final name, and the next run is right and leaves nothing else."""
-    small = ("--set", "camera.path.frames=2", "--set", "volume.procedural.shape=[8, 8, 8]")
-    given = arguments(f"out/{output}", "--quiet", *small)
-    done = python("-c", KILLER, "7", "29", *given)
+    keys = {"far/still.png": {"frame": 1}}
+    files = [{"file": f"out/{name}", **keys.get(name, {})} for name in outputs]
+    tree = small_tree(frames=2, volume=engine_block(8, 8, 8), output=[{"size": [32, 32], **files[0]}, *files[1:]])
+    Path("scene.yaml").write_text(yaml.safe_dump(tree), "utf-8")
+    done = python("-c", KILLER, "7", "29", "render", "scene.yaml", "--quiet")
     assert done.stderr == ""
     assert int(done.stdout) >= 2
 
@@ -108,3 +119,38 @@ def test_jobs_with_different_frames_of_one_output() -> None:
             assert process.returncode == 0
     assert pictures("out") == pictures("expected")
     assert_clean()
+
+
+def scene_with(*outputs: str) -> str:
+    """Return a scene with these outputs of two frames, of which the later ones show the second frame alone."""
+    files = [{"file": outputs[0]}, *({"file": name, "frame": 1} for name in outputs[1:])]
+    return yaml.safe_dump(small_tree(frames=2, output=files))
+
+
+@pytest.mark.parametrize("place", ["out/common.png", "link/common.png"])
+def test_films_with_a_further_output_in_common(place: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The second one is refused while the first is made, and has not written anything."""
+    Path("out").mkdir()
+    Path("link").symlink_to("out")
+    Path("other.yaml").write_text(scene_with("a.mp4", "out/common.png"), "utf-8")
+    Path("scene.yaml").write_text(scene_with("b.mp4", "c.png", place), "utf-8")
+    imports = "import renderer\nfrom renderer.film import locked_output\nscene = renderer.load_scene('other.yaml')"
+    with other_process(imports, "locked_output(scene.output, range(2), Path('a.mp4.json'))"):
+        before = contents()
+        assert main.run(["render", "scene.yaml"]) == 2
+        assert contents() == before
+        message = capsys.readouterr().err
+        assert message.startswith(f"{place}: another job is writing this output\n  got: process ")
+        # Only frame 1 is in the common file.
+        assert main.run(["render", "scene.yaml", "--frames", "0", "--quiet"]) == 0
+    assert main.run(["render", "scene.yaml", "--quiet"]) == 0
+
+
+def test_two_templates_with_one_folder_for_unfinished_work() -> None:
+    tree = small_tree(frames=2, output=[{"file": "{frame}.png"}, {"file": "{frame}.exr"}])
+    Path("scene.yaml").write_text(yaml.safe_dump(tree), "utf-8")
+    assert main.run(["render", "scene.yaml", "--quiet"]) == 0
+    assert sorted(each.name for each in Path().iterdir()) == [
+        *("0.exr", "0.png", "1.exr", "1.png"),
+        *("frames.json", "scene.yaml"),
+    ]

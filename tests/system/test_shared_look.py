@@ -109,7 +109,7 @@ REFUSED: dict[str, tuple[str, str, list[str], str]] = {
     "no reference": ("", "", ["--match", "in/no.npy"], "in/no.npy: no such file"),
     "no scene": ("", "", ["--scene", "no.yaml"], "no.yaml: no such file"),
     "a sidecar": (LOOK, "{}", [], "looks/look.yaml: not a scene"),
-    "one name of two outputs": ("poster.png, frame: 0", '"y/small/{frame}.png"', [], "two outputs would have one name"),
+    "one name of two outputs": ("poster.png, frame: 0", '"y/small/{frame}.png"', [], "two outputs are one file"),
 }
 
 

@@ -22,6 +22,7 @@ from hsplat_cli import main
 from hsplat_cli.turntable import FilmRequest, batch, one_film, up_to_date
 from renderer.job import film_making
 from renderer.system import ChildProcesses
+from tests.support.dicom_files import image_fields, save
 
 pytestmark = pytest.mark.usefixtures("heeds_interrupts")
 
@@ -240,3 +241,18 @@ def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
     assert wait_until(lambda: not marked(mark), 5.0)
     assert not Path("out/labels.mp4").exists()
     assert [record["status"] for record in report()] == ["begun"]
+
+
+def test_a_bad_input_fails_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    """Also one that is opened to find out which files are its steps, and files of frames side by side."""
+    Path("in/bad.pvd").write_text("<VTKFile", encoding="ascii")
+    Path("in/bad.nrrd").write_text("NRRD0004\ntype: none\n\n", encoding="ascii")
+    Path("frames").mkdir()
+    for k in range(2):
+        values = np.broadcast_to(KINDS["uint8"][0][8:40, 8:40, 8:40] // (k + 1), (32, 32, 32)).astype(np.uint8)
+        save(Path(f"frames/{k}.dcm"), image_fields(values, uid=f"1.2.{k}", SpacingBetweenSlices="0.5"))
+    named = ["in/bad.pvd", "in/bad.nrrd", "steps_{}.nrrd", "gone*.nrrd", "frames", "in/uint8.npy"]
+    assert turntable(*named, "--output", "out", *SMALL) == 2
+    table = [line.split()[:2] for line in capsys.readouterr().out.splitlines()[1:]]
+    good = ["frames/0.dcm", "frames/1.dcm", "in/uint8.npy"]
+    assert table == [[name, "failed"] for name in named[:4]] + [[name, "done"] for name in good]

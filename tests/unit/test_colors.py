@@ -140,7 +140,7 @@ def test_a_scene_without_transfer_function_says_what_was_chosen(tmp_path: Path, 
     tree = tree_of(path)
     del tree["transfer_function"]
     (tmp_path / "a.yaml").write_text(yaml.safe_dump(tree))
-    assert load_job(SceneRequest(tmp_path / "a.yaml"), reads=False).scene.volume.component == "color"
+    assert load_job(SceneRequest(tmp_path / "a.yaml"), reads="nothing").scene.volume.component == "color"
     scene = load_job(SceneRequest(tmp_path / "a.yaml")).scene
     assert (scene.volume.component, scene.volumes) == (component, ())
     assert {point.color for point in scene.transfer_function.mapping} == {(1.0, 1.0, 1.0)}

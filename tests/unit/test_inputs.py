@@ -15,7 +15,8 @@ import pytest
 from small_scene import small_tree
 
 from renderer.errors import InputError
-from renderer.job import FilmJob, require_no_input, scene_files, volume_files
+from renderer.film import require_no_input
+from renderer.job import FilmJob, scene_files, volume_files
 from renderer.scene import FileSource, ProceduralSource, RawSource, VolumeSpec, accuracy_of, parse_scene
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -121,10 +122,10 @@ def test_a_transfer_function_that_is_imported_is_an_input() -> None:
     tree = small_tree(frames=2, transfer_function=colors)
     scene = parse_scene(tree, base=Path())
     assert [*scene_files(scene)] == [Path("look.cmap")]
-    FilmJob(scene, [0, 1], accuracy_of(scene.error)).require_no_input()
+    FilmJob(scene, [0, 1], accuracy_of(scene.error)).require_harmless()
     scene = parse_scene(tree | {"transfer_function": colors | {"import": "film.mp4.json"}}, base=Path())
     with pytest.raises(InputError, match="would overwrite an input"):
-        FilmJob(scene, [0, 1], accuracy_of(scene.error)).require_no_input()
+        FilmJob(scene, [0, 1], accuracy_of(scene.error)).require_harmless()
     preset = parse_scene(tree | {"transfer_function": {"import": "ct-bone"}}, base=Path())
     assert [*scene_files(preset)] == []
     Path("mask.npy").touch()

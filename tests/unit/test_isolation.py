@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ import renderer
 from renderer.errors import InputError, RenderError
 from renderer.readers.common import Image
 from renderer.readers.isolation import Host, read_isolated
+from renderer.volume import Label
 
 
 def ramp(path: Path, *, host: Host) -> Image:
@@ -100,6 +102,18 @@ def test_voxels_come_back_in_shared_memory() -> None:
     assert image.values.dtype == np.int16 and image.values.flags.c_contiguous
     np.testing.assert_array_equal(image.world_from_index, np.diag([1.0, 2.0, 3.0, 1.0]))
     assert image.notes == ("read scan.x",)
+
+
+LABELS = (Label(3, "Größe 数据", (0.25, 0.5, 1.0), 0.5), Label(90))
+
+
+def with_labels(path: Path, *, host: Host) -> Image:
+    return replace(ramp(path, host=host), labels=(*LABELS, Label(91, "", (2.0, 0.0, 0.0), 7.0)))
+
+
+def test_labels_come_back() -> None:
+    """A colour or an opacity that is none is left out."""
+    assert read("with_labels").labels == (*LABELS, Label(91))
 
 
 def test_errors_of_the_input_come_back_as_they_are() -> None:

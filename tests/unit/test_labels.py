@@ -15,7 +15,8 @@ from renderer.readers import read_volume
 from renderer.scene import FileSource, LabelsSpec, LabelStyle, MaskSpec, Scene, VolumeSpec, parse_scene, scene_to_dict
 from renderer.suggest import resolve_scene
 from renderer.suggest.label_choice import label_colors
-from renderer.volume import Array, move_volume
+from renderer.volume import Array, make_volume, move_volume
+from tests.support.volume_files import write_image
 
 RED, GREEN, BLUE, WHITE, BLACK = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 PRESENT = [-3, 0, 1, 2, 5, 300]
@@ -218,3 +219,25 @@ def test_a_mask_that_shows_no_voxel_is_refused() -> None:
         leave_out_masked(mask_volume(volume, far, (1, 2)))
     left = leave_out_masked(mask_volume(volume, volume, (2, 3)))
     assert left.mask is None and left.num_absent == 6 and left.values[~left.are_absent].tolist() == [2.0, 3.0]
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".tif"])
+def test_a_mask_without_lengths_has_the_grid_of_the_volume_whose_shape_it_has(suffix: str) -> None:
+    """As napari, cellpose and Fiji save masks. Where it gives lengths, or has another shape, it keeps its own."""
+    values = np.zeros((4, 6, 5), np.uint8)
+    values[:, 3:, :] = 1
+    write_image(Path(f"mask{suffix}"), values)
+    placed = np.array([[0.5, 0, 0, 3], [0, 0.5, 0, 4], [0, 0, 2, 5], [0, 0, 0, 1.0]])
+    scan = make_volume(np.ones((4, 6, 5), np.float32), placed, "scan")
+    unplaced = read_volume(VolumeSpec(FileSource(Path(f"mask{suffix}"))))
+    mask = mask_volume(scan, unplaced, [1]).mask
+    assert mask is not None and mask.note is not None
+    np.testing.assert_array_equal(mask.world_from_index, placed)
+    assert "voxel size" in mask.note and "whose grid it is given" in mask.note
+    kept = mask_volume(make_volume(np.ones((4, 6, 6), np.float32), placed, "other"), unplaced, [1]).mask
+    assert kept is not None and kept.note is not None and "voxel size" in kept.note
+    np.testing.assert_array_equal(kept.world_from_index, np.eye(4))
+    sized = read_volume(VolumeSpec(FileSource(Path(f"mask{suffix}"), spacing=(1.0, 1.0, 1.0))))
+    own = mask_volume(scan, sized, [1]).mask
+    assert own is not None and own.note is None
+    np.testing.assert_array_equal(own.world_from_index, np.eye(4))

@@ -3,6 +3,7 @@ look."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from kinds_of_data import KINDS, N, axes, ball, two_materials_and
 
 from renderer.errors import InputError
 from renderer.readers import read_volume
-from renderer.scene import ArraySource, VolumeSpec
+from renderer.scene import ArraySource, FileSource, VolumeSpec
 from renderer.suggest import compute_statistics, suggest
 from renderer.suggest.absent import suggest_fill
 from renderer.volume import Volume
@@ -184,3 +185,27 @@ def test_statistics_are_of_data_alone() -> None:
     assert (found.minimum, found.maximum, found.percentiles) == (alone.minimum, alone.maximum, alone.percentiles)
     np.testing.assert_array_equal(found.counts, alone.counts)
     assert read(values).value_range() == (alone.minimum, alone.maximum)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_fill_value_is_one_in_every_step() -> None:
+    """A hole grows from one voxel to a tenth: its value, of no usual kind, is known by the steps where it is large."""
+    random = np.random.default_rng(0)
+    for step, num in enumerate((1, 3, 4000)):
+        values = random.uniform(0, 10, (32, 32, 32)).astype(np.float32)
+        values.flat[:num] = -777
+        np.save(f"hole_{step}.npy", values)
+    source = FileSource(Path("hole_0.npy"), steps=tuple(Path(f"hole_{step}.npy") for step in range(3)))
+    assert [read_volume(VolumeSpec(source, time=step)).num_absent for step in range(3)] == [1, 3, 4000]
+    assert read_volume(VolumeSpec(FileSource(Path("hole_0.npy")))).num_absent == 0
+
+
+@pytest.mark.usefixtures("folder")
+def test_what_lies_among_the_values_of_a_step_is_no_fill_value_in_it() -> None:
+    random = np.random.default_rng(0)
+    for step, high in enumerate((10, 1000)):
+        values = random.uniform(0, high, (32, 32, 32)).astype(np.float32)
+        values.flat[:400] = 700
+        np.save(f"wide_{step}.npy", values)
+    source = FileSource(Path("wide_0.npy"), steps=tuple(Path(f"wide_{step}.npy") for step in range(2)))
+    assert [read_volume(VolumeSpec(source, time=step)).num_absent for step in range(2)] == [400, 0]

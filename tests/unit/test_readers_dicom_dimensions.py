@@ -109,17 +109,73 @@ def test_directions_of_diffusion(tmp_path: Path) -> None:
 
 
 def test_unequal_numbers_of_slices_are_refused(tmp_path: Path) -> None:
-    for t, k in np.ndindex(2, 3):
-        if (t, k) != (1, 1):
-            write_slice(tmp_path, t * 3 + k, planes(1)[0], 2 * k, TemporalPositionIdentifier=t + 1)
+    """Neither part is a whole volume."""
+    for t, k in ((0, 0), (0, 1), (1, 1), (1, 2), (2, 2)):
+        write_slice(tmp_path, t * 3 + k, planes(1)[0], 2 * k, TemporalPositionIdentifier=t + 1)
     error = refused(tmp_path, match="two slices of this series are at the same position")
-    assert error.got == "000.dcm and 003.dcm; there are 1 to 2 at a position"
+    assert error.got == "001.dcm and 004.dcm; there are 1 to 2 at a position"
+
+
+@pytest.mark.parametrize("name", ["TemporalPositionIdentifier", "AcquisitionNumber", "InstanceNumber"])
+@pytest.mark.parametrize("num_last", [1, 3])
+def test_a_volume_that_was_not_finished_is_left_out(tmp_path: Path, name: str, num_last: int) -> None:
+    values = planes(3, 4)
+    for t, k in np.ndindex(3, 4):
+        if t < 2 or k < num_last:
+            number = t * 4 + k if name == "InstanceNumber" else t
+            field = {name: number + 1 if name.startswith("Temporal") else str(number + 1)}
+            write_slice(tmp_path, t * 4 + k, values[t, k], 2 * k, **field)
+    left = f"an incomplete volume is left out: {num_last} slice{'s' * (num_last > 1)}, by {name}"
+    assert read(tmp_path).note == f"{left}; {TIMES.format(2, name)}"
+    for t in range(2):
+        volume = read(tmp_path, time=t)
+        np.testing.assert_array_equal(volume.values, values[t])
+        assert volume.note == left
+
+
+def test_a_place_that_was_not_finished_is_left_out(tmp_path: Path) -> None:
+    """Times follow each other at each place, and the last place lacks one."""
+    values = planes(4, 3)
+    for k, t in np.ndindex(4, 3):
+        if (k, t) != (3, 2):
+            write_slice(tmp_path, k * 3 + t, values[k, t], 2 * k, InstanceNumber=str(k * 3 + t + 1))
+    left = "an incomplete place is left out: 2 of 3 slices there"
+    assert read(tmp_path).note == f"{left}; {TIMES.format(3, 'InstanceNumber')}"
+    np.testing.assert_array_equal(read(tmp_path, time=1).values, values[:3, 1])
 
 
 def test_slices_without_a_place_are_no_times(tmp_path: Path) -> None:
     for k in range(3):
-        save(tmp_path / f"{k}.dcm", image_fields(planes(3)[k], InstanceNumber=str(k + 1)))
-    refused(tmp_path, match="two slices of this series are at the same position")
+        save(tmp_path / f"{k}.dcm", image_fields(planes(3)[k], InstanceNumber=str(3 - k)))
+    error = refused(tmp_path, match="slices of this series do not say where they are")
+    why = "InstanceNumber counts them, and no SpacingBetweenSlices or SliceThickness says how far apart they are"
+    assert error.got == f"3 of 3 without ImagePositionPatient, such as 0.dcm; {why}"
+    volume = read(tmp_path, spacing=(0.5, 0.25, 3))
+    np.testing.assert_array_equal(volume.values, planes(3)[::-1])
+    assert volume.note == "3 slices without ImagePositionPatient (0.dcm): InstanceNumber places them"
+    np.testing.assert_array_equal(volume.spacing, [0.5, 0.25, 3])
+
+
+@pytest.mark.parametrize("keyword", ["SliceLocation", "InstanceNumber"])
+def test_a_slice_without_a_position_lies_by_the_next_best_field(tmp_path: Path, keyword: str) -> None:
+    """Among others, whose positions say how far a number is; here each one is 2, downwards."""
+    for k in range(4):
+        fields: dict[str, Any] = {keyword: str(10 - k)} | ({"ImagePositionPatient": None} if k == 2 else {})
+        write_slice(tmp_path, k, planes(4)[k], 2 * k, **fields)
+    volume = read(tmp_path)
+    np.testing.assert_array_equal(volume.values, planes(4))
+    assert volume.note == f"1 slice without ImagePositionPatient (002.dcm): {keyword} places it"
+    np.testing.assert_allclose(volume.world_from_index[:3, 2:], [[0, 0], [0, 0], [2, 0]], atol=1e-9)
+
+
+def test_a_slice_that_says_no_place_is_named(tmp_path: Path) -> None:
+    for k in range(4):
+        place: dict[str, Any] = {"ImagePositionPatient": None} if k == 2 else {"SliceLocation": str(k)}
+        write_slice(tmp_path, k, planes(4)[k], 2 * k, **place)
+    error = refused(tmp_path, match="slices of this series do not say where they are")
+    assert error.got == (
+        "1 of 4 without ImagePositionPatient, such as 002.dcm; no SliceLocation or InstanceNumber fits"
+    )
 
 
 def test_blocks_far_apart_are_no_times(tmp_path: Path) -> None:
@@ -185,6 +241,30 @@ def test_times_of_one_slice(tmp_path: Path) -> None:
     assert volume.world_from_index[2, 3] == 7
 
 
+def stacks(places: Sequence[Sequence[float]]) -> Dataset:
+    """Return an enhanced image of stacks with these places, whose frames take turns as in a scanner."""
+    pairs = [(s, z) for s, own in enumerate(places) for z in own]
+    frames = [groups(PlanePosition=position(z), FrameContent=("StackID", str(s + 1))) for s, z in pairs]
+    return enhanced(planes(len(pairs)), frames)
+
+
+@pytest.mark.parametrize(
+    ("places", "shape", "note"),
+    [
+        ([[0, 6, 12], [2, 8, 14], [4, 10, 16]], (5, 4, 9), None),  # between each other
+        ([[0, 2, 4], [6, 8, 10]], (5, 4, 6), None),  # one behind the other
+        ([[0, 2, 4], [0, 2, 4]], (5, 4, 3), COMPONENTS.format(2, "StackID")),  # at the same places
+        ([[0, 2, 4], [4, 6, 8]], (5, 4, 3), COMPONENTS.format(2, "StackID")),  # one place in common
+        ([[0, 2, 4], [50, 52, 54]], (5, 4, 3), COMPONENTS.format(2, "StackID")),  # apart
+    ],
+)
+def test_places_decide_before_stacks(tmp_path: Path, places, shape, note) -> None:
+    save(tmp_path / "a.dcm", stacks(places))
+    volume = read(tmp_path / "a.dcm")
+    assert (volume.shape_xyz, volume.note) == (shape, note)
+    assert volume.spacing[2] == 2
+
+
 def test_stacks_may_lie_anywhere(tmp_path: Path) -> None:
     values = planes(2, 3)
     axes = [[1.0, 0, 0, 0, 1, 0], [0.0, 1, 0, 0, 0, 1]]
@@ -212,7 +292,6 @@ def test_segments_leave_out_empty_slices(tmp_path: Path) -> None:
         for number, place in pairs
     ]
     save(tmp_path / "a.dcm", enhanced(np.full((5, 4, 5), 1), frames))
-    assert read(tmp_path / "a.dcm").note == COMPONENTS.format(2, "ReferencedSegmentNumber")
     for number, own in places.items():
         volume = read(tmp_path / "a.dcm", component=number - 1)
         assert volume.values[:, 0, 0].tolist() == [int(place in own) for place in range(1, 6)]
@@ -345,3 +424,37 @@ def test_mosaics_in_a_folder_are_times(tmp_path: Path) -> None:
     assert read(tmp_path).note == TIMES.format(3, "AcquisitionNumber")
     for t in range(3):
         np.testing.assert_array_equal(read(tmp_path, time=t).values, values[2 - t])
+
+
+@pytest.mark.parametrize(
+    ("axis", "name", "axes"),
+    [(0, "sagittal", "0 1 0 0 0 -1"), (1, "coronal", "1 0 0 0 0 -1"), (2, "axial", "1 0 0 0 1 0")],
+)
+def test_places_tell_directions_where_nothing_else_does(tmp_path: Path, axis: int, name: str, axes: str) -> None:
+    """The picture is that of a file which says them."""
+    for is_said in (False, True):
+        folder = tmp_path / str(is_said)
+        folder.mkdir()
+        for k in range(3):
+            place = ["0", "0", "0"]
+            place[axis] = str(2 * k)
+            fields = {"ImagePositionPatient": place, "ImageOrientationPatient": axes.split() if is_said else None}
+            write_slice(folder, k, planes(3)[k], 0, **fields)
+    volume, said = read(tmp_path / "False"), read(tmp_path / "True")
+    np.testing.assert_array_equal(volume.values, said.values)
+    np.testing.assert_array_equal(volume.world_from_index, said.world_from_index)
+    assert (volume.note, said.note) == (
+        f"no ImageOrientationPatient; by their positions these are taken for {name} slices",
+        None,
+    )
+    assert volume.world_axes == ""
+
+
+def test_files_of_frames_beside_slices_are_left_out(tmp_path: Path) -> None:
+    for k in range(4):
+        write_slice(tmp_path, k, planes(4)[k], 2 * k)
+    for k in range(2):
+        save(tmp_path / f"frames{k}.dcm", image_fields(planes(3), uid=f"1.{k}", SpacingBetweenSlices="1"))
+    volume = read(tmp_path)
+    np.testing.assert_array_equal(volume.values, planes(4))
+    assert volume.note == "left out of this series: 2 files of several frames (frames0.dcm)"

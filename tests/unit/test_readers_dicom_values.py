@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydicom.dataset import Dataset
+from pydicom.pixels.processing import apply_color_lut, apply_modality_lut
 from pydicom.uid import ExplicitVRLittleEndian, ImplicitVRLittleEndian
 
 from renderer.readers.common import Image
@@ -225,3 +226,118 @@ def test_a_damaged_slice_is_no_file_of_another_kind(tmp_path: Path) -> None:
     stack(tmp_path, 3)
     without_pixels(tmp_path / "01.dcm", "1.2.840.10008.5.1.4.1.1.2", SeriesInstanceUID="1.2.3.4")
     assert refused(tmp_path, match="this DICOM slice cannot be read").where == str(tmp_path / "01.dcm")
+
+
+def lut(count: int, first: int, values: Any, vr: str = "US") -> Dataset:
+    """Return a table that says of itself that it has `count` values."""
+    item = Dataset()
+    item.ModalityLUTType = "US"
+    item.add_new("LUTDescriptor", "SS" if first < 0 else "US", [count, first, 16])
+    item.add_new("LUTData", vr, values)
+    return item
+
+
+@pytest.mark.parametrize("syntax", [ExplicitVRLittleEndian, ImplicitVRLittleEndian])
+@pytest.mark.parametrize("is_signed", [False, True])
+def test_tables_of_values_are_applied(tmp_path: Path, syntax: str, is_signed: bool) -> None:
+    """The values are those of pydicom: the ends of the table stand for all beyond them."""
+    stored = np.array([[-7, -2, -1, 0], [1, 2, 3, 900]], np.int16) if is_signed else np.array([[0, 1, 2, 3]], np.uint16)
+    table = np.array([500, 40, 3], "<u2")
+    first = -2 if is_signed else 1
+    dataset = image_fields(stored, ModalityLUTSequence=[lut(3, first, table.tobytes(), "OW")], Modality="MR")
+    path = written(tmp_path / "a.dcm", dicom_bytes(dataset, syntax))
+    expected = [[500, 500, 40, 3], [3, 3, 3, 3]] if is_signed else [[500, 500, 40, 3]]
+    np.testing.assert_array_equal(apply_modality_lut(stored, dataset), expected)
+    np.testing.assert_array_equal(read(path).values[0], expected)
+
+
+def test_padding_of_a_table_is_no_data(tmp_path: Path) -> None:
+    """Stored 0 is padding, and has the value of stored 1, which is none."""
+    stored = np.array([[0, 1, 2]], np.uint16)
+    fields = {"ModalityLUTSequence": [lut(2, 1, [5, 6])], "PixelPaddingValue": 0}
+    save(tmp_path / "a.dcm", image_fields(stored, **fields))
+    np.testing.assert_array_equal(read(tmp_path / "a.dcm").values, [[[np.nan, 5, 6]]])
+
+
+def test_a_short_table_is_damaged(tmp_path: Path) -> None:
+    save(tmp_path / "a.dcm", image_fields(np.zeros((1, 2), np.uint16), ModalityLUTSequence=[lut(9, 0, [1, 2])]))
+    error = refused(tmp_path / "a.dcm", match="the table of values of this DICOM file is damaged")
+    assert error.got == "2 of 9 values"
+
+
+def real_world(slope: float, intercept: float, unit: str = "mm2/s") -> dict[str, Any]:
+    code, item = Dataset(), Dataset()
+    code.CodeValue = unit
+    item.RealWorldValueSlope, item.RealWorldValueIntercept = slope, intercept
+    item.MeasurementUnitsCodeSequence = [code]
+    return {"RealWorldValueMappingSequence": [item], "Modality": "MR"}
+
+
+@pytest.mark.parametrize(
+    ("rescale", "expected", "unit", "note"),
+    [
+        (None, 2.0 * 10 + 1, "mm2/s", None),
+        (("1", "0"), 2.0 * 10 + 1, "mm2/s", None),
+        (("2", "1"), 2.0 * 10 + 1, "", None),  # the same
+        (
+            ("3", "0"),
+            3.0 * 10,
+            "",
+            "RealWorldValueMappingSequence, another scale of the values, is not applied: RescaleSlope is",
+        ),
+    ],
+)
+def test_real_world_values_count_where_no_other_scale_does(tmp_path: Path, rescale, expected, unit, note) -> None:
+    fields = real_world(2.0, 1.0)
+    if rescale is not None:
+        fields |= dict(zip(("RescaleSlope", "RescaleIntercept"), rescale, strict=True))
+    save(tmp_path / "a.dcm", image_fields(np.full((4, 5), 10, np.uint16), **fields))
+    volume = read(tmp_path / "a.dcm")
+    assert (volume.values[0, 0, 0], volume.value_unit, volume.note) == (expected, unit, note)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_palettes_are_colours(tmp_path: Path, bits: int) -> None:
+    """The colours are those of pydicom."""
+    stored = np.array([[0, 1, 2, 3]], np.uint8)
+    fields: dict[str, Any] = {"PhotometricInterpretation": "PALETTE COLOR"}
+    for k, color in enumerate(("Red", "Green", "Blue")):
+        table = (np.array([3, 30, 70, 200]) + k) * (257 if bits == 16 else 1)
+        fields[f"{color}PaletteColorLookupTableDescriptor"] = [4, 0, bits]
+        fields[f"{color}PaletteColorLookupTableData"] = table.astype(f"<u{bits // 8}").tobytes()
+    dataset = image_fields(stored, **fields)
+    save(tmp_path / "a.dcm", dataset)
+    expected = apply_color_lut(stored, dataset)
+    for k in range(3):
+        volume = read(tmp_path / "a.dcm", component=k)
+        np.testing.assert_array_equal(volume.values[0], expected[..., k])
+    assert [channel.name for channel in volume.channels] == ["R", "G", "B"]
+
+
+def test_brightness_and_colour_difference_become_red_green_and_blue(tmp_path: Path) -> None:
+    """pydicom converts; the components have the names of what they are."""
+    values = np.zeros((4, 5, 3), np.uint8)
+    values[..., 0], values[..., 1], values[..., 2] = 76, 85, 255  # red
+    fields = {"SamplesPerPixel": 3, "PhotometricInterpretation": "YBR_FULL", "PlanarConfiguration": 0}
+    save(tmp_path / "a.dcm", image_fields(values[..., 0], PixelData=values.tobytes(), **fields))
+    assert [read(tmp_path / "a.dcm", component=k).values[0, 0, 0] for k in range(3)] == [254, 0, 0]
+    assert [channel.name for channel in read(tmp_path / "a.dcm").channels] == ["R", "G", "B"]
+
+
+@pytest.mark.parametrize(
+    ("letters", "axes"),
+    [
+        (["L", "P"], [[1, 0, 0], [0, 1, 0]]),
+        (["P", "F"], [[0, 1, 0], [0, 0, -1]]),
+        (["AR", "FP"], [[0, -1, 0], [0, 0, -1]]),
+        (["L", "R"], None),
+        (["L", ""], None),
+    ],
+)
+def test_letters_tell_directions_where_no_numbers_do(tmp_path: Path, letters, axes) -> None:
+    save(tmp_path / "a.dcm", image_fields(np.zeros((4, 5), np.uint16), PatientOrientation=letters, Modality="MR"))
+    volume = read(tmp_path / "a.dcm")
+    expected = np.array(axes or [[1, 0, 0], [0, 1, 0]]) * [[0.5], [0.25]]
+    np.testing.assert_array_equal(volume.world_from_index[:3, :2].T, expected)
+    assert volume.world_axes == ("LPS" if axes else "")
+    assert (volume.note is not None) == (axes is not None)

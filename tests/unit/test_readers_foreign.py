@@ -5,15 +5,20 @@ from __future__ import annotations
 import gzip
 import io
 import pickle
+import re
+import shlex
 import tarfile
 
+import nrrd
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from PIL import Image
 from scipy.io import savemat
 
+from hsplat_cli.commands.info import info
 from renderer.readers import UnknownFormatError
-from tests.support.volume_files import in_memory, ramp, read, refused, written, zipped
+from tests.support.volume_files import NIBABEL, in_memory, ramp, read, refused, written, zipped
 
 VALUES = ramp("int16")
 
@@ -46,6 +51,7 @@ FOREIGN = [
     ("a.tar", tar_of("a.dcm"), "a tar archive", "unpack it"),
     ("a.tar.gz", _packed(tar_of("a.dcm")), "a tar archive", "unpack it"),
     ("a.nii.gz", b"version https://git-lfs.github.com/spec/v1\noid", "a pointer of git-lfs", "git lfs pull"),
+    ("a.mha", b"/annex/objects/SHA256E-s99--0f.mha\n", "a pointer of git-annex", "git annex get a.mha"),
     ("a.nii.gz", b"<!DOCTYPE html><html><body>404", "a web page", "download the file again"),
     ("a.nrrd", b"\n<html><head>", "a web page", "download the file again"),
     ("a.sgy", b"\xc3\x40" * 1600, "SEG-Y", "segyio"),
@@ -84,10 +90,87 @@ def test_files_are_named_for_what_they_are(tmp_path, name, data, what, hint):
     assert not isinstance(error, UnknownFormatError)
 
 
+POINTERS = [row for row in FOREIGN if row[2].startswith("a pointer")]
+
+
+@pytest.mark.parametrize(("pointer", "what", "hint"), [row[1:] for row in POINTERS])
+@pytest.mark.parametrize(("header", "data"), [("a.nhdr", "a.raw"), ("a.mhd", "a.raw"), ("a.hdr", "a.img")])
+def test_pointers_in_place_of_data_files_are_named(tmp_path, header, data, pointer, what, hint):
+    if header == "a.nhdr":
+        nrrd.write(str(tmp_path / header), VALUES, {"encoding": "raw"}, detached_header=True)
+    elif header == "a.mhd":
+        fields = (
+            "NDims = 3\nDimSize = 5 4 3\nElementType = MET_SHORT\nElementSpacing = 1 1 1\nElementDataFile = a.raw\n"
+        )
+        written(tmp_path / header, fields.encode())
+    else:
+        NIBABEL.Nifti1Pair(VALUES, np.eye(4)).to_filename(tmp_path / header)
+    written(tmp_path / data, pointer)
+    error = refused(tmp_path / header, match=f"this is {what}")
+    assert hint.split()[1] in error.hint and error.where == str(tmp_path / data)
+
+
+def test_links_of_git_annex_are_named(tmp_path):
+    (tmp_path / "a.nii.gz").symlink_to("../.git/annex/objects/0f/1e/SHA256E-s99--0f.nii.gz")
+    error = refused(tmp_path / "a.nii.gz", match="a link of git-annex to a file that is not here")
+    assert "git annex get a.nii.gz" in error.hint
+
+
+@pytest.mark.parametrize(
+    ("name", "dtype", "options"),
+    [
+        ("head_5x4x3_uint16.raw", "<u2", "--shape 5,4,3 --dtype uint16"),
+        ("5x4x3-i16-be.bin", ">i2", "--shape 5,4,3 --dtype int16 --byte-order big"),
+        ("ct.5_4_3_float.dat", "<f4", "--shape 5,4,3 --dtype float32"),
+        ("a5X4X3.raw", "u1", "--shape 5,4,3 --dtype uint8"),
+        ("v 5x4x3 32bit.raw", "<f4", "--shape 5,4,3 --dtype float32"),
+    ],
+)
+def test_names_with_a_shape_give_the_whole_command(tmp_path, name, dtype, options):
+    ramp(dtype).tofile(tmp_path / name)
+    error = refused(tmp_path / name, match="this is not a volume in a known format")
+    assert error.declaration is not None and f"file: {name}" in error.hint
+    told = CliRunner().invoke(info, [str(tmp_path / name)]).exception
+    command = re.search("`hsplat info (.*)`", told.hint)[1]
+    assert command.endswith(options)
+    shown = CliRunner().invoke(info, shlex.split(command))
+    assert shown.exit_code == 0 and f"  values       {ramp(dtype).min():.0f} to" in shown.output
+
+
+@pytest.mark.parametrize("name", ["5x4x4_uint8.raw", "5x4x3_int16.raw", "1.5x4x3_uint8.raw", "25x4_uint8.raw", "v.raw"])
+def test_names_that_do_not_fit_the_size_give_none(tmp_path, name):
+    ramp("uint8").tofile(tmp_path / name)
+    assert refused(tmp_path / name, match="this is not a volume in a known format").declaration is None
+
+
 @pytest.mark.parametrize("name", [".zarray", ".zgroup", "zarr.json"])
 def test_zarr_is_a_folder(tmp_path, name):
     written(tmp_path / name, b"{}")
-    assert "zarr.open" in refused(tmp_path, match="this is a Zarr array or group").hint
+    hint = refused(tmp_path, match="this is a Zarr array or group").hint
+    assert f"zarr.open('{tmp_path.name}'" in hint if name == ".zarray" else "no array was found in it" in hint
+
+
+@pytest.mark.parametrize(("group", "array"), [(".zgroup", ".zarray"), ("zarr.json", "zarr.json")])
+def test_the_hint_on_zarr_names_an_array_that_exists(tmp_path, group, array):
+    """The nearest one, of these the first: nothing behind a link, or with a name that a shell expands."""
+    store = tmp_path / "a b.zarr"
+    for name in ("10", "9", "0/labels", "$(ls)", "elsewhere"):
+        (store / name).mkdir(parents=True)
+    (tmp_path / "0").mkdir()
+    (store / "1").symlink_to(tmp_path / "0")
+    for folder in (store, store / "0"):
+        written(folder / group, b'{"zarr_format": 3, "node_type": "group"}')
+    for folder in (store / "10", store / "9", store / "0/labels", store / "$(ls)", tmp_path / "0"):
+        written(folder / array, b'{"zarr_format": 3, "node_type": "array"}')
+    assert "zarr.open('a b.zarr/9', mode='r')[:]" in refused(store).hint
+
+
+def test_zarr_without_end_is_not_searched_for_long(tmp_path):
+    written(tmp_path / ".zgroup", b"{}")
+    for k in range(30):
+        (tmp_path / "/".join("0" * k) / "0").mkdir()
+    written(tmp_path / "zarr.json", b"[" * 10**5)
+    assert "no array was found" in refused(tmp_path).hint
 
 
 def test_other_files_are_of_no_known_format(tmp_path):

@@ -60,9 +60,36 @@ REFUSED = {
     "long.mha": (f"{SIZED}{len(PACKED) + 9}\n", PACKED), "long.mhd": (f"{SIZED}{len(PACKED) + 9}\n", PACKED),
     "no-begin.mha": (f"HeaderSize = -1\n{COMPRESSED}", PACKED), "elsewhere.mha": ("HeaderSize = 100\n", RAW),
     "short-0.mha": ("HeaderSize = 0\n", RAW[:-9]), "short-1.mha": ("HeaderSize = -1\n", RAW[:-9]),
-    "short.mhd": ("HeaderSize = 5\n", RAW), "slope.mha": (f"{SCALED}Slope = 2\n", RAW),
-    "offset.mha": (f"{SCALED}Offset = -1024\n", RAW), "letter.mha": (f"{SCALED}Slope = x\n", RAW),
+    "short.mhd": ("HeaderSize = 5\n", RAW), "letter.mha": (f"{SCALED}Slope = x\n", RAW),
 }  # fmt: skip
+
+
+def test_values_are_scaled(folder: Path) -> None:
+    """By the slope and the offset of MetaIO: intensity = slope * element + offset."""
+    write("a.mha", f"{SCALED}Slope = 0.5\n{SCALED}Offset = -1024\n", RAW)
+    found = read(Path("a.mha")).values
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, VALUES * 0.5 - 1024)
+
+
+@pytest.mark.parametrize(("kinds", "choice"), [("list {}", "component"), ("{} list", "time"), ("{} time", "time")])
+def test_kinds_say_which_axis_is_not_in_space(folder: Path, kinds: str, choice: str) -> None:
+    lines = "DimSize = {}\nElementSpacing = {}\nKinds = " + kinds.format("domain domain domain") + "\n"
+    is_first = kinds.startswith("list")
+    sizes, steps = ("4 8 7 1", "9 1 2 3") if is_first else ("8 7 1 4", "1 2 3 9")
+    header = HEAD.replace("NDims = 3", "NDims = 4").replace("DimSize = 8 7 4\n", lines.format(sizes, steps))
+    stored = np.moveaxis(VALUES, 0, -1) if is_first else VALUES
+    Path("a.mha").write_bytes(f"{header}ElementDataFile = LOCAL\n".encode() + stored.tobytes())
+    volume = read(Path("a.mha"), **{choice: 2})
+    np.testing.assert_array_equal(volume.values, VALUES[2:3])
+    assert volume.spacing.tolist() == [1, 2, 3]
+
+
+def test_what_does_not_fit_is_named(folder: Path) -> None:
+    write("a.mha", "AnatomicalOrientation = LAI\nKinds = domain domain list\n", RAW)
+    note = read(Path("a.mha")).note or ""
+    assert "its AnatomicalOrientation is LAI, which does not fit its directions" in note
+    assert "the kinds of its axes are domain domain list; they are seen as a volume" in note
 
 
 @cases("metaimage.txt")

@@ -69,7 +69,7 @@ def test_orbitals_are_components(tmp_path):
     np.testing.assert_array_equal(read(tmp_path / "a.cube", component=1).values, values[..., 1].T)
     first = read(tmp_path / "a.cube")
     np.testing.assert_array_equal(first.values, values[..., 0].T)
-    assert first.note == "2 components; the first is drawn; `component: k` chooses another"
+    assert first.note == "2 components (orbital 20, orbital 21); the first is drawn; `component: k` chooses another"
 
 
 @pytest.mark.filterwarnings("error")

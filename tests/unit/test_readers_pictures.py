@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import imagecodecs
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageOps
+from stated_pictures import write_deep_pictures, write_pictures
 
 from renderer.job import volume_files
 from renderer.scene import FileSource, VolumeSpec
@@ -75,6 +77,41 @@ def test_a_folder_in_a_folder(tmp_path):
     np.testing.assert_array_equal(read(tmp_path / "in").values, VALUES)
     found = {Path(path).name for path in volume_files(VolumeSpec(FileSource(tmp_path / "in")))}
     assert {each.name for each in inner.iterdir()} <= found
+
+
+@pytest.mark.parametrize("number", range(1, 9))
+def test_pictures_are_turned_as_exif_says(tmp_path, number):
+    write_pictures(tmp_path / "in", VALUES[:2], orientation=number)
+    with Image.open(tmp_path / "in/s1.png") as picture:
+        expected = np.asarray(ImageOps.exif_transpose(picture))
+    volume = read(tmp_path / "in")
+    found = np.zeros(expected.shape)
+    for (row, column), value in np.ndenumerate(volume.values[1]):
+        x, y, _, _ = volume.world_from_index @ (column, row, 1, 1)
+        found[int(y), int(x)] = value
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_the_size_of_pixels(tmp_path):
+    volume = read(write_pictures(tmp_path / "in", VALUES, dpi=(254, 508)))
+    np.testing.assert_allclose(volume.spacing, [0.1, 0.05, 0.1], rtol=1e-3)
+    assert volume.length_unit == "mm" and "along z; that along x is assumed" in str(volume.note)
+    assert read(write_pictures(tmp_path / "in", VALUES, dpi=(72, 72))).spacing.tolist() == [1, 1, 1]
+
+
+def test_colours_of_16_bits_lose_half_of_them(tmp_path):
+    volume = read(write_deep_pictures(tmp_path / "in", depth=16))
+    assert volume.values.dtype == np.uint8 and "16 bits (of colours, of which 8 are read" in str(volume.note)
+    assert "16 bits" not in str(read(write_deep_pictures(tmp_path / "in", depth=8)).note)
+
+
+def test_pictures_that_are_whole_are_not_called_damaged(tmp_path):
+    (tmp_path / "in").mkdir()
+    jpeg = imagecodecs.jpeg_encode(np.zeros((8, 8), np.uint16), bitspersample=12)
+    for data, what in ((jpeg, "JPEG of 12 bits is not read"), (b"RIFF\0\0\0\0WEBP", "not a picture of the format")):
+        for k in range(3):
+            written(tmp_path / f"in/s{k}.jpg", data)
+        assert "damaged" not in str(refused(tmp_path / "in", match=what))
 
 
 def test_pictures_of_claims_and_damaged_ones(tmp_path):

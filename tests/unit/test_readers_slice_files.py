@@ -60,6 +60,37 @@ def test_blanks_after_names_are_ignored() -> None:
     np.testing.assert_array_equal(read("v.mhd", NAMINGS["v.mhd"] + LIST.replace(".raw", ".raw \t")), VALUES)
 
 
+@pytest.mark.parametrize("header", NAMINGS)
+@pytest.mark.parametrize("named", ["LIST 3\nslab1.raw\nslab2.raw\n", "slab%d.raw 1 2 1 3\n"])
+def test_each_slab_has_a_file(header: str, named: str) -> None:
+    """As teem reads files that have all axes of the array."""
+    for number in (1, 2):
+        Path(f"slab{number}.raw").write_bytes(VALUES[2 * number - 2 : 2 * number].tobytes())
+    np.testing.assert_array_equal(read(header, NAMINGS[header] + named), VALUES)
+    refused(
+        written(Path(header), (NAMINGS[header] + LIST.replace("LIST", "LIST 3")[:-12]).encode()), match="3 files for 4"
+    )
+
+
+def test_slabs_of_steps_in_time() -> None:
+    text = NAMINGS["v.nhdr"].replace("3\nsizes: 8 7 4", "4\nkinds: domain domain domain time\nsizes: 8 7 1 4")
+    for number in (1, 2):
+        Path(f"slab{number}.raw").write_bytes(VALUES[2 * number - 2 : 2 * number].tobytes())
+    Path("v.nhdr").write_text(text + "LIST 4\nslab1.raw\nslab2.raw\n", "ascii")
+    np.testing.assert_array_equal(volume_files.read(Path("v.nhdr"), time=2).values, VALUES[2:3])
+
+
+@pytest.mark.parametrize("header", NAMINGS)
+def test_files_lie_beside_the_file_that_a_header_is_a_link_to(header: str) -> None:
+    written(Path(header), (NAMINGS[header] + LIST).encode())
+    Path("elsewhere").mkdir()
+    link = Path("elsewhere", header)
+    link.symlink_to(Path(header).absolute())
+    np.testing.assert_array_equal(volume_files.read(link).values, VALUES)
+    Path("elsewhere", "slice01.raw").write_bytes(bytes(2 * 8 * 7))  # one beside the link counts
+    assert not volume_files.read(link).values[0].any()
+
+
 def test_components_may_be_the_last_axis() -> None:
     text = NAMINGS["v.nhdr"].replace("sizes: 8 7 4", "sizes: 8 7 1 4\nkinds: domain domain domain vector")
     Path("v.nhdr").write_text(text.replace("dimension: 3", "dimension: 4") + LIST.replace("LIST", "LIST 3"), "ascii")

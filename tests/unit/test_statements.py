@@ -16,6 +16,8 @@ from volume_files import read
 from renderer.readers.statements import Statement
 from renderer.volume import Volume
 
+pytestmark = pytest.mark.usefixtures("one_process")
+
 _SUPPORT = Path(__file__).resolve().parents[1] / "support"
 _SAMPLES: dict[str, dict[str, Sample]] = {}
 for _file in sorted(_SUPPORT.glob("stated_*.py")):

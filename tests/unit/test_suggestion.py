@@ -383,3 +383,28 @@ def test_noise_and_a_point_have_no_logarithmic_scale() -> None:
     values = np.abs(100 + 10 * noise(3)).astype(np.float32)
     values[20:23, 20:23, 20:23] = 1e6
     assert not isinstance(suggested(values).transfer.mapping, ColormapSpec)
+
+
+@pytest.mark.parametrize("outside", ["zeros", "noise", "no data"])
+def test_noise_of_a_map_of_statistics_is_not_drawn(outside: str) -> None:
+    """Noise of standard deviation 1 has 99.7 % of its values within 3; an activation and its opposite reach 9."""
+    z, y, x = axes()
+    random = np.random.default_rng(0)
+    values = random.normal(size=x.shape)
+    for sign, place in ((1, 0.4), (-1, -0.4)):
+        values += sign * 9 * np.exp(-((x - place) ** 2 + y**2 + z**2) / 0.02)
+    if outside != "noise":
+        values[x**2 + y**2 + z**2 > 0.8] = 0 if outside == "zeros" else np.nan
+    volume = volume_of(values.astype(np.float32))
+    found = suggest(volume, compute_statistics(volume.values))
+    assert found.kind == "field with two signs" and "noise" in found.reason
+    shown = [low for layer in found.visible for low, _ in layer.ranges] + [
+        high for layer in found.visible for _, high in layer.ranges
+    ]
+    assert 3 < min(map(abs, shown)) < 6 and min(shown) < 0 < max(shown)
+
+
+def test_a_field_of_two_signs_without_noise_is_shown_from_near_its_middle() -> None:
+    found = suggested(signed())
+    assert "noise" not in found.reason
+    assert min(abs(end) for layer in found.visible for pair in layer.ranges for end in pair) < 0.2 * signed().max()

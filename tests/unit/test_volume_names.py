@@ -10,6 +10,7 @@ import pytest
 from hsplat_cli.scenes import base_name, expand_volumes, name_volumes
 from renderer.errors import InputError
 from renderer.job import expand_pattern
+from tests.support.dicom_files import image_fields, save
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -134,8 +135,13 @@ def test_a_header_whose_data_are_gone_is_left_to_its_reader() -> None:
     assert expand_volumes(["*"]) == ([Path("engine.nhdr")], [])
 
 
-def test_slices_are_no_volumes() -> None:
-    touch("series/1.dcm", "series/2.dcm")
-    with pytest.raises(InputError, match="2 DICOM files of one folder would be a film each"):
-        expand_volumes(["series/*.dcm"])
+def test_the_folder_stands_for_slices_one_by_one() -> None:
+    """Of one series; others are volumes of their own."""
+    for folder, name, uid in (("a", "1", "1.2"), ("a", "2", "1.2"), ("a", "3", "1.3"), ("b", "1", "1.2")):
+        Path(folder).mkdir(exist_ok=True)
+        save(Path(folder, name), image_fields(np.zeros((4, 5), np.uint8), uid=uid))
+    np.save("c.npy", np.zeros((2, 2, 2)))
+    volumes, notes = expand_volumes(["c.npy", "a/*", "b/1"])
+    assert volumes == [Path(name) for name in ("c.npy", "a", "a/3", "b/1")]
+    assert notes == ["2 files of a are slices of one volume: the folder is drawn"]
     assert expand_volumes(["a/*.dcm", "a/?.dcm"])[0] == [Path("a/*.dcm"), Path("a/?.dcm")]  # which are no files

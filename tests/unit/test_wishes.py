@@ -11,6 +11,8 @@ from kinds_of_data import KINDS, dark_object, extinction, head_as_unsigned, two_
 
 from renderer.errors import InputError
 from renderer.suggest import PRESET_WORDS, WISHES, Suggestion, Wish, compute_statistics, suggest
+from renderer.suggest.features import sample_volume
+from renderer.suggest.wishes import Materials
 
 CLUT = """[FLT]
 min=0
@@ -128,7 +130,7 @@ def test_what_is_not_imported_is_told_beside_outliers(tmp_path: Path) -> None:
     values[20, 20, 20] = -9999
     file = tmp_path / "presets.xml"
     file.write_text(
-        '<a><VolumeProperty name="A" scalarOpacity="4 0 0 200 1" gradientOpacity="4 0 0 9 1"'
+        '<a><VolumeProperty name="A" scalarOpacity="4 30 0 200 1" gradientOpacity="4 0 0 9 1"'
         ' colorTransfer="8 0 0 0 0 200 1 1 1"/></a>'
     )
     outlier, left_out = wished(values, str(file)).outlier_notes
@@ -139,3 +141,43 @@ def test_the_object_has_no_upper_end_where_a_brain_is_wished_for() -> None:
     values = np.zeros((20, 20, 20))
     values[3, 4, 5] = 1
     assert extinction(wished(values, "brain").transfer, 0, 1)[1] > 0
+
+
+def fading(peak: float) -> np.ndarray:
+    """Return a ball, dense in the middle and thin at its surface, in air at 0."""
+    z, y, x = np.meshgrid(*[np.linspace(-1, 1, 48)] * 3, indexing="ij")
+    return np.rint(peak * np.clip(1 - np.sqrt(x**2 + y**2 + z**2) / 0.8, 0, 1) ** 3)
+
+
+@pytest.mark.parametrize("preset", [*WISHES, "ct-bone", "ct-soft-tissue", "ct-skin", "ct-lung", "mr-head", "xray"])
+@pytest.mark.parametrize("peak", [40, 255, 3000])
+def test_no_preset_shows_the_air(preset: str, peak: float) -> None:
+    """Whatever the values, those of the air around an object are transparent."""
+    found = wished(fading(peak).astype(np.uint16), preset)
+    (air,) = extinction(found.transfer, 0)
+    assert air == 0
+
+
+def test_a_file_that_shows_the_background_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "fog.clut"
+    file.write_text(CLUT.replace("0|0|0|0", "0|0|0|102"))
+    found = wished(two_materials("uint8"), str(file))
+    air, *others = extinction(found.transfer, 0, 60, 200)
+    assert air == 0 < min(others)
+    assert any("which are the background here" in note for note in found.outlier_notes)
+
+
+def test_words_name_the_material_that_they_show() -> None:
+    """Without Hounsfield units nobody knows that what is dense is bone, or a vessel."""
+    assert {layer.name for layer in wished(two_materials("uint8"), "vessels").visible} == {
+        "what is around",
+        "the densest material",
+    }
+    assert [layer.name for layer in wished(two_materials("uint8"), "bone").visible] == ["the densest material"]
+    assert [layer.name for layer in wished(head_as_unsigned(), "bone").visible] == ["bone and contrast medium"]
+
+
+def test_a_single_material_has_no_veil() -> None:
+    sample = sample_volume(volume_of(fading(255)), compute_statistics(fading(255)))
+    (layer,) = WISHES["vessels"](Materials((0.1, 1.0), sample, None)).layers
+    assert layer.name == "the object" and layer.knots[0] == (0.1, 0.0)

@@ -11,7 +11,6 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +31,8 @@ from hsplat_cli.compare.picture_file import read_picture
 from hsplat_cli.compare.scene_pairs import rendered_frames
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError
-from renderer.film import file_digest, lock_slots, staged_files, translate_os_errors
-from renderer.job import FilmJob, folder_files, require_no_input
+from renderer.film import WrittenFiles, file_digest, lock_slots, staged_files, translate_os_errors
+from renderer.job import FilmJob
 from renderer.scene import counted, first_few
 from renderer.study import COMPARISON_METRICS
 from renderer.system import deferrable_interrupts
@@ -82,8 +81,9 @@ def update_goldens(job: FilmJob, options: GoldenOptions, reporter: Reporter, ask
         frames = options.frames or [frame for frame in job.frames if frame in listed] or job.frames
         num_frames = job.scene.num_frames
         names = {frame: listed.get(frame) or golden_file_name(frame, num_frames) for frame in frames}
-        outputs = (folder / name for name in (PROVENANCE_FILE, *names.values(), *listed.values()))
-        require_no_input(chain(outputs, folder_files(folder / _STAGING_FOLDER)), job.input_files())
+        all_names = {PROVENANCE_FILE, *names.values(), *listed.values()}
+        outputs = WrittenFiles([folder / name for name in sorted(all_names)], [folder / _STAGING_FOLDER])
+        outputs.require_harmless(job.input_files())
         _require_free(folder, [name for name in names.values() if name not in listed.values()])
         with rendered_frames(job, frames, reporter) as (files, record):
             plan = plan_update(options, provenance, names, files, origin_from_record(record))

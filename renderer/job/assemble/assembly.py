@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.film import sidecar_path_of_file
+from renderer.film import film_files, sidecar_path_of_file
 from renderer.job.assemble.agreement import PickedFrame, file_problems, film_problems, pick_frames
 from renderer.job.assemble.merged_record import merged_record, parts_fingerprint, parts_of
 from renderer.job.assemble.parts import Part
@@ -16,7 +16,6 @@ from renderer.job.existing_film import ExistingFilm, find_existing_film
 from renderer.job.film_accuracy import accuracy_text
 from renderer.job.film_making import FinishedFilm
 from renderer.job.film_output import FilmOutput, locked_film_output
-from renderer.job.inputs import film_files, require_no_input
 from renderer.job.record import FilmFingerprint, FilmRecord
 from renderer.scene import OutputSpec, counted, is_same_file, raise_problems
 from renderer.system import deferrable_interrupts
@@ -34,13 +33,14 @@ def assemble_film(
     sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_frames)
     # A film that was assembled among its parts is none of them.
     parts = [part for part in parts if not is_same_file(part.path, sidecar)] or parts
-    require_no_input(film_files(output, numbers, sidecar), _input_files(parts))
+    film_files(output, numbers, sidecar).require_harmless(_input_files(parts))
     raise_problems(film_problems(parts))  # the size and the frames of another film say nothing about this one
     picked, problems = pick_frames(parts, numbers)
-    with locked_film_output(output, numbers, sidecar) as film:
+    with locked_film_output(output, numbers, sidecar, resumes=resumes) as film:
         fingerprint = None if problems else parts_fingerprint(picked, output)
         existing = _film_up_to_date(fingerprint, picked, film, events) if fingerprint is not None and resumes else None
         if existing is not None:
+            film.remove_mark()
             events.note(f"{output.file} is up to date; --force assembles it again")
             return FinishedFilm(output.file, sidecar, existing.record)
         raise_problems([*problems, *file_problems(picked, output.kind)])

@@ -7,8 +7,8 @@
 
 constexpr double INFINITE = __builtin_inf();
 
-// A kernel returns one of these; Python raises MemoryError or IndexError.
-enum Status : int32_t { DONE = 0, NO_MEMORY = 1, OUT_OF_BOUNDS = 2 };
+// A kernel returns one of these; Python raises MemoryError, IndexError or KeyboardInterrupt.
+enum Status : int32_t { DONE = 0, NO_MEMORY = 1, OUT_OF_BOUNDS = 2, STOPPED = 3 };
 
 // `array(z, y, x)` is an element. A checked build traps where an index is out of bounds; others check nothing.
 template <class T, int DIMENSIONS>

@@ -1,5 +1,6 @@
 // Measure how long rays are inside what is left of the volume's box.
 #include "kernels.h"
+#include "stopping.h"
 
 namespace {
 
@@ -97,6 +98,7 @@ Status measure_chords(const MeasureChords* arguments) {
     Buffer<Range> removed(boxes.shape[0]);
     if (!removed) return NO_MEMORY;
     for (int64_t row = 0; row < lengths.shape[0]; row++) {
+        if (is_stopped()) return STOPPED;
         const double y = first_row + row + 0.5 - rays.center_px[1];
         for (int64_t column = 0; column < lengths.shape[1]; column++) {
             const double x = column + 0.5 - rays.center_px[0];

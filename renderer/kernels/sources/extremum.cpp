@@ -9,6 +9,7 @@
 // nearest.
 #include "sample.h"
 #include "spans.h"
+#include "stopping.h"
 
 namespace {
 
@@ -198,7 +199,8 @@ void search_spans(const Texels& texels, const DrawExtremes& search, double nearn
     }
 }
 
-void draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
+// Search the bricks over a tile. Return whether it was finished.
+bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
     const Grid& grid = search.grid;
     const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
     const double* forward = search.forward;
@@ -206,6 +208,7 @@ void draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
     Window window = window_of(grid, number);
     set_up_rays(grid, search.rays, window, tile, 0);
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
+        if (is_stopped()) return false;
         int64_t brick = grid.numbers[k];
         if (search.texel_offsets[brick] < 0) continue;
         float limit = least((float)search.tops[brick] - search.slack, search.ceiling);
@@ -224,6 +227,7 @@ void draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
             },
             [&](int64_t num) { search_spans(texels, search, nearness, num, tile, pixels); });
     }
+    return true;
 }
 
 }  // namespace
@@ -241,6 +245,7 @@ Status draw_extremes(const DrawExtremes* arguments) {
     }
     const Tile tile(grid, arguments->rays, MAX_CELLS);
     if (!tile) return NO_MEMORY;
-    for (int64_t k = 0; k < tiles.shape[0]; k++) draw_tile(*arguments, tile, tiles[k]);
+    for (int64_t k = 0; k < tiles.shape[0]; k++)
+        if (!draw_tile(*arguments, tile, tiles[k])) return STOPPED;
     return DONE;
 }

@@ -13,8 +13,9 @@
 //     Array<const Struct, 1>              a sequence of what such structs are filled from
 //     Maybe<any of these but numbers>     the same, or None
 //
-// Members of one type may share a line. KERNEL(name, Struct) declares a kernel that takes a Struct. Rooms are in the
-// order of docs/architecture.md.
+// Members of one type may share a line. KERNEL(name, Struct) declares a kernel that takes a Struct; LONG_KERNEL one that
+// may take longer than a tenth of a second, and stops when it is asked to (stopping.h). Rooms are in the order of
+// docs/architecture.md.
 #pragma once
 #include "arrays.h"
 
@@ -22,6 +23,7 @@
 #define KERNEL(name, Arguments) \
     extern "C" __attribute__((visibility("default"))) Status name(const Arguments* arguments);
 #endif
+#define LONG_KERNEL KERNEL
 
 // ---- kernels
 
@@ -30,6 +32,11 @@ struct GuardRegions {
     int64_t page_size;
 };
 KERNEL(guard_regions, GuardRegions)
+
+struct HeedFlag {
+    Array<const int32_t, 1> flag;
+};
+KERNEL(heed_flag, HeedFlag)
 
 // ---- volume
 
@@ -112,7 +119,7 @@ struct BuildBlocks {
     Array<bool, 1> visible;
     VisibleNodes nodes;
 };
-KERNEL(build_blocks, BuildBlocks)
+LONG_KERNEL(build_blocks, BuildBlocks)
 
 struct MergeTier {
     Array<const float, 2> means;
@@ -168,7 +175,7 @@ struct AverageVoxels {
     int64_t level, slab;
     Array<float, 2> out;
 };
-KERNEL(average_voxels, AverageVoxels)
+LONG_KERNEL(average_voxels, AverageVoxels)
 
 struct Transmit {
     Array<const float, 3> depths, offsets;
@@ -178,7 +185,7 @@ struct Transmit {
     int64_t slab;
     Array<float, 2> out;
 };
-KERNEL(transmit, Transmit)
+LONG_KERNEL(transmit, Transmit)
 
 // ---- splats
 
@@ -213,7 +220,7 @@ struct MeasureVoxelBricks {
     Array<float, 5> bounds;
     Array<double, 4> measures;
 };
-KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
+LONG_KERNEL(measure_voxel_bricks, MeasureVoxelBricks)
 
 struct MeasureRanges {
     Voxels voxels;
@@ -315,7 +322,7 @@ struct MeasureChords {
     double unit;
     Array<float, 2> lengths;
 };
-KERNEL(measure_chords, MeasureChords)
+LONG_KERNEL(measure_chords, MeasureChords)
 
 struct ColorShares {
     TransferTable curve;
@@ -430,7 +437,7 @@ struct DrawTiles {
     bool is_additive;
     Array<const int64_t, 1> tiles;
 };
-KERNEL(draw_tiles, DrawTiles)
+LONG_KERNEL(draw_tiles, DrawTiles)
 
 // As in renderer/draw/cpu/mixture.py.
 struct DrawMixture {
@@ -441,7 +448,7 @@ struct DrawMixture {
     float termination_alpha;
     Array<const int64_t, 1> tiles;
 };
-KERNEL(draw_mixture, DrawMixture)
+LONG_KERNEL(draw_mixture, DrawMixture)
 
 // tops: upper bounds of what is in each brick.
 struct DrawExtremes {
@@ -455,7 +462,7 @@ struct DrawExtremes {
     bool is_sorted, has_absent;
     double forward[3];
 };
-KERNEL(draw_extremes, DrawExtremes)
+LONG_KERNEL(draw_extremes, DrawExtremes)
 
 // ---- film
 
@@ -515,7 +522,7 @@ struct IntegrateRays {
     Array<const double, 1> max_steps;
     Array<double, 3> radiance;
 };
-KERNEL(integrate_rays, IntegrateRays)
+LONG_KERNEL(integrate_rays, IntegrateRays)
 
 struct MaskRays {
     LayerOptics layer;
@@ -523,7 +530,7 @@ struct MaskRays {
     Array<double, 3> parts;
     Array<int64_t, 1> counts;
 };
-KERNEL(mask_rays, MaskRays)
+LONG_KERNEL(mask_rays, MaskRays)
 
 struct SearchRays {
     AnyArray<3> values;
@@ -532,4 +539,4 @@ struct SearchRays {
     IndexRays rays;
     Array<double, 2> found;
 };
-KERNEL(search_rays, SearchRays)
+LONG_KERNEL(search_rays, SearchRays)

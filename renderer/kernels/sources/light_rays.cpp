@@ -4,6 +4,7 @@
 // cells: the centre of cell i is at i + 1 along each axis, and the volume begins at 1/2.
 #include "lanes.h"
 #include "light_grid.h"
+#include "stopping.h"
 #include "transfer.h"
 
 namespace {
@@ -61,6 +62,7 @@ Status average_voxels(const AverageVoxels* arguments) {
             else return classify_scalar(curve.value, false, (double)voxel).a;
         };
         for (int64_t row = 0; row < out.shape[0]; row++) {
+            if (is_stopped()) return STOPPED;
             int64_t y0 = row << level, y1 = least((row + 1) << level, num_y), num_lines = (y1 - y0) * (z1 - z0);
             for (int64_t cell = 0; cell < out.shape[1]; cell++) sums[cell] = 0.0;
             for (int64_t z = z0; z < z1; z++)
@@ -99,6 +101,7 @@ Status transmit(const Transmit* arguments) {
     Buffer<int64_t> starts(num);  // of vectors, which have all cells near which something is visible
     if (!deepest || !ray_depths || !totals || !starts) return NO_MEMORY;
     for (int64_t row = 0; row < out.shape[0]; row++) {
+        if (is_stopped()) return STOPPED;
         float y = (float)row + 1.0f, z = (float)slab + 1.0f;
         for (int64_t cell = 0; cell < num + 2; cell++) deepest[cell] = totals[cell] = 0.0f;
         for (int64_t near = 0; near < 9; near++)

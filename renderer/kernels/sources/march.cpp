@@ -8,6 +8,7 @@
 // float64; samples are float32. There are only sums, products, quotients and roots of IEEE 754, and `fma`, which rounds
 // once: the result is the same bytes on every machine.
 #include "fields.h"
+#include "stopping.h"
 
 namespace {
 
@@ -145,8 +146,8 @@ auto march_of(const ShownLayers& shown) {
     return num == 2 ? march<SEVERAL, 2> : num == 3 ? march<SEVERAL, 3> : num == 4 ? march<SEVERAL, 4> : march<SEVERAL, 0>;
 }
 
-// Composite the bricks over a tile, front to back.
-void draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int64_t number) {
+// Composite the bricks over a tile, front to back. Return whether it was finished.
+bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int64_t number) {
     const Grid& grid = scene.grid;
     const RaySetup& rays = scene.bricks.rays;
     const auto& boxes = scene.bricks.boxes;
@@ -154,6 +155,7 @@ void draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
     Window window = window_of(grid, number);
     set_up_rays(grid, rays, window, tile, 3);
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
+        if (is_stopped()) return false;
         if (grid.stride > 1 && k + 1 < grid.starts[number + 1]) {
             int64_t following = grid.numbers[k + 1];
             shown.choose(following);
@@ -171,6 +173,7 @@ void draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
             [&](const auto&... clipped) __attribute__((always_inline)) { return span_of(box, tile, clipped...); },
             [&](int64_t num) { march_brick(scene, shown, brick, box, num, tile, pixels); });
     }
+    return true;
 }
 
 }  // namespace
@@ -183,6 +186,7 @@ Status draw_tiles(const DrawTiles* arguments) {
     const Tile tile(grid, bricks.rays, MAX_SAMPLES - 1);
     const ShownGroups shown({&bricks, {1}});
     if (!tile || !shown) return NO_MEMORY;
-    for (int64_t k = 0; k < tiles.shape[0]; k++) draw_tile(*arguments, shown.groups[0], tile, tiles[k]);
+    for (int64_t k = 0; k < tiles.shape[0]; k++)
+        if (!draw_tile(*arguments, shown.groups[0], tile, tiles[k])) return STOPPED;
     return DONE;
 }

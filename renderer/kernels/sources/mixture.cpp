@@ -11,6 +11,7 @@
 // Slabs are those of a tile, and so depend on its side: pictures of tiles of 8 to 32 pixels are as exact, and 55 dB
 // apart at tolerance 0.1. They do not depend on lanes, threads, or the order of layers.
 #include "fields.h"
+#include "stopping.h"
 
 namespace {
 
@@ -283,7 +284,8 @@ struct Mixture {
         }
     }
 
-    void draw_tile(int64_t number) const {
+    // Return whether the tile was finished.
+    bool draw_tile(int64_t number) const {
         const Grid& grid = scene.grid;
         Window window = window_of(grid, number);
         set_up(window);
@@ -292,6 +294,7 @@ struct Mixture {
         for (int64_t k = 0; k < maker.num; k++) maker.pad = most(maker.pad, 0.5 * maker.of(k).step);
         Slab before = {}, slab = maker.make();
         for (bool is_alive = true; slab.num > 0 && is_alive;) {
+            if (is_stopped()) return false;
             Slab behind = maker.make();
             // Jitter moves the borders between slabs, by half of the smaller step at most: rays keep all slabs in order.
             auto step_between = [&](const Slab& one, const Slab& other) {
@@ -312,6 +315,7 @@ struct Mixture {
             before = slab, slab = behind;
         }
         write(window);
+        return true;
     }
 };
 
@@ -342,6 +346,7 @@ Status draw_mixture(const DrawMixture* arguments) {
     const Buffer<float> bins(num_packets * SLAB_SAMPLES * BIN_FLOATS);
     if (!shown || !rays || !packets || !bins) return NO_MEMORY;
     const Mixture mixture = {*arguments, shown.groups, rays, packets, bins};
-    for (int64_t k = 0; k < tiles.shape[0]; k++) mixture.draw_tile(tiles[k]);
+    for (int64_t k = 0; k < tiles.shape[0]; k++)
+        if (!mixture.draw_tile(tiles[k])) return STOPPED;
     return DONE;
 }

@@ -16,6 +16,7 @@
 // order. The channels of a node lie together; each has its own variance.
 #include "classify.h"
 #include "empty_space.h"
+#include "stopping.h"
 
 namespace {
 
@@ -253,6 +254,7 @@ Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& er
     if (!writer.fits<T>(starts.shape[0])) return OUT_OF_BOUNDS;
     if (!test) return NO_MEMORY;
     for (int64_t g = 0; g < starts.shape[0]; g++) {
+        if (is_stopped()) return STOPPED;
         Box box = box_at(starts, extents, g);
         // Scalars count for their errors where they are invisible, too.
         visible[g] = normalization.exists || test(box);

@@ -47,6 +47,7 @@
 //
 // Between two labels there is nothing but such a step. D is that of the largest difference in each channel.
 #include "absent.h"
+#include "stopping.h"
 #include "transfer.h"
 
 namespace {
@@ -283,6 +284,7 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
     if (!low || !high || !around) return NO_MEMORY;
     Curve curve = {table.rows, table.scale};
     for (int64_t i = 0; i < cells.shape[0]; i++) {
+        if (is_stopped()) return STOPPED;
         int64_t x = cells(i, 0), y = cells(i, 1), z = cells(i, 2);
         DualCells of_brick = {low.field, high.field, {}};
         for (int axis = 0; axis < 3; axis++)

@@ -1,6 +1,7 @@
 // Find the most extreme scalar of a ray exactly, from cell to cell: the cubic of each has known extremes.
 //
 // A macrocell whose bound does not exceed what was found is passed over; the first ray that meets it finds its bound.
+#include "stopping.h"
 #include "truth_cells.h"
 
 namespace truth {
@@ -54,6 +55,7 @@ Status search_rays(const SearchRays* arguments) {
     int64_t num_rays = rays.parts.shape[0];
     if (!fit(rays) || !fits_macrocells(tops, values) || !has_shape(found, num_rays, 2)) return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < num_rays; i++) {
+        if (is_stopped()) return STOPPED;
         Found best = {-INFINITE, 0.0};
         auto search = [&](const Segment& segment) {
             auto [x, y, z] = segment.macrocell;

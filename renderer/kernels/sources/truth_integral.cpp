@@ -8,6 +8,7 @@
 //
 // Factors on extinction by the gradient are no polynomials. Depths are then the integrals of cubics through the nodes
 // of the quadrature, and exact where all factors are 1.
+#include "stopping.h"
 #include "truth_layer.h"
 
 namespace truth {
@@ -115,8 +116,8 @@ struct Integrator {
     Array<LayerRay, 1> layers;
     Array<double, 2> gathered;
 
-    // Add the parts of some layers, which overlap, to what has been gathered.
-    void integrate_parts(LayerRay* first) const {
+    // Add the parts of some layers, which overlap, to what has been gathered. Return whether it was finished.
+    bool integrate_parts(LayerRay* first) const {
         double bound = 0.0, num_parts = 1.0;
         for (LayerRay* layer = first; layer; layer = layer->next)
             bound += layer->part.depth_bound(), num_parts = most(num_parts, layer->part.length_voxels);
@@ -127,6 +128,7 @@ struct Integrator {
             int64_t num_steps = (int64_t)__builtin_ceil(num_parts / max_steps[number]);
             double width = 1.0 / (double)num_steps;
             for (int64_t k = 0; k < num_steps && !(sums[DEPTH] > max_depth); k++) {
+                if (is_stopped()) return false;
                 Step step = step_through(*first, (double)k, width);
                 for (LayerRay* layer = first->next; layer; layer = layer->next)
                     step.add(step_through(*layer, (double)k, width));
@@ -140,6 +142,7 @@ struct Integrator {
                 }
             }
         }
+        return true;
     }
 
     // Whether a ray may end, at all steps.
@@ -149,14 +152,15 @@ struct Integrator {
         return depth > max_depth;
     }
 
-    // Add a ray, from one end of a piece to the next, for each of the steps, to what has been gathered.
-    void integrate_ray(int64_t ray) const {
+    // Add a ray, from one end of a piece to the next, for each of the steps, to what has been gathered. Return whether it
+    // was finished.
+    bool integrate_ray(int64_t ray) const {
         for (int64_t k = 0; k < layers.shape[0]; k++) layers[k].start(ray);
         for (int64_t k = 0; k < gathered.size(); k++) gathered.data[k] = 0.0;
         while (!is_opaque()) {
             double start = INFINITE, end = INFINITE;
             for (int64_t k = 0; k < layers.shape[0]; k++) start = least(start, layers[k].reached);
-            if (start == INFINITE) return;
+            if (start == INFINITE) break;
             for (int64_t k = 0; k < layers.shape[0]; k++)
                 end = least(end, layers[k].reached > start ? layers[k].reached : layers[k].end);
             LayerRay* first = nullptr;
@@ -164,10 +168,11 @@ struct Integrator {
                 if (layers[k].reached > start) continue;
                 layers[k].reach(end), layers[k].next = first, first = &layers[k];
             }
-            integrate_parts(first);
+            if (!integrate_parts(first)) return false;
             for (LayerRay* layer = first; layer; layer = layer->next)
                 if (layer->reached == layer->end) layer->take_next();
         }
+        return true;
     }
 };
 
@@ -203,7 +208,7 @@ Status integrate_rays(const IntegrateRays* arguments) {
         first += layers[k].intervals.rows.shape[0], split += num_splits_of(layers[k]);
     }
     for (int64_t i = 0; i < num; i++) {
-        integrator.integrate_ray(i);
+        if (!integrator.integrate_ray(i)) return STOPPED;
         for (int64_t step = 0; step < num_steps; step++) {
             for (int64_t channel = 0; channel < num_channels; channel++)
                 radiance(i, step, channel) = sums(step, channel);

@@ -1,4 +1,5 @@
 // Find the parts of rays inside a mask: where it shows anything, as a layer.
+#include "stopping.h"
 #include "truth_layer.h"
 
 // Write the parts of n rays where a layer shows anything to `parts` [n, k, 2], and how many there are of each ray to
@@ -13,6 +14,7 @@ Status mask_rays(const MaskRays* arguments) {
     if (!splits || !ray) return NO_MEMORY;
     ray[0].prepare(layer, rays, splits, 0);
     for (int64_t i = 0; i < num_rays; i++) {
+        if (is_stopped()) return STOPPED;
         int64_t& count = counts[i] = 0;
         double last = -INFINITE;
         for (ray[0].start(i); ray[0].reached < INFINITE; ray[0].take_next()) {

@@ -1,0 +1,143 @@
+"""Serve one page and its news to one user of this machine.
+
+Every user of the machine can connect to the port, so that the address has a token, and connections that hold their
+places without asking for anything are closed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hmac
+import secrets
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+_LOOPBACK = "127.0.0.1"
+# Connections at one time: of many open tabs, each of which has one, and of those that a browser opens in advance.
+MAX_CONNECTIONS = 32
+# In which a request must have come, and a client must take what is sent.
+IDLE_S = 10.0
+# How often a connection without news hears that there are none, so that one that is closed is noticed.
+_HEARTBEAT_S = 5.0
+
+
+class Channel:
+    """The last text of news, for all who wait for another one."""
+
+    def __init__(self, text: str) -> None:
+        self._text, self._number, self._changed = text, 0, threading.Condition()
+
+    def send(self, text: str) -> None:
+        """Replace the text, and tell all who wait."""
+        with self._changed:
+            self._text, self._number = text, self._number + 1
+            self._changed.notify_all()
+
+    def texts(self) -> Iterator[str | None]:
+        """Yield the text and each later one, without end; None where there is none for a while."""
+        sent = -1
+        while True:
+            with self._changed:
+                if self._number == sent:
+                    self._changed.wait(_HEARTBEAT_S)
+                is_new, sent, text = self._number != sent, self._number, self._text
+            yield text if is_new else None
+
+
+@contextlib.contextmanager
+def serve_page(page: bytes, news: Channel) -> Iterator[str]:
+    """Serve a page at a free port of this machine, and yield its address; texts of news are sent as events."""
+    with _Server(page, news) as server:
+        threading.Thread(target=server.serve_forever, name="hsplat-server", daemon=True).start()
+        try:
+            yield f"http://{_LOOPBACK}:{server.server_port}/{server.token}/"
+        finally:
+            server.shutdown()
+
+
+class _Server(ThreadingHTTPServer):
+    """A server with a limit of connections, each of which has a limited time for its request."""
+
+    daemon_threads = True
+
+    def __init__(self, page: bytes, news: Channel) -> None:
+        super().__init__((_LOOPBACK, 0), _Handler)
+        self.page, self.news, self.token = page, news, secrets.token_urlsafe(24)
+        self._places = threading.BoundedSemaphore(MAX_CONNECTIONS)
+        # By when connections without a whole request are closed.
+        self.deadlines: dict[socket.socket, float] = {}
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer in a thread, or close the connection where there are too many."""
+        if not self._places.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        self.deadlines[request] = time.monotonic() + IDLE_S
+        try:
+            super().process_request(request, client_address)
+        except BaseException:  # the thread has not started
+            self._leave(request)
+            raise
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer, in the connection's own thread."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._leave(request)
+
+    def _leave(self, request: socket.socket) -> None:
+        self.deadlines.pop(request, None)
+        self._places.release()
+
+    def service_actions(self) -> None:
+        """Close connections whose request takes too long, however many bytes of it arrive."""
+        now = time.monotonic()
+        for request in [request for request, deadline in self.deadlines.copy().items() if now > deadline]:
+            with contextlib.suppress(OSError):  # it is closed
+                request.shutdown(socket.SHUT_RDWR)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Print nothing about a client that leaves, or takes too long."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+    timeout = IDLE_S
+
+    def do_GET(self) -> None:
+        self.server.deadlines.pop(self.connection, None)
+        name = self.path.removeprefix("/").split("/")
+        # A page of another origin can ask for a name of its own that leads to this address.
+        is_own = self.headers.get("Host") == f"{_LOOPBACK}:{self.server.server_port}"
+        if len(name) != 2 or not is_own or not hmac.compare_digest(name[0].encode(), self.server.token.encode()):
+            self.send_error(404)
+        elif name[1] == "":
+            self._begin("text/html; charset=utf-8")
+            self.wfile.write(self.server.page)
+        elif name[1] == "events":
+            self._begin("text/event-stream")
+            for text in self.server.news.texts():
+                self.wfile.write(f"{': no news' if text is None else f'data: {text}'}\n\n".encode())
+        else:
+            self.send_error(404)
+
+    def _begin(self, kind: str) -> None:
+        self.send_response(200)
+        for header, value in {
+            "Content-Type": kind,
+            "Cache-Control": "no-store",
+            "Referrer-Policy": "no-referrer",
+        }.items():
+            self.send_header(header, value)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Print nothing."""

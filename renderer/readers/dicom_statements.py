@@ -1,0 +1,140 @@
+"""The table of the fields by which DICOM files change how their voxels are understood, and those not applied in one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from renderer.readers.dicom_fields import TOLD_APART, VECTORS, Dataset, numbers_of, text_of
+from renderer.readers.statements import FormatTable, Statement
+
+MONOCHROME1 = "PhotometricInterpretation MONOCHROME1"
+OTHER_SPACE = "FrameOfReferenceUID"
+_TILT, _LIES = "GantryDetectorTilt", "PatientPosition"
+
+_VALUES = (
+    Statement("RescaleSlope", "values", "a factor on stored values"),
+    Statement("RescaleIntercept", "values", "a number that is added to stored values"),
+    Statement("ModalityLUTSequence", "values", "a table of values, in place of slope and intercept"),
+    Statement("DoseGridScaling", "values", "a factor on stored doses"),
+    Statement(
+        "RealWorldValueMappingSequence",
+        "values",
+        "slope and intercept to a real unit; applied where RescaleSlope and RescaleIntercept are 1 and 0, or missing",
+    ),
+    Statement("MaximumFractionalValue", "values", "the stored value of a whole voxel of a fractional segment"),
+    Statement("PixelRepresentation", "values", "whether stored values have a sign"),
+    Statement("BitsStored", "values", "the bits of a pixel that are values"),
+    Statement("RedPaletteColorLookupTableData", "values", "a palette: stored values are numbers of its colours"),
+)
+_PLACE = (
+    Statement("PixelSpacing", "place", "the distance of pixels, down and across"),
+    Statement("ImagerPixelSpacing", "place", "the distance of pixels at the detector, where no PixelSpacing is"),
+    Statement("PixelAspectRatio", "place", "the height of a pixel by its width; applied to runs without lengths"),
+    Statement("SpacingBetweenSlices", "place", "the distance of slices, where positions do not give it"),
+    Statement("SliceThickness", "place", "the distance of slices, where nothing else gives it"),
+    Statement("ImagePositionPatient", "place", "the place of the first pixel"),
+    Statement("ImageOrientationPatient", "place", "the directions of rows and columns"),
+    Statement("ImagePositionVolume", "place", "the place of the first pixel, of ultrasound"),
+    Statement("ImageOrientationVolume", "place", "the directions of rows and columns, of ultrasound"),
+    Statement("PatientOrientation", "place", "the directions of rows and columns by letters, where no numbers are"),
+    Statement("SliceLocation", "place", "the place of a slice, where it has no position"),
+    Statement("InstanceNumber", "place", "the number of a slice, where it has no position and no SliceLocation"),
+    Statement("InStackPositionNumber", "place", "the number of a frame in its file, where it has no position"),
+    Statement("SliceVector", "place", "the number of each frame in its file, of nuclear medicine"),
+    Statement("GridFrameOffsetVector", "place", "the place of each frame of a dose"),
+    Statement(_TILT, "place", "an angle of the gantry, where slices have no positions", is_applied=False),
+    Statement("EstimatedRadiographicMagnificationFactor", "place", "a magnification", is_applied=False),
+    Statement("SequenceOfUltrasoundRegions", "place", "lengths in parts of the picture", is_applied=False),
+    Statement("VolumetricProperties", "place", "that the image is distorted or mixed", is_applied=False),
+    Statement(OTHER_SPACE, "place", "that positions belong to different spaces", is_applied=False),
+)
+_VALIDITY = (
+    Statement("PixelPaddingValue", "validity", "a stored value that stands for no data"),
+    Statement("PixelPaddingRangeLimit", "validity", "the other end of stored values that stand for no data"),
+    Statement("FloatPixelPaddingValue", "validity", "a value of floats that stands for no data"),
+    Statement("BurnedInAnnotation", "validity", "that text is part of the image", is_applied=False),
+)
+_MEANING = (
+    Statement("RescaleType", "meaning", "the unit of the values"),
+    Statement("ModalityLUTType", "meaning", "the unit of the values of a table"),
+    Statement("MeasurementUnitsCodeSequence", "meaning", "the unit of a real world value mapping"),
+    Statement("Units", "meaning", "the unit of values of PET"),
+    Statement("DoseUnits", "meaning", "the unit of a dose"),
+    Statement("SegmentLabel", "meaning", "the name of a segment"),
+    Statement("RecommendedDisplayCIELabValue", "meaning", "the colour of a segment"),
+    Statement("AnatomicalOrientationType", "meaning", "that axes are those of a quadruped, which are no LPS"),
+    Statement("FrameTime", "meaning", "the time between frames, which are times of one plane"),
+    Statement("FrameTimeVector", "meaning", "the times between frames, which are times of one plane"),
+    *(
+        Statement(keyword, "meaning", "what tells times or components at one place apart")
+        for keyword in dict.fromkeys(
+            word for each in (*TOLD_APART, *VECTORS) for word in each.name.split(" and ") if word != "InstanceNumber"
+        )
+    ),
+    Statement(MONOCHROME1, "meaning", "that low values are light", is_applied=False),
+    Statement("PresentationLUTShape", "meaning", "that low values are light", is_applied=False),
+    Statement("VOILUTSequence", "meaning", "a table by which values are shown", is_applied=False),
+    Statement("PixelIntensityRelationship", "meaning", "that values go with a logarithm", is_applied=False),
+    Statement("RealWorldValueLUTData", "meaning", "a table of values in a real unit", is_applied=False),
+    Statement("PixelPresentation", "meaning", "that some values stand for colours", is_applied=False),
+    Statement("ICCProfile", "meaning", "the space of its colours", is_applied=False),
+    Statement("OverlayData", "meaning", "graphics over the image", is_applied=False),
+    Statement("LossyImageCompression", "meaning", "that values were compressed with loss", is_applied=False),
+    Statement("VolumeBasedCalculationTechnique", "meaning", "a projection or another sum of voxels", is_applied=False),
+    Statement(_LIES, "meaning", "how the patient lies, where slices have no directions", is_applied=False),
+    Statement("DecayCorrection", "meaning", "that values are not corrected for decay", is_applied=False),
+    Statement("SUVType", "meaning", "what uptake is divided by", is_applied=False),
+    Statement("DoseType", "meaning", "a dose that is not the physical one", is_applied=False),
+    Statement("DoseSummationType", "meaning", "a dose that is not that of a whole plan", is_applied=False),
+)
+STATEMENTS = FormatTable("DICOM", (*_VALUES, *_PLACE, *_VALIDITY, *_MEANING))
+
+# Values of fields that are not applied, with which they change nothing; an empty text stands for a missing field.
+_NEUTRAL = {
+    "PresentationLUTShape": ("IDENTITY",),
+    "PixelIntensityRelationship": ("LIN",),
+    "PixelPresentation": ("MONOCHROME", "TRUE_COLOR"),
+    "LossyImageCompression": ("00",),
+    "VolumetricProperties": ("VOLUME", "SAMPLED"),
+    "VolumeBasedCalculationTechnique": ("NONE",),
+    "BurnedInAnnotation": ("NO",),
+    "DecayCorrection": ("START", "ADMIN"),
+    "SUVType": ("BW",),
+    "DoseType": ("PHYSICAL",),
+    "DoseSummationType": ("PLAN", "MULTI_PLAN"),
+    "EstimatedRadiographicMagnificationFactor": ("1", "1.0"),
+}
+_SEQUENCES = ("VOILUTSequence", "SequenceOfUltrasoundRegions")
+_BYTES = ("RealWorldValueLUTData", "ICCProfile")
+# Groups of overlays, each of which has its number of rows in this element.
+_OVERLAYS = range(0x6000, 0x6020, 2)
+_ROWS_OF_OVERLAY = 0x0010
+
+
+def stated_in(fields: Sequence[Dataset], *, has_place: bool, has_axes: bool) -> frozenset[str]:
+    """Return the statements of a frame that are not applied, apart from OTHER_SPACE, which only several files make.
+
+    has_place, has_axes: whether it has a position, and directions.
+    """
+    texts = {keyword: text_of(fields, keyword).strip().upper() for keyword in _NEUTRAL}
+    found = {keyword for keyword, text in texts.items() if text and text not in _NEUTRAL[keyword]}
+    found |= {keyword for keyword in _SEQUENCES if any(each.get(keyword) for each in fields)}
+    found |= {keyword for keyword in _BYTES if any(keyword in each for each in fields)}
+    if text_of(fields, "PhotometricInterpretation").strip() == "MONOCHROME1":
+        found.add(MONOCHROME1)
+    if any(numbers_of(fields, _TILT)) and not has_place:
+        found.add(_TILT)
+    if text_of(fields, _LIES) and not has_axes:
+        found.add(_LIES)
+    if any((group, _ROWS_OF_OVERLAY) in each for each in fields for group in _OVERLAYS):
+        found.add("OverlayData")
+    return frozenset(found)
+
+
+def note_on(found: Iterable[frozenset[str]], spaces: Iterable[str]) -> str | None:
+    """Return the note on the statements of several frames that are not applied; None if there are none.
+
+    spaces: the names of the spaces of their positions; empty where not said.
+    """
+    are_several = len({*spaces} - {""}) > 1
+    return STATEMENTS.note(frozenset[str]().union(*found, {OTHER_SPACE} if are_several else ()))

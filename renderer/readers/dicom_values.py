@@ -1,0 +1,164 @@
+"""Find what the stored values of a DICOM frame stand for: by a table, by slope and intercept, or in a real unit.
+
+PS3.3: a Modality LUT Sequence takes the place of slope and intercept (C.11.1). A Real World Value Mapping is another
+way from stored values (C.7.6.16.2.11), which counts where those say nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.dicom_fields import Dataset, first_numbers, numbers_of, text_of, unreadable_slice
+from renderer.volume import Array
+
+_MAPPING, _UNIT = "RealWorldValueMappingSequence", "MeasurementUnitsCodeSequence"
+# Units of UCUM that have another name here.
+_UNITS = {"[hnsf'U]": "HU", "1": ""}
+# Slopes of the two ways that differ by less than this part are the same.
+_SAME = 1e-6
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of values: that of the stored value `first`, and of those after it. Ends stand for all beyond them."""
+
+    first: int
+    values: Array
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A way from stored values to values.
+
+    table: in place of slope and intercept. dtype: of the values. padding: the ends of the stored values that stand for
+    no data. unit: of the values, where the way itself tells it. note: a remark on it; None stands for none.
+    """
+
+    slope: float
+    intercept: float
+    dtype: np.dtype[Any]
+    table: Table | None = None
+    padding: tuple[float, float] | None = None
+    unit: str = ""
+    note: str | None = None
+
+    @property
+    def nodata(self) -> tuple[float, float] | None:
+        """Return the ends of the values that stand for no data; None if none do, or a table mixes them with others."""
+        if self.padding is None or self.table is not None:
+            return None
+        low, high = sorted(end * self.slope + self.intercept for end in self.padding)
+        return low, high
+
+    def values_of(self, stored: Array, path: Path) -> Array:
+        """Return the values of stored pixels of a file; raises InputError for floats in a file whose fields are those
+        of integers."""
+        if stored.dtype.kind == "f" and self.dtype.kind != "f":
+            raise unreadable_slice(path, "save it again without BitsStored", "floats with the fields of integers")
+        if self.table is not None:
+            last = len(self.table.values) - 1
+            return np.take(self.table.values, np.clip(stored.astype(np.int64) - self.table.first, 0, last))
+        if self.slope == 1.0 and self.intercept == 0.0:
+            return stored
+        return np.asarray(stored * self.slope + self.intercept).astype(self.dtype)
+
+
+def scale_of(path: Path, fields: Sequence[Dataset], dataset: Dataset) -> Scale:
+    """Return the scale of a frame. fields: its groups and the dataset. Raises InputError for a damaged table."""
+    padding = _padding(dataset)
+    if (table := _modality_table(path, dataset)) is not None:
+        unit = text_of(dataset.ModalityLUTSequence[:1], "ModalityLUTType")
+        return Scale(1.0, 0.0, table.values.dtype, table, padding, unit)
+    slope = first_numbers(fields, ["RescaleSlope", "DoseGridScaling"], [1.0])[0] or 1.0
+    intercept, unit, note = first_numbers(fields, ["RescaleIntercept"], [0.0])[0], "", None
+    maximum = numbers_of([dataset], "MaximumFractionalValue")
+    if text_of([dataset], "SegmentationType") == "FRACTIONAL" and maximum and maximum[0] > 0:
+        slope = 1.0 / maximum[0]
+    pair = [*numbers_of(fields, "RealWorldValueSlope"), *numbers_of(fields, "RealWorldValueIntercept")]
+    if len(pair) == 2 and pair[0] != 0.0:
+        if (slope, intercept) == (1.0, 0.0):
+            slope, intercept = pair
+            unit = text_of([code for each in fields for code in (each.get(_UNIT) or [])[:1]][:1], "CodeValue")
+        elif not np.allclose(pair, (slope, intercept), rtol=_SAME, atol=0.0):
+            note = f"{_MAPPING}, another scale of the values, is not applied: RescaleSlope is"
+    dtype = _rescaled_dtype(dataset, slope, intercept)
+    return Scale(slope, intercept, dtype, None, padding, _UNITS.get(unit, unit), note)
+
+
+def _modality_table(path: Path, dataset: Dataset) -> Table | None:
+    """Return the table of values of a file; None if it has none. Raises InputError for a damaged one."""
+    if not dataset.get("ModalityLUTSequence"):
+        return None
+    item, is_little = dataset.ModalityLUTSequence[0], dataset.original_encoding[1] is not False
+    descriptor, data = (_whole_numbers(item, keyword, is_little) for keyword in ("LUTDescriptor", "LUTData"))
+    if len(descriptor) != 3 or not descriptor[2] % 2**16 <= 16:
+        raise _table_error(path, f"LUTDescriptor = {text_of([item], 'LUTDescriptor')}")
+    count, bits = int(descriptor[0]) % 2**16 or 2**16, int(descriptor[2])
+    if bits <= 8 and len(data) in (count // 2, (count + 1) // 2) and len(data) < count:  # two in each word
+        data = np.array(data, "<u2" if is_little else ">u2").view(np.uint8)
+    if len(data) < count:
+        raise _table_error(path, f"{len(data)} of {count} values")
+    first = as_stored(dataset, float(descriptor[1]))
+    return Table(int(first), np.asarray(data[:count]).astype(np.uint8 if bits <= 8 else np.uint16))
+
+
+def _whole_numbers(item: Dataset, keyword: str, is_little: bool) -> Array:
+    """Return the numbers of a field without a sign, also where they are bytes."""
+    value = item.get(keyword)
+    if isinstance(value, bytes):
+        return np.frombuffer(value[: len(value) // 2 * 2], "<u2" if is_little else ">u2")
+    values = [] if value is None else [value] if isinstance(value, int) else list(value)
+    return np.array(values, np.int64) % 2**16
+
+
+def _table_error(path: Path, got: str) -> InputError:
+    expected, hint = "a value for each number that LUTDescriptor counts", "the file is truncated or damaged"
+    what = "the table of values of this DICOM file is damaged"
+    return InputError(what, where=str(path), got=got, expected=expected, hint=hint)
+
+
+def as_stored(dataset: Dataset, number: float) -> float:
+    """Return a stored value of 16 bits with a sign if the pixels have one, whatever the type of its field says."""
+    return (number + 2**15) % 2**16 - 2**15 if dataset.get("PixelRepresentation") else number % 2**16
+
+
+def _padding(dataset: Dataset) -> tuple[float, float] | None:
+    """Return the ends of the stored values of gray pixels that stand for no data; None if none do.
+
+    In a map of labels they are the background.
+    """
+    kind = next((kind for kind in ("Float", "DoubleFloat") if f"{kind}PixelPaddingValue" in dataset), "")
+    ends = [*numbers_of([dataset], f"{kind}PixelPaddingValue"), *numbers_of([dataset], f"{kind}PixelPaddingRangeLimit")]
+    is_gray = (text_of([dataset], "PhotometricInterpretation") or "MONOCHROME").startswith("MONOCHROME")
+    if not ends or not is_gray or "SegmentSequence" in dataset:
+        return None
+    if not kind:
+        ends = [as_stored(dataset, end) for end in ends]
+    return min(ends), max(ends)
+
+
+def _rescaled_dtype(dataset: Dataset, slope: float, intercept: float) -> np.dtype[Any]:
+    """Return the dtype of rescaled values: the smallest of integers if both numbers are whole, else float64.
+
+    Files of floats have no BitsStored.
+    """
+    bits, stored = int(dataset.get("BitsAllocated") or 16), int(dataset.get("BitsStored") or 16)
+    if not 1 <= stored <= bits or bits not in (1, 8, 16, 32, 64):
+        raise unreadable_slice(Path(dataset.filename), got=f"{stored} of {bits} bits")
+    is_signed = bool(dataset.get("PixelRepresentation"))
+    is_neutral = slope == 1.0 and intercept == 0.0
+    if "BitsStored" not in dataset:
+        return np.dtype("f4" if bits == 32 and is_neutral else "f8")
+    if is_neutral:
+        return np.dtype(f"{'i' if is_signed else 'u'}{max(bits, 8) // 8}")
+    low, high = (-(2 ** (stored - 1)), 2 ** (stored - 1) - 1) if is_signed else (0, 2**stored - 1)
+    low, high = sorted((low * slope + intercept, high * slope + intercept))
+    if slope.is_integer() and intercept.is_integer() and max(-low, high) < 2**32:
+        return np.min_scalar_type(int(high) if low >= 0 else int(min(low, -1 - high)))
+    return np.dtype(np.float64)

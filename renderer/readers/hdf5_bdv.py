@@ -1,0 +1,219 @@
+"""Find the images of BigDataViewer's HDF5 files: setups, such as channels and views, with times and levels each.
+
+Voxels are 16 bits without a sign, which are stored as if they had one. Names, lengths and channels are in the file
+.xml beside it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.common import NO_SPACING
+from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
+from renderer.readers.hdf5_objects import Dataset, Group, dataset_at, open_inside
+from renderer.readers.hdf5_values import Values, plain_values
+from renderer.readers.statements import FormatTable, Statement
+from renderer.readers.text_header import MAX_HEADER_BYTES
+from renderer.scene import short_text
+from renderer.system import number_in
+from renderer.volume import Channel, Float64
+
+STATEMENTS = FormatTable(
+    "BigDataViewer",
+    (
+        Statement("cells", "values", "numbers of 16 bits without a sign, stored as if they had one"),
+        Statement("resolutions", "place", "the levels of one image, of which the finest is drawn, and their steps"),
+        Statement("size", "values", "the size without padding, in the file .xml"),
+        Statement("voxelSize", "place", "the lengths of voxels and their unit, in the file .xml"),
+        Statement("channel", "meaning", "setups that are channels of one image, in the file .xml"),
+        Statement("name", "meaning", "the name of a setup, in the file .xml"),
+        Statement("ViewRegistrations", "place", "where the image of each setup lies", is_applied=False),
+    ),
+)
+
+_SETUP = re.compile("s([0-9]{2,6})")
+# The most times and levels, and the largest factor of a level: larger numbers are those of a damaged file.
+_MAX_TIMES = 10_000
+_MAX_LEVELS = 64
+_MAX_FACTOR = 2**20
+_NO_XML = f"{NO_SPACING}: the .xml of BigDataViewer, which has it, is not beside it"
+
+
+@dataclass(frozen=True)
+class _Setup:
+    """A setup as the file .xml has it: its number, name, sizes, lengths along z, y and x, their unit, and the other
+    things that tell setups apart than channels."""
+
+    number: int
+    name: str = ""
+    sizes: tuple[int, ...] = ()
+    lengths: tuple[float, ...] = ()
+    unit: str = ""
+    others: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class _Description:
+    """The content of a file .xml: setups, and whether images are moved. is_there: whether there is such a file."""
+
+    setups: dict[int, _Setup] = field(default_factory=dict)
+    is_moved: bool = False
+    is_there: bool = False
+
+
+def find_images(file: Group) -> list[Candidate]:
+    """Return the image of each setup, or of several that are its channels, and other levels as parts."""
+    numbers = sorted(int(name[1:]) for name in file if _SETUP.fullmatch(name))
+    levels = {number: factors for number in numbers if len(factors := _level_factors(file, number))}
+    if not levels or open_inside(file, "t00000") is None:
+        return []
+    description, found = _description(Path(file.filename)), []
+    for setups in _channels_of_images([*levels], description):
+        for level, factors in enumerate(levels[setups[0]].tolist()):
+            name = f"s{setups[0]:02}" + f"/{level}" * (level > 0)
+            describe = partial(_describe, file, setups, level, factors[::-1], description)
+            shape = _cells(file, 0, setups[0], level).shape
+            found.append(Candidate(name, shape, describe, is_part=level > 0))
+    return found
+
+
+def _level_factors(file: Group, setup: int) -> Float64:
+    """Return by how much the voxels of each level are larger than those of the finest, [level, xyz]; none for others
+    than setups."""
+    table = dataset_at(file, f"s{setup:02}/resolutions")
+    if table is None or table.ndim != 2 or table.shape[1] != 3 or not 0 < len(table) <= _MAX_LEVELS:
+        return np.zeros((0, 3))
+    factors = np.asarray(table[...], np.float64)
+    if not ((factors >= 1) & (factors <= _MAX_FACTOR)).all():
+        raise InputError("this BigDataViewer file has no sizes for its levels of resolution", got=f"s{setup:02}")
+    return factors
+
+
+def _channels_of_images(numbers: Sequence[int], description: _Description) -> list[list[int]]:
+    """Return the setups of each image, which differ in their channel alone."""
+    images: dict[object, list[int]] = {}
+    for number in numbers:
+        setup = description.setups.get(number)
+        key = number if setup is None or not setup.sizes else (setup.sizes, setup.lengths, setup.others)
+        images.setdefault(key, []).append(number)
+    return list(images.values())
+
+
+def _describe(
+    file: Group, setups: Sequence[int], level: int, factors: Sequence[float], description: _Description
+) -> StoredImage:
+    """Return a level of an image, of which each setup is a channel. factors: of the level, along z, y and x."""
+    times = next((k for k in range(_MAX_TIMES) if open_inside(file, f"t{k:05}") is None), _MAX_TIMES)
+    setup = description.setups.get(setups[0], _Setup(setups[0]))
+    stored = _cells(file, 0, setups[0], level).shape
+    said = (setup.sizes or stored) if level == 0 else stored
+    sizes = tuple(min(n, own) for n, own in zip(said, stored, strict=True))
+
+    def cells(time: int, channel: int) -> Dataset:
+        return _cells(file, time, setups[channel], level, sizes)
+
+    # A voxel of a coarser level lies in the middle of those that it is made of.
+    steps = [((factor - 1) / 2 * size, factor * size) for size, factor in zip(setup.lengths, factors, strict=False)]
+    names = [description.setups.get(number, _Setup(number)).name for number in setups]
+    return StoredImage(
+        (
+            Axis(times, "time"),
+            Axis(len(setups), "channel"),
+            *(Axis(n, way, setup.unit, way, steps=steps[k] if steps else None)
+              for k, (n, way) in enumerate(zip(sizes, "zyx", strict=True))),
+        ),
+        cells,
+        _values,
+        num_outer=2,
+        channels=tuple(Channel(name, is_light=True) for name in names),
+        notes=(STATEMENTS.note({"ViewRegistrations"} if description.is_moved else ()),),
+        lengths_note=NO_SPACING if description.is_there else _NO_XML,
+    )  # fmt: skip
+
+
+def _values(dataset: Dataset) -> Values:
+    return plain_values(dataset, is_unsigned=dataset.dtype.itemsize == 2)
+
+
+def _cells(file: Group, time: int, setup: int, level: int, sizes: Sequence[int] = (1, 1, 1)) -> Dataset:
+    """Return the voxels of a setup at a time and a level, of these sizes at least."""
+    path = f"t{time:05}/s{setup:02}/{level}/cells"
+    found = dataset_at(file, path)
+    if found is None or found.ndim != 3 or any(n < own for n, own in zip(found.shape, sizes, strict=True)):
+        raise InputError(
+            "this BigDataViewer file lacks the voxels of a setup",
+            got=short_text(path),
+            hint="they are in other files, which are not opened: export it again as one file; or the file is damaged",
+        )
+    return found
+
+
+def _description(path: Path) -> _Description:
+    """Return the content of the file .xml beside an HDF5 file; an empty one where there is none, or one of others.
+
+    Raises InputError for a file that is damaged, too long, or has entities, which may expand to any length.
+    """
+    beside = path.with_suffix(".xml")
+    is_inside = Path(os.path.realpath(beside)).is_relative_to(os.path.realpath(path.parent))
+    if not is_inside or not beside.is_file():
+        return _Description()
+    with beside.open("rb") as file:
+        text = file.read(MAX_HEADER_BYTES + 1)
+    try:
+        if len(text) > MAX_HEADER_BYTES or b"<!" in text.replace(b"<!--", b""):
+            raise ValueError("too long, or with entities")
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise InputError(
+            "the description beside this BigDataViewer file cannot be read",
+            where=str(beside),
+            got=short_text(str(error)),
+            hint="it is damaged: without it the file is read with voxels of 1 x 1 x 1",
+        ) from error
+    if root.tag != "SpimData":
+        return _Description()
+    setups = (_setup(each) for each in root.iter("ViewSetup"))
+    moves = [each.text or "" for each in root.iter("affine")]
+    return _Description({each.number: each for each in setups if each}, any(map(_moves, moves)), True)
+
+
+def _setup(element: ElementTree.Element) -> _Setup | None:
+    """Return a setup of a file .xml; None for one without a number."""
+    number = number_in((element.findtext("id") or "").strip())
+    if not 0 <= number < 2**31:
+        return None
+    sizes, lengths = (_numbers(element.findtext(path))[::-1] for path in ("size", "voxelSize/size"))
+    attributes = element.find("attributes")
+    others = () if attributes is None else tuple(
+        (each.tag, each.text or "") for each in attributes if each.tag != "channel"
+    )  # fmt: skip
+    return _Setup(
+        int(number),
+        short_text(element.findtext("name") or ""),
+        tuple(int(n) for n in sizes if 1 <= n < 2**31) if len(sizes) == 3 else (),
+        tuple(lengths) if len(lengths) == 3 and all(0 < n < np.inf for n in lengths) else (),
+        element.findtext("voxelSize/unit") or "",
+        others,
+    )
+
+
+def _moves(text: str) -> bool:
+    """Return whether the 12 numbers of an affine are more than lengths along the axes."""
+    numbers = np.array(_numbers(text))
+    if len(numbers) != 12:
+        return False
+    matrix = numbers.reshape(3, 4)
+    return bool((matrix != np.eye(3, 4) * np.diag(matrix)[:, np.newaxis]).any())
+
+
+def _numbers(text: str | None) -> list[float]:
+    return [number_in(word) for word in (text or "").split()[:12]]

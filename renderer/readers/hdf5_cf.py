@@ -1,0 +1,167 @@
+"""Describe any dataset of HDF5 and netCDF-4: by the conventions of netCDF (CF), by ilastik, or by its shape alone.
+
+Axes have dimension scales, whose numbers are coordinates. A vertical axis may count downwards: by `positive`, or in
+units of pressure.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+from renderer.readers.common import no_spacing
+from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
+from renderer.readers.hdf5_objects import Dataset, Group, dataset_at, groups_and_datasets, line_at, numbers, text, texts
+from renderer.readers.hdf5_values import Values, values_of
+from renderer.readers.statements import FormatTable, Statement
+from renderer.volume import Label
+
+STATEMENTS = FormatTable(
+    "HDF5 and netCDF-4 (CF)",
+    (
+        Statement("scale_factor", "values", "by which stored numbers are multiplied"),
+        Statement("add_offset", "values", "what is added to stored numbers"),
+        Statement("_Unsigned", "values", "whether stored numbers have no sign"),
+        Statement("_FillValue", "validity", "the number of what was not written"),
+        Statement("missing_value", "validity", "numbers that stand for no data"),
+        Statement("valid_range", "validity", "the first and the last valid number"),
+        Statement("valid_min", "validity", "the first valid number"),
+        Statement("valid_max", "validity", "the last valid number"),
+        Statement("units", "meaning", "the unit of the values, and of coordinates"),
+        Statement("flag_values", "meaning", "the numbers of labels, whose names are in flag_meanings"),
+        Statement("flag_masks", "meaning", "the bits of labels, whose names are in flag_meanings", is_applied=False),
+        Statement("DIMENSION_LIST", "place", "the coordinates along each axis"),
+        Statement("axis", "place", "the axis of the world along which coordinates lie"),
+        Statement("positive", "place", "whether coordinates count upwards or downwards; pressure counts downwards"),
+        Statement("formula_terms", "place", "the heights of levels, by a formula", is_applied=False),
+        Statement("grid_mapping", "place", "the map projection of coordinates", is_applied=False),
+        Statement("coordinates", "place", "places of voxels in arrays of two axes or more", is_applied=False),
+        Statement("calendar", "meaning", "a calendar whose days are not those of ours", is_applied=False),
+        Statement("element_size_um", "place", "the size of voxels in µm, slowest axis first"),
+        Statement("axistags", "meaning", "the names of axes, and their steps; by ilastik and vigra"),
+    ),
+)
+
+# Units of pressure, and names of coordinates in the standard that grow downwards. What `positive` says comes first.
+_PRESSURES = (
+    *("pa", "hpa", "kpa", "pascal", "hectopascal", "bar", "bars", "mbar", "mb", "millibar", "millibars"),
+    *("dbar", "decibar", "decibars", "atm", "atmosphere"),
+)
+_DOWNWARDS = (
+    *("depth", "air_pressure", "sea_water_pressure", "sea_water_pressure_due_to_sea_water"),
+    *("atmosphere_sigma_coordinate", "atmosphere_hybrid_sigma_pressure_coordinate"),
+)
+_UPWARDS = ("height", "altitude", "ocean_sigma_coordinate", "ocean_s_coordinate", "ocean_s_coordinate_g1",
+            "ocean_s_coordinate_g2", "atmosphere_ln_pressure_coordinate",
+            "atmosphere_hybrid_height_coordinate")  # fmt: skip
+# Units and names of the standard by which coordinates lie along x and y.
+_DEGREES = {"x": re.compile("degrees?_?(e|east)", re.IGNORECASE), "y": re.compile("degrees?_?(n|north)", re.IGNORECASE)}
+_STANDARD_WAYS = {"longitude": "x", "grid_longitude": "x", "projection_x_coordinate": "x"}
+_STANDARD_WAYS |= {"latitude": "y", "grid_latitude": "y", "projection_y_coordinate": "y"}
+# Calendars whose days are days of 24 hours, one after the other, as ours are.
+_USUAL_CALENDARS = ("", "standard", "gregorian", "proleptic_gregorian")
+# Of names of places, no more are looked for.
+_MAX_PLACES = 16
+# Names of attributes that may be lengths or places.
+_MAY_BE_LENGTHS = re.compile("spacing|voxel|pixel|resolution|origin|extent|direction|transform|size_|_size|apix")
+
+
+def find_images(file: Group) -> list[Candidate]:
+    """Return all datasets of numbers with three axes or more, and planes as parts."""
+    import h5py
+
+    return [
+        Candidate(path, each.shape, partial(describe, each), is_part=each.ndim < 3 or min(each.shape) < 1)
+        for path, each in groups_and_datasets(file)
+        if isinstance(each, h5py.Dataset) and each.dtype.kind in "iufb" and each.ndim >= 2
+    ]
+
+
+def describe(dataset: Dataset) -> StoredImage:
+    """Return the image that a dataset is."""
+    tags = _axistags(dataset)
+    axes = tuple(_axis(dataset, k, tags[k] if tags else {}) for k in range(dataset.ndim))
+    found = set(_unapplied(dataset, axes))
+    owners = (dataset, dataset.parent)
+    names = sorted({name for owner in owners for name in owner.attrs if _MAY_BE_LENGTHS.search(name.lower())})
+    return StoredImage(
+        axes,
+        lambda: dataset,
+        values_with_labels,
+        sizes=tuple(numbers(dataset, "element_size_um").tolist()),
+        notes=(STATEMENTS.note(found),),
+        lengths_note=no_spacing(names),
+    )
+
+
+def values_with_labels(dataset: Dataset) -> Values:
+    """Return the meaning of a dataset's numbers, flags among them, whose names are words."""
+    values, names = values_of(dataset), " ".join(texts(dataset, "flag_meanings")).split()
+    flags = values.of(numbers(dataset, "flag_values")).tolist()
+    if "flag_masks" in dataset.attrs or len(flags) != len(names) or not all(flag.is_integer() for flag in flags):
+        return values
+    return values._replace(labels=tuple(Label(int(k), name) for k, name in zip(flags, names, strict=True)))
+
+
+def _unapplied(dataset: Dataset, axes: tuple[Axis, ...]) -> Iterator[str]:
+    """Yield the statements about a dataset that are not applied and have another value than the neutral one."""
+    yield from (name for name in ("flag_masks", "grid_mapping") if name in dataset.attrs)
+    scales = [axis.coordinates for axis in axes if axis.coordinates is not None]
+    if any("formula_terms" in scale.attrs for scale in scales):
+        yield "formula_terms"
+    if any(text(scale, "calendar").lower() not in _USUAL_CALENDARS for scale in scales):
+        yield "calendar"
+    for name in text(dataset, "coordinates").split()[:_MAX_PLACES]:
+        beside = dataset_at(dataset.parent, name)
+        if beside is not None and beside.ndim >= 2:
+            yield "coordinates"
+
+
+def _axistags(dataset: Dataset) -> list[dict[str, Any]]:
+    """Return what ilastik says of each axis; nothing where it does not, or says it of other axes."""
+    try:
+        tags = json.loads(text(dataset, "axistags") or "{}")
+        axes = [dict(each) for each in dict(tags)["axes"]]
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return []
+    return axes if len(axes) == dataset.ndim else []
+
+
+def _axis(dataset: Dataset, axis: int, tag: dict[str, Any]) -> Axis:
+    """Return an axis, whose numbers are in a dataset that is attached to it, or beside the dataset by its name.
+
+    tag: what ilastik says of it.
+    """
+    import h5py
+
+    attached, length = dataset.dims[axis].values(), dataset.shape[axis]
+    label = str(tag.get("key", "")) or dataset.dims[axis].label
+    name = str(label or next((each.name.rpartition("/")[2] for each in attached if each.name), ""))
+    beside = line_at(dataset.parent, name, length) if name and "/" not in name else None
+    for each in (*attached, beside):
+        is_line = isinstance(each, h5py.Dataset) and each.shape == (length,) and each.dtype.kind in "iuf"
+        if is_line and not (each.is_virtual or each.external or "not a netCDF variable" in text(each, "NAME")):
+            return _axis_along(each, name)
+    return Axis(length, name, way=name.lower(), steps=_tagged_step(tag))
+
+
+def _tagged_step(tag: dict[str, Any]) -> tuple[float, float] | None:
+    """Return the place of the first voxel and the step of ilastik, which is 0 where it is not known."""
+    step = tag.get("resolution")
+    return (0.0, float(step)) if isinstance(step, (int, float)) and 0 < step < math.inf else None
+
+
+def _axis_along(scale: Dataset, name: str) -> Axis:
+    """Return an axis with coordinates."""
+    unit, standard = text(scale, "units").strip(), text(scale, "standard_name").strip().lower()
+    positive, is_pressure = text(scale, "positive").strip().lower(), unit.lower() in _PRESSURES
+    is_downwards = standard in _DOWNWARDS or (not standard and name.lower() == "depth") or is_pressure
+    is_vertical = positive in ("up", "down") or is_downwards or standard in _UPWARDS
+    ways = (way for way, pattern in _DEGREES.items() if pattern.fullmatch(unit))
+    own = text(scale, "axis").strip() or ("z" if is_vertical else "") or next(ways, "") or _STANDARD_WAYS.get(standard)
+    points_down = positive == "down" or (is_downwards and positive != "up")
+    return Axis(len(scale), name, unit, (own or name).lower(), points_down, coordinates=scale)

@@ -1,0 +1,205 @@
+"""An image in an HDF5 file as a convention describes it: its axes, its datasets, and its place in the world.
+
+A convention is a module `hdf5_*.py` with a function that finds the images of a file; `hdf5.py` has the table of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.arrays import axes_of_array
+from renderer.readers.common import NO_SPACING, affine, even_steps
+from renderer.readers.hdf5_objects import Dataset
+from renderer.readers.hdf5_values import Values, unpacked_line
+from renderer.readers.steps_in_time import TimeSteps, steps_at
+from renderer.readers.units import one_spelling
+from renderer.scene import short_text
+from renderer.volume import Channel, Float64
+
+_TIMES = ("t", "time", "times", "step")
+_COMPONENTS = ("c", "ch", "channel", "channels", "component", "components", "band", "bands", "member", "rgb")
+# Lengths of units in metres, by the spelling that is shown.
+_METRES = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "Å": 1e-10}
+
+
+class Axis(NamedTuple):
+    """An axis of an image: its length, its name and its unit, which may be empty.
+
+    way: the axis of the world along which it lies: x, y or z; another text if that is not said. points_down: whether
+    its coordinates grow downwards. steps: the first coordinate and the step between two, where a convention has them
+    as numbers. coordinates: the numbers along it, where they are in a dataset.
+    """
+
+    length: int
+    name: str = ""
+    unit: str = ""
+    way: str = ""
+    points_down: bool = False
+    steps: tuple[float, float] | None = None
+    coordinates: Dataset | None = None
+
+    @property
+    def letter(self) -> str:
+        """Return its letter in `choose`: time has a name of time, or a unit such as `days since 2000`."""
+        name = self.name.lower()
+        return "t" if name in _TIMES or " since " in self.unit else "c" if name in _COMPONENTS else "s"
+
+    @property
+    def has_lengths(self) -> bool:
+        """Return whether the file has coordinates along the axis."""
+        return self.steps is not None or self.coordinates is not None
+
+    def even(self) -> tuple[float, float] | None:
+        """Return the first coordinate and the step between two; None if they are not even."""
+        return self.steps or even_steps(unpacked_line(self.coordinates))
+
+    def times(self) -> TimeSteps:
+        """Return the steps of an axis of time."""
+        if self.steps is not None:
+            first, step = self.steps
+            return steps_at(self.length, [first + k * step for k in range(self.length)], self.unit)
+        if self.coordinates is None:
+            return TimeSteps(self.length)
+        return steps_at(self.length, unpacked_line(self.coordinates).tolist(), self.unit.partition(" since ")[0])
+
+
+@dataclass(frozen=True)
+class StoredImage:
+    """An image in an HDF5 file, as a convention describes it.
+
+    axes: from the slowest to the fastest, without padding. num_outer: the number of first axes, of times or channels,
+        for whose items there are separate datasets. dataset: of an item of each of these.
+    values: what the numbers of a dataset mean.
+    sizes: of voxels along the axes of space, from the slowest, in µm, where the axes have no coordinates.
+    channels: of all components, if they are described. steps: in time, if they are not those of an axis.
+    notes: remarks; None stands for none. lengths_note: what is said where the axes have no coordinates.
+    """
+
+    axes: tuple[Axis, ...]
+    dataset: Callable[..., Dataset]
+    values: Callable[[Dataset], Values]
+    num_outer: int = 0
+    sizes: tuple[float, ...] = ()
+    channels: tuple[Channel, ...] = ()
+    steps: TimeSteps | None = None
+    notes: tuple[str | None, ...] = ()
+    lengths_note: str = NO_SPACING
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Return the lengths of the axes."""
+        return tuple(axis.length for axis in self.axes)
+
+
+class Candidate(NamedTuple):
+    """An image that may be read: its name, its shape, and what describes it.
+
+    is_part: whether it is a coarser level, or one item, of another image, which is read where nothing is named.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    describe: Callable[[], StoredImage]
+    is_part: bool = False
+
+
+def letters_of(own: Sequence[Axis], time: int | None, component: int | None) -> str:
+    """Return what each axis is, by the letters of `choose`.
+
+    Names tell times and components; of more than three others, those of length 1 are left out, and then the rule of
+    `.npy` holds. With two axes in space, times or components are the third.
+    """
+    letters = [axis.letter for axis in own]
+    for k, axis in enumerate(own):
+        if letters.count("s") > 3 and letters[k] == "s" and axis.length == 1:
+            letters[k] = "-"
+    while letters.count("s") < 3 and {"t", "c"} & {*letters}:
+        letters[letters.index("t" if "t" in letters else "c")] = "s"
+    if letters.count("s") > 3:
+        shape = tuple(axis.length for axis, letter in zip(own, letters, strict=True) if letter == "s")
+        others = iter(axes_of_array(shape, None if "t" in letters else time, None if "c" in letters else component))
+        letters = [next(others) if letter == "s" else letter for letter in letters]
+    if letters.count("t") > 1 or letters.count("c") > 1:
+        raise InputError(
+            "the axes of this dataset are not those of a volume",
+            got=", ".join(f"{axis.name or 'no name'} ({axis.length})" for axis in own),
+            expected="three axes in space, at most one of time, and at most one of components",
+        )
+    return "".join(letters)
+
+
+def place_of(image: StoredImage, letters: str, has_spacing_override: bool) -> tuple[Float64, str, list[str]]:
+    """Return the affine, float64 [4, 4], by coordinates or sizes, the unit that all lengths have, and notes.
+
+    has_spacing_override: coordinates need not be even. Raises InputError where they are not.
+    """
+    space = [axis for axis, letter in zip(image.axes, letters, strict=True) if letter == "s"][::-1]
+    ways = _ways(space)
+    direction = np.eye(3)[:, ["xyz".index(way) for way in ways]]
+    if not any(axis.has_lengths for axis in space):
+        if len(image.sizes) == len(space) == 3:
+            return affine(image.sizes[::-1], np.zeros(3), direction), "µm", []
+        return affine(np.ones(3), np.zeros(3), direction), "", [image.lengths_note]
+    origin, spacing, units, notes = np.zeros(3), np.ones(3), dict[str, str](), list[str]()
+    for column, axis in enumerate(space):
+        if not axis.has_lengths:
+            continue
+        even = axis.even()
+        if even is None and not has_spacing_override and axis.letter != "t":
+            raise _uneven(axis, ways[column])
+        unit = one_spelling(axis.unit.split("_")[0])  # degrees_north
+        first = next(iter(units.values()), unit)
+        is_length = {unit, first} <= _METRES.keys()
+        units[ways[column]] = first if is_length else unit
+        factor = _METRES[unit] / _METRES[first] if is_length else 1.0
+        origin[column], spacing[column] = np.array(even or (0.0, 1.0)) * factor
+        if axis.points_down:
+            direction[:, column] *= -1
+            notes.append(f"{short_text(axis.name)} counts downwards: {ways[column]} of the world is its negative")
+    notes += _unit_notes(units, ways[: len(space)])
+    is_one = len(units) == len(space) and len({*units.values()}) == 1
+    place = np.asarray(direction @ origin + 0.0, np.float64)
+    return affine(spacing, place, direction) + 0.0, {*units.values()}.pop() if is_one else "", notes
+
+
+def _ways(space: Sequence[Axis]) -> str:
+    """Return the axis of the world along which each axis lies, fastest first; those not said take what is left."""
+    said = [axis.way if axis.way in ("x", "y", "z") else "" for axis in space]
+    if any(said.count(way) > 1 for way in "xyz"):
+        said = [""] * len(space)
+    left = iter([way for way in "xyz" if way not in said])
+    return "".join(way or next(left) for way in [*said, *[""] * (3 - len(said))])
+
+
+def _uneven(axis: Axis, way: str) -> InputError:
+    name = axis.name if axis.coordinates is None else axis.coordinates.name
+    return InputError(
+        "the coordinates of this dataset are not even",
+        got=f"{short_text(name)} along {way}",
+        expected="equal steps, as voxels have",
+        hint=f"resample it by xarray: `data.interp({short_text(axis.name)}=numpy.linspace(FIRST, LAST, "
+        f"{axis.length})).to_netcdf('even.nc')`; or give `spacing: [x, y, z]` to draw equal steps",
+    )
+
+
+def _unit_notes(units: dict[str, str], ways: str) -> list[str]:
+    """Return notes on axes without coordinates, and on coordinates of several units."""
+    notes = []
+    if len(units) < len(ways):
+        missing = ", ".join(axis for axis in sorted(ways) if axis not in units)
+        notes.append(f"the file has no coordinates along {missing}; steps of 1 are assumed")
+    if len({*units.values()}) > 1:
+        each = ", ".join(f"{axis} in {unit or 'no unit'}" for axis, unit in units.items())
+        notes.append(f"coordinates differ in their units, and are drawn as numbers ({short_text(each)}); "
+                     "`spacing: [x, y, z]` gives other lengths")  # fmt: skip
+    return notes
+
+
+def axes_by_names(lengths: Sequence[int], names: Sequence[str], **same: Any) -> tuple[Axis, ...]:
+    """Return axes with names, which are their ways in the world, too. same: fields that all of them have."""
+    return tuple(Axis(n, name, way=name, **same) for n, name in zip(lengths, names, strict=True))

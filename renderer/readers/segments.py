@@ -1,0 +1,127 @@
+"""Join the segments of a segmentation, which may overlap in several layers, in one volume of labels.
+
+Where segments overlap, a voxel belongs to the one with the fewest voxels: what lies inside of another one stays, and so
+does the other one around it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.looks import LookFile, make_labels
+from renderer.readers.common import check_memory
+from renderer.scene import counted, join_some, short_text
+from renderer.volume import Array, Int64, Label
+
+# A layer with larger values is no layer of segments: a table of them would take memory.
+_MAX_VALUE = 2**16 - 1
+
+
+class Segment(NamedTuple):
+    """A segment: the number of its layer, its value there, and its label in the joined volume.
+
+    value: None for one that has all values but 0.
+    """
+
+    layer: int
+    value: int | None
+    label: Label
+
+
+def segments_of_slicer(path: Path, texts: Mapping[str, str], num_layers: int) -> tuple[Segment, ...]:
+    """Return the segments of 3D Slicer, ascending by their labels in one volume.
+
+    texts: by keys such as `Segment0_Name`. A segment that has neither a layer nor a value, as in older files, is the
+    layer of its own number. Labels are the values of the file unless two segments share one.
+    """
+    file = LookFile(path, b"", "segments of 3D Slicer")
+    names = sorted({key.partition("_")[0] for key in texts}, key=lambda name: int(name.removeprefix("Segment")))
+    places = list[tuple[int, int | None]]()
+    for name in names:
+        layer = texts.get(f"{name}_Layer", name.removeprefix("Segment") if num_layers > 1 else "0")
+        value = texts.get(f"{name}_LabelValue")
+        own = None if value is None else int(file.number(value, name, 1, _MAX_VALUE))
+        place = int(file.number(layer, name, 0, num_layers - 1)), own
+        if place in places:
+            raise file.error("a label twice", name, got=own, expected="a value of its own in its layer")
+        places.append(place)
+    values = [value for _, value in places if value is not None]
+    numbers = values if len({*values}) == len(places) else range(1, len(places) + 1)
+    rows = [
+        (name, number, texts.get(f"{name}_Name", ""), *texts.get(f"{name}_Color", "").split())
+        for name, number in zip(names, numbers, strict=True)
+    ]
+    by_number = dict(zip(numbers, places, strict=True))
+    labels = make_labels(file, rows, 1.0) if rows else ()
+    return tuple(Segment(*by_number[label.value], label) for label in labels)
+
+
+def labels_of_layer(segments: Sequence[Segment], layer: int) -> tuple[tuple[Label, ...], str | None]:
+    """Return the labels in one layer as it is stored, and a note that names the segments in the others."""
+    own = (replace(each.label, value=each.value or 1) for each in segments if each.layer == layer)
+    others = [_name(each) for each in segments if each.layer != layer]
+    note = f"segments in other layers are left out: {join_some(others)}" if others else None
+    return tuple(sorted(own, key=lambda label: label.value)), note
+
+
+def join_layers(layers: Array, segments: Sequence[Segment]) -> tuple[Array, str]:
+    """Return the labels of all segments, [z, y, x], and a note on how they were joined.
+
+    layers: [layer, z, y, x]. segments: at least one, each with its own layer and value. Raises InputError for lack of
+    memory.
+    """
+    most = max(each.label.value for each in segments)
+    dtype = np.min_scalar_type(most)
+    check_memory(layers[0].size * dtype.itemsize)
+    tables = [_table(segments, layer) for layer in range(len(layers))]
+    counts = np.zeros(len(segments) + 1, np.int64)
+    for plane in range(layers.shape[1]):
+        for layer, table in zip(layers[:, plane], tables, strict=True):
+            counts += np.bincount(_look_up(table, layer).ravel(), minlength=len(counts))
+    ranks = np.zeros(len(counts), np.int64)  # 0 for no segment, the largest for the smallest segment
+    ranks[1 + np.argsort(-counts[1:], kind="stable")] = np.arange(1, len(counts))
+    labels = np.zeros(len(counts), dtype)
+    labels[ranks[1:]] = [each.label.value for each in segments]
+    joined, num_shared, num_other = np.empty(layers.shape[1:], dtype), 0, 0
+    for plane, target in enumerate(joined):
+        found = np.stack([ranks[_look_up(*each)] for each in zip(tables, layers[:, plane], strict=True)])
+        target[...] = labels[found.max(axis=0)]
+        num_shared += int(np.count_nonzero(np.count_nonzero(found, axis=0) > 1))
+        num_other += int(np.count_nonzero((found == 0).all(axis=0) & layers[:, plane].any(axis=0)))
+    return joined, _note(segments, len(layers), num_shared, num_other)
+
+
+def _table(segments: Sequence[Segment], layer: int) -> Int64:
+    """Return the number of the segment, from 1, that each value of a layer stands for; the last is for larger ones."""
+    own = [(number, each.value) for number, each in enumerate(segments, 1) if each.layer == layer]
+    table = np.zeros(2 + max((value or 0 for _, value in own), default=0), np.int64)
+    for number, value in own:
+        if value is None:
+            table[1:] = number
+        else:
+            table[value] = number
+    return table
+
+
+def _look_up(table: Int64, values: Array) -> Int64:
+    return np.asarray(table[np.clip(np.nan_to_num(values), 0, len(table) - 1).astype(np.int64)])
+
+
+def _note(segments: Sequence[Segment], num_layers: int, num_shared: int, num_other: int) -> str:
+    note = f"{counted(len(segments), 'segment')} in {counted(num_layers, 'layer')} are one volume of labels"
+    if any(each.label.value != each.value for each in segments if each.value is not None):
+        note += ", numbered anew"
+    if num_shared:
+        note += f"; {counted(num_shared, 'voxel')} in several segments belong to the smallest of them"
+    if num_other:
+        note += f"; {counted(num_other, 'voxel')} in no segment are left out"
+    return f"{note}; `component: k` draws one layer"
+
+
+def _name(segment: Segment) -> str:
+    return short_text(segment.label.name) if segment.label.name else f"label {segment.value or 1}"

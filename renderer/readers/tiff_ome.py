@@ -1,0 +1,39 @@
+"""Name what OME states of planes in the description of a TIFF file and is not applied."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from renderer.readers.statements import FormatTable, Statement
+from renderer.readers.tiff_description import is_ome, ome_elements
+from renderer.system import attribute, number_in
+
+STATEMENTS = FormatTable(
+    "OME-TIFF",
+    (
+        Statement("PhysicalSizeX", "place", "the distance of pixels, and its unit; also of Y and Z"),
+        Statement("DimensionOrder", "values", "the order of slices, channels and times"),
+        Statement("SizeC", "meaning", "the number of channels; also SizeZ and SizeT"),
+        Statement("TiffData", "values", "the page of each plane"),
+        Statement("TimeIncrement", "meaning", "the time between two steps, and its unit"),
+        Statement("DeltaT", "meaning", "when each plane was taken, and its unit"),
+        Statement("Name", "meaning", "the names of channels"),
+        Statement("Color", "meaning", "the colours of channels"),
+        Statement("PositionX", "place", "where the stage was; also PositionY and PositionZ", is_applied=False),
+        Statement("ModuloAlongZ", "meaning", "what an axis is beside z, such as angles", is_applied=False),
+        Statement("ModuloAlongC", "meaning", "what an axis is beside channels, such as lifetimes", is_applied=False),
+        Statement("ModuloAlongT", "meaning", "what an axis is beside times, such as lifetimes", is_applied=False),
+    ),
+)
+
+
+def note_of(description: str) -> str | None:
+    """Return the note on what the description of the first page has and is not applied."""
+    return STATEMENTS.note(set(_unapplied(description))) if is_ome(description) else None
+
+
+def _unapplied(description: str) -> Iterator[str]:
+    first = next(iter(ome_elements(description, "Plane")), "")
+    if any(number_in(attribute(first, f"Position{axis}") or "0") != 0 for axis in "XYZ"):
+        yield "PositionX"
+    yield from (name for name in ("ModuloAlongZ", "ModuloAlongC", "ModuloAlongT") if f"<{name}" in description)

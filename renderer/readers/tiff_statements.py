@@ -1,0 +1,115 @@
+"""Tell what the fields of a TIFF page change beside its pixels: which way it faces, what its samples are.
+
+What is known and not applied is named in a note.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from renderer.readers.orientation import known_orientation
+from renderer.readers.statements import FormatTable, Statement
+from renderer.readers.tiff_description import Page
+
+STATEMENTS = FormatTable(
+    "TIFF",
+    (
+        Statement("SampleFormat", "values", "integers with or without a sign, or floats"),
+        Statement("Orientation", "place", "what the first row and the first column are"),
+        Statement("XResolution", "place", "pixels per unit of length; also YResolution"),
+        Statement("ResolutionUnit", "place", "the unit of the resolution"),
+        Statement("ModelPixelScaleTag", "place", "the size of pixels on a map"),
+        Statement("GDAL_NODATA", "validity", "the value that stands for no data"),
+        Statement("ExtraSamples", "meaning", "whether a sample is alpha"),
+        Statement("PhotometricInterpretation", "meaning", "white is 0, or colours are not red, green and blue",
+                  is_applied=False),
+        Statement("ColorMap", "meaning", "the colours of values", is_applied=False),
+        Statement("AssociatedAlpha", "meaning", "colours that are multiplied by alpha", is_applied=False),
+        Statement("GrayResponseCurve", "meaning", "the optical density of values", is_applied=False),
+        Statement("XPosition", "place", "where the page lies; also YPosition", is_applied=False),
+        Statement("ModelTiepointTag", "place", "where the page lies on a map", is_applied=False),
+        Statement("ModelTransformationTag", "place", "where the page lies on a map", is_applied=False),
+        Statement("GDAL_METADATA", "values", "a scale and an offset of values", is_applied=False),
+        Statement("CZ_SEM", "place", "a record of the microscope", is_applied=False),
+        Statement("FEI_SFEG", "place", "a record of the microscope", is_applied=False),
+        Statement("FEI_HELIOS", "place", "a record of the microscope", is_applied=False),
+        Statement("OlympusSIS", "place", "a record of the microscope", is_applied=False),
+        Statement("MicroManagerMetadata", "place", "a record of the microscope", is_applied=False),
+        Statement("UIC1tag", "place", "a record of the microscope", is_applied=False),
+        Statement("TVIPS", "place", "a record of the microscope", is_applied=False),
+    ),
+)  # fmt: skip
+
+# Fields by number.
+_ORIENTATION, _GDAL_METADATA = 274, 42112
+# Fields that are named wherever they have another value than 0; records of microscopes, where nothing else gives
+# lengths.
+_NAMED = {291: "GrayResponseCurve", 33922: "ModelTiepointTag", 34264: "ModelTransformationTag"}
+_POSITIONS = (286, 287)
+_RECORDS = {34118: "CZ_SEM", 34680: "FEI_SFEG", 34682: "FEI_HELIOS", 33560: "OlympusSIS"}
+_RECORDS |= {51123: "MicroManagerMetadata", 33628: "UIC1tag", 37706: "TVIPS"}
+
+# Photometric interpretations; and the compressions of JPEG, which is decoded to red, green and blue.
+_WHITE_IS_0, _BLACK_IS_0, _RGB, _PALETTE, _YCBCR = 0, 1, 2, 3, 6
+_JPEGS = (6, 7)
+# Extra samples: alpha by which colours are multiplied, and other alpha.
+_ASSOCIATED, _UNASSOCIATED = 1, 2
+
+
+def orientation(page: Page) -> int:
+    """Return the number of the orientation, 1 if there is none."""
+    return known_orientation(page.tags.valueof(_ORIENTATION))
+
+
+def stated_orientations(pages: Sequence[Page]) -> set[int]:
+    """Return the numbers of the orientations that pages state."""
+    return {orientation(page) for page in pages if _ORIENTATION in page.tags}
+
+
+def has_rgb(page: Page) -> bool:
+    """Return whether the first three samples are red, green and blue as they are decoded."""
+    is_decoded = page.photometric == _YCBCR and page.compression in _JPEGS
+    return bool(page.samplesperpixel >= 3 and (page.photometric == _RGB or is_decoded))
+
+
+def sample_names(page: Page) -> list[str]:
+    """Return the names of the samples of a page, if it has colours or alpha; else nothing."""
+    count = page.samplesperpixel
+    is_grey = page.photometric in (_WHITE_IS_0, _BLACK_IS_0) and _alpha_of(page) is not None
+    if not has_rgb(page) and not (is_grey and count == 2):
+        return []
+    names = ["R", "G", "B"] if has_rgb(page) else ["grey"]
+    extra = [*page.extrasamples, *[_UNASSOCIATED] * count][: count - len(names)]
+    return [*names, *("A" if each in (_ASSOCIATED, _UNASSOCIATED) else "extra" for each in extra)]
+
+
+def _alpha_of(page: Page) -> int | None:
+    """Return which kind of alpha a page has; None for none."""
+    return next((int(each) for each in page.extrasamples if each in (_ASSOCIATED, _UNASSOCIATED)), None)
+
+
+def note_of(page: Page) -> str | None:
+    """Return the note on what a page has and is not applied."""
+    return STATEMENTS.note(set(_unapplied(page)))
+
+
+def records_of(page: Page) -> list[str]:
+    """Return the names of records of microscopes, which may have lengths."""
+    return [name for number, name in _RECORDS.items() if number in page.tags]
+
+
+def _unapplied(page: Page) -> Iterator[str]:
+    if page.photometric == _PALETTE:
+        yield "ColorMap"
+    elif page.photometric != _BLACK_IS_0 and not has_rgb(page):
+        yield "PhotometricInterpretation"
+    if _alpha_of(page) == _ASSOCIATED and has_rgb(page):
+        yield "AssociatedAlpha"
+    yield from (name for number, name in _NAMED.items() if number in page.tags)
+    if any(np.ravel(page.tags.valueof(number) or 0)[0] for number in _POSITIONS):
+        yield "XPosition"
+    metadata = str(page.tags.valueof(_GDAL_METADATA) or "")
+    if any(f'role="{role}"' in metadata for role in ("scale", "offset")):
+        yield "GDAL_METADATA"

@@ -1,0 +1,149 @@
+"""Tell what the arrays of a VTK image are: components, and masks of points and cells that have no data.
+
+The array of active scalars comes first. `vtkGhostType` hides points and cells, and filters that resample write
+`vtkValidPointMask`; neither is a component.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.errors import InputError
+from renderer.readers.statements import FormatTable, Statement
+from renderer.scene import join_some, short_text
+from renderer.volume import Bools
+
+STATEMENTS = FormatTable(
+    "VTK",
+    (
+        Statement("Origin", "place", "the place of the first point"),
+        Statement("Spacing", "place", "the distance of points"),
+        Statement("Direction", "place", "the directions of the axes"),
+        Statement("WholeExtent", "place", "the numbers of the first and the last point along each axis"),
+        Statement("Coordinates", "place", "the places of points of a rectilinear grid"),
+        Statement("Scalars", "values", "the array that is drawn where none is chosen"),
+        Statement("ComponentName0", "meaning", "the name of a component; also ComponentName1 and so on"),
+        Statement("UNITS_LABEL", "meaning", "the unit of the values"),
+        Statement("vtkGhostType", "validity", "points and cells that are hidden"),
+        Statement("vtkValidPointMask", "validity", "points outside of the grid that was resampled"),
+        Statement("TimeValue", "meaning", "its time; a collection .pvd has the times of several files",
+                  is_applied=False),
+        Statement("LOOKUP_TABLE", "meaning", "colours of the values", is_applied=False),
+    ),
+)  # fmt: skip
+
+# Arrays that are masks, and the bits of the first that hide points and cells (vtkDataSetAttributes).
+_GHOSTS, _VALID = "vtkGhostType", "vtkValidPointMask"
+_HIDDEN_POINT, _HIDDEN_CELL = 2, 32
+
+
+class Component(NamedTuple):
+    """A component of the image: an array of VTK, and which of its components."""
+
+    array: Any
+    number: int
+
+    @property
+    def name(self) -> str:
+        """Return its name, with that of the component, or its number, where the array has several."""
+        name = short_text(self.array.GetName() or "an array without a name")
+        if self.array.GetNumberOfComponents() == 1:
+            return name
+        return f"{name}[{short_text(self.array.GetComponentName(self.number) or str(self.number))}]"
+
+    @property
+    def unit(self) -> str:
+        """Return the unit of its values; an empty text where the file has none."""
+        from vtkmodules.vtkCommonCore import vtkDataArray
+
+        return self.array.GetInformation().Get(vtkDataArray.UNITS_LABEL()) or ""
+
+
+def arrays_of(fields: Any) -> list[Any]:
+    """Return the arrays of numbers of points or cells."""
+    return [each for k in range(fields.GetNumberOfArrays()) if (each := fields.GetArray(k)) is not None]
+
+
+def components_of(fields: Any) -> list[Component]:
+    """Return the components of points or cells, those of the active scalars first, without masks."""
+    active = fields.GetScalars()
+    arrays = [each for each in arrays_of(fields) if each.GetName() not in (_GHOSTS, _VALID)]
+    arrays.sort(key=lambda each: each is not active)
+    return [Component(array, k) for array in arrays for k in range(array.GetNumberOfComponents())]
+
+
+def notes_of(image: Any, component: Component, *, is_cells: bool) -> list[str | None]:
+    """Return the notes on what the file has and is not drawn."""
+    found = set()
+    if image.GetFieldData().HasArray("TimeValue"):
+        found.add("TimeValue")
+    if component.array.GetLookupTable() is not None:
+        found.add("LOOKUP_TABLE")
+    names = list(dict.fromkeys(each.array.GetName() or "" for each in components_of(image.GetCellData())))
+    of_cells = f"arrays of cells beside those of points are left out: {join_some([*map(short_text, names)])}"
+    return [STATEMENTS.note(found), of_cells if names and not is_cells else None]
+
+
+def hidden_voxels(image: Any, *, is_cells: bool) -> tuple[Bools | None, str | None]:
+    """Return which points or cells have no data, [z, y, x], and a note on the arrays that say so; None for none.
+
+    A cell with a hidden corner is hidden, and a point whose cells are all hidden. Raises InputError for masks of
+    another length.
+    """
+    num_points = tuple(image.GetDimensions()[::-1])
+    num_cells = tuple(max(n - 1, 1) for n in num_points)
+    points = _masked(image.GetPointData(), num_points, _HIDDEN_POINT)
+    cells = _masked(image.GetCellData(), num_cells, _HIDDEN_CELL)
+    names = sorted({name for name, _ in (*points, *cells)})
+    if not names:
+        return None, None
+    of_points, of_cells = (
+        np.logical_or.reduce([np.zeros(shape, bool), *(hidden for _, hidden in found)])
+        for found, shape in ((points, num_points), (cells, num_cells))
+    )
+    hidden = of_cells | _any_corner(of_points) if is_cells else of_points | _all_cells(of_cells, num_points)
+    return hidden, f"{'cells' if is_cells else 'points'} that {' and '.join(names)} hides have no data"
+
+
+def _masked(fields: Any, shape: tuple[int, ...], bit: int) -> list[tuple[str, Bools]]:
+    """Return the masks of points or cells that hide any, by their names."""
+    return [(name, hidden) for name, hidden in _masks(fields, shape, bit) if hidden.any()]
+
+
+def _masks(fields: Any, shape: tuple[int, ...], bit: int) -> Iterator[tuple[str, Bools]]:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    for name in (_GHOSTS, _VALID):
+        array = fields.GetArray(name)
+        if array is None:
+            continue
+        numbers = vtk_to_numpy(array)
+        if numbers.size != np.prod(shape):
+            raise InputError(
+                "a mask of this VTK file has another length than the image",
+                got=f"{name} of {numbers.size} numbers",
+                expected=str(np.prod(shape)),
+            )
+        hidden = numbers.astype(np.int64) & bit != 0 if name == _GHOSTS else numbers == 0
+        yield name, hidden.reshape(shape)
+
+
+def _any_corner(points: Bools) -> Bools:
+    """Return which cells have a hidden corner."""
+    for axis, n in enumerate(points.shape):
+        if n > 1:
+            points = np.delete(points, -1, axis) | np.delete(points, 0, axis)
+    return points
+
+
+def _all_cells(cells: Bools, num_points: tuple[int, ...]) -> Bools:
+    """Return which points have hidden cells alone."""
+    for axis, n in enumerate(num_points):
+        if n > 1:
+            padding = [(1, 1) if k == axis else (0, 0) for k in range(3)]
+            wide = np.pad(cells, padding, constant_values=True)
+            cells = np.delete(wide, -1, axis) & np.delete(wide, 0, axis)
+    return cells

@@ -1,0 +1,109 @@
+"""Find padding: one value at the border of a volume whose air, behind it, has another one.
+
+Templates and resampled scans have zeros there. They are no background: the air behind them is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from renderer.suggest.features import (
+    Background,
+    ValueRange,
+    VoxelSample,
+    background_at,
+    faces,
+    fill_with_noise,
+    find_background,
+    sample_volume,
+)
+from renderer.transfer import TransferFunction
+from renderer.volume import Array, Bools, Float64, Volume
+
+# Padding has at least this part of the border.
+_MIN_OF_BORDER = 0.5
+# It has at most this part of all voxels: the corners around a ball that touches the border have 0.48.
+_MAX_OF_VOXELS = 0.35
+# Half of it, on each face, is thinner than this part of the side. Around a ball it is 0.15.
+_MAX_THICKNESS = 0.1
+# Air has at least this part of the voxels behind padding: in a template a quarter.
+_MIN_AIR = 0.1
+# It lies in this lowest part of their range, else it may be an object that fills its box: in a template at 5 %.
+_MAX_AIR_VALUE = 0.25
+# At least this part of the voxels is denser than air.
+_MIN_OBJECT = 0.01
+# Thinner volumes have no inside.
+_MIN_SIDE = 8
+# Normalised values that differ by no more than this are the same.
+_SAME = 1e-9
+
+
+def without_padding(sample: VoxelSample) -> VoxelSample:
+    """Return a sample with air, noise included, in place of padding that is darker than it; others as they are."""
+    values, counts = np.unique(faces(sample.normalized)[faces(sample.is_valid)], return_counts=True)
+    is_thin = min(sample.normalized.shape) < _MIN_SIDE
+    if is_thin or not counts.size or counts.max() < _MIN_OF_BORDER * counts.sum():
+        return sample
+    padding = float(values[counts.argmax()])
+    has_value = np.abs(sample.normalized - padding) <= _SAME
+    behind = _values_behind(sample, has_value) if has_value.mean() <= _MAX_OF_VOXELS else None
+    if behind is None:
+        return sample
+    border, is_padding = behind
+    inside = sample.normalized[sample.is_valid & ~is_padding]
+    air = background_at(replace(sample, is_valid=sample.is_valid & ~is_padding), border, inside)
+    if not _is_air(air, inside) or padding >= air.low:
+        return sample
+    noise = border[(border >= air.low) & (border <= air.high)]
+    filled = fill_with_noise(sample.normalized, is_padding, noise)
+    neighbours = fill_with_noise(sample.neighbours, np.abs(sample.neighbours - padding) <= _SAME, noise)
+    return replace(sample, normalized=filled, neighbours=neighbours)
+
+
+def drawn_background(volume: Volume, transfer: TransferFunction) -> float | None:
+    """Return the value of the background of a volume if it is visible; None if not, or where there is none.
+
+    A background lies at an end of the values: what fills the box with others on both sides is an object.
+    """
+    low, high = volume.value_range()
+    if low == high or volume.is_labels:
+        return None
+    sample = without_padding(sample_volume(volume, ValueRange(low, high)))
+    background = find_background(sample)
+    first, last = np.percentile(sample.normalized[sample.is_valid], (0.01, 99.99)).tolist()
+    place = (background.middle - first) / max(last - first, _SAME)
+    is_lowest = background.below < background.above and place < _MAX_AIR_VALUE
+    is_highest = background.above < background.below and place > 1 - _MAX_AIR_VALUE
+    value = sample.denormalize(background.middle)
+    is_visible = float(transfer.classify(np.array([value]))[1][0]) > 0
+    return sample.round_value(value) if background.is_there and (is_lowest or is_highest) and is_visible else None
+
+
+def _is_air(air: Background, inside: Float64) -> bool:
+    """Return whether a background behind padding is air around an object."""
+    low, high = np.percentile(inside, (0.01, 99.9)).tolist()
+    share = float(np.mean((inside >= air.low) & (inside <= air.high)))
+    is_dark = air.middle - low < _MAX_AIR_VALUE * (high - low)
+    return air.is_there and share >= _MIN_AIR and is_dark and air.above >= _MIN_OBJECT
+
+
+def _values_behind(sample: VoxelSample, has_value: Bools) -> tuple[Float64, Bools] | None:
+    """Return the values a voxel behind padding, as many from each face, [n], and which voxels are padding.
+
+    has_value: which voxels have the value of padding. None where it is too thick.
+    """
+    values, is_padding = list[Array](), np.zeros_like(has_value)
+    for axis in range(3):
+        for step in (1, -1):
+            turned = np.moveaxis(has_value, axis, 0)[::step]
+            depths = np.where(turned.all(axis=0), len(turned), turned.argmin(axis=0))
+            if np.median(depths) > _MAX_THICKNESS * len(turned):
+                return None
+            np.moveaxis(is_padding, axis, 0)[::step][...] |= np.arange(len(turned))[:, None, None] < depths
+            at = np.minimum(depths + (depths > 0), len(turned) - 1)[None]
+            found = np.take_along_axis(np.moveaxis(sample.normalized, axis, 0)[::step], at, axis=0)[0]
+            values.append(found[depths < len(turned)])
+    num = max(map(len, values))
+    return np.concatenate([each[np.arange(num) * len(each) // num] for each in values if len(each)]), is_padding

@@ -1,0 +1,98 @@
+"""Tell which of the visible cells decide how a volume is framed: the few that add next to nothing to a picture do not.
+
+One voxel of noise beside a leg, or some faint ones around a crystal, would make the object smaller, and move it out of
+the middle.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.pyramid import Pyramid, cell_voxel_counts, descendants, root_cells
+from renderer.volume import Bools, Float64, grow, label_parts
+
+# What is left out adds less than this part of a picture.
+_MOST_LEFT_OUT = 1e-3
+# It is left out only where the frame is smaller without it, by at least this part along an axis: so the end of an
+# object stays in frame.
+_LEAST_GAIN = 0.05
+# Cells are faint if they are less opaque than this part of what nearly the most opaque ones are.
+_FAINT, _OPAQUE_PERCENTILE = 0.02, 99.0
+# The finest level of which the pyramid has all nodes.
+_FINEST_LEVEL = 3
+
+
+class SeenCells(NamedTuple):
+    """The visible cells that decide, bool [z, y, x], and the part of a picture that the others add."""
+
+    cells: Bools
+    left_out: float
+
+
+def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
+    """Return which of the visible cells of level `Pyramid.occupied_level` decide how a volume is framed.
+
+    occupied: those of `Pyramid.occupied` that are not clipped away. Parts of a picture are those of opacities, along
+    the three axes; parts of the volume that are not connected, and faint cells, are left out as a whole.
+    """
+    everything = SeenCells(occupied, 0.0)
+    if pyramid.num_levels <= max(_FINEST_LEVEL, pyramid.occupied_level) or not occupied.any():
+        return everything
+    depths = _depths(pyramid, occupied)
+    picture = float(np.mean([-np.expm1(-depths.sum(axis=axis)).sum() for axis in range(3)]))
+    opacities = -np.expm1(-depths)
+    if not _may_gain(occupied, opacities, _MOST_LEFT_OUT * picture):
+        return everything
+    is_faint = occupied & (opacities < _FAINT * np.percentile(opacities[occupied], _OPAQUE_PERCENTILE))
+    parts = label_parts(grow(occupied & ~is_faint, 1))  # what is thin may be joined by corners
+    parts[is_faint] = parts.size  # all faint cells are one part
+    amounts = np.bincount(parts[occupied], opacities[occupied], parts.size + 1)
+    order = np.flatnonzero(amounts)[np.argsort(amounts[amounts > 0], kind="stable")]
+    total = np.cumsum(amounts[order])
+    dropped = order[total < _MOST_LEFT_OUT * picture]
+    kept = occupied & ~np.isin(parts, dropped)
+    if not dropped.size or not _gains(occupied, kept):
+        return everything
+    return SeenCells(kept, float(total[dropped.size - 1]) / picture)
+
+
+def _depths(pyramid: Pyramid, occupied: Bools) -> Float64:
+    """Return the optical depth of each visible cell, float64 [z, y, x], as if those in a larger cell were alike."""
+    level = max(_FINEST_LEVEL, pyramid.occupied_level)
+    nodes, cells = descendants(pyramid, *root_cells(pyramid), pyramid.num_levels, level)
+    shift = level - pyramid.occupied_level
+    shape = [((num - 1) >> shift) + 1 for num in occupied.shape]
+    totals, num_cells = np.zeros(shape), np.zeros(shape, np.int64)
+    x, y, z = cells.T
+    means = pyramid.levels[level - 1].means[nodes, 3].astype(np.float64) * pyramid.mean_unit
+    totals[z, y, x] = means * cell_voxel_counts(cells, level, pyramid.volume)
+    of_cell = tuple(np.argwhere(occupied).T >> shift)
+    np.add.at(num_cells, of_cell, 1)
+    depths = np.zeros(occupied.shape)
+    depths[occupied] = totals[of_cell] / num_cells[of_cell] / 4.0**pyramid.occupied_level
+    return depths
+
+
+def _may_gain(occupied: Bools, opacities: Float64, most: float) -> bool:
+    """Return whether the frame may be smaller without cells that add less than an amount to a picture."""
+    for axis in range(3):
+        others = tuple(each for each in range(3) if each != axis)
+        sums, is_there = opacities.sum(axis=others), np.flatnonzero(occupied.any(axis=others))
+        for ascending in (sums, sums[::-1]):
+            first = int(np.flatnonzero(ascending)[0]) if ascending.any() else 0
+            last = int(np.searchsorted(np.cumsum(ascending), most))
+            if last - first >= _LEAST_GAIN * (is_there[-1] + 1 - is_there[0]):
+                return True
+    return False
+
+
+def _gains(before: Bools, after: Bools) -> bool:
+    """Return whether the box around cells is smaller than the one before."""
+    for axis in range(3):
+        others = tuple(each for each in range(3) if each != axis)
+        was, now = (np.flatnonzero(cells.any(axis=others)) for cells in (before, after))
+        if np.ptp(was) - np.ptp(now) >= _LEAST_GAIN * (np.ptp(was) + 1):
+            return True
+    return False

@@ -1,0 +1,39 @@
+"""Find the connected parts of a grid of cells, and grow them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.volume.arrays import Bools, Int64
+
+
+def label_parts(cells: Bools) -> Int64:
+    """Return a number for each part of [z, y, x] that is connected along the axes, int64 [z, y, x].
+
+    It is the lowest flat index of its cells, and -1 elsewhere.
+    """
+    places = np.arange(cells.size).reshape(cells.shape)
+    begins = cells.copy()
+    begins[..., 1:] &= ~cells[..., :-1]
+    runs = np.maximum.accumulate(np.where(begins, places, 0), axis=2)  # along x, by their first cells
+    pairs = [np.empty((2, 0), np.int64)]
+    for axis in range(2):
+        run, are_in, begin = (np.moveaxis(each, axis, 0) for each in (runs, cells, begins))
+        meet = are_in[:-1] & are_in[1:] & (begin[:-1] | begin[1:])
+        pairs.append(np.array([run[:-1][meet], run[1:][meet]]))
+    labels, joined = np.where(cells, runs, places).ravel(), np.concatenate(pairs, axis=1)
+    while joined.size:
+        low, high = np.sort(labels[joined], axis=0)
+        np.minimum.at(labels, high, low)
+        while not np.array_equal(labels, jumped := labels[labels]):
+            labels = jumped
+        joined = joined[:, labels[joined[0]] != labels[joined[1]]]
+    return np.where(cells, labels.reshape(cells.shape), -1)
+
+
+def grow(cells: Bools, distance: int) -> Bools:
+    """Return the cells and all within a distance along the axes."""
+    grown = np.pad(cells, distance)
+    for axis in range(3):
+        grown = np.asarray(np.lib.stride_tricks.sliding_window_view(grown, 2 * distance + 1, axis).any(axis=-1))
+    return grown

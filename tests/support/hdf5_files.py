@@ -1,0 +1,121 @@
+"""Write files of HDF5 by h5py in the conventions that are read: netCDF, NeXus, EMD, Imaris and BigDataViewer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from renderer.volume import Array
+
+VALUES: Array = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
+
+# Attributes of a dataset of coordinates, by the name of the axis.
+Coordinates = Mapping[str, Mapping[str, Any]]
+
+
+def write_netcdf(
+    path: Path,
+    values: Array = VALUES,
+    coordinates: Coordinates | None = None,
+    numbers: Mapping[str, Sequence[float]] | None = None,
+    **attributes: Any,
+) -> Path:
+    """Write a variable with coordinates along its axes, which are 0, 1, 2 and so on if no numbers are given."""
+    with h5py.File(path, "w") as file:
+        dataset = file.create_dataset("t", data=values)
+        dataset.attrs.update(attributes)
+        for axis, (name, own) in enumerate((coordinates or {}).items()):
+            file[name] = np.asarray((numbers or {}).get(name, np.arange(values.shape[axis], dtype=float)))
+            file[name].make_scale(name)
+            file[name].attrs.update(own)
+            dataset.dims[axis].attach_scale(file[name])
+    return path
+
+
+def write_nexus(
+    path: Path,
+    values: Array = VALUES,
+    fields: Mapping[str, Any] | None = None,
+    group: Mapping[str, Any] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Path:
+    """Write a group NXdata in an entry. fields: datasets in it. group: its attributes. units: of datasets in it."""
+    with h5py.File(path, "w") as file:
+        file.create_group("entry").attrs["NX_class"] = "NXentry"
+        data = file.create_group("entry/data")
+        data.attrs["NX_class"] = "NXdata"
+        data.attrs.update({"signal": "v"} | dict(group or {}))
+        for name, numbers in ({"v": values} | dict(fields or {})).items():
+            data[name] = numbers
+        for name, unit in (units or {}).items():
+            data[name].attrs["units"] = unit
+    return path
+
+
+def write_emd(path: Path, values: Array = VALUES, **dims: tuple[Sequence[float], Mapping[str, str]]) -> Path:
+    """Write a group of EMD. dims: numbers and attributes of the coordinates, by their names, such as `dim1`."""
+    with h5py.File(path, "w") as file:
+        group = file.create_group("data/tomogram")
+        group.attrs["emd_group_type"] = 1
+        group["data"] = values
+        for name, (numbers, attributes) in dims.items():
+            group[name] = np.asarray(numbers)
+            group[name].attrs.update(attributes)
+    return path
+
+
+def characters(text: str) -> Array:
+    """Return a text as Imaris stores it: an array of single characters."""
+    return np.frombuffer(text.encode(), "S1")
+
+
+def write_imaris(
+    path: Path,
+    values: Sequence[Array] = (VALUES,),
+    *,
+    padding: int = 0,
+    num_levels: int = 1,
+    info: Mapping[str, Mapping[str, object]] | None = None,
+) -> Path:
+    """Write an image of Imaris with channels [z, y, x]. info: attributes of the groups in DataSetInfo."""
+    with h5py.File(path, "w") as file:
+        file.attrs["ImarisDataSet"] = characters("ImarisDataSet")
+        for level in range(num_levels):
+            for channel, own in enumerate(values):
+                part = own[:: 2**level, :: 2**level, :: 2**level]
+                group = file.create_group(f"DataSet/ResolutionLevel {level}/TimePoint 0/Channel {channel}")
+                group["Data"] = np.pad(part, [(0, padding)] * 3)
+                for axis, n in zip("ZYX", part.shape, strict=True):
+                    group.attrs[f"ImageSize{axis}"] = characters(str(n))
+        for name, attributes in (info or {}).items():
+            group = file.create_group(f"DataSetInfo/{name}")
+            for key, value in attributes.items():
+                group.attrs[key] = characters(str(value))
+    return path
+
+
+def write_bdv(
+    path: Path,
+    setups: Sequence[Array] = (VALUES,),
+    *,
+    num_levels: int = 1,
+    num_times: int = 1,
+    padding: int = 0,
+    xml: str = "",
+) -> Path:
+    """Write setups of BigDataViewer, [z, y, x]; each time has values 1 larger. xml: what is in the file beside it."""
+    with h5py.File(path, "w") as file:
+        for setup, values in enumerate(setups):
+            factors = [[2**level] * 3 for level in range(num_levels)]
+            file[f"s{setup:02}/resolutions"] = np.array(factors, float)
+            for time in range(num_times):
+                for level in range(num_levels):
+                    part = (values + time)[:: 2**level, :: 2**level, :: 2**level].astype(np.uint16).view(np.int16)
+                    file[f"t{time:05}/s{setup:02}/{level}/cells"] = np.pad(part, [(0, padding)] * 3)
+    if xml:
+        path.with_suffix(".xml").write_text(f'<SpimData version="0.2">{xml}</SpimData>', "utf-8")
+    return path

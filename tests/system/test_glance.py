@@ -1,0 +1,140 @@
+"""A film that shows nothing, next to nothing, or the box of its volume is told before it is drawn, by every command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from hsplat_cli.main import hsplat
+from renderer.accuracy import look_ahead
+from renderer.frame import prepare_stage
+from renderer.scene import Scene, parse_scene
+from renderer.suggest import PRESET_WORDS
+
+AIR, MATTER = 30, 200
+NOTHING, NEXT_TO_NOTHING, BOX = "nothing", "next to nothing", "its box"
+# Opacities by value, and what is wrong with what they show of a ball in air.
+LOOKS: dict[str, tuple[list[list[float]], list[str]]] = {
+    "the ball": ([[100, 0], [160, 0.9]], []),
+    "a veil of the ball": ([[100, 0], [160, 0.02]], []),
+    "air": ([[0, 0.3], [255, 0.9]], [BOX]),
+    "a fog": ([[0, 0.01], [255, 0.01]], [BOX]),
+    "values that are not there": ([[240, 0], [255, 0.9]], [NOTHING]),
+    "opacities that change no pixel": ([[100, 0], [160, 1e-5]], [NOTHING]),
+    "opacities that change few pixels": ([[100, 0], [160, 3e-4]], [NEXT_TO_NOTHING]),
+}
+
+
+def ball(n: int = 40) -> np.ndarray:
+    """Return a ball in air, with noise."""
+    z, y, x = np.meshgrid(*[np.linspace(-1, 1, n)] * 3, indexing="ij")
+    values = np.where(x**2 + y**2 + z**2 < 0.5, MATTER, AIR)
+    return np.rint(values + np.random.default_rng(0).normal(0, 2, values.shape)).astype(np.uint8)
+
+
+def scene_of(opacity: Any, file: str = "ball.npy", **sections: Any) -> dict[str, Any]:
+    return {
+        "version": 1,
+        "volume": {"file": file},
+        "transfer_function": {"colormap": "gray", "range": [0, 200], "opacity": opacity},
+        "camera": {"path": {"type": "turntable", "frames": 6}},
+        "output": {"file": "film.mp4", "size": [64, 64]},
+    } | sections
+
+
+def seen(scene: Scene, num_threads: int = 2) -> list[str]:
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
+        return [each.word for each in look_ahead(stage, range(scene.num_frames), num_threads=num_threads)]
+
+
+def run(*arguments: str) -> str:
+    """Run a command, and return what it prints on both streams."""
+    result = CliRunner().invoke(hsplat, [*arguments], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+@pytest.fixture(autouse=True)
+def files(folder: Path) -> None:
+    np.save("ball.npy", ball())
+    np.save("block.npy", np.where(np.indices((30, 30, 30)).sum(axis=0) % 2, MATTER, MATTER // 2).astype(np.uint8))
+
+
+@pytest.mark.parametrize("name", LOOKS)
+def test_what_a_film_shows(name: str) -> None:
+    opacity, expected = LOOKS[name]
+    assert seen(parse_scene(scene_of(opacity), base=Path())) == expected
+
+
+def test_a_block_that_fills_its_box_is_no_mistake() -> None:
+    assert seen(parse_scene(scene_of([[0, 0.9], [255, 0.9]], "block.npy"), base=Path())) == []
+
+
+def test_a_ball_of_any_background_and_mode() -> None:
+    """White on white is nothing; rays through the box of a projection are all opaque, and no mistake."""
+    opaque = [[100, 0], [160, 0.9]]
+    white = {
+        "transfer_function": {
+            "points": [{"value": 100, "color": "white", "opacity": 0}, {"value": 160, "color": "white", "opacity": 0.9}]
+        }
+    }
+    output = {"file": "film.mp4", "size": [64, 64], "background": "white"}
+    assert seen(parse_scene(scene_of(opaque, output=output) | white, base=Path())) == [NOTHING]
+    assert seen(parse_scene(scene_of(opaque, mode={"type": "maximum"}), base=Path())) == []
+
+
+def test_frames_that_are_dark_are_told_where_they_are_many() -> None:
+    """A film may fade in; one that is dark for most of its time is told."""
+
+    def fading(opacity: Any) -> Scene:
+        """Return a film whose ball has opacities by the frame."""
+        points = [
+            {"value": 100, "color": "white", "opacity": 0},
+            {"value": 160, "color": "white", "opacity": opacity},
+        ]
+        return parse_scene(scene_of([]) | {"transfer_function": {"points": points}}, base=Path())
+
+    assert seen(fading({0: 0, 1: 0.9, 5: 0.9})) == []
+    assert seen(fading({0: 0, 4: 0, 5: 0.9})) == [NOTHING]
+    assert seen(fading({0: 0, 3: 0, 4: 0.9})) == [NEXT_TO_NOTHING]
+
+
+def test_it_does_not_depend_on_threads() -> None:
+    scene = parse_scene(scene_of(LOOKS["a fog"][0]), base=Path())
+    with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage:
+        one, three = (look_ahead(stage, range(6), num_threads=num) for num in (1, 3))
+    assert one == three and one
+
+
+@pytest.mark.parametrize("name", ["a fog", "opacities that change few pixels"])
+def test_commands_tell_it(name: str) -> None:
+    opacity, (word,) = LOOKS[name]
+    Path("scene.yaml").write_text(yaml.safe_dump(scene_of(opacity)))
+    sentence = "the box of ball.npy is seen, for its background, near 30" if word == BOX else f"{word} is seen on frame"
+    assert f"note     {sentence}" in run("check", "scene.yaml")
+    assert f"note: {sentence}" in run("preview", "scene.yaml") and sentence in Path("scene.html").read_text()
+    assert f"note: {sentence}" in run("render", "scene.yaml")
+    assert any(sentence in each for each in json.loads(Path("film.mp4.json").read_text())["notes"])
+    Path("look.yaml").write_bytes(Path("scene.yaml").read_bytes())
+    np.save("other.npy", ball())
+    table = run("turntable", "ball.npy", "other.npy", "--scene", "look.yaml", "-o", "films")
+    assert "seen" in table and table.count(word) >= 2
+    again = run("turntable", "ball.npy", "other.npy", "--scene", "look.yaml", "-o", "films", "--quiet")
+    assert again.count(word) >= 2
+
+
+def test_init_tells_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is suggested shows no box; a file of another program may."""
+    Path("fog.clut").write_text(
+        "[FLT]\nmin=0\nmax=200\n[INT]\nnumnodes=2\n[BYT]\nnodeintensity0=0\nnodeintensity1=255\n"
+        "[RGBA255]\nnodergba0=0|0|0|0\nnodergba1=0|0|0|255\n"
+    )
+    assert "warning" not in run("init", "ball.npy")
+    assert "warning: nothing is seen" in run("init", "ball.npy", "--preset", "fog.clut")
+    assert all("box" not in run("init", "ball.npy", "--preset", word) for word in PRESET_WORDS if word != "labels")
