@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from hsplat_cli.commands.options import no_paths_option, quiet_option, takes_scene
+from hsplat_cli.commands.options import quiet_option, takes_scene
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, Reporter
@@ -29,7 +29,6 @@ _THOROUGH_HINT = (
 
 @click.command()
 @takes_scene("Measure on these frames; by default on three of the path.", set_help="Change a value of the scene.")
-@no_paths_option
 @click.option("--output", type=OutputPath(), metavar="FOLDER", help="Write the report there, not to SCENE.measured.")
 @click.option("--tolerances", metavar="LIST", help="Such as 1,0.1,0; by default some that suit the volume.")
 @click.option(

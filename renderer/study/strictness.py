@@ -26,7 +26,7 @@ class Strictness:
 # with bricks: llvmpipe, softpipe and a processor without AVX, which change nothing, and rays moved by 0.0001 pixels: 2
 # steps, densest 0.05; with both: one value in five rounded differently: densest 0.45, FLIP 0.009, bias 0.10. Others
 # have seen up to 3 steps between processors. Limits that are not whole numbers leave a factor of at least 1.29. In
-# return, a change of a pixel by 2 steps always fails at `same-machine`; the page lists what limits cannot see, too.
+# return, a change of a pixel by 2 steps always fails at `same-machine`.
 STRICTNESSES = {
     "exact": Strictness(
         "the same picture, but for colours at an alpha of 0: one program, one driver, one kind of processor",

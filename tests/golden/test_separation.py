@@ -1,6 +1,6 @@
 """Harmless changes pass and every defect is found at `same-machine`, on small frames of splats and of bricks.
 
-docs/benchmarks/goldens.md has more.
+docs/benchmarks/goldens.md says what more frames show.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A machine without OpenGL draws bricks, in this process and in workers, to the same bytes."""
+"""A machine without OpenGL draws bricks, in this process and on a cluster, to the same bytes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from clusters import running_cluster
 from commands import hsplat, python
 from small_scene import sidecar, small_scene
 
@@ -26,12 +27,14 @@ def films(folder: str) -> dict[str, bytes]:
 
 
 def test_the_same_bytes_as_beside_opengl() -> None:
-    for folder, workers, variables in (("with", "1", {}), ("without", "1", NO_OPENGL), ("workers", "2", NO_OPENGL)):
-        output = ["--output", f"{folder}/{{frame}}.png"]
-        result = hsplat("render", "scene.yaml", "--workers", workers, *output, **variables)
-        assert result.returncode == 0, result.stderr
-        assert films(folder) == films("with")
-    assert sidecar("workers/frames.json")["device"] == BrickRasterizer.device
+    with running_cluster(2, variables=NO_OPENGL) as cluster:
+        on_cluster = ["--scheduler", cluster.scheduler_address]
+        for folder, options, variables in (("with", [], {}), ("without", [], NO_OPENGL), ("on", on_cluster, NO_OPENGL)):
+            output = ["--output", f"{folder}/{{frame}}.png"]
+            result = hsplat("render", "scene.yaml", *options, *output, **variables)
+            assert result.returncode == 0, result.stderr
+            assert films(folder) == films("with")
+    assert sidecar("on/frames.json")["device"] == BrickRasterizer.device
 
 
 def codes_without_opengl(*commands: str) -> tuple[list[int], str]:
@@ -64,5 +67,5 @@ def test_what_needs_opengl_is_an_error() -> None:
 
 def test_bricks_open_no_opengl() -> None:
     program = "import sys; from hsplat_cli.main import run; print([run(sys.argv[1:]), 'moderngl' in sys.modules])"
-    done = python("-c", program, "render", "scene.yaml", "--workers", "1")
+    done = python("-c", program, "render", "scene.yaml")
     assert json.loads(done.stdout.splitlines()[-1].lower()) == [0, False]

@@ -29,7 +29,6 @@ from hsplat_cli.compare.golden.provenance import (
 from hsplat_cli.compare.outcome import Outcome, Pair, compare_pair
 from hsplat_cli.compare.picture_file import read_picture
 from hsplat_cli.compare.scene_pairs import rendered_frames
-from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError
 from renderer.film import WrittenFiles, file_digest, lock_slots, staged_files, translate_os_errors
@@ -61,9 +60,7 @@ class GoldenOptions:
     yes: bool = False
 
 
-def update_goldens(
-    job: FilmJob, options: GoldenOptions, executor: ExecutorSpec, reporter: Reporter, ask: Callable[[], bool]
-) -> None:
+def update_goldens(job: FilmJob, options: GoldenOptions, reporter: Reporter, ask: Callable[[], bool]) -> None:
     """Render the frames and keep them; existing goldens change only if `ask` returns True.
 
     Raises InputError if goldens exist and no update is requested, if inputs or other files have their names, or if
@@ -88,7 +85,7 @@ def update_goldens(
         outputs = WrittenFiles([folder / name for name in sorted(all_names)], [folder / _STAGING_FOLDER])
         outputs.require_harmless(job.input_files())
         _require_free(folder, [name for name in names.values() if name not in listed.values()])
-        with rendered_frames(job, frames, executor, reporter) as (files, record):
+        with rendered_frames(job, frames, reporter) as (files, record):
             plan = plan_update(options, provenance, names, files, origin_from_record(record))
             plan.require_one_origin(folder)
             must_ask = provenance is not None and plan.changes_anything and not options.yes

@@ -29,8 +29,7 @@ from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import locked_files, require_writable_dry_run
 from renderer.frame import Stage, read_film_volumes, view_of
-from renderer.job import without_paths
-from renderer.scene import Scene, counted, motion_of, scene_to_dict, schedule_to_dict
+from renderer.scene import Scene, counted, motion_of, relative_path, scene_to_dict, schedule_to_dict, with_files
 from renderer.study import Measurement, PlannedSetting, Study, Truths, measure_setting, plan_sweep, splat_setting
 from renderer.system import num_cores
 from renderer.volume import Volume, joint_fingerprint
@@ -124,9 +123,9 @@ def _run_study(request: StudyRequest, reporter: Reporter) -> None:
             why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
             notes.insert(0, f"{why}: {counted(len(measurements), 'setting')} had been measured")
         record: dict[str, Any] = {
-            "scene": scene_to_dict(scene),
+            "scene": with_files(scene_to_dict(scene), lambda _, file: relative_path(file, request.folder)),
             "volume": {
-                "name": volume.name,
+                "name": Path(volume.name).name,
                 "fingerprint": joint_fingerprint(volumes),
                 "dtype": str(volume.values.dtype),
                 "shape": volume.shape_xyz,
@@ -139,7 +138,7 @@ def _run_study(request: StudyRequest, reporter: Reporter) -> None:
             truth_tolerance=request.truth_tolerance,
             truths=tuple(truth for truth in truths if isinstance(truth, Truth)),
             measurements=tuple(measurements),
-            **(record if scene.output.record_paths else without_paths(record)),
+            **record,
         )
         _report(study, request.folder, reporter)
     if end:
