@@ -18,10 +18,10 @@ from renderer.job import require_no_input
 from renderer.scene import AnnotationSpec
 
 # Options of a sweep and its report, which a search for one tolerance does not have.
-_SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
+_SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats")
 _WANT_HINT = "--want searches with the scene's own footprint and error measure; change those with --set"
 # What needs whole exact pictures and several passes.
-_THOROUGH_OPTIONS = ("footprints", "measures", "corrections", "repeats", "peer")
+_THOROUGH_OPTIONS = ("footprints", "measures", "corrections", "repeats")
 _THOROUGH_HINT = (
     "add --thorough; without it the scene's own footprint and error measure are drawn once, and judged by rays"
 )
@@ -47,7 +47,6 @@ _THOROUGH_HINT = (
     show_default=True,
     help="How well the truth converges.",
 )
-@click.option("--peer", type=click.Choice(["vtk"]), help="Measure this program too, where it is installed.")
 @click.option("--thorough", is_flag=True, help="Compare with whole exact pictures, and not with a few exact rays.")
 @click.option("--want", metavar="METRIC=VALUE", help="Only find the tolerance for psnr=38 (or rmse, ssim, flip).")
 @quiet_option(help="Print only the result.")
@@ -57,7 +56,6 @@ def measure(
     output: Path | None,
     repeats: int,
     truth_tolerance: float,
-    peer: str | None,
     thorough: bool,
     want: str | None,
     reporter: Reporter,
@@ -87,7 +85,7 @@ def measure(
     folder = output or Path(f"{name}.measured")
     require_no_input([folder / name for name in REPORT_FILES], given.input_files())
     picked = list(numbers) if request.frames else None
-    request_ = StudyRequest(name, job, sweep, picked, repeats, peer, truth_tolerance, folder, not thorough)
+    request_ = StudyRequest(name, job, sweep, picked, repeats, truth_tolerance, folder, not thorough)
     run_study(request_, reporter)
 
 

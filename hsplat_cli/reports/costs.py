@@ -8,20 +8,11 @@ from dataclasses import dataclass
 
 from renderer.study import Cost, Measurement, Setting, cost_at_psnr, pareto_front
 
-OWN = "hsplat"
-PEER = "vtk"
-PROGRAM_NAMES = {OWN: "hsplat", PEER: "VTK"}
-
 CostOf = Callable[[Measurement], float]
 
 # The rows of the table of costs, in dB; it begins lower if no measurement reaches the first.
 _FIRST_DB = 25
 _STEP_DB = 5
-
-
-def program_of(measurement: Measurement) -> str:
-    """Return the program that drew the pictures, OWN or PEER."""
-    return str(measurement.setting.options.get("tool", OWN))
 
 
 def has_bricks(measurements: Sequence[Measurement]) -> bool:
@@ -31,8 +22,7 @@ def has_bricks(measurements: Sequence[Measurement]) -> bool:
 
 def cost_in_splats(measurement: Measurement) -> float:
     """Return the mean number of splats of a frame; NaN without any: a brick does far more than a splat."""
-    num = measurement.num_primitives
-    return math.nan if num is None or has_bricks([measurement]) else num
+    return math.nan if has_bricks([measurement]) else measurement.num_primitives
 
 
 def has_splats(measurements: Sequence[Measurement]) -> bool:
@@ -53,19 +43,14 @@ def cost_in_time(measurement: Measurement) -> float:
     return measurement.frame_seconds
 
 
-def pareto_fronts(measurements: Sequence[Measurement], cost: CostOf) -> dict[str, list[int]]:
-    """Return the Pareto front of a cost and PSNR for each program, by rising cost, as indices."""
-    errors = [-m.overall.everywhere["psnr"] for m in measurements]
-    return {
-        program: pareto_front([cost(m) if program_of(m) == program else math.nan for m in measurements], errors)
-        for program in (OWN, PEER)
-    }
+def front_of(measurements: Sequence[Measurement], cost: CostOf) -> list[int]:
+    """Return the Pareto front of a cost and PSNR, by rising cost, as indices."""
+    return pareto_front([cost(m) for m in measurements], [-m.overall.everywhere["psnr"] for m in measurements])
 
 
 def on_pareto_fronts(measurements: Sequence[Measurement]) -> list[tuple[bool, bool]]:
     """Return for each measurement whether it is on a front of time, and whether on one of splats."""
-    fronts = [pareto_fronts(measurements, cost) for cost in (cost_in_time, cost_in_splats)]
-    time, splats = ({i for front in of_programs.values() for i in front} for of_programs in fronts)
+    time, splats = (set(front_of(measurements, cost)) for cost in (cost_in_time, cost_in_splats))
     return [(i in time, i in splats) for i in range(len(measurements))]
 
 
@@ -73,28 +58,18 @@ def on_pareto_fronts(measurements: Sequence[Measurement]) -> list[tuple[bool, bo
 class CostAtPsnr:
     """A cost of a PSNR (dB), interpolated on the Pareto fronts: seconds and splats of a frame.
 
-    splats: None without measurements of splats. setting: the fastest one measured that reaches the PSNR. peer: the
-    peer's seconds, None without a peer.
+    splats: None without measurements of splats. setting: the fastest one measured that reaches the PSNR.
     """
 
     psnr: float
     time: Cost
     splats: Cost | None
     setting: Setting | None
-    peer: Cost | None
-
-    @property
-    def ratio(self) -> float:
-        """Return the time of the peer over time of hsplat; NaN if one does not reach the PSNR, or both are bounds."""
-        if self.peer is None or not (math.isfinite(self.peer.value) and math.isfinite(self.time.value)):
-            return math.nan
-        return math.nan if self.peer.is_bound and self.time.is_bound else self.peer.value / self.time.value
 
 
 def costs_by_psnr(measurements: Sequence[Measurement]) -> list[CostAtPsnr]:
     """Return the cost of every fifth dB, up to the highest PSNR measured."""
-    own, peers = ([m for m in measurements if program_of(m) == program] for program in (OWN, PEER))
-    return [_cost_at_psnr(float(psnr), own, peers) for psnr in _wanted_psnrs(measurements)]
+    return [_cost_at_psnr(float(psnr), measurements) for psnr in _wanted_psnrs(measurements)]
 
 
 def _wanted_psnrs(measurements: Sequence[Measurement]) -> range:
@@ -105,14 +80,13 @@ def _wanted_psnrs(measurements: Sequence[Measurement]) -> range:
     return range(min(_FIRST_DB, highest), highest + 1, _STEP_DB)
 
 
-def _cost_at_psnr(wanted: float, own: Sequence[Measurement], peers: Sequence[Measurement]) -> CostAtPsnr:
-    enough = [m for m in own if m.overall.everywhere["psnr"] >= wanted]
+def _cost_at_psnr(wanted: float, measurements: Sequence[Measurement]) -> CostAtPsnr:
+    enough = [m for m in measurements if m.overall.everywhere["psnr"] >= wanted]
     return CostAtPsnr(
         wanted,
-        _cost(own, cost_in_time, wanted),
-        _cost(own, cost_in_splats, wanted) if has_splats(own) else None,
+        _cost(measurements, cost_in_time, wanted),
+        _cost(measurements, cost_in_splats, wanted) if has_splats(measurements) else None,
         min(enough, key=cost_in_time).setting if enough else None,
-        _cost(peers, cost_in_time, wanted) if peers else None,
     )
 
 

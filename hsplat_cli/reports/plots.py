@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.transforms import BboxBase
 
 _MARKERS = "osD^vP<>"
-_PEER_MARKERS = "x+1234"
 _LABEL_PT = 8.5
 _WIDTH_IN = 8.0
 
@@ -59,20 +57,18 @@ def plottable(
     return [m for m in measurements if 0 < axis.cost(m) < math.inf and math.isfinite(value(m))]
 
 
-def plottable_fronts(measurements: Sequence[Measurement], axis: CostAxis) -> dict[str, list[Measurement]]:
-    """Return the plottable measurements on the Pareto front of each program."""
-    fronts = costs.pareto_fronts(measurements, axis.cost)
-    return {program: plottable([measurements[i] for i in front], axis) for program, front in fronts.items()}
+def plottable_front(measurements: Sequence[Measurement], axis: CostAxis) -> list[Measurement]:
+    """Return the plottable measurements on the Pareto front."""
+    return plottable([measurements[i] for i in costs.front_of(measurements, axis.cost)], axis)
 
 
 def tradeoff_figure(measurements: Sequence[Measurement], axis: CostAxis) -> Figure:
-    """Plot the PSNR of all plottable measurements over their cost, with labels at the points of the fronts."""
+    """Plot the PSNR of all plottable measurements over their cost, with labels at the points of the front."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDTH_IN, 5.2), layout="constrained")
     axes = figure.subplots()
-    for program, front in plottable_fronts(measurements, axis).items():
-        _draw_front(axes, program, front, axis)
+    _draw_front(axes, plottable_front(measurements, axis), axis)
     _draw_series(axes, measurements, axis, _psnr)
     _format_axes(axes, axis, "PSNR, dB", many_ticks=True)
     _add_legend(figure, axes)
@@ -106,7 +102,7 @@ def metrics_figure(measurements: Sequence[Measurement]) -> Figure:
     return figure
 
 
-def _draw_front(axes: Axes, program: str, front: Sequence[Measurement], axis: CostAxis) -> None:
+def _draw_front(axes: Axes, front: Sequence[Measurement], axis: CostAxis) -> None:
     """Draw straight lines, as `cost_at_psnr` interpolates the logarithm of the cost over PSNR, and label their points.
 
     Labels lie on the side of the front where nothing else does: no setting is both faster and more exact.
@@ -114,15 +110,14 @@ def _draw_front(axes: Axes, program: str, front: Sequence[Measurement], axis: Co
     if not front:
         return
     amounts, psnrs = [axis.cost(m) for m in front], [_psnr(m) for m in front]
-    line: dict[str, Any]
-    label: dict[str, Any]
-    if program == costs.OWN:
-        line = {"color": LIGHT_PALETTE["front"], "linewidth": 9.0, "solid_capstyle": "round", "zorder": 1.0}
-        label = {"xytext": (-5, 4), "ha": "right", "color": LIGHT_PALETTE["ink"]}
-    else:
-        line = {"color": LIGHT_PALETTE["muted"], "linewidth": 1.4, "linestyle": "--", "zorder": 1.5}
-        label = {"xytext": (0, 7), "ha": "center", "color": LIGHT_PALETTE["muted"]}
-    axes.plot(amounts, psnrs, label=f"Pareto front of {costs.PROGRAM_NAMES[program]}", **line)
+    line: dict[str, Any] = {
+        "color": LIGHT_PALETTE["front"],
+        "linewidth": 9.0,
+        "solid_capstyle": "round",
+        "zorder": 1.0,
+    }
+    label: dict[str, Any] = {"xytext": (-5, 4), "ha": "right", "color": LIGHT_PALETTE["ink"]}
+    axes.plot(amounts, psnrs, label="Pareto front", **line)
     for m, cost, psnr in zip(front, amounts, psnrs, strict=True):
         text = m.setting.label.rpartition(" ")[2]
         axes.annotate(text, (cost, psnr), textcoords="offset points", fontsize=_LABEL_PT, zorder=5, **label)
@@ -131,11 +126,9 @@ def _draw_front(axes: Axes, program: str, front: Sequence[Measurement], axis: Co
 def _draw_series(
     axes: Axes, measurements: Sequence[Measurement], axis: CostAxis, value: Callable[[Measurement], float]
 ) -> None:
-    counts = {costs.OWN: itertools.count(), costs.PEER: itertools.count()}
-    for series, numbers in costs.group_by_series(measurements).items():
+    for number, (series, numbers) in enumerate(costs.group_by_series(measurements).items()):
         members = [measurements[i] for i in numbers]
-        program = costs.program_of(members[0])
-        style = _series_style(program, next(counts[program]))
+        style = _series_style(number)
         shown = plottable(members, axis, value)
         if not shown:
             continue
@@ -152,11 +145,8 @@ def _draw_series(
         axes.plot(amounts, values, label=series, **style)
 
 
-def _series_style(program: str, number: int) -> dict[str, Any]:
-    """Return the style of a program's series with this number."""
-    if program == costs.PEER:
-        style = {"color": LIGHT_PALETTE["ink"], "marker": _PEER_MARKERS[number % len(_PEER_MARKERS)]}
-        return style | {"markersize": 7.0, "linewidth": 0.7, "linestyle": ":", "zorder": 2.5}
+def _series_style(number: int) -> dict[str, Any]:
+    """Return the style of the series with this number."""
     shift = number // len(SERIES_COLORS)  # the same colours again, with other markers
     style = {"color": SERIES_COLORS[number % len(SERIES_COLORS)], "marker": _MARKERS[(number + shift) % len(_MARKERS)]}
     return style | {"markersize": 4.5, "linewidth": 1.4, "zorder": 3.0}

@@ -14,7 +14,7 @@ import yaml
 
 from hsplat_cli.reports import costs
 from hsplat_cli.reports.html import Chart, format_facts, plot_style, render_page, require_page_packages
-from hsplat_cli.reports.number_format import ABSENT, count_text, ms_text, ratio_text
+from hsplat_cli.reports.number_format import ABSENT, count_text, ms_text
 from hsplat_cli.reports.plots import (
     SPLATS_AXIS,
     TIME_AXIS,
@@ -22,7 +22,7 @@ from hsplat_cli.reports.plots import (
     has_intervals,
     metrics_figure,
     plottable,
-    plottable_fronts,
+    plottable_front,
     tradeoff_figure,
 )
 from hsplat_cli.reports.tables import Column, cost_columns, csv_text, json_text, metric_columns, to_plain
@@ -68,7 +68,6 @@ def study_page(study: Study, *, date: str) -> str:
             costs=_cost_lines(measurements),
             truths=[(truth.frame, thumbnail(truth.picture)) for truth in study.truths],
             convergence=[_convergence_line(truth) for truth in study.truths],
-            has_peer=any(costs.program_of(m) == costs.PEER for m in measurements),
             has_bricks=costs.has_bricks(measurements),
             has_splats=costs.has_splats(measurements),
             primitives=_primitive_nouns(measurements),
@@ -111,13 +110,11 @@ def _charts(measurements: Sequence[Measurement]) -> list[Chart]:
 
 def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis) -> str:
     """Explain labels, bars and omissions."""
-    names = [
-        f"{front[0].setting.label.rpartition(' ')[0]} ({costs.PROGRAM_NAMES[program]})"
-        for program, front in plottable_fronts(measurements, axis).items()
-        if front
-    ]
     parts = ["Higher and further to the left is better."]
-    parts += [f"Labels at the points of a front, where they fit: {', '.join(names)}."] if names else []
+    front = plottable_front(measurements, axis)
+    if front:
+        kind, _, _ = front[0].setting.label.rpartition(" ")
+        parts.append(f"Labels at the points of the front, where they fit: {kind}.")
     lacks_bricks = axis is SPLATS_AXIS and costs.has_bricks(measurements)
     parts += ["Settings with bricks are not in this plot."] * lacks_bricks
     parts += ["Bars reach from the first to the third quartile of the time."] if axis.has_bars else []
@@ -131,20 +128,12 @@ def _cost_lines(measurements: Sequence[Measurement]) -> list[dict[str, str]]:
     """Return the text of each column of the table of costs, for each PSNR."""
     lines = []
     for cost in costs.costs_by_psnr(measurements):
-        line = {"PSNR\ndB": f"{cost.psnr:g}", "hsplat\nms a frame": _cost_text(cost.time, ms_text)}
+        line = {"PSNR\ndB": f"{cost.psnr:g}", "time\nms a frame": _cost_text(cost.time, ms_text)}
         if cost.splats:
             line["splats\na frame"] = _cost_text(cost.splats, count_text)
-        if cost.peer:
-            line |= {"VTK\nms a frame": _cost_text(cost.peer, ms_text), "VTK takes\ntimes as long": _ratio_text(cost)}
         name = f"{cost.setting.series}, {cost.setting.label}" if cost.setting else ABSENT
-        lines.append(line | {"fastest setting of hsplat that reaches it": name})
+        lines.append(line | {"fastest setting that reaches it": name})
     return lines
-
-
-def _ratio_text(cost: costs.CostAtPsnr) -> str:
-    if cost.peer is None or not math.isfinite(cost.ratio):
-        return ABSENT
-    return f"{'≤ ' if cost.peer.is_bound else '≥ ' if cost.time.is_bound else ''}{ratio_text(cost.ratio)}"
 
 
 def _cost_text(cost: Cost, text: Callable[[float], str]) -> str:
@@ -186,9 +175,7 @@ def _step_column(title: str, step: str, is_once: bool) -> Column:
 
 def _step_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float, ...]]:
     """Return seconds by step and whether the step runs once for all frames."""
-    times: dict[tuple[str, bool], tuple[float, ...]] = {}
-    if measurement.pyramid_seconds is not None:
-        times["pyramid", True] = (measurement.pyramid_seconds,)
+    times: dict[tuple[str, bool], tuple[float, ...]] = {("pyramid", True): (measurement.pyramid_seconds,)}
     times |= {(step, True): seconds for step, seconds in measurement.seconds.items()}
     for sample in measurement.frames:
         for step, seconds in sample.seconds.items():

@@ -36,7 +36,7 @@ class Column:
     text: Callable[[Measurement], str]
 
 
-def cost_columns(measurements: Sequence[Measurement], format_count: Callable[[float | None], str]) -> list[Column]:
+def cost_columns(measurements: Sequence[Measurement], format_count: Callable[[float], str]) -> list[Column]:
     """Return the columns of counts, times and memory, the last two being `once` and `memory`."""
     shows_bricks, shows_splats = has_bricks(measurements), has_splats(measurements)
     title, unit = ("bricks", "or cells" * shows_splats) if shows_bricks else ("cells", "")
@@ -109,7 +109,7 @@ def terminal_table(study: Study) -> str:
     text = [above, heading]
     for series, members in group_by_series(measurements).items():
         text += [series, *(lines[i] for i in members)]
-    text.append("T: no other setting of the same program is as fast and as exact.")
+    text.append("T: no other setting is as fast and as exact.")
     if any(on_splats for _, on_splats in on_fronts):
         text[-1] += " S: no other has as few splats and is as exact."
     return join_lines([*text, ""])
@@ -160,8 +160,7 @@ def _frame_row(measurement: Measurement, sample: FrameMeasurement) -> dict[str, 
         row |= _times_row(f"frame_{step}", seconds)
     for step, seconds in measurement.seconds.items():
         row |= _times_row(f"once_{step}", seconds)
-    seconds_once = measurement.pyramid_seconds
-    return row | {"pyramid_ms": None if seconds_once is None else 1000 * seconds_once}
+    return row | {"pyramid_ms": 1000 * measurement.pyramid_seconds}
 
 
 def _accuracy_row(accuracy: Accuracy) -> dict[str, float]:

@@ -15,7 +15,6 @@ from .strictness import (
 )
 from .sweep import (
     FRAME_STEPS as FRAME_STEPS,
-    FirstPass as FirstPass,
     FrameMeasurement as FrameMeasurement,
     Measurement as Measurement,
     PlannedSetting as PlannedSetting,

@@ -43,9 +43,9 @@ Truths = Sequence[Truth] | Sequence[SampledTruth]
 class Setting:
     """A point of a series: the parameters of one measurement.
 
-    series: the curve, such as "gaussian, optical", "gouraud 8x3, rms, uncorrected", "vtk gpu".
-    label: the point, such as "tolerance 0.1", "step 0.5".
-    options: the choices by name, for tables: tool, tolerance, footprint, ...
+    series: the curve, such as "gaussian, optical" or "gouraud 8x3, rms, uncorrected".
+    label: the point, such as "tolerance 0.1".
+    options: the choices by name, for tables: tolerance, footprint, ...
     """
 
     series: str
@@ -57,12 +57,12 @@ class Setting:
 class FrameMeasurement:
     """A record of what was measured of one frame at one setting.
 
-    num_primitives: splats or bricks that the frame can show; None for a peer.
+    num_primitives: splats or bricks that the frame can show.
     seconds: by step, one for each warm repetition.
     """
 
     frame: int
-    num_primitives: int | None
+    num_primitives: int
     seconds: Mapping[str, tuple[float, ...]]
     accuracy: Accuracy
 
@@ -76,9 +76,9 @@ class FrameMeasurement:
 class Measurement:
     """A record of what was measured of one setting, frame by frame.
 
-    num_cells: cells or bricks in the cut; None for a peer.
-    pyramid_seconds: the time to build the pyramid and bricks, once; None for a peer.
-    seconds: of the steps that serve many frames (cut, splats), one for each repetition; empty for a peer.
+    num_cells: cells or bricks in the cut.
+    pyramid_seconds: the time to build the pyramid and bricks, once.
+    seconds: of the steps that serve many frames (cut, splats), one for each repetition.
     overall: the accuracy over all frames together.
     peak_bytes: the peak memory of the process; None if the system does not know it.
     picture, difference: uint8 [h, w, 3], thumbnails of the first frame and of its difference from the truth, times
@@ -86,8 +86,8 @@ class Measurement:
     """
 
     setting: Setting
-    num_cells: int | None
-    pyramid_seconds: float | None
+    num_cells: int
+    pyramid_seconds: float
     seconds: Mapping[str, tuple[float, ...]]
     frames: tuple[FrameMeasurement, ...]
     overall: Accuracy
@@ -107,10 +107,9 @@ class Measurement:
         return float(low), float(high)
 
     @property
-    def num_primitives(self) -> float | None:
-        """Return the mean number of splats or bricks over the frames; None for a peer."""
-        counts = [sample.num_primitives for sample in self.frames if sample.num_primitives is not None]
-        return statistics.fmean(counts) if counts else None
+    def num_primitives(self) -> float:
+        """Return the mean number of splats or bricks over the frames."""
+        return statistics.fmean(sample.num_primitives for sample in self.frames)
 
     @property
     def _all_frame_seconds(self) -> list[float]:
@@ -122,7 +121,7 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
     measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
     tolerance = error.tolerance
-    options: dict[str, Any] = {"tool": "hsplat", "tolerance": tolerance, "footprint": footprint, "measure": measure}
+    options: dict[str, Any] = {"tolerance": tolerance, "footprint": footprint, "measure": measure}
     words = [footprint, measure]
     if splat.footprint != "integrated":
         words += [] if splat.opacity_correction else ["uncorrected"]
@@ -130,63 +129,46 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     return Setting(", ".join(words), f"tolerance {tolerance:g}", options)
 
 
-class FirstPass:
-    """A first pass over the frames of a setting: what its pictures tell, one added after the other."""
-
-    def __init__(self, truths: Truths) -> None:
-        self._truths = truths
-        self._accuracies: list[Accuracy] = []
-        self._thumbnails: tuple[UInt8, UInt8 | None] | None = None
-
-    def add(self, picture: FloatImage) -> None:
-        """Compare the picture of the next frame, float64 [h, w, 3], with its truth."""
-        truth = self._truths[len(self._accuracies)]
-        self._accuracies.append(truth.accuracy_of(picture))
-        if self._thumbnails is None:
-            difference = amplified_difference(picture, truth.picture) if isinstance(truth, Truth) else None
-            self._thumbnails = thumbnail(picture), None if difference is None else thumbnail(difference)
-
-    def measurement(
-        self,
-        nums_primitives: Sequence[int | None],
-        frame_seconds: Sequence[Mapping[str, tuple[float, ...]]],
-        **rest: Any,
-    ) -> Measurement:
-        """Return the record, with the number of primitives and the seconds of each frame. rest: its other fields."""
-        numbers = [truth.frame for truth in self._truths]
-        frames = tuple(map(FrameMeasurement, numbers, nums_primitives, frame_seconds, self._accuracies))
-        assert self._thumbnails is not None, "no picture was added"
-        picture, difference = self._thumbnails
-        overall = pool_accuracies(self._accuracies)
-        return Measurement(frames=frames, overall=overall, picture=picture, difference=difference, **rest)
-
-
 def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int) -> Measurement:
     """Measure the scene's constant tolerance and footprint, on the frames of the truths.
 
     repeats: the most timed passes. With 0 the first pass is timed, in which the first frame may be slower.
     """
-    numbers, judged = [truth.frame for truth in truths], FirstPass(truths)
+    numbers = [truth.frame for truth in truths]
+    accuracies: list[Accuracy] = []
     peaks: list[int] = []
     nums_primitives: list[int] = []
     first_pass: list[Seconds] = []
+    thumbnails: list[tuple[UInt8, UInt8 | None]] = []
     memory = PeakMemory()
-    for frame in render_frames(stage, numbers, rasterizer, clock=clock):
+    for number, frame in enumerate(render_frames(stage, numbers, rasterizer, clock=clock)):
+        truth = truths[number]
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
-        judged.add(over_background(frame.radiance, frame.stage.scene.output.background))
+        picture = over_background(frame.radiance, frame.stage.scene.output.background)
+        accuracies.append(truth.accuracy_of(picture))
+        thumbnails += [] if thumbnails else [_thumbnails(picture, truth)]
         nums_primitives.append(frame.num_primitives)
         first_pass.append(frame.seconds)
         memory.reset()
     passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
-    return judged.measurement(
-        nums_primitives,
-        [_repetitions(repetitions, FRAME_STEPS) for repetitions in zip(*passes, strict=True)],
+    times = [_repetitions(repetitions, FRAME_STEPS) for repetitions in zip(*passes, strict=True)]
+    return Measurement(
         setting=splat_setting(stage.scene.error, stage.scene.splat),
         num_cells=frame.num_cells,
         pyramid_seconds=stage.seconds["pyramid"],
         seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STEPS),
+        frames=tuple(map(FrameMeasurement, numbers, nums_primitives, times, accuracies)),
+        overall=pool_accuracies(accuracies),
         peak_bytes=max(peaks, default=None),
+        picture=thumbnails[0][0],
+        difference=thumbnails[0][1],
     )
+
+
+def _thumbnails(picture: FloatImage, truth: Truth | SampledTruth) -> tuple[UInt8, UInt8 | None]:
+    """Return small pictures of a frame and of its difference from the truth, which some pixels do not show."""
+    difference = thumbnail(amplified_difference(picture, truth.picture)) if isinstance(truth, Truth) else None
+    return thumbnail(picture), difference
 
 
 def _timed_passes(
@@ -294,9 +276,8 @@ class Study:
     """A study with its results.
 
     name: of the scene file. scene: with all defaults, from `scene_to_dict`. volume: name, fingerprint, dtype, shape.
-    machine: what the numbers depend on: processor, cores, system, device, commit, versions; and `peer`, with name,
-        version and device, if there is one.
-    measurements: in the planned order; those of a peer last.
+    machine: what the numbers depend on: processor, cores, system, device, commit, versions.
+    measurements: in the planned order.
     notes: what a reader must know: where an error is not monotonic, what was left out, whether it was interrupted.
     """
 

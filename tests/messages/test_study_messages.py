@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from hsplat_cli import main
 from hsplat_cli.commands.paper import SCENES
 from hsplat_cli.studies.measure.study import scene_notes
 from renderer.scene import load_scene
@@ -45,16 +43,6 @@ def test_messages(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
 @cases("accuracy.txt")
 def test_messages_about_accuracy(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
     case.check(capsys)
-
-
-@pytest.mark.usefixtures("_writes_nothing")
-def test_vtk_that_is_missing_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    find_spec = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name, *rest: None if name.startswith("vtk") else find_spec(name, *rest)
-    )
-    assert main.run(["measure", "scene.yaml", "--quiet", "--thorough", "--peer", "vtk"]) == 2
-    assert capsys.readouterr().err == "the package vtk is not installed\n  hint: pip install 'hsplat[vtk]'\n"
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ import pytest
 import yaml
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 from matplotlib.figure import Figure
-from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, quick_series, study_of
+from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, quick_series, study_of
 
 from hsplat_cli.reports import REPORT_FILES, format_facts, plot_style, study_html, write_study
 from hsplat_cli.reports.html import PALETTE, figure_to_svg
@@ -30,12 +30,10 @@ DATE = "2030-01-02"
 HOSTILE = "<script>alert('x')</script> & \"$x^2$\" {{ 7 * 7 }}"
 
 CASES = {
-    "all": study_of([*own_series(), *peer_series()]), "bricks": study_of([*brick_series(), *peer_series()]),
+    "all": study_of(own_series()), "bricks": study_of(brick_series()),
     "both": study_of([*brick_series(), *own_series()]), "nothing measured": study_of([], notes=()),
     "quick": study_of(quick_series(), truths=()),
     "undefined": study_of([measure("tolerance 1", 10, 0, UNDEFINED), measure("tolerance 0", 20, 5, INFINITE)]),
-    "only the peer, once exact": study_of(
-        [*peer_series(), measure("sample distance 0", 900, None, INFINITE, series="vtk gpu", tool="vtk")]),
     "hostile names, one measurement of one frame": study_of(
         [measure(f"{HOSTILE} 1", 12, 500, 30, series=HOSTILE, frames=(5,))], volume={"name": HOSTILE, HOSTILE: HOSTILE},
         scene={"output": {"size": [8, 6]}, "volume": {"file": HOSTILE}}, machine={HOSTILE: {HOSTILE: HOSTILE}},
@@ -77,7 +75,7 @@ def test_names_are_escaped() -> None:
 
 
 def test_rows_on_the_front_are_marked() -> None:
-    assert Page(text_of("all")).attributes.count(("tr", "class", "front")) == 6
+    assert Page(text_of("all")).attributes.count(("tr", "class", "front")) == 3
     assert Page(text_of("undefined")).attributes.count(("tr", "class", "front")) == 1
 
 
@@ -88,10 +86,9 @@ def test_the_scene_can_be_pasted() -> None:
     assert yaml.safe_load(block) == {**scene, "size": [8, 6]}
 
 
-def test_costs_are_compared_with_the_peers() -> None:
-    assert "25 15.5 1 933 ≤ 100 ≤ 6.45 gaussian, optical, tolerance 0.1" in prose_of("all")
-    assert "40 not reached not reached 285 - -" in prose_of("all")
-    assert "times as long" not in prose_of("both")
+def test_costs_are_those_of_the_front() -> None:
+    assert "25 15.5 1 933 gaussian, optical, tolerance 0.1" in prose_of("all")
+    assert "40 74.4 not reached integrated, optical, tolerance 0" in prose_of("both")
 
 
 def test_numbers_sort_as_numbers() -> None:
@@ -99,17 +96,17 @@ def test_numbers_sort_as_numbers() -> None:
     assert "Infinity" in values and str(NAN) not in values
 
 
-def test_plots_have_a_curve_for_each_series_and_both_fronts() -> None:
+def test_plots_have_a_curve_for_each_series_and_the_front() -> None:
     with plot_style():
-        axes = tradeoff_figure(CASES["all"].measurements, TIME_AXIS).axes[0]
+        axes = tradeoff_figure(CASES["both"].measurements, TIME_AXIS).axes[0]
         panels = metrics_figure(CASES["all"].measurements).axes
     curves = {str(line.get_label()): line for line in axes.lines}
-    assert {"gaussian, optical", "vtk gpu", "vtk fixed point"} <= set(curves)
-    own, peer = curves["Pareto front of hsplat"], curves["Pareto front of VTK"]
-    assert list(own.get_ydata()) == [22, 31.5, 36] and list(peer.get_ydata()) == [29, 33, 41]
-    assert list(own.get_xdata()) == pytest.approx([10, 40, 400])
+    assert {"gaussian, optical", "integrated, optical"} <= set(curves)
+    front = curves["Pareto front"]
+    assert list(front.get_ydata()) == [22, 30, 31.5, 41]
+    assert list(front.get_xdata()) == pytest.approx([10, 20, 40, 80])
     assert (axes.get_xscale(), axes.get_xlabel(), axes.get_ylabel()) == ("log", "time of a frame, ms", "PSNR, dB")
-    assert {"1", "0.1", "0", "2", "0.5"} <= {text.get_text() for text in axes.texts}
+    assert {"1", "0.1", "0"} <= {text.get_text() for text in axes.texts}
     assert [panel.get_ylabel() for panel in panels] == [
         "PSNR on the volume, dB",
         "SSIM",

@@ -8,14 +8,12 @@ from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from hsplat_cli.reports import REPORT_FILES, require_page_packages, terminal_table, write_study
 from hsplat_cli.studies.measure.options import Sweep
 from hsplat_cli.studies.measure.tolerance import find_truth, nothing_visible_error, open_at_any_tolerance
-from hsplat_cli.studies.peers import vtk_peer
 from hsplat_cli.terminal import FilmEvents, Reporter, describe_machine
 from renderer.accuracy import (
     NUM_SAMPLED_PIXELS,
@@ -28,7 +26,7 @@ from renderer.accuracy import (
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import require_writable_dry_run
-from renderer.frame import Stage, read_film_volumes, view_of
+from renderer.frame import Stage, read_film_volumes
 from renderer.job import without_paths
 from renderer.scene import Scene, counted, motion_of, scene_to_dict, schedule_to_dict
 from renderer.study import Measurement, PlannedSetting, Study, Truths, measure_setting, plan_sweep, splat_setting
@@ -37,8 +35,6 @@ from renderer.volume import Volume, joint_fingerprint
 
 # Number of frames measured by default.
 _NUM_FRAMES = 3
-# Estimated seconds of a peer's frame, for the time remaining.
-_PEER_FRAME_S = 0.4
 
 Plan = Sequence[Sequence[PlannedSetting]]
 
@@ -52,7 +48,7 @@ _QUICK_NOTE = (
 class StudyRequest:
     """A request for a study: the scene, the settings and the frames to measure.
 
-    name: of the scene's file. frames: None for a few spread over the path. peer: "vtk" or None. folder: of the report.
+    name: of the scene's file. frames: None for a few spread over the path. folder: of the report.
     is_quick: whether a few exact rays take the place of truths. The sweep then has one footprint and error measure.
     """
 
@@ -61,7 +57,6 @@ class StudyRequest:
     sweep: Sweep
     frames: list[int] | None
     repeats: int
-    peer: str | None
     truth_tolerance: float
     folder: Path
     is_quick: bool = False
@@ -79,12 +74,7 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     scene = request.scene
     _require_all(request)
     machine = describe_machine(_devices(request))  # fails before a voxel is read
-    if request.peer:
-        machine["peer"] = {"name": request.peer, **vtk_peer.describe_vtk()}
-    volumes, notes = [*read_film_volumes(scene).first], list[str]()
-    if request.peer:
-        scene, volumes[0], notes = vtk_peer.comparable(scene, volumes[0])
-        request = replace(request, scene=scene)
+    volumes = read_film_volumes(scene).first
     volume = volumes[0]
     camera = scene.camera
     frames = request.frames or spread_evenly(range(camera.num_frames), _NUM_FRAMES, is_loop=is_loop(camera.path))
@@ -94,7 +84,6 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
     with _openers(request, volumes) as opened:
         plan = plan_sweep(scene, opened.stage, sweep.errors, sweep.splats, sweep.tolerances)
         with opened.stage(scene) as stage, FilmEvents(reporter, scene.splat.primitive_name) as events:
-            views = [view_of(stage, frame) for frame in frames]
             if request.is_quick:
                 truths = _sample_truths(request, opened, plan, frames)
             else:
@@ -103,18 +92,13 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
             raise nothing_visible_error(len(truths))
         drawn = _measure_hsplat(request, plan, opened, truths)
         work = [each.predicted_seconds(len(frames), request.repeats) for settings in plan for each in settings]
-        if request.peer:
-            repeats, peers = request.repeats, vtk_peer.vtk_settings(scene.mode)
-            work += [len(frames) * (1 + repeats) * _PEER_FRAME_S] * len(peers)
-            arguments = volume, vtk_peer.look_of(scene, volume), views, truths
-            drawn = chain(drawn, vtk_peer.measure_vtk(*arguments, settings=peers, repeats=repeats))
         try:
             for measurement in _with_progress(drawn, work, reporter):
                 measurements.append(measurement)
         except (KeyboardInterrupt, HsplatError) as error:
             end = error
     if measurements:
-        notes = [*([_QUICK_NOTE] if request.is_quick else []), *scene_notes(scene), *notes]
+        notes = [*([_QUICK_NOTE] if request.is_quick else []), *scene_notes(scene)]
         if end:
             why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
             notes.insert(0, f"{why}: {counted(len(measurements), 'setting')} had been measured")
@@ -142,14 +126,12 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
 
 
 def _require_all(request: StudyRequest) -> None:
-    """Raise InputError if a package is missing, the report cannot be written, or the peer cannot draw the scene."""
+    """Raise InputError if a package is missing, or the report cannot be written."""
     require_page_packages()
     if not request.is_quick:
         require_measuring_packages()
     for name in REPORT_FILES:
         require_writable_dry_run(request.folder / name)
-    if request.peer:
-        vtk_peer.check_vtk(request.scene)
 
 
 def _devices(request: StudyRequest) -> str:

@@ -1,7 +1,7 @@
 """Measure VTK's volume mappers on hsplat's scene: the same voxels, transfer function, mode, light, cameras and truth.
 
-VTK draws in a separate process (`vtk_worker.py`), which isolates its GL context and its faults. Lengths are in units of
-the finest spacing, with the origin at the volume's centre, because VTK computes in float32.
+VTK draws in a process of its own (`vtk_worker.py`), because two programs cannot share OpenGL in one. Lengths are in
+units of the finest spacing, with the origin at the volume's centre, because VTK computes in float32.
 
 VTK's volume ends at the outer voxel centres, hsplat's half a voxel further out. `comparable` hides the difference.
 
@@ -12,29 +12,27 @@ fixed-point mapper, and of 8-bit frames, which alone limit the PSNR to 59 dB on 
 from __future__ import annotations
 
 import math
-import re
-import subprocess
-import tempfile
+import multiprocessing
+import statistics
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection
-from typing import IO, Any
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
+import vtk_worker
 
-from renderer.accuracy import FloatImage
-from renderer.errors import InputError, RenderError, require_package
+from renderer.accuracy import Accuracy, Truth, pool_accuracies
+from renderer.errors import InputError
 from renderer.scene import Background, ClipSpec, ModeSpec, PlaneSpec, Scene, ShadingSpec
-from renderer.study import FirstPass, Measurement, Setting, Truths
-from renderer.system import ChildProcesses, join_lines
 from renderer.transfer import TransferFunction, make_transfer_function
 from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume
 
-# Sample distances, in units of the finest spacing; one of n x n pixels is drawn.
+# Sample distances, in units of the finest spacing.
 _SAMPLE_DISTANCES = (0.5, 1.0, 2.0, 4.0)
+# Of n x n pixels each mapper draws one.
 _IMAGE_REDUCTIONS = {"gpu": (1, 2), "fixed point": (1, 2, 4)}
 
 # Both mappers draw these types without conversion.
@@ -65,40 +63,58 @@ _LIGHT_NOTE = (
     "fixed-point mapper interpolates the light between voxels"
 )
 
-_WORKER = "hsplat_cli.studies.peers.vtk_worker"
-
 # Smallest depth of the near plane, as a share of the far plane's: float32 depths stay distinct.
 _NEAREST_PART = 1e-4
-# A worker that takes longer for a frame, or to start, is ended.
-_FRAME_TIMEOUT_S = 600.0
-_START_TIMEOUT_S = 120.0
-_EXIT_TIMEOUT_S = 10.0
-_NUM_LAST_LINES = 8
-_TERMINAL_COLOR = re.compile(r"\x1b\[[0-9;]*m")
 
 
-def vtk_settings(mode: ModeSpec) -> tuple[Setting, ...]:
+class VtkSetting(NamedTuple):
+    """A setting of VTK: a mapper, its step along the ray in units of the finest spacing, and one of n x n pixels."""
+
+    mapper: str
+    sample_distance: float
+    image_reduction: int = 1
+
+    @property
+    def name(self) -> str:
+        """Return such as `gpu, step 0.5` or `fixed point, 1/4 px, step 1`."""
+        pixels = f", 1/{self.image_reduction**2} px" if self.image_reduction > 1 else ""
+        return f"{self.mapper}{pixels}, step {self.sample_distance:g}"
+
+
+class VtkMeasurement(NamedTuple):
+    """A setting with the accuracy of each frame, and the seconds of each frame in each timed pass."""
+
+    setting: VtkSetting
+    accuracies: tuple[Accuracy, ...]
+    seconds: tuple[tuple[float, ...], ...]
+
+    @property
+    def overall(self) -> Accuracy:
+        """Return the accuracy over all frames together."""
+        return pool_accuracies(self.accuracies)
+
+    @property
+    def frame_seconds(self) -> float:
+        """Return the median time of a frame, over frames and passes."""
+        return statistics.median(chain.from_iterable(self.seconds))
+
+
+def vtk_settings(mode: ModeSpec) -> list[VtkSetting]:
     """Return the settings of all mappers with a mode from fine to coarse: steps along the ray, and fewer pixels."""
-    return tuple(
-        Setting(
-            f"vtk {mapper}" + (f", 1/{reduction**2} px" if reduction > 1 else ""),
-            f"step {distance:g}",
-            {"tool": "vtk", "mapper": mapper, "sample_distance": distance, "image_reduction": reduction},
-        )
+    return [
+        VtkSetting(mapper, distance, reduction)
         for mapper, reductions in _IMAGE_REDUCTIONS.items()
         if mapper == "gpu" or mode.type != "mean"
         for reduction in reductions
         for distance in _SAMPLE_DISTANCES
-    )
+    ]
 
 
 def check_vtk(scene: Scene) -> None:
-    """Raise InputError if VTK is not installed, or cannot draw the scene."""
-    require_package("vtk", extra="vtk")
+    """Raise InputError if VTK cannot draw the scene."""
     for where, is_asked, what in _what_vtk_lacks(scene):
         if is_asked:
-            hint = "measure without the peer, or without it"
-            raise InputError(f"VTK cannot be compared: {what}", where=where, hint=hint)
+            raise InputError(f"VTK cannot be compared: {what}", where=where)
 
 
 def _what_vtk_lacks(scene: Scene) -> list[tuple[str, object, str]]:
@@ -136,9 +152,9 @@ def _gray_window(transfer: TransferFunction) -> tuple[float, float] | None:
 
 
 def describe_vtk() -> dict[str, str]:
-    """Return VTK's `version` and `device`. Raises RenderError if it fails to start, dies or hangs."""
-    with _start_worker() as worker:
-        return worker.description()
+    """Return VTK's `version` and `device`."""
+    with _process() as process:
+        return process.submit(vtk_worker.describe).result()
 
 
 def comparable(scene: Scene, volume: Volume) -> tuple[Scene, Volume, list[str]]:
@@ -153,7 +169,6 @@ def comparable(scene: Scene, volume: Volume) -> tuple[Scene, Volume, list[str]]:
             "VTK does not draw volumes with voxels without data",
             where=volume.name,
             got=f"{volume.num_absent} of {volume.values.size} voxels",
-            hint="measure without the peer",
         )
     if min(volume.shape_xyz) < 3:
         raise InputError(
@@ -200,7 +215,6 @@ def with_transparent_border(volume: Volume, transfer: TransferFunction) -> Volum
             "the transfer function has no transparent value, which a comparison with VTK needs for the volume's border",
             where=volume.name,
             expected=f"an opacity of 0 at some value of type {volume.values.dtype}",
-            hint="measure without the peer",
         )
     return _with_border(volume, value)
 
@@ -242,15 +256,18 @@ def look_of(scene: Scene, volume: Volume) -> Look:
 
 
 def measure_vtk(
-    volume: Volume, look: Look, views: Sequence[View], truths: Truths, *, settings: Sequence[Setting], repeats: int
-) -> Iterator[Measurement]:
+    volume: Volume,
+    look: Look,
+    views: Sequence[View],
+    truths: Sequence[Truth],
+    *,
+    settings: Sequence[VtkSetting],
+    repeats: int,
+) -> Iterator[VtkMeasurement]:
     """Measure each setting, and yield it at once.
 
-    volume: as in the truths, by `comparable`. views, truths: one for each frame.
-    settings: of `vtk_settings()`. repeats: timed passes over the frames, drawing and reading back, after a first pass
-    that warms up and gives the pictures, as for hsplat.
-
-    Raises RenderError if VTK fails, dies or hangs. Closing the iterator ends its process.
+    volume: as in the truths, by `comparable`. views, truths: one for each frame. repeats: timed passes over the frames,
+    drawing and reading back, after a first pass that warms up and gives the pictures, as for hsplat.
     """
     voxels, lowest, half_span = _convert_voxels(volume.values)
     points = _points(look.transfer, volume.finest_spacing)
@@ -263,8 +280,6 @@ def measure_vtk(
     job = {
         "spacing": (volume.spacing / finest).tolist(),
         "world_from_image": world_from_image.tolist(),
-        "shape": voxels.shape,
-        "dtype": voxels.dtype,
         "points": points.tolist(),
         "background": look.background or (0.0, 0.0, 0.0),
         "blend": _BLENDS[look.mode.type],
@@ -272,18 +287,21 @@ def measure_vtk(
         "light": look.shading and vars(look.shading),
         "cameras": [_camera(volume, view) for view in views],
     }
-    with _start_worker() as worker:
-        worker.description()
-        worker.send_scene(job, voxels)
-        del voxels
+    with _process(job, voxels) as process:
+
+        def draw(setting: VtkSetting, camera: int) -> tuple[Array, float]:
+            return process.submit(vtk_worker.draw, setting._asdict(), camera).result()
+
         for setting in settings:
-            judged = FirstPass(truths)
-            for k in range(len(truths)):
-                judged.add(worker.draw(setting, k)[0])
-            passes = [[worker.draw(setting, k)[1] for k in range(len(truths))] for _ in range(repeats)]
-            times = [{"draw": seconds} for seconds in zip(*passes, strict=True)]
-            absent: dict[str, Any] = {"num_cells": None, "pyramid_seconds": None, "seconds": {}, "peak_bytes": None}
-            yield judged.measurement([None] * len(truths), times, setting=setting, **absent)
+            pictures = (draw(setting, k)[0] / 255.0 for k in range(len(truths)))
+            accuracies = tuple(truth.accuracy_of(picture) for truth, picture in zip(truths, pictures, strict=True))
+            passes = [[draw(setting, k)[1] for k in range(len(truths))] for _ in range(repeats)]
+            yield VtkMeasurement(setting, accuracies, tuple(zip(*passes, strict=True)))
+
+
+def _process(*scene: Any) -> ProcessPoolExecutor:
+    """Return VTK's process; a context manager, which ends it. scene: the job and the voxels that it draws, if any."""
+    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), vtk_worker.begin, scene)
 
 
 def _final_window(volume: Volume, look: Look) -> tuple[float, float] | None:
@@ -348,61 +366,3 @@ def _camera(volume: Volume, view: View) -> dict[str, Any]:
         "clipping_range": (nearest, max(farthest, nearest * 2)),
     }
     return {"size": (width, height), "camera": camera}
-
-
-@contextmanager
-def _start_worker() -> Iterator[_Worker]:
-    """Start VTK's process, which ends with the block, and with this process."""
-    ours, theirs = Pipe()
-    with ours, tempfile.TemporaryFile() as output, ChildProcesses() as children:
-        with theirs:
-            end = theirs.fileno()
-            process = children.start(_WORKER, [str(end)], pass_fds=[end], stdout=output, stderr=output)
-        try:
-            yield _Worker(process, ours, output)
-        finally:
-            process.kill()
-            process.wait()
-
-
-@dataclass(frozen=True)
-class _Worker:
-    """VTK's process, which answers one request at a time. output: what it prints."""
-
-    process: subprocess.Popen[bytes]
-    connection: Connection[Any, Any]
-    output: IO[bytes]
-
-    def description(self) -> dict[str, str]:
-        """Wait until the process has started, and return VTK's `version` and `device`."""
-        description: dict[str, str] = self._answer("VTK does not start", "--peer vtk", _START_TIMEOUT_S)
-        return description
-
-    def send_scene(self, job: dict[str, Any], voxels: Array) -> None:
-        """Send the scene that `draw` draws."""
-        with suppress(OSError):  # `draw` reports a process that has ended
-            self.connection.send(job)
-            self.connection.send_bytes(np.ascontiguousarray(voxels).reshape(-1).data)
-
-    def draw(self, setting: Setting, camera: int) -> tuple[FloatImage, float]:
-        """Draw a frame; return the picture, float64 [h, w, 3], and the seconds."""
-        with suppress(OSError):
-            self.connection.send((setting.options, camera))
-        where = f"{setting.series}, {setting.label}"
-        pixels, seconds = self._answer("VTK failed to draw a frame", where, _FRAME_TIMEOUT_S)
-        return pixels / 255.0, seconds
-
-    def _answer(self, what: str, where: str, timeout_s: float) -> Any:
-        """Return the next answer. Raises RenderError with the last lines of the output if the process ends or hangs."""
-        try:
-            if self.connection.poll(timeout_s):
-                return self.connection.recv()
-            ending = f"no answer for {timeout_s:g} s"
-        except (EOFError, OSError):
-            with suppress(subprocess.TimeoutExpired):
-                self.process.wait(_EXIT_TIMEOUT_S)  # its end of the pipe has closed, so it is ending
-            ending = f"exit status {self.process.returncode}"
-        self.output.seek(0)
-        text = _TERMINAL_COLOR.sub("", self.output.read().decode(errors="replace"))
-        last = [line for line in text.splitlines() if line.strip()][-_NUM_LAST_LINES:]
-        raise RenderError(what, where=where, got=join_lines([ending, *last]), hint="measure without the peer")

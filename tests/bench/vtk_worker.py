@@ -1,10 +1,7 @@
-"""Draw with VTK in a separate process; the argument is the file descriptor of a connection.
+"""Draw with VTK, in a process of its own that `tests/bench/vtk_peer.py` starts; imports nothing of hsplat.
 
-Imports nothing of hsplat; `hsplat_cli.studies.peers.vtk_peer` starts it. The worker first sends VTK's version and
-driver. It receives the scene in its own unit of length, a dict, then its voxels, the bytes of [z, y, x] of a type that
-VTK draws without conversion. Each further request is a pair: the options of a setting, and the number of a camera. It
-is answered with the picture, uint8 [h, w, 3], row 0 at the top, and the seconds of drawing it. The worker does nothing
-between requests, and ends with them. The first frame of a setting compiles and uploads.
+`begin` takes the scene in its own unit of length, and voxels [z, y, x] of a type that VTK draws without conversion.
+`draw` takes a setting and the number of a camera; the first frame of a setting compiles and uploads.
 """
 
 from __future__ import annotations
@@ -12,8 +9,6 @@ from __future__ import annotations
 import os
 import sys
 import time
-from contextlib import suppress
-from multiprocessing.connection import Connection
 from typing import Any
 
 import numpy as np
@@ -39,25 +34,43 @@ from vtkmodules.vtkRenderingVolumeOpenGL2 import vtkOpenGLGPUVolumeRayCastMapper
 Json = dict[str, Any]
 
 
-def main(connection: Connection[Any, Any]) -> None:
-    """Answer requests until the connection closes, which raises EOFError."""
-    connection.send(describe())
-    job: Json = connection.recv()
-    voxels = np.frombuffer(connection.recv_bytes(), job["dtype"]).reshape(job["shape"])
-    image = _make_image(voxels, job["spacing"])
-    current: Json | None = None
-    window: Any = None
-    renderer: Any = None
-    while True:
-        setting, camera = connection.recv()
-        if setting != current:
-            if window is not None:
-                window.Finalize()  # frees its memory on the device
-            current = setting
-            window, renderer = _make_window(job, _make_property(setting, job), _make_mapper(setting, image, job))
-        window.SetSize(job["cameras"][camera]["size"])
-        renderer.SetActiveCamera(vtkCamera(**job["cameras"][camera]["camera"]))
-        connection.send(_draw(window, renderer))
+class _Painter:
+    """A scene that VTK draws: one setting at a time has a window."""
+
+    def __init__(self, job: Json, voxels: npt.NDArray[Any]) -> None:
+        self._job, self._voxels = job, voxels  # VTK's image refers to the voxels
+        self._image = _make_image(voxels, job["spacing"])
+        self._setting: Json = {}
+        self._window: Any = None
+        self._renderer: Any = None
+
+    def draw(self, setting: Json, camera: int) -> tuple[npt.NDArray[np.uint8], float]:
+        """Draw a frame; return the picture, and the seconds."""
+        job = self._job
+        if setting != self._setting:
+            if self._window is not None:
+                self._window.Finalize()  # frees its memory on the device
+            self._setting = setting
+            mapper = _make_mapper(setting, self._image, job)
+            self._window, self._renderer = _make_window(job, _make_property(setting, job), mapper)
+        self._window.SetSize(job["cameras"][camera]["size"])
+        self._renderer.SetActiveCamera(vtkCamera(**job["cameras"][camera]["camera"]))
+        return _draw(self._window, self._renderer)
+
+
+_painters: list[_Painter] = []
+
+
+def begin(*scene: Any) -> None:
+    """Prepare the process, and a job and its voxels if they are given."""
+    _fail_on_errors()
+    if scene:
+        _painters.append(_Painter(*scene))
+
+
+def draw(setting: Json, camera: int) -> tuple[npt.NDArray[np.uint8], float]:
+    """Return the picture, uint8 [h, w, 3], row 0 at the top, and the seconds of drawing it and reading it back."""
+    return _painters[0].draw(setting, camera)
 
 
 def describe() -> dict[str, str]:
@@ -151,9 +164,3 @@ def _fail_on_errors() -> None:
         os._exit(1)  # VTK's code would ignore an exception
 
     vtkOutputWindow.GetInstance().AddObserver(vtkCommand.ErrorEvent, fail)
-
-
-if __name__ == "__main__":
-    _fail_on_errors()
-    with suppress(EOFError):
-        main(Connection(int(sys.argv[1])))
