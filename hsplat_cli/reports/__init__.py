@@ -5,7 +5,8 @@ numbers as here.
 
 - `study_html.py` writes all files, and makes the page; `tables.py`: text, CSV and JSON, and the columns of the
   page; `plots.py`: error against cost; `costs.py`: what a PSNR costs.
-- `html.py`: templates, SVG and pictures in a page; `number_format.py`: significant digits. `templates/`: jinja.
+- `html.py`: templates, and pictures in a page; `charts.py`: axes, curves and labels, drawn as SVG by `chart.html`;
+  `number_format.py`: significant digits. `templates/`: jinja.
 """
 
 import lazy_loader

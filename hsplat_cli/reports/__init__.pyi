@@ -1,11 +1,18 @@
-from .html import (
-    SERIES_COLORS as SERIES_COLORS,
+from .charts import (
+    SERIES as SERIES,
+    Axis as Axis,
     Chart as Chart,
+    Curve as Curve,
+    Tick as Tick,
+    linear_axis as linear_axis,
+    log_axis as log_axis,
+    round_numbers as round_numbers,
+)
+from .html import (
     format_facts as format_facts,
-    plot_style as plot_style,
+    page_environment as page_environment,
     png_data_uri as png_data_uri,
     render_page as render_page,
-    require_page_packages as require_page_packages,
     webp_data_uri as webp_data_uri,
 )
 from .number_format import (

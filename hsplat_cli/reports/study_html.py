@@ -13,18 +13,9 @@ import numpy as np
 import yaml
 
 from hsplat_cli.reports import costs
-from hsplat_cli.reports.html import Chart, format_facts, plot_style, render_page, require_page_packages
+from hsplat_cli.reports.html import format_facts, render_page
 from hsplat_cli.reports.number_format import ABSENT, count_text, ms_text
-from hsplat_cli.reports.plots import (
-    SPLATS_AXIS,
-    TIME_AXIS,
-    CostAxis,
-    has_intervals,
-    metrics_figure,
-    plottable,
-    plottable_front,
-    tradeoff_figure,
-)
+from hsplat_cli.reports.plots import has_intervals, study_charts
 from hsplat_cli.reports.tables import Column, cost_columns, csv_text, json_text, metric_columns, to_plain
 from renderer.accuracy import Truth
 from renderer.bricks import BRICK_SIZE
@@ -41,10 +32,8 @@ def write_study(study: Study, folder: Path, *, date: str) -> list[Path]:
     """Write measure.csv, measure.json and index.html into `folder`, and return their paths.
 
     date: shown in the report. Equal studies and dates give equal bytes. Missing folders are created. All files are made
-    before the first is written. Raises InputError if a package for pages is missing or a name cannot be a file, and
-    RenderError if the system refuses.
+    before the first is written. Raises InputError if a name cannot be a file, and RenderError if the system refuses.
     """
-    require_page_packages()
     texts = (csv_text(study), json_text(study, date=date), study_page(study, date=date))
     paths = [folder / name for name in REPORT_FILES]
     # File names that are not UTF-8 have surrogates in Python, which become escapes in JSON.
@@ -58,30 +47,29 @@ def study_page(study: Study, *, date: str) -> str:
     """Return the page as text; equal studies and dates give equal text."""
     measurements = study.measurements
     on_fronts = costs.on_pareto_fronts(measurements)
-    with plot_style():
-        return render_page(
-            "study.html",
-            title=f"What accuracy costs: {study.name}",
-            study=study,
-            facts=_facts(study, date),
-            charts=_charts(measurements),
-            costs=_cost_lines(measurements),
-            truths=[(truth.frame, thumbnail(truth.picture)) for truth in study.truths],
-            convergence=[_convergence_line(truth) for truth in study.truths],
-            has_bricks=costs.has_bricks(measurements),
-            has_splats=costs.has_splats(measurements),
-            primitives=_primitive_nouns(measurements),
-            brick_size=BRICK_SIZE,
-            gain=f"{DIFFERENCE_GAIN:g}",
-            on_front=[on_time for on_time, _ in on_fronts],
-            fronts=[" and ".join(["time"] * on_time + ["splats"] * on_splats) for on_time, on_splats in on_fronts],
-            cost_columns=cost_columns(measurements, count_text),
-            is_estimate=has_intervals(measurements),
-            everywhere_columns=metric_columns(measurements, _METRICS, "everywhere"),
-            on_volume_columns=metric_columns(measurements, _METRICS, "on_volume"),
-            step_columns=_step_columns(measurements),
-            scene=yaml.safe_dump(to_plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
-        )
+    return render_page(
+        "study.html",
+        title=f"What accuracy costs: {study.name}",
+        study=study,
+        facts=_facts(study, date),
+        charts=study_charts(measurements),
+        costs=_cost_lines(measurements),
+        truths=[(truth.frame, thumbnail(truth.picture)) for truth in study.truths],
+        convergence=[_convergence_line(truth) for truth in study.truths],
+        has_bricks=costs.has_bricks(measurements),
+        has_splats=costs.has_splats(measurements),
+        primitives=_primitive_nouns(measurements),
+        brick_size=BRICK_SIZE,
+        gain=f"{DIFFERENCE_GAIN:g}",
+        on_front=[on_time for on_time, _ in on_fronts],
+        fronts=[" and ".join(["time"] * on_time + ["splats"] * on_splats) for on_time, on_splats in on_fronts],
+        cost_columns=cost_columns(measurements, count_text),
+        is_estimate=has_intervals(measurements),
+        everywhere_columns=metric_columns(measurements, _METRICS, "everywhere"),
+        on_volume_columns=metric_columns(measurements, _METRICS, "on_volume"),
+        step_columns=_step_columns(measurements),
+        scene=yaml.safe_dump(to_plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
+    )
 
 
 def _facts(study: Study, date: str) -> list[tuple[str, str]]:
@@ -92,36 +80,6 @@ def _facts(study: Study, date: str) -> list[tuple[str, str]]:
     noun = f"frame{'s' * (len(numbers) != 1)}"
     picture = [("pictures", f"{' x '.join(map(str, size))} pixels, {noun} {frames}")] if size else []
     return [*volume, *picture, *format_facts(study.machine), ("date", date)]
-
-
-def _charts(measurements: Sequence[Measurement]) -> list[Chart]:
-    charts = []
-    for axis in (TIME_AXIS, SPLATS_AXIS):
-        if shown := plottable(measurements, axis):
-            series = ", ".join(costs.group_by_series(shown))
-            alt = f"PSNR in dB over the {axis.title}, logarithmic, of {series}"
-            charts.append(Chart(tradeoff_figure(measurements, axis), _tradeoff_caption(measurements, axis), alt))
-    if plottable(measurements, TIME_AXIS) and not has_intervals(measurements):
-        series = ", ".join(costs.group_by_series(measurements))
-        alt = f"PSNR on the volume, SSIM, FLIP and pixels over Delta-E 2.3 over the {TIME_AXIS.title}, of {series}"
-        charts.append(Chart(metrics_figure(measurements), "The same settings by other metrics.", alt))
-    return charts
-
-
-def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis) -> str:
-    """Explain labels, bars and omissions."""
-    parts = ["Higher and further to the left is better."]
-    front = plottable_front(measurements, axis)
-    if front:
-        kind, _, _ = front[0].setting.label.rpartition(" ")
-        parts.append(f"Labels at the points of the front, where they fit: {kind}.")
-    lacks_bricks = axis is SPLATS_AXIS and costs.has_bricks(measurements)
-    parts += ["Settings with bricks are not in this plot."] * lacks_bricks
-    parts += ["Bars reach from the first to the third quartile of the time."] if axis.has_bars else []
-    parts += ["Those of the PSNR hold it in 95 % of cases or more."] if has_intervals(measurements) else []
-    exact = sum(m.overall.everywhere["psnr"] == math.inf for m in measurements if axis.cost(m) > 0)
-    parts += [f"Not shown, because equal to the truth: {exact}."] if exact else []
-    return " ".join(parts)
 
 
 def _cost_lines(measurements: Sequence[Measurement]) -> list[dict[str, str]]:

@@ -1,14 +1,12 @@
-"""What `hsplat measure`, `hsplat paper` and scenes with an accuracy print when they cannot do what was asked."""
+"""What `hsplat measure` and scenes with an accuracy print when they cannot do what was asked."""
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from hsplat_cli.commands.paper import SCENES
 from hsplat_cli.studies.measure.study import scene_notes
 from renderer.scene import load_scene
 from tests.messages.conftest import small_scene
@@ -17,13 +15,9 @@ from tests.support.transcripts import Case, cases
 
 @pytest.fixture(autouse=True)
 def folder(scene_folder: Path) -> Path:
-    """Fill the current folder with a small scene of bricks and, in `figures`, the scenes of `hsplat paper`."""
+    """Fill the current folder with a small scene of bricks."""
     text = small_scene(6).replace("shading:\n  ambient: 0.3\n", "")
     (scene_folder / "scene.yaml").write_text(text, "utf-8")
-    shutil.copytree(SCENES, scene_folder / "figures")
-    for name in ("empty", "one"):
-        (scene_folder / name).mkdir()
-    shutil.copy(SCENES / "3_one_splat.yaml", scene_folder / "one")
     return scene_folder
 
 

@@ -10,7 +10,6 @@ from small_scene import contents, small_scene
 from volume_files import write_volume
 
 from hsplat_cli import main
-from hsplat_cli.commands.paper import SCENES
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -149,14 +148,12 @@ def test_a_folder_that_hsplat_did_not_make(command: list[str], capsys) -> None:
 def test_scenes_and_reports(capsys) -> None:
     write_volume(Path("scan.nrrd"), VALUES, "<")
     Path("films").mkdir()
-    Path("page").mkdir()
-    for name in ("scan.yaml", "measure.csv", "films/scan.mp4", "page/index.html"):
+    for name in ("scan.yaml", "measure.csv", "films/scan.mp4"):
         Path(name).hardlink_to("scan.nrrd")
     refused(capsys, "scan.yaml", "scan.nrrd", "init", "scan.nrrd", "--output", "scan.yaml", "--force")
     scene_of("file: scan.nrrd")
     scan = str(Path("scan.nrrd").resolve())
     refused(capsys, "measure.csv", scan, "measure", "scene.yaml", "--output", ".")
-    refused(capsys, "page/index.html", scan, "paper", str(SCENES), "--volume", "scan.nrrd", "--output", "page")
     refused(capsys, "films/scan.mp4", "scan.nrrd", "turntable", "scan.nrrd", "-o", "films")
 
 

@@ -13,7 +13,6 @@ import yaml
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.reports import study_html
 from hsplat_cli.studies.measure import study
 from renderer.errors import RenderError
 from renderer.scene import Scene
@@ -23,10 +22,7 @@ SCENE = small_scene(shape="32, 32, 16", frames=8, size="48, 32", error="toleranc
 FEW = ("--thorough", "--repeats", "1", "--frames", "0:8:4")
 
 
-@pytest.fixture(autouse=True)
-def quick_page(scene_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out the page, whose plots take their time."""
-    monkeypatch.setattr(study_html, "study_page", lambda *_, **__: "the page")
+pytestmark = pytest.mark.usefixtures("scene_folder")
 
 
 def measure(*arguments: str) -> None:

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hsplat_cli.reports import REPORT_FILES, require_page_packages, terminal_table, write_study
+from hsplat_cli.reports import REPORT_FILES, terminal_table, write_study
 from hsplat_cli.studies.measure.options import Sweep
 from hsplat_cli.studies.measure.tolerance import find_truth, nothing_visible_error, open_at_any_tolerance
 from hsplat_cli.terminal import FilmEvents, Reporter, describe_machine
@@ -127,7 +127,6 @@ def run_study(request: StudyRequest, reporter: Reporter) -> None:
 
 def _require_all(request: StudyRequest) -> None:
     """Raise InputError if a package is missing, or the report cannot be written."""
-    require_page_packages()
     if not request.is_quick:
         require_measuring_packages()
     for name in REPORT_FILES:

@@ -1,4 +1,4 @@
-"""Describe a figure on the page of `hsplat paper`, and draw, time and plot what all figures need."""
+"""Describe a figure of the paper, and draw and time the frames that it needs."""
 
 from __future__ import annotations
 
@@ -6,23 +6,16 @@ import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hsplat_cli.reports import Chart
 from renderer.accuracy import TRUTH_TOLERANCE, FloatImage, compute_truth
 from renderer.draw import Rasterizer
 from renderer.film import Pixels, over_background
 from renderer.frame import Clock, Frame, Stage, prepare_stage, render_frames
-from renderer.scene import Scene, VolumeSpec, with_tolerance
+from renderer.scene import Scene
 from renderer.study import FRAME_STEPS
 from renderer.transfer import TransferFunction, make_transfer_function
-from renderer.volume import Volume
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-_PLOT_HEIGHT_IN = 3.6
 
 
 @dataclass(frozen=True)
@@ -46,8 +39,8 @@ PictureRows = Mapping[str, Sequence[tuple[Pixels, str]]]
 class PaperFigure:
     """A figure of the paper, without its number.
 
-    tables: by caption; each line maps headings to cells, and its first cell is its heading. notes: what differs from
-    the paper, such as a substitute volume.
+    drawings: paths of SVG from -1 to 1, and captions. tables: by caption; each line maps headings to cells, and its
+    first cell is its heading. notes: differences from the paper.
     """
 
     title: str
@@ -55,26 +48,23 @@ class PaperFigure:
     claims: tuple[Claim, ...]
     rows: PictureRows
     charts: tuple[Chart, ...] = ()
+    drawings: Sequence[tuple[str, str]] = ()
     tables: Mapping[str, Sequence[Mapping[str, str]]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class FigureRenderer:
-    """A rasterizer with what all figures share. volumes: those already read. clock: returns seconds."""
+    """A rasterizer, a clock that returns seconds, and a number of threads, which all figures share."""
 
     rasterizer: Rasterizer
-    volumes: Mapping[VolumeSpec, Volume]
     clock: Clock
     num_threads: int
 
     @contextmanager
     def open_stage(self, scene: Scene) -> Iterator[FigureStage]:
-        """Prepare a scene for any tolerance; tolerance 0 replaces a budget or an accuracy."""
-        scene = scene if scene.error.goal is None else with_tolerance(scene, 0.0)
-        options: dict[str, Any] = {"clock": self.clock, "num_threads": self.num_threads, "any_tolerance": True}
-        known = self.volumes.get(scene.volume)
-        with prepare_stage(scene, volumes=None if known is None else [known], **options) as stage:
+        """Prepare a scene for any tolerance."""
+        with prepare_stage(scene, clock=self.clock, num_threads=self.num_threads, any_tolerance=True) as stage:
             yield FigureStage(stage, self)
 
 
@@ -127,18 +117,3 @@ class FigureStage:
             scene = replace(scene, **{name: replace(section, **own)})
         stage = replace(self.base, scene=replace(scene, annotation=keys.get("annotation", scene.annotation)))
         return render_frames(stage, [0] * num, self.renderer.rasterizer, clock=self.renderer.clock)
-
-
-def new_plot(x_label: str, y_label: str) -> tuple[Figure, Axes]:
-    """Return an empty plot and its axes. Call it inside `plot_style`."""
-    plot, (axes,) = new_plots(1, height_in=_PLOT_HEIGHT_IN, aspect=2.0)
-    axes.set(xlabel=x_label, ylabel=y_label)
-    return plot, axes
-
-
-def new_plots(num: int, *, height_in: float, aspect: float = 1.0) -> tuple[Figure, list[Axes]]:
-    """Return empty plots side by side, each `aspect` times as wide as high. Call it inside `plot_style`."""
-    from matplotlib.figure import Figure
-
-    plot = Figure(figsize=(num * height_in * aspect, height_in), layout="constrained")
-    return plot, list(plot.subplots(1, num, squeeze=False)[0])

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
+from figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
+
 from renderer.accuracy import compute_metric
 from renderer.scene import Scene, counted
 from renderer.study import DIFFERENCE_GAIN, amplified_difference, rounded
@@ -49,7 +50,7 @@ class TimedFrame:
 
 
 def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
-    """Return figure 6 for any scene."""
+    """Return figure 6."""
     drawings, psnr_to_full_db, rows = measure(scene, figure_renderer)
     full = drawings[-1]
     notes = [

@@ -7,14 +7,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+import footprints
+import levels
 import numpy as np
 import numpy.typing as npt
+import octrees
+import one_splat
+import opacity
 import pytest
+import refinement
+import reproduce
+from figure import Claim, FigureRenderer
+from html_page import assert_can_be_heard
 
-from hsplat_cli.commands.paper import SCENES
-from hsplat_cli.studies import FigureRenderer
-from hsplat_cli.studies.paper import footprints, levels, octrees, one_splat, opacity, refinement
-from hsplat_cli.studies.paper.figure import Claim
 from renderer.draw import Rasterizer, SplatRasterizer
 from renderer.pyramid import cut_pyramid
 from renderer.scene import ArraySource, Scene, load_scene
@@ -27,11 +32,11 @@ STAND_IN = "volume={procedural: {name: engine_block, shape: [40, 48, 24]}}"
 
 
 def scene(name: str, *overrides: str) -> Scene:
-    return load_scene(SCENES / name, overrides=overrides)
+    return load_scene(reproduce.HERE / "scenes" / name, overrides=overrides)
 
 
 def renderer_of(rasterizer: Rasterizer, clock: Callable[[], float] = lambda: 0.0) -> FigureRenderer:
-    return FigureRenderer(rasterizer, {}, clock, 1)
+    return FigureRenderer(rasterizer, clock, 1)
 
 
 @pytest.fixture(scope="module")
@@ -43,16 +48,16 @@ def verdicts(claims: tuple[Claim, ...]) -> list[bool]:
     return [claim.is_confirmed for claim in claims]
 
 
-def test_a_scene_with_a_goal_is_drawn_at_full_resolution(figure_renderer: FigureRenderer) -> None:
-    """It holds until a figure sets a tolerance."""
-    changes = "error.tolerance=null", "error.seconds=0.5", "output.size=[16, 16]"
-    with (
-        figure_renderer.open_stage(scene("6_engine.yaml", STAND_IN, *changes)) as with_goal,
-        figure_renderer.open_stage(scene("6_engine.yaml", STAND_IN, "output.size=[16, 16]")) as without,
-    ):
-        frame, plain = with_goal.draw(), without.draw()
-    assert frame.tolerance == plain.tolerance == 0
-    np.testing.assert_array_equal(frame.image, plain.image)
+def test_the_page_has_all_pictures_and_charts(figure_renderer: FigureRenderer) -> None:
+    figures = {
+        1: footprints.make_figure(scene("1_footprints.yaml", "output.size=[32, 32]"), figure_renderer),
+        3: one_splat.make_figure(scene("3_one_splat.yaml", "output.size=[32, 32]"), figure_renderer),
+    }
+    text = reproduce.page(figures, {"cores": 2})
+    assert_can_be_heard(text)
+    assert text.count('<section id="figure-') == 2
+    assert text.count("<img") == len(footprints.SUBDIVISIONS) + 1 + 3 * len(one_splat.SIDES)
+    assert text.count('class="axes"') == len(footprints.SUBDIVISIONS) + 2 + (5 + 3)  # meshes, charts, legends
 
 
 # 1: footprints

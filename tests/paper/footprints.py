@@ -9,13 +9,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from figure import Claim, FigureRenderer, FigureStage, PaperFigure
 
-from hsplat_cli.reports import SERIES_COLORS, Chart
-from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, new_plot, new_plots
-from renderer.errors import InputError
+from hsplat_cli.reports import SERIES, Chart, Curve, linear_axis
 from renderer.film import Pixels
 from renderer.frame import view_of
-from renderer.scene import Scene, counted
+from renderer.scene import Scene
 from renderer.splats import GouraudFootprint
 from renderer.volume import Float64
 
@@ -61,7 +60,8 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         "subdivisions. The vertices have the opacities of a smooth profile; the hardware interpolates between them.",
         check_claims(drawn[:-1]),
         {"The same splat": [(item.picture, item.caption) for item in drawn]},
-        charts=(_profiles(drawn, smooth), _meshes(scene)),
+        charts=(_profiles(drawn, smooth),),
+        drawings=_meshes(scene),
         tables={
             "Error against the smooth profile, over all pixels": [
                 {
@@ -137,12 +137,7 @@ def _sigma(stage: FigureStage) -> float:
 
 def _measure_footprint(stage: FigureStage, name: str, num_triangles: int, keys: dict[str, Any]) -> FootprintError:
     frame, view = stage.draw(**keys), view_of(stage.base, 0)
-    if frame.num_primitives != 1 or view.projection != "orthographic":
-        raise InputError(
-            "figure 1 needs one splat in parallel projection",
-            got=f"{counted(frame.num_primitives, 'splat')}, {view.projection}",
-            hint="give it a volume of 1 x 1 x 1 voxels",
-        )
+    assert frame.num_primitives == 1 and view.projection == "orthographic"
     width, height = view.size
     x, y = (np.arange(side) + 0.5 - side / 2 for side in view.size)
     distance = np.hypot(*np.meshgrid(x, y)) / (_sigma(stage) * view.scale_px)
@@ -155,25 +150,34 @@ def _measure_footprint(stage: FigureStage, name: str, num_triangles: int, keys: 
 
 
 def _profiles(drawn: Sequence[FootprintError], smooth: Float64) -> Chart:
-    plot, axes = new_plot("distance from the centre, standard deviations", "alpha")
-    for color, fan in zip(SERIES_COLORS, (drawn[k] for k in SHOWN_FANS), strict=False):
-        axes.plot(fan.radii, fan.alphas, color=color, label=fan.caption)
-    axes.plot(drawn[-1].radii, drawn[-1].alphas, color=SERIES_COLORS[3], linestyle=":", label=drawn[-1].name)
-    axes.plot(*smooth[:-1].T, color=SERIES_COLORS[7], linestyle="--", label="smooth profile")
-    axes.legend()
+    fans = [drawn[k] for k in SHOWN_FANS]
+    gaussian = drawn[-1]
+    curves = [Curve(fan.caption, _points(fan.radii, fan.alphas), SERIES[k]) for k, fan in enumerate(fans)]
+    curves.append(Curve(gaussian.name, _points(gaussian.radii, gaussian.alphas), SERIES[3], dash="2 3"))
+    curves.append(Curve("smooth profile", _points(*smooth[:-1].T), SERIES[7], dash="7 3"))
     return Chart(
-        plot,
-        "Alpha over the distance from the centre, to the right",
+        linear_axis("distance from the centre, standard deviations", drawn[0].radii.tolist()),
+        linear_axis("alpha", [alpha for each in drawn for alpha in each.alphas.tolist()]),
+        curves,
+        "Alpha over the distance from the centre, to the right.",
         "Alpha over the distance from the centre, for three fans, the Gaussian and the smooth profile",
     )
 
 
-def _meshes(scene: Scene) -> Chart:
-    plot, all_axes = new_plots(len(SUBDIVISIONS), height_in=1.6)
-    for axes, (angular, radial) in zip(all_axes, SUBDIVISIONS, strict=True):
+def _points(across: Float64, up: Float64) -> list[tuple[float, float]]:
+    return list(zip(across.tolist(), up.tolist(), strict=True))
+
+
+def _meshes(scene: Scene) -> list[tuple[str, str]]:
+    """Return the triangles of each fan as a path, all at one scale, and its subdivisions."""
+    meshes = []
+    for angular, radial in SUBDIVISIONS:
         footprint = GouraudFootprint.from_spec(replace(scene.splat, angular=angular, radial=radial))
-        axes.triplot(*footprint.vertices.T, footprint.triangles, color=SERIES_COLORS[0], linewidth=0.5)
-        axes.set_title(f"{angular} x {radial}")
-        axes.set_aspect("equal")
-        axes.set_axis_off()
-    return Chart(plot, "The triangles of the fans, angular x radial subdivisions, all at one scale")
+        meshes.append((footprint.vertices[footprint.triangles], f"{angular} x {radial}"))
+    reach = max(float(np.abs(corners).max()) for corners, _ in meshes)
+    return [(_triangles(corners / reach), caption) for corners, caption in meshes]
+
+
+def _triangles(corners: Float64) -> str:
+    """Return a path of triangles, [n, 3, 2]."""
+    return "".join(f"M{'L'.join(f'{x:.3f} {y:.3f}' for x, y in triangle)}Z" for triangle in corners.tolist())

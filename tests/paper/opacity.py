@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
+from one_splat import SATURATED_ALPHA
 
-from hsplat_cli.reports import SERIES_COLORS, Chart
-from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows, new_plot
-from hsplat_cli.studies.paper.one_splat import SATURATED_ALPHA
-from renderer.errors import InputError
+from hsplat_cli.reports import SERIES, Chart, Curve, linear_axis
 from renderer.film import Pixels
 from renderer.frame import view_of
 from renderer.scene import ProceduralSource, Scene
@@ -20,8 +19,6 @@ OPACITIES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 SHOWN_OPACITY = 0.05
 # In alpha. A grid of splats ripples by up to 1.1 % of the optical depth, at most 0.004 in alpha.
 AGREEMENT_TOLERANCE = 0.005
-# Pixels as large as voxels would all sample the ripple at one point of its period, which no mean evens out.
-MIN_VOXEL_PX = 1.5
 # In alpha, between level 0 and the coarsest: visible at a glance.
 MIN_VISIBLE_LOSS = 0.1
 
@@ -75,13 +72,8 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
 def measure(scene: Scene, figure_renderer: FigureRenderer) -> Slab:
     """Draw the slab with each opacity of its voxels and each level of its cells."""
     source, points = scene.volume.source, scene.transfer_function.mapping
-    x, depth, z = source.shape if isinstance(source, ProceduralSource) and source.name == "constant" else (0, 0, 0)
-    if not isinstance(points, tuple) or depth == 0 or depth & (depth - 1) or min(x, z) < 4 * depth:
-        raise InputError(
-            "figure 2 needs a slab of one material",
-            expected="volume.procedural: {name: constant, shape: [x, y, z]}, y a power of two, x and z at least 4 y, "
-            "and transfer_function.points",
-        )
+    assert isinstance(source, ProceduralSource) and isinstance(points, tuple)
+    depth = source.shape[1]
     alphas = np.empty((2, len(OPACITIES), depth.bit_length()))
     rows: dict[str, list[tuple[Pixels, str]]] = {}
     for i, opacity in enumerate(OPACITIES):
@@ -129,19 +121,12 @@ def _middle(stage: FigureStage, depth: int) -> tuple[slice, slice]:
     """Return rows and columns of the picture's middle, as wide as a cell of the last level.
 
     It holds whole periods of the ripple at every level, and no footprint of the border reaches it: a footprint ends 1.4
-    cells from its centre. Raises InputError if voxels are too small in the picture, or the middle does not fit.
+    cells from its centre. Voxels are larger than pixels, which would else all sample the ripple at one point of its
+    period.
     """
     view = view_of(stage.base, 0)
-    voxel_px = view.scale_px * stage.base.layers[0].volume.finest_spacing
     width, height = view.size
-    half = round(depth * voxel_px / 2)
-    if voxel_px < MIN_VOXEL_PX or half > min(width, height) // 2:
-        raise InputError(
-            f"figure 2 needs the middle {depth} x {depth} voxels of the slab in the picture, larger than pixels",
-            got=f"voxels of {voxel_px:.3g} pixels in a picture of {width} x {height} pixels",
-            expected=f"voxels of {MIN_VOXEL_PX:g} pixels or more, {depth} of them along its height and its width",
-            hint="output.size sets the number of pixels, camera.distance the number of voxels they show",
-        )
+    half = round(depth * view.scale_px * stage.base.layers[0].volume.finest_spacing / 2)
     row, column = height // 2, width // 2
     return slice(row - half, row + half), slice(column - half, column + half)
 
@@ -159,17 +144,21 @@ def _table_lines(slab: Slab, alphas: Float64, *, corrected: bool) -> list[dict[s
 
 
 def _chart(slab: Slab) -> Chart:
-    plot, axes = new_plot("opacity of a voxel", "opacity of a cell")
-    fine = np.linspace(0, 0.999, 400)
+    fine = np.linspace(0, 0.999, 200)
     with_correction, without = slab.cell_opacity(slab.corrected), slab.cell_opacity(slab.uncorrected)
+    curves = []
     for level in range(len(slab.cells_in_depth)):
-        color, count = SERIES_COLORS[level % len(SERIES_COLORS)], 2**level
-        axes.plot(fine, -np.expm1(count * np.log1p(-fine)), color=color, linewidth=1)
-        axes.plot(OPACITIES, with_correction[:, level], "o", color=color, markersize=4, label=f"level {level}")
-        axes.plot(OPACITIES, without[:, level], "x", color=color, markersize=4)
-    axes.legend()
+        color = SERIES[level % len(SERIES)]
+        line = zip(fine.tolist(), (-np.expm1(2**level * np.log1p(-fine))).tolist(), strict=True)
+        curves.append(Curve(f"level {level}", list(line), color, width=1))
+        for alphas, marker in ((with_correction, "circle"), (without, "cross")):
+            points = zip(OPACITIES, alphas[:, level].tolist(), strict=True)
+            curves.append(Curve("", [point for point in points if np.isfinite(point[1])], color, marker, dash=""))
     return Chart(
-        plot,
+        linear_axis("opacity of a voxel", [0, 1]),
+        linear_axis("opacity of a cell", [0, 1]),
+        curves,
         "Opacity of one cell over that of its voxels: drawn with correction (dots), without (crosses), and "
-        "1 - (1 - a)^(2^k) (lines)",
+        "1 - (1 - a)^(2^k) (lines).",
+        "Opacity of one cell over that of its voxels, by level, with and without correction",
     )

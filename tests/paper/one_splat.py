@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from figure import Claim, FigureRenderer, PaperFigure, PictureRows
 
-from hsplat_cli.reports import SERIES_COLORS, Chart
-from hsplat_cli.studies.paper.figure import Claim, FigureRenderer, PaperFigure, PictureRows, new_plot
-from renderer.errors import InputError
+from hsplat_cli.reports import SERIES, Axis, Chart, Curve, Tick, linear_axis
 from renderer.film import Pixels
 from renderer.frame import Frame
-from renderer.scene import MAX_LEVEL, ProceduralSource, Scene, counted
+from renderer.scene import MAX_LEVEL, ProceduralSource, Scene
 
 # Above this alpha, float32 and the footprint's ripple hide the optical depth.
 SATURATED_ALPHA = 0.9999
@@ -60,10 +58,7 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
 def measure(scene: Scene, figure_renderer: FigureRenderer) -> SplatSeries:
     """Draw the splat for each number of voxels, with and without correction."""
     source = scene.volume.source
-    if not (isinstance(source, ProceduralSource) and source.name == "constant" and len(set(source.spacing)) == 1):
-        raise InputError(
-            "figure 3 needs a cube of one material", expected="volume.procedural: {name: constant, shape: [1, 1, 1]}"
-        )
+    assert isinstance(source, ProceduralSource)
     length = source.shape[0] * source.spacing[0]
     rows: dict[str, list[tuple[Pixels, str]]] = {"With correction": [], "Without": [], "The voxels themselves": []}
     corrected, uncorrected, totals, opacity = [], [], [], 0.0
@@ -75,10 +70,8 @@ def measure(scene: Scene, figure_renderer: FigureRenderer) -> SplatSeries:
                 stage.draw(finest_level=MAX_LEVEL, opacity_correction=is_corrected) for is_corrected in (True, False)
             )
             voxels = stage.draw(finest_level=0, tolerance=0.0, opacity_correction=True)
-        if splat.num_primitives != 1:
-            got = counted(splat.num_primitives, "splat")
-            raise InputError("figure 3 needs a scene that is drawn as one splat", got=got)
-        _require_depths((splat, without, voxels), side, opacity)
+        assert splat.num_primitives == 1
+        assert all(frame.radiance[..., 3].max() < SATURATED_ALPHA for frame in (splat, without, voxels))
         corrected.append(_middle(splat))
         uncorrected.append(_middle(without))
         totals.append(_total_depth(splat) / _total_depth(voxels))
@@ -116,24 +109,6 @@ def check_claims(splats: SplatSeries) -> tuple[Claim, ...]:
     )
 
 
-def _require_depths(frames: Sequence[Frame], side: int, opacity: float) -> None:
-    """Raise InputError if the alphas do not determine the optical depths."""
-    if any(_middle(frame) == 0 for frame in frames):
-        raise InputError(
-            "figure 3 needs a splat in the middle of the picture",
-            got="alpha 0 in the middle",
-            hint="camera.target: visible",
-        )
-    largest = max(float(frame.radiance[..., 3].max()) for frame in frames)
-    if largest >= SATURATED_ALPHA:
-        raise InputError(
-            "figure 3 needs translucent splats",
-            got=f"alpha {largest:.6g} for a cube of {side}^3 voxels of opacity {opacity:.3g}",
-            expected=f"alpha below {SATURATED_ALPHA:g} for cubes of up to {SIDES[-1]}^3 voxels",
-            hint="lower the opacities of the transfer function",
-        )
-
-
 def _middle(frame: Frame) -> float:
     height, width = frame.image.shape[:2]
     return float(frame.radiance[height // 2, width // 2, 3])
@@ -145,11 +120,19 @@ def _total_depth(frame: Frame) -> float:
 
 
 def _chart(splats: SplatSeries) -> Chart:
-    plot, axes = new_plot("voxels a side", "alpha in the middle")
+    across = [math.log2(side) for side in SIDES]
     expected = [-math.expm1(side * math.log1p(-splats.corrected[0])) for side in SIDES]
-    axes.semilogx(SIDES, expected, color=SERIES_COLORS[0], base=2, linewidth=1, label="1 - (1 - alpha of one voxel)^n")
-    axes.plot(SIDES, splats.corrected, "o", color=SERIES_COLORS[0], label="with correction")
-    axes.plot(SIDES, splats.uncorrected, "x", color=SERIES_COLORS[1], label="without")
-    axes.set_xticks(SIDES, [str(side) for side in SIDES])
-    axes.legend()
-    return Chart(plot, "Alpha over the number of voxels, with and without correction")
+    rows = (expected, splats.corrected, splats.uncorrected)
+    line, corrected, uncorrected = (list(zip(across, alphas, strict=True)) for alphas in rows)
+    ticks = [Tick(at, str(side)) for at, side in zip(across, SIDES, strict=True)]
+    return Chart(
+        Axis("voxels a side", -0.3, across[-1] + 0.3, ticks),
+        linear_axis("alpha in the middle", [alpha for row in rows for alpha in row]),
+        [
+            Curve("1 - (1 - alpha of one voxel)^n", line, SERIES[0]),
+            Curve("with correction", corrected, SERIES[0], "circle", dash=""),
+            Curve("without", uncorrected, SERIES[1], "cross", dash=""),
+        ],
+        "Alpha over the number of voxels.",
+        "Alpha over the number of voxels, with and without correction",
+    )
