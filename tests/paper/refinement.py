@@ -67,7 +67,7 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
         tables={
             "The three frames": [
                 {
-                    "": drawing.name,
+                    "frame": drawing.name,
                     "tolerance": f"{drawing.tolerance:g}",
                     "splats": f"{drawing.num_primitives}",
                     "frame, s": f"{drawing.seconds:.3f}",
