@@ -10,8 +10,8 @@ from typing import Any
 import click
 
 from hsplat_cli.commands.options import no_paths_option, quiet_option, takes_scene
+from hsplat_cli.measure import parse_sweep, parse_want
 from hsplat_cli.scenes import SceneRequest, load_job
-from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
 from renderer.job import require_no_input
@@ -70,7 +70,7 @@ def measure(
     sweep = parse_sweep(job, **sweep_options)
     if want is not None:
         # Imported here to keep --help fast.
-        from hsplat_cli.studies import print_tolerance
+        from hsplat_cli.measure import print_tolerance
 
         _reject_options("has no use beside --want", _SWEEP_OPTIONS, _WANT_HINT)
         print_tolerance(job, parse_want(want), numbers, truth_tolerance if thorough else None, reporter)
@@ -78,8 +78,7 @@ def measure(
     if not thorough:
         _reject_options("needs --thorough", _THOROUGH_OPTIONS, _THOROUGH_HINT)
         sweep, repeats = replace(sweep, errors=(job.error,), splats=(job.splat,)), 0  # the first pass is timed
-    from hsplat_cli.reports import REPORT_FILES
-    from hsplat_cli.studies import StudyRequest, run_study
+    from hsplat_cli.measure import REPORT_FILES, StudyRequest, run_study
 
     name = request.path.stem
     folder = output or Path(f"{name}.measured")

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from hsplat_cli.compare.frame_difference import COMPARISON_METRICS, FrameDifference
 from hsplat_cli.compare.outcome import (
     Comparison,
     Outcome,
@@ -22,9 +23,9 @@ from hsplat_cli.compare.outcome import (
     signed_text,
     value_text,
 )
+from hsplat_cli.compare.strictness import STRICTNESSES, severity
 from hsplat_cli.reports import Axis, Chart, Curve, Tick, bytes_text, png_data_uri, render_page, round_numbers
 from renderer.film import Pixels
-from renderer.study import COMPARISON_METRICS, STRICTNESSES, FrameDifference, severity
 
 # Longest side of a picture. Three fit side by side on a wide screen without scaling, which would blend a single wrong
 # pixel with its neighbours.

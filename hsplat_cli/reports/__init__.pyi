@@ -1,8 +1,10 @@
 from .charts import (
+    MARKERS as MARKERS,
     SERIES as SERIES,
     Axis as Axis,
     Chart as Chart,
     Curve as Curve,
+    Point as Point,
     Tick as Tick,
     linear_axis as linear_axis,
     log_axis as log_axis,
@@ -16,10 +18,10 @@ from .html import (
     webp_data_uri as webp_data_uri,
 )
 from .number_format import (
+    ABSENT as ABSENT,
     bytes_text as bytes_text,
+    count_text as count_text,
     metric_text as metric_text,
     ms_text as ms_text,
     short_count_text as short_count_text,
 )
-from .study_html import REPORT_FILES as REPORT_FILES, write_study as write_study
-from .tables import terminal_table as terminal_table

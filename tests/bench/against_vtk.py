@@ -18,6 +18,7 @@ from typing import NamedTuple
 from measuring import THREADS, Point, fastest
 from vtk_peer import VtkMeasurement, VtkSetting, check_vtk, comparable, describe_vtk, look_of, measure_vtk, vtk_settings
 
+from hsplat_cli.measure import Measurement, measure_setting, plan_sweep
 from hsplat_cli.reports import metric_text, ms_text
 from hsplat_cli.terminal import describe_machine, format_table
 from renderer.accuracy import METRICS, Accuracy, Truth, compute_truth, is_loop, spread_evenly
@@ -25,7 +26,6 @@ from renderer.draw import open_rasterizer
 from renderer.frame import Stage, prepare_stage, view_of
 from renderer.readers import read_volume
 from renderer.scene import Scene, load_scene, with_tolerance
-from renderer.study import Measurement, measure_setting, plan_sweep
 from renderer.volume import Volume
 
 SHOWN_METRICS = ("psnr", "ssim", "flip", "delta_e_share")

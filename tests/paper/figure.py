@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from hsplat_cli.measure import FRAME_STEPS
 from hsplat_cli.reports import Chart
 from renderer.accuracy import TRUTH_TOLERANCE, FloatImage, compute_truth
 from renderer.draw import Rasterizer
 from renderer.film import Pixels, over_background
 from renderer.frame import Clock, Frame, Stage, prepare_stage, render_frames
 from renderer.scene import Scene
-from renderer.study import FRAME_STEPS
 from renderer.transfer import TransferFunction, make_transfer_function
 
 

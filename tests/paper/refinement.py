@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 from figure import Claim, FigureRenderer, FigureStage, PaperFigure, PictureRows
 
+from hsplat_cli.measure import DIFFERENCE_GAIN, amplified_difference
 from renderer.accuracy import compute_metric
+from renderer.film import rounded
 from renderer.scene import Scene, counted
-from renderer.study import DIFFERENCE_GAIN, amplified_difference, rounded
 
 INTERACTIVE_FRAME_S, REFINED_FRAME_S = 0.2, 5.0
 # Seconds of each picture.

@@ -13,10 +13,9 @@ import yaml
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.studies.measure import study
+from hsplat_cli.measure import Measurement, study
 from renderer.errors import RenderError
 from renderer.scene import Scene
-from renderer.study import Measurement
 
 SCENE = small_scene(shape="32, 32, 16", frames=8, size="48, 32", error="tolerance: 0.1")
 FEW = ("--thorough", "--repeats", "1", "--frames", "0:8:4")

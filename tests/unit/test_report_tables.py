@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, quick_series, study_of
 
-from hsplat_cli.reports import bytes_text, short_count_text, terminal_table
-from hsplat_cli.reports.costs import costs_by_psnr, on_pareto_fronts
-from hsplat_cli.reports.number_format import count_text, metric_text, ms_text
-from hsplat_cli.reports.tables import csv_text, json_text
+from hsplat_cli.measure import Measurement, Study, terminal_table
+from hsplat_cli.measure.costs import costs_by_psnr, on_pareto_fronts
+from hsplat_cli.measure.tables import csv_text, json_text
+from hsplat_cli.reports import bytes_text, count_text, metric_text, ms_text, short_count_text
 from renderer.accuracy import METRICS
-from renderer.study import Measurement, Study
 
 ALL = study_of(own_series())
 ODD = study_of(

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from renderer.study import Cost, Measurement, Setting, cost_at_psnr, pareto_front
+from hsplat_cli.measure.pareto import Cost, cost_at_psnr, pareto_front
+from hsplat_cli.measure.sweep import Measurement, Setting
 
 CostOf = Callable[[Measurement], float]
 

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from hsplat_cli.measure.thumbnails import amplified_difference, thumbnail
 from renderer.accuracy import Accuracy, FloatImage, SampledTruth, Truth, pool_accuracies, spread_tolerances
 from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import Clock, Stage, make_primitive, render_frames
 from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
-from renderer.study.thumbnails import amplified_difference, thumbnail
 from renderer.system import PeakMemory
 from renderer.volume import UInt8
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.accuracy import FloatImage
+from renderer.film import rounded
 from renderer.volume import UInt8
 
 # The longest side of a thumbnail.
@@ -25,8 +26,3 @@ def thumbnail(picture: FloatImage) -> UInt8:
 def amplified_difference(picture: FloatImage, truth: FloatImage) -> FloatImage:
     """Return the absolute difference, times DIFFERENCE_GAIN, at most 1."""
     return np.minimum(np.abs(picture - truth) * DIFFERENCE_GAIN, 1.0)
-
-
-def rounded(picture: FloatImage) -> UInt8:
-    """Return a picture in [0, 1] with 8 bits a channel."""
-    return np.asarray(np.floor(picture * 255 + 0.5), np.uint8)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from renderer.study.comparison import COMPARISON_METRICS
+from hsplat_cli.compare.frame_difference import COMPARISON_METRICS
 
 Limits = Mapping[str, float]  # by the name of the metric
 

@@ -11,9 +11,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hsplat_cli.reports import REPORT_FILES, terminal_table, write_study
-from hsplat_cli.studies.measure.options import Sweep
-from hsplat_cli.studies.measure.tolerance import find_truth, nothing_visible_error, open_at_any_tolerance
+from hsplat_cli.measure.options import Sweep
+from hsplat_cli.measure.report import REPORT_FILES, write_study
+from hsplat_cli.measure.sweep import (
+    Measurement,
+    PlannedSetting,
+    Study,
+    Truths,
+    measure_setting,
+    plan_sweep,
+    splat_setting,
+)
+from hsplat_cli.measure.tables import terminal_table
+from hsplat_cli.measure.tolerance import find_truth, nothing_visible_error, open_at_any_tolerance
 from hsplat_cli.terminal import FilmEvents, Reporter, describe_machine
 from renderer.accuracy import (
     NUM_SAMPLED_PIXELS,
@@ -29,7 +39,6 @@ from renderer.film import require_writable_dry_run
 from renderer.frame import Stage, read_film_volumes
 from renderer.job import without_paths
 from renderer.scene import Scene, counted, motion_of, scene_to_dict, schedule_to_dict
-from renderer.study import Measurement, PlannedSetting, Study, Truths, measure_setting, plan_sweep, splat_setting
 from renderer.system import num_cores
 from renderer.volume import Volume, joint_fingerprint
 

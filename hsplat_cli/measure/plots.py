@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from hsplat_cli.reports import costs
-from hsplat_cli.reports.charts import MARKERS, SERIES, Chart, Curve, Point, linear_axis, log_axis
+from hsplat_cli.measure import costs
+from hsplat_cli.measure.sweep import Measurement
+from hsplat_cli.reports import MARKERS, SERIES, Chart, Curve, Point, linear_axis, log_axis
 from renderer.accuracy import METRICS
-from renderer.study import Measurement
 
 # Pixels of the line that lies below the points of the Pareto front.
 _FRONT_WIDTH = 9.0

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from hsplat_cli.reports.costs import cost_in_splats, group_by_series, has_bricks, has_splats, on_pareto_fronts
-from hsplat_cli.reports.number_format import bytes_text, metric_text, ms_text, short_count_text
+from hsplat_cli.measure.costs import cost_in_splats, group_by_series, has_bricks, has_splats, on_pareto_fronts
+from hsplat_cli.measure.sweep import FrameMeasurement, Measurement, Study
+from hsplat_cli.reports import bytes_text, metric_text, ms_text, short_count_text
 from hsplat_cli.terminal import format_table
 from renderer.accuracy import METRICS, Accuracy, Truth
-from renderer.study import FrameMeasurement, Measurement, Study
 from renderer.system import join_lines
 
 FORMAT = 1

@@ -12,15 +12,16 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from hsplat_cli.reports import costs
-from hsplat_cli.reports.html import format_facts, render_page
-from hsplat_cli.reports.number_format import ABSENT, count_text, ms_text
-from hsplat_cli.reports.plots import has_intervals, study_charts
-from hsplat_cli.reports.tables import Column, cost_columns, csv_text, json_text, metric_columns, to_plain
+from hsplat_cli.measure import costs
+from hsplat_cli.measure.pareto import Cost
+from hsplat_cli.measure.plots import has_intervals, study_charts
+from hsplat_cli.measure.sweep import Measurement, Study
+from hsplat_cli.measure.tables import Column, cost_columns, csv_text, json_text, metric_columns, to_plain
+from hsplat_cli.measure.thumbnails import DIFFERENCE_GAIN, thumbnail
+from hsplat_cli.reports import ABSENT, count_text, format_facts, ms_text, render_page
 from renderer.accuracy import Truth
 from renderer.bricks import BRICK_SIZE
 from renderer.film import write_staged
-from renderer.study import DIFFERENCE_GAIN, Cost, Measurement, Study, thumbnail
 
 # The page comes last: if it exists, the others do.
 REPORT_FILES = ("measure.csv", "measure.json", "index.html")
