@@ -105,6 +105,7 @@ def test_charts_have_a_curve_for_each_series_and_the_front() -> None:
         "FLIP",
         "pixels with Delta-E over 2.3",
     ]
+    assert len({curve.color for curve in series}) == len({curve.marker for curve in series}) == 2
     styles = {(curve.name, curve.color, curve.marker) for chart in further for curve in chart.curves}
     assert styles == {(curve.name, curve.color, curve.marker) for curve in series}
 

@@ -41,7 +41,9 @@ def test_a_logarithmic_axis_has_room_for_its_numbers(decades: float) -> None:
     for tick in axis.ticks:
         assert float(tick.text.replace(" ", "")) == pytest.approx(10**tick.at)
         assert axis.low <= tick.at <= axis.high
-    assert all(after.at - before.at > 0.05 * (axis.high - axis.low) for before, after in pairwise(axis.ticks))
+    steps = [after.at - before.at for before, after in pairwise(axis.ticks)]
+    assert min(steps) > 0.05 * (axis.high - axis.low)
+    assert decades < 5 or steps == pytest.approx([steps[0]] * len(steps))
 
 
 def test_one_value_has_an_axis() -> None:
