@@ -16,13 +16,13 @@ from typing import Any, get_args
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hsplat_cli.compare.comparison_html import Gallery, comparison_page
+from hsplat_cli.compare.frame_difference import COMPARISON_METRICS
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status, figure_text
 from hsplat_cli.reports import require_own_page
 from hsplat_cli.terminal import format_table
 from renderer.errors import HsplatError, InputError
 from renderer.film import WrittenFiles, locked_files, require_writable, staged_files, translate_os_errors
 from renderer.scene import MAX_SIDECAR_BYTES, counted, read_json_object
-from renderer.study import COMPARISON_METRICS
 from renderer.system import PrintableText, join_lines, printable
 
 # No frame or scene file has these suffixes, so that a typing mistake overwrites none of them.

@@ -1,8 +1,8 @@
 """Measure how far changes that a comparison must accept are from those that it must reject.
 
 `python tests/golden/separation.py bricks` measures every figure on both, for several scenes drawn with bricks, and
-writes build/benchmarks/goldens_bricks.md; `splats` does the same for splats. The limits of renderer/study/strictness.py
-come from it; docs/benchmarks/goldens.md says how well they separate the two.
+writes build/benchmarks/goldens_bricks.md; `splats` does the same for splats. The limits of
+hsplat_cli/compare/strictness.py come from it; docs/benchmarks/goldens.md says how well they separate the two.
 
 Drivers that a machine has beside its own are named with what makes a program load them:
 
@@ -27,8 +27,8 @@ from harmless import BRICK_MACHINES, HARMLESS, SPLAT_MACHINES, Machine  # noqa: 
 from measured import Measured, measured, on_machine  # noqa: E402
 from subjects import BRICKS, SPLATS, Shot, Subject  # noqa: E402
 
+from hsplat_cli.compare import COMPARISON_METRICS, STRICTNESSES  # noqa: E402
 from renderer.draw import BrickRasterizer, SplatRasterizer  # noqa: E402
-from renderer.study import COMPARISON_METRICS, STRICTNESSES  # noqa: E402
 from renderer.system import commit  # noqa: E402
 
 SAME, CROSS = "same-machine", "cross-driver"

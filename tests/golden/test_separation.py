@@ -11,8 +11,8 @@ from harmless import HARMLESS
 from measured import Measured, measured
 from subjects import BRICKS, SPLATS, Change, Shot
 
+from hsplat_cli.compare import STRICTNESSES
 from renderer.draw import BrickRasterizer, SplatRasterizer
-from renderer.study import STRICTNESSES
 
 SHOTS = {"splats": ("coarse",), "bricks": ("bricks_coarse", "bricks_transparent")}
 

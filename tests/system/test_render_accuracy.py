@@ -29,7 +29,7 @@ NUM_FRAMES = 24
 SCENE = small_scene(shape="32, 32, 16", frames=NUM_FRAMES, size="48, 32", error="psnr: 27", footprint="gaussian")
 BEYOND = ("--set", "error.psnr=150")
 RMSE = ("--set", "error.psnr=null", "--set", "error.rmse=0.045")
-EXTRAS = ("skimage", "flip_evaluator", "matplotlib", "scipy", "vtkmodules")
+EXTRAS = ("skimage", "flip_evaluator", "scipy", "vtkmodules")
 
 
 def render(*arguments: str, code: int = 0) -> None:

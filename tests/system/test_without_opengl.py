@@ -10,7 +10,6 @@ from clusters import running_cluster
 from commands import hsplat, python
 from small_scene import sidecar, small_scene
 
-from hsplat_cli.commands.paper import SCENES
 from renderer.draw import BrickRasterizer
 
 # libglvnd finds no drivers here.
@@ -59,10 +58,9 @@ def test_what_needs_opengl_is_an_error() -> None:
     codes, said = codes_without_opengl(
         "render scene.yaml --set splat.footprint=gaussian",
         "measure scene.yaml --thorough --footprints integrated,gaussian --output study",
-        f"paper {SCENES} --figure 6 --output paper",
     )
-    assert codes == [1] * 3
-    assert said.count("no OpenGL 3.3 context could be made") == said.count("needs none") == 3, said
+    assert codes == [1] * 2
+    assert said.count("no OpenGL 3.3 context could be made") == said.count("needs none") == 2, said
 
 
 def test_bricks_open_no_opengl() -> None:

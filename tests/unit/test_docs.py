@@ -14,8 +14,8 @@ from motion_page import MOTION_PAGE, motion_page
 from sidecar_page import PAGE as SIDECAR_PAGE, sidecar_page
 
 from hsplat_cli.commands.compare import compare
+from hsplat_cli.compare import COMPARISON_METRICS, STRICTNESSES
 from renderer.scene import FORMATS, load_scene, scene_to_dict
-from renderer.study import COMPARISON_METRICS, STRICTNESSES
 
 ROOT = Path(__file__).resolve().parents[2]
 

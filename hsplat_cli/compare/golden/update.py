@@ -16,6 +16,7 @@ from typing import Any
 
 import click
 
+from hsplat_cli.compare.frame_difference import COMPARISON_METRICS
 from hsplat_cli.compare.golden.provenance import (
     PROVENANCE_FILE,
     Golden,
@@ -34,7 +35,6 @@ from renderer.errors import InputError
 from renderer.film import WrittenFiles, file_digest, lock_slots, staged_files, translate_os_errors
 from renderer.job import FilmJob
 from renderer.scene import counted, first_few
-from renderer.study import COMPARISON_METRICS
 from renderer.system import deferrable_interrupts
 
 _STAGING_FOLDER = "golden.unfinished"
