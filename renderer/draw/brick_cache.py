@@ -189,6 +189,17 @@ def needed_bytes(bricks: BrickLayers) -> list[int]:
     return [*scalars, num_means * brick_bytes(4)]
 
 
+def drawn_bytes(batch: BrickBatch) -> list[int]:
+    """Return the bytes of the bricks of a batch, in each atlas as of `needed_bytes`."""
+    is_mean = batch.cut.levels > 0
+    x, y, z = batch.cut.cells[~is_mean].T
+    scalars = [
+        int(np.count_nonzero(layer.bricks.levels[0].is_visible[z, y, x])) * brick_bytes(_num_channels(layer))
+        for layer in batch.bricks.layers
+    ]
+    return [*scalars, int(np.count_nonzero(is_mean)) * brick_bytes(4)]
+
+
 def _num_channels(layer: BrickLayer) -> int:
     """Return the channels of a layer's voxels: a scalar, or with light and with colours four."""
     return 4 if layer.shading or layer.bricks.volume.colors is not None else 1
@@ -197,7 +208,7 @@ def _num_channels(layer: BrickLayer) -> int:
 class BrickCache:
     """A cache of the bricks of layers on one grid of voxels: an atlas of scalars for each, and one of all their means.
 
-    threads: compute the texels of bricks. num_bytes: what each atlas may take, in the order of `needed_bytes`.
+    threads: compute the texels of bricks. num_bytes: what each atlas may take, as of `needed_bytes`.
     scalars: the atlases of scalars, of each layer. means: that of means.
     """
 
@@ -207,7 +218,7 @@ class BrickCache:
             Atlas(_num_channels(layer), num_scalars, each, threads)
             for layer, each in zip(bricks.layers, num_bytes[:-1], strict=True)
         ]
-        self.means, self.num_bytes = Atlas(4, sum(nums), num_bytes[-1], threads), sum(num_bytes)
+        self.means, self.num_bytes = Atlas(4, sum(nums), num_bytes[-1], threads), num_bytes
         self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
 
     def upload(self, batch: BrickBatch, order: UInt32, view: View) -> bool:

@@ -14,7 +14,7 @@ from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import BrickRasterizer
 from renderer.draw.brick_cache import Atlas, brick_bytes
 from renderer.draw.cpu.bands import plan_bands
-from renderer.draw.cpu.raster import share_out
+from renderer.draw.cpu.raster import share_memory, share_out
 from renderer.scene import ShadingSpec
 from renderer.transfer import NO_LIGHT_GRID
 
@@ -129,6 +129,20 @@ def test_bands_that_share_bricks_keep_them() -> None:
 )
 def test_memory_goes_to_small_needs_first(needs: list[int], total: int, shares: list[int]) -> None:
     assert share_out(needs, total) == shares
+
+
+@pytest.mark.parametrize(
+    ("limit", "shares"),
+    [
+        (200, {1: [70, 30], 2: [50]}),  # enough for all that is visible
+        (100, {1: [20, 30], 2: [50]}),  # what is drawn first, and of the rest as much as there is
+        (60, {1: [0, 20], 2: [40]}),
+        (30, {1: [0, 15], 2: [15]}),
+    ],
+)
+def test_memory_is_for_what_is_drawn_first(limit: int, shares: dict[int, list[int]]) -> None:
+    """A cut of larger cells draws no voxels, which are most of what is visible."""
+    assert share_memory({1: [0, 20], 2: [40]}, {1: [70, 30], 2: [50]}, limit) == shares
 
 
 def test_threads_end_with_the_rasterizer() -> None:

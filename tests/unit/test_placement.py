@@ -49,7 +49,8 @@ def prepare(first: dict[str, Any], **sections: Any) -> None:
 @pytest.fixture
 def labels(folder: Path) -> dict[str, Any]:
     """Return a layer of labels, whose file gives the sides of voxels; LEAST_SIDE along z."""
-    nifti = pytest.importorskip("nibabel")
+    import nibabel as nifti
+
     values = np.arange(4096, dtype=np.uint8).reshape(16, 16, 16) % 3
     nifti.save(nifti.Nifti1Image(values, np.diag([1, 1, LEAST_SIDE * 0.99, 1])), folder / "labels.nii")
     return {"file": "labels.nii", "labels": {}}

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.bricks import BrickBatch
-from renderer.draw.brick_cache import BrickCache, BrickView, needed_bytes
+from renderer.draw.brick_cache import BrickCache, BrickView, drawn_bytes, needed_bytes
 from renderer.draw.cpu.bands import plan_bands
 from renderer.draw.cpu.extremum import search_of
 from renderer.draw.cpu.field import field_of
@@ -36,6 +36,8 @@ from renderer.volume import Bools, Float32, Float64, Int64, UInt32
 _TASKS_PER_THREAD = 4
 # Of rays through what absorbs nothing; infinite is what is found where no ray is.
 _NO_END = float(np.finfo(np.float32).max)
+# Bytes of each atlas, as of `needed_bytes`, by the identities of layers.
+Shares = dict[int, list[int]]
 
 
 class BrickRasterizer(Rasterizer):
@@ -49,9 +51,14 @@ class BrickRasterizer(Rasterizer):
 
     def release(self) -> None:
         """Free the bricks, and end the threads."""
+        self.release_bricks()
+        self.threads.release()
+
+    def release_bricks(self) -> None:
+        """Free the bricks."""
         for cache in self.caches.values():
             cache.release()
-        self.threads.release()
+        self.caches.clear()
 
     def upload(self, batches: Sequence[BrickBatch], orders: Sequence[UInt32], view: View) -> bool:
         """Upload the bricks `batch[order]` of all batches, and return whether any of them was missing."""
@@ -94,18 +101,30 @@ class BrickRasterizer(Rasterizer):
 
     def _caches_of(self, batches: Sequence[BrickBatch]) -> list[BrickCache]:
         """Return the caches of the layers of batches, which share the memory, and free those of all other layers."""
-        shown = {id(batch.bricks): batch.bricks for batch in batches}
+        shown = {id(batch.bricks): batch for batch in batches}
         for number in [number for number in self.caches if number not in shown]:  # of another frame or film
             self.caches.pop(number).release()
-        if new := [number for number in shown if number not in self.caches]:
-            needs = {number: needed_bytes(bricks) for number, bricks in shown.items()}
-            limit, kept = self._memory.num_bytes(), sum(cache.num_bytes for cache in self.caches.values())
-            self.brick_memory = BrickMemory(sum(map(sum, needs.values())), limit)
-            shares = share_out([need for number in new for need in needs[number]], max(0, limit - kept))
-            for number in new:
-                own, shares = shares[: len(needs[number])], shares[len(needs[number]) :]
-                self.caches[number] = BrickCache(shown[number], self.threads, own)
+        drawn = {number: drawn_bytes(batch) for number, batch in shown.items()}
+        if not all(number in self.caches and _have_room(self.caches[number], drawn[number]) for number in shown):
+            needed = {number: needed_bytes(batch.bricks) for number, batch in shown.items()}
+            limit = self._memory.num_bytes() if self.brick_memory is None else self.brick_memory.limit
+            self.brick_memory = BrickMemory(sum(map(sum, needed.values())), limit)
+            shares = share_memory(drawn, needed, limit)
+            if not self._fit(drawn, shares, limit):
+                self.release_bricks()
+            for number in shares.keys() - self.caches.keys():
+                self.caches[number] = BrickCache(shown[number].bricks, self.threads, shares[number])
         return [self.caches[id(batch.bricks)] for batch in batches]
+
+    def _fit(self, drawn: Shares, shares: Shares, limit: int) -> bool:
+        """Return whether caches can stay: with new ones they take no more than the limit, and none has less than half
+        of the room that it could have for what is drawn."""
+        taken = [self.caches[number].num_bytes if number in self.caches else own for number, own in shares.items()]
+        return sum(map(sum, taken)) <= limit and not any(
+            2 * has < min(of_atlas, could_have)
+            for number, cache in self.caches.items()
+            for has, of_atlas, could_have in zip(cache.num_bytes, drawn[number], shares[number], strict=True)
+        )
 
     def _draw_parts(self, parts: Sequence[_Part], stride: int, is_drawn: Bools, image: Float32) -> None:
         """Draw parts of a picture, one under the other, each in bands of tiles whose bricks have slots at once."""
@@ -120,14 +139,26 @@ class BrickRasterizer(Rasterizer):
                 self.threads.map(lambda task: task(), tasks)
 
 
+def share_memory(drawn: Shares, needed: Shares, limit: int) -> Shares:
+    """Return how many bytes each atlas of some caches may take: for what is drawn now, and then for what is needed."""
+    of_drawn = share_out([each for own in drawn.values() for each in own], limit)
+    of_all = [each for own in needed.values() for each in own]
+    missing = [max(0, each - has) for each, has in zip(of_all, of_drawn, strict=True)]
+    shares = iter(np.add(of_drawn, share_out(missing, limit - sum(of_drawn))).tolist())
+    return {number: [next(shares) for _ in own] for number, own in drawn.items()}
+
+
 def share_out(needs: Sequence[int], total: int) -> list[int]:
-    """Return shares of a total for some needs: all of it is used, and no share is larger than its need, unless there is
-    more than enough; those that cannot have what they need have equal ones."""
+    """Return shares of a total for some needs: none is larger than its need, and those that are smaller are equal."""
     shares, left = [0] * len(needs), total
     for num_before, number in enumerate(sorted(range(len(needs)), key=needs.__getitem__)):
         shares[number] = min(needs[number], left // (len(needs) - num_before))
         left -= shares[number]
     return shares
+
+
+def _have_room(cache: BrickCache, drawn: Sequence[int]) -> bool:
+    return all(each <= has for each, has in zip(drawn, cache.num_bytes, strict=True))
 
 
 class _Part(NamedTuple):
