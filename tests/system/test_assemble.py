@@ -23,8 +23,8 @@ from renderer.system import package_versions
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
 SCENE = small_scene(frames=7)
-# Of one run and its clock, or of the file's place.
-OWN = ("seconds", "digest", "parts")
+# Of one run, its clock and its memory, or of the file's place.
+OWN = ("seconds", "memory", "digest", "parts")
 
 
 @pytest.fixture(scope="module")

@@ -99,7 +99,7 @@ def test_the_sidecar_says_how_it_was_made() -> None:
     made = sidecar("film.mp4.json")
     assert list(made) == [
         "format", "scene", "volume", "camera", "pyramid", "device", "versions", "schedule", "notes", "seconds",
-        "accuracy", "visibility", "fingerprint", "digest", "frames",
+        "accuracy", "visibility", "memory", "fingerprint", "digest", "frames",
     ]  # fmt: skip
     assert made["scene"]["splat"] == {"footprint": "integrated"}
     assert made["volume"]["shape"] == [24, 24, 12]
