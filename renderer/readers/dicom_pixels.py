@@ -62,6 +62,8 @@ def _with_pixels(path: Path) -> Dataset:
     from pydicom.uid import ExplicitVRBigEndian, ExplicitVRLittleEndian, ImplicitVRLittleEndian
 
     dataset, _ = open_dicom(path, with_pixels=True)
+    if "Rows" not in dataset:  # pydicom drops all fields of a file whose compressed pixels break off
+        raise unreadable_slice(path)
     if dataset.file_meta.get("TransferSyntaxUID") is None:  # without a preamble
         is_implicit, is_little = dataset.original_encoding
         explicit = ExplicitVRLittleEndian if is_little else ExplicitVRBigEndian

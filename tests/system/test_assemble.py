@@ -23,8 +23,8 @@ from renderer.system import package_versions
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
 SCENE = small_scene(frames=7)
-# Of one run, its clock and its memory, or of the file's place.
-OWN = ("seconds", "memory", "digest", "parts")
+# Of one run, its clock and its machine, or of the place of the file.
+OWN = ("seconds", "digest", "parts", "memory")
 
 
 @pytest.fixture(scope="module")

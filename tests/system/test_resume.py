@@ -85,7 +85,7 @@ def test_frames_of_a_changed_scene_are_drawn_again(output, options, why, draws, 
 
 def test_frames_of_another_volume_are_drawn_again(draws: Draws, capsys: pytest.CaptureFixture[str]) -> None:
     """The same one may move."""
-    values = np.arange(0, 240, 4, dtype=np.uint8).reshape(3, 4, 5)
+    values = 4 * np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
     np.save("scan.npy", values)
     interrupt_render(draws, "film.mp4", "--volume", "scan.npy")
     Path("scan.npy").rename("moved.npy")
