@@ -35,7 +35,6 @@ COMMANDS = {
     "preview": "Show a scene or a volume on one page, before its film is made.",
     "turntable": "Render turntables of volumes without a scene file.",
     "measure": "Measure what a scene costs and how near to the truth it comes.",
-    "paper": "Reproduce the figures of Laur and Hanrahan 1991 on one page.",
     "golden": "Keep frames of a scene to compare later ones with.",
     "compare": "Compare frames with golden ones; exit with 1 where they differ.",
     "info": "Describe a volume: shape, place, values and histogram.",

@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 @click.option("--frames", metavar="A:B:STEP", help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @click.option("--frames-per-second", metavar="RATE", help="Another rate than that of the scene.")
 @click.option("--quality", metavar="0-10", help="Another quality of an MP4 than that of the scene.")
-@click.option("--no-paths", is_flag=True, help="Record names and no folders.")
 @click.option("--force", is_flag=True, help="Assemble again what is up to date.")
 @quiet_option()
 def assemble(
@@ -48,7 +47,6 @@ def assemble(
     frames: str | None,
     frames_per_second: str | None,
     quality: str | None,
-    no_paths: bool,
     force: bool,
     reporter: Reporter,
 ) -> None:
@@ -62,7 +60,7 @@ def assemble(
 
     found = find_parts(parts)
     numbers = parse_frames(frames, found[0].num_frames)
-    given = {"frames_per_second": frames_per_second, "quality": quality, "record_paths": False if no_paths else None}
+    given = {"frames_per_second": frames_per_second, "quality": quality}
     options = {key: value for key, value in given.items() if value is not None}
     spec = _output_spec(found[0], outputs, options, numbers)
     with FilmEvents(reporter, "primitive") as events:

@@ -10,7 +10,6 @@ from pathlib import Path
 import click
 
 from hsplat_cli.commands.options import quiet_option, takes_scene
-from hsplat_cli.executors import ExecutorSpec, workers_option
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import OutputPath, Reporter, option_group
 from renderer.errors import InputError
@@ -42,14 +41,12 @@ _SIDES = option_group(
 @click.option("--json", "json_file", type=_REPORT, metavar="FILE", help="Write the result of every frame as JSON.")
 @click.option("--junit", "junit_file", type=_REPORT, metavar="FILE", help="Write a JUnit report for CI systems.")
 @click.option("--html", "html_file", type=_REPORT, metavar="FILE", help="Write a page that shows the worst frames.")
-@click.option("--no-paths", is_flag=True, help="Leave folders out of the reports.")
 @takes_scene(
     "Of a scene: compare only its goldens in this range.",
     set_help="Of a scene: change a value.",
     volume_help="Of a scene: take the volume from this file.",
     arguments=_SIDES,
 )
-@workers_option
 @quiet_option(help="Print nothing unless a frame fails.")
 def compare(
     request: SceneRequest,
@@ -60,8 +57,6 @@ def compare(
     json_file: Path | None,
     junit_file: Path | None,
     html_file: Path | None,
-    no_paths: bool,
-    workers: int | None,
     reporter: Reporter,
 ) -> None:
     """Compare frames with golden ones; exit with 1 where they differ.
@@ -75,10 +70,8 @@ def compare(
     from hsplat_cli.compare import ReportFiles, compare_frames, comparison_table
 
     files = {"--json": json_file, "--junit": junit_file, "--html": html_file}
-    private = [request.path, actual] if no_paths else []
-    reports = ReportFiles({option: path for option, path in files.items() if path}, private)
-    executor = ExecutorSpec(workers)
-    comparison = compare_frames(request, actual, reports, executor, level=level, limits=limits, reporter=reporter)
+    reports = ReportFiles({option: path for option, path in files.items() if path})
+    comparison = compare_frames(request, actual, reports, level=level, limits=limits, reporter=reporter)
     if comparison.passes:
         reporter.line(comparison_table(comparison))
     else:

@@ -9,7 +9,6 @@ from pathlib import Path
 import click
 
 from hsplat_cli.commands.options import quiet_option, takes_scene
-from hsplat_cli.executors import ExecutorSpec, workers_option
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import OutputPath, Reporter, parse_frames
 from renderer.errors import InputError
@@ -22,7 +21,6 @@ from renderer.errors import InputError
 @click.option("--update", is_flag=True, help="List what has changed, and overwrite the goldens.")
 @click.option("--yes", is_flag=True, help="With --update: do not ask.")
 @click.option("--prune", is_flag=True, help="With --update: remove goldens of frames that are not requested.")
-@workers_option
 @quiet_option(help="Print only errors, and what a question is about.")
 def golden(
     request: SceneRequest,
@@ -32,7 +30,6 @@ def golden(
     update: bool,
     yes: bool,
     prune: bool,
-    workers: int | None,
     reporter: Reporter,
 ) -> None:
     """Keep frames of a scene to compare later ones with.
@@ -51,7 +48,7 @@ def golden(
     num_frames, frames = job.scene.num_frames, request.frames
     numbers = None if frames is None else parse_frames(frames, num_frames, job.frames)
     golden_options = GoldenOptions(folder, numbers, recorded_date, update=update, prune=prune, yes=yes)
-    update_goldens(job, golden_options, ExecutorSpec(workers), reporter, lambda: _confirm_overwrite(reporter))
+    update_goldens(job, golden_options, reporter, lambda: _confirm_overwrite(reporter))
 
 
 def _confirm_overwrite(reporter: Reporter) -> bool:

@@ -9,19 +9,19 @@ from typing import Any
 
 import click
 
-from hsplat_cli.commands.options import no_paths_option, quiet_option, takes_scene
+from hsplat_cli.commands.options import quiet_option, takes_scene
+from hsplat_cli.measure import parse_sweep, parse_want
 from hsplat_cli.scenes import SceneRequest, load_job
-from hsplat_cli.studies import parse_sweep, parse_want
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
 from renderer.film import WrittenFiles
 from renderer.scene import AnnotationSpec
 
 # Options of a sweep and its report, which a search for one tolerance does not have.
-_SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats", "peer")
+_SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats")
 _WANT_HINT = "--want searches with the scene's own footprint and error measure; change those with --set"
 # What needs whole exact pictures and several passes.
-_THOROUGH_OPTIONS = ("footprints", "measures", "corrections", "repeats", "peer")
+_THOROUGH_OPTIONS = ("footprints", "measures", "corrections", "repeats")
 _THOROUGH_HINT = (
     "add --thorough; without it the scene's own footprint and error measure are drawn once, and judged by rays"
 )
@@ -29,7 +29,6 @@ _THOROUGH_HINT = (
 
 @click.command()
 @takes_scene("Measure on these frames; by default on three of the path.", set_help="Change a value of the scene.")
-@no_paths_option
 @click.option("--output", type=OutputPath(), metavar="FOLDER", help="Write the report there, not to SCENE.measured.")
 @click.option("--tolerances", metavar="LIST", help="Such as 1,0.1,0; by default some that suit the volume.")
 @click.option(
@@ -47,7 +46,6 @@ _THOROUGH_HINT = (
     show_default=True,
     help="How well the truth converges.",
 )
-@click.option("--peer", type=click.Choice(["vtk"]), help="Measure this program too, where it is installed.")
 @click.option("--thorough", is_flag=True, help="Compare with whole exact pictures, and not with a few exact rays.")
 @click.option("--want", metavar="METRIC=VALUE", help="Only find the tolerance for psnr=38 (or rmse, ssim, flip).")
 @quiet_option(help="Print only the result.")
@@ -57,7 +55,6 @@ def measure(
     output: Path | None,
     repeats: int,
     truth_tolerance: float,
-    peer: str | None,
     thorough: bool,
     want: str | None,
     reporter: Reporter,
@@ -72,7 +69,7 @@ def measure(
     sweep = parse_sweep(job, **sweep_options)
     if want is not None:
         # Imported here to keep --help fast.
-        from hsplat_cli.studies import print_tolerance
+        from hsplat_cli.measure import print_tolerance
 
         _reject_options("has no use beside --want", _SWEEP_OPTIONS, _WANT_HINT)
         print_tolerance(job, parse_want(want), numbers, truth_tolerance if thorough else None, reporter)
@@ -80,15 +77,15 @@ def measure(
     if not thorough:
         _reject_options("needs --thorough", _THOROUGH_OPTIONS, _THOROUGH_HINT)
         sweep, repeats = replace(sweep, errors=(job.error,), splats=(job.splat,)), 0  # the first pass is timed
-    from hsplat_cli.reports import PAGE_FILE, REPORT_FILES, require_own_page
-    from hsplat_cli.studies import StudyRequest, run_study
+    from hsplat_cli.measure import PAGE_FILE, REPORT_FILES, StudyRequest, run_study
+    from hsplat_cli.reports import require_own_page
 
     name = request.path.stem
     folder = output or Path(f"{name}.measured")
     WrittenFiles([folder / name for name in REPORT_FILES]).require_harmless(given.input_files())
     require_own_page(folder / PAGE_FILE)
     picked = list(numbers) if request.frames else None
-    request_ = StudyRequest(name, job, sweep, picked, repeats, peer, truth_tolerance, folder, not thorough)
+    request_ = StudyRequest(name, job, sweep, picked, repeats, truth_tolerance, folder, not thorough)
     run_study(request_, reporter)
 
 

@@ -25,12 +25,6 @@ def _make_reporter(_context: click.Context, _parameter: click.Parameter, is_quie
 quiet_option = partial(
     click.option, "--quiet", "reporter", is_flag=True, callback=_make_reporter, help="Print only errors."
 )
-no_paths_option = click.option(
-    "--no-paths",
-    "hides_paths",
-    is_flag=True,
-    help="Record names and no folders: the same as --set output.record_paths=false.",
-)
 
 
 def takes_scene(
@@ -56,8 +50,6 @@ def takes_scene(
         def with_request(
             *, scene: Path, overrides: tuple[str, ...], frames: str | None, volume: Path | None, **others: Any
         ) -> None:
-            if others.pop("hides_paths", False):
-                overrides = (*overrides, "output.record_paths=false")
             command(SceneRequest(scene, overrides, volume, frames), **others)
 
         return options(with_request)

@@ -8,8 +8,8 @@ from functools import partial
 
 import click
 
-from hsplat_cli.commands.options import no_paths_option, quiet_option, takes_scene
-from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor, require_executor_for
+from hsplat_cli.commands.options import quiet_option, takes_scene
+from hsplat_cli.executors import ExecutorSpec, executor_options, require_scheduler, require_untimed
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_duration, report_film
 from renderer.errors import InputError
@@ -18,7 +18,6 @@ from renderer.errors import InputError
 @click.command()
 @takes_scene("Draw only these frames, as a Python slice: 0:30, ::10, 7, -1.")
 @click.option("--output", metavar="FILE", help="Write to this film, {frame}.png or, for one, .png.")
-@no_paths_option
 @click.option("--progressive", is_flag=True, help="Draw a coarse film first, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
 @click.option("--best-effort", is_flag=True, help="Exit with 0 even if less than what was requested is reached.")
@@ -32,7 +31,6 @@ def render(
     progressive: bool,
     time_limit: str | None,
     best_effort: bool,
-    workers: int | None,
     scheduler: str | None,
     memory: int | None,
     force: bool,
@@ -43,13 +41,13 @@ def render(
     SCENE is a YAML file. A JSON file beside the output records how it was made; given in place of SCENE, it makes the
     same film again.
     """
-    executor = ExecutorSpec(workers, scheduler, memory)
-    require_executor(executor)
+    require_scheduler(scheduler)
     job = load_job(replace(request, output=output), "passes" if progressive else "film")
     limit = None if time_limit is None else parse_duration(time_limit, where="--time-limit")
     if limit is not None and not progressive:
         raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
-    require_executor_for(executor, job.scene, progressive=progressive)
+    executor = ExecutorSpec(scheduler, memory)
+    require_untimed(scheduler, job.scene, progressive=progressive)
     # Imported here to keep --help fast.
     from hsplat_cli.executors import open_executor
     from renderer.job import Refinement, make_film, one_pass

@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from hsplat_cli.commands.options import FILE, quiet_option, require_none_of
-from hsplat_cli.executors import ExecutorSpec, executor_options, require_executor
+from hsplat_cli.executors import ExecutorSpec, executor_options, require_scheduler
 from hsplat_cli.scenes import SharedLook, expand_volumes, film_options, name_volumes, volume_options, volume_spec
 from hsplat_cli.terminal import OutputPath, Reporter
 from hsplat_cli.turntable import FilmRequest, Gallery, make_film, print_film_record, require_harmless, run_batch
@@ -55,7 +55,6 @@ def turntable(
     kind: str,
     look: Path | None,
     reference: Path | None,
-    workers: int | None,
     scheduler: str | None,
     memory: int | None,
     force: bool,
@@ -73,8 +72,7 @@ def turntable(
     With --scene all have the look of a scene, each framed on its own. Its values may be percentiles (relative: true);
     with --match they are those of a reference, and are shifted and scaled to each volume by their histograms.
     """
-    executor = ExecutorSpec(workers, scheduler, memory)
-    require_executor(executor)
+    require_scheduler(scheduler)
     if options["background"] == "transparent" and not FORMATS[f".{kind}"].has_alpha:
         hint = f"--format {', '.join(suffix[1:] for suffix, each in FORMATS.items() if each.has_alpha)}"
         raise InputError(f"a transparent background in .{kind}", where="--background", expected="a color", hint=hint)
@@ -82,10 +80,10 @@ def turntable(
     shared = _shared_look(look, reference)
     chosen = {"format": kind} if shared is None else {"scene": look, "match": reference}
     if shared is not None:
-        film = FilmOptions(shared.scene.num_frames, no_paths=not shared.scene.output.record_paths)
+        film = FilmOptions(shared.scene.num_frames)
     arguments = [*_as_arguments(_given(options) | chosen | {"force": force}), f"--output={folder}"]
     named = _named_volumes(volumes, name, reporter)
-    how = [*_as_arguments({"quiet": reporter.is_quiet, "workers": workers, "scheduler": scheduler, "memory": memory})]
+    how = [*_as_arguments({"quiet": reporter.is_quiet, "scheduler": scheduler, "memory": memory})]
     problems = {volume: list[InputError]() for volume in named.values()}
     requests = [
         FilmRequest(
@@ -93,7 +91,7 @@ def turntable(
             film=film,
             scene=folder / f"{film_name}.yaml",
             output=shared.outputs(folder, film_name).file if shared else folder / f"{film_name}{numbered}.{kind}",
-            executor=executor,
+            executor=ExecutorSpec(scheduler, memory),
             force=force,
             command=shlex.join(["hsplat", "turntable", *arguments, "--", str(volume)]),
             look=shared,

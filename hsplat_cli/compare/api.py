@@ -16,7 +16,6 @@ from hsplat_cli.compare.picture_file import is_picture
 from hsplat_cli.compare.report_files import ReportFiles, comparison_table
 from hsplat_cli.compare.rules import LIMITS_FILE, Rules, load_rules
 from hsplat_cli.compare.scene_pairs import load_numbered_job, open_scene_pairs
-from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError
@@ -31,7 +30,6 @@ def compare_frames(
     request: SceneRequest,
     actual: Path,
     reports: ReportFiles,
-    executor: ExecutorSpec,
     *,
     level: str | None,
     limits: Sequence[str],
@@ -41,7 +39,7 @@ def compare_frames(
     """Compare two paths and write the reports.
 
     request, actual: two paths as in `open_pairs`; or a scene, or the sidecar of a film, and the folder of its goldens.
-    executor: draws the scene. level, limits: as for `--level` and `--limit`, or the `option_names`.
+    level, limits: as for `--level` and `--limit`, or the `option_names`.
 
     Raises HsplatError if they cannot be compared.
     """
@@ -58,9 +56,9 @@ def compare_frames(
                 )
             rules = load_rules(actual if draws else golden, level, limits, option_names)
             if draws:
-                with open_scene_pairs(request, actual, executor, rules, reporter) as pairs:
+                with open_scene_pairs(request, actual, rules, reporter) as pairs:
                     return _compare(pairs, rules, reports, reporter, (str(actual), f"{golden}, drawn now"))
-            _reject_scene_options(request, actual, executor)
+            _reject_scene_options(request, actual)
             with open_pairs(golden, actual) as pairs:
                 return _compare(pairs, rules, reports, reporter, (str(golden), str(actual)))
         except Exception as error:
@@ -69,13 +67,12 @@ def compare_frames(
             raise
 
 
-def _reject_scene_options(request: SceneRequest, actual: Path, executor: ExecutorSpec) -> None:
+def _reject_scene_options(request: SceneRequest, actual: Path) -> None:
     """Raise InputError for an option that would have no effect on files."""
     options = {
         "frames": request.frames,
         "set": request.overrides,
         "volume": request.volume,
-        "workers": executor.workers,
     }
     for option, value in options.items():
         if value:
@@ -136,7 +133,6 @@ def require_match(
             SceneRequest(Path(golden)),
             Path(actual),
             ReportFiles({} if html is None else {"--html": Path(html)}),
-            ExecutorSpec(),
             level=level,
             limits=overrides,
             reporter=Reporter(is_quiet=True),

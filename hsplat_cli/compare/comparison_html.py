@@ -6,12 +6,13 @@ import bisect
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from hsplat_cli.compare.frame_difference import COMPARISON_METRICS, FrameDifference
 from hsplat_cli.compare.outcome import (
     Comparison,
     Outcome,
@@ -22,9 +23,9 @@ from hsplat_cli.compare.outcome import (
     signed_text,
     value_text,
 )
-from hsplat_cli.reports import bytes_text, png_data_uri, render_page
+from hsplat_cli.compare.strictness import STRICTNESSES, severity
+from hsplat_cli.reports import Axis, Chart, Curve, Tick, bytes_text, png_data_uri, render_page, round_numbers
 from renderer.film import Pixels
-from renderer.study import COMPARISON_METRICS, STRICTNESSES, FrameDifference, severity
 
 # Longest side of a picture. Three fit side by side on a wide screen without scaling, which would blend a single wrong
 # pixel with its neighbours.
@@ -36,11 +37,28 @@ NUM_PASSING_SHOWN = 6
 # Limits the size of all pictures on the page. Incompressible pictures of a frame take 4 MB: seven frames always fit.
 MAX_PICTURE_BYTES = 30_000_000
 GAINS = (1, 10, 50)
-# The plot of errors.
-WIDTH, HEIGHT = 864, 344  # the width of a figure on the page: the plot's text is as large as the page's
-LEFT, RIGHT, TOP, BOTTOM = 62, 850, 14, 278
-_MIN_DENSE_FRAMES = 200  # from here on points are small
-_MAX_DECADES = 4  # larger errors are drawn at this many decades above the limit
+# The chart of errors: as wide as a figure on the page, so that its text is as large as the page's.
+_SIZE = (864, 344)
+# The share of the range of frames by which the axis is longer, at each end.
+_MARGIN = 0.013
+_MOST_TICKS = 11
+# From this number of frames on, points are small.
+_MIN_DENSE_FRAMES = 200
+# Larger errors are drawn at this many decades above the limit.
+_MAX_DECADES = 4
+# Colour and dashes of the curve of each metric; the colour series-2 marks failures.
+_STYLES = (
+    ("series-1", "none"),
+    ("series-3", "7 3"),
+    ("series-4", "2 3"),
+    ("series-5", "10 3 2 3"),
+    ("series-6", "5 5"),
+    ("series-8", "1 5"),
+)
+_CAPTION = (
+    "Linear up to the limit, logarithmic above; with a limit of no error, an error of n steps, or of n hundredths in "
+    "FLIP and SSIM, counts as 1 + n. A cross marks a frame that fails."
+)
 
 _Steps = npt.NDArray[np.float32]
 
@@ -82,14 +100,10 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
 # The plot
 
 
-def plot_errors(comparison: Comparison) -> dict[str, Any] | None:
-    """Lay out the plot of each limited metric as a share of its limit; None if no metric has one and nothing fails.
+def plot_errors(comparison: Comparison) -> Chart | None:
+    """Lay out the chart of each limited metric as a share of its limit; None if no metric has one and nothing fails.
 
     Heights are linear up to the limit and logarithmic above it, so that near misses and large errors can both be read.
-    The template `error_plot.html` draws it as SVG, in these pixels.
-
-    x_ticks, y_ticks: position and text. frames: x and outcome of each frame. labels: of the metrics, by name.
-    height: a function that returns the y of a metric in an outcome.
     """
     outcomes = comparison.outcomes
     names = [name for name in COMPARISON_METRICS if any(name in outcome.figures for outcome in outcomes)]
@@ -100,36 +114,35 @@ def plot_errors(comparison: Comparison) -> dict[str, Any] | None:
     largest = max(severity(outcome.figures, outcome.limits) for outcome in outcomes)
     decades = min(max(math.ceil(math.log10(max(largest, 1.0))), 1), _MAX_DECADES)
 
-    def x(number: float) -> float:
-        share = 0.5 if first == last else (number - first) / (last - first)
-        return LEFT + 10 + share * (RIGHT - LEFT - 20)
-
-    def y(share: float) -> float:
-        height = share if share <= 1 else 1 + min(math.log10(share), decades)
-        return BOTTOM - height / (1 + decades) * (BOTTOM - TOP)
+    def height(outcome: Outcome, name: str) -> float:
+        share = severity({name: outcome.figures[name]}, outcome.limits)
+        return share if share <= 1 else 1 + min(math.log10(share), decades)
 
     metrics = ", ".join(COMPARISON_METRICS[name].label for name in names)
-    powers = [(10.0**power, f"{10**power:,}".replace(",", " ")) for power in range(1, decades + 1)]
-    return {
-        "alt": f"Errors of {len(outcomes)} frames as shares of their limits, of which {comparison.num_failing} fail: "
+    margin = _MARGIN * (last - first) or 0.5
+    ticks = [Tick(at, f"{at:g}") for at in round_numbers(first, last, _MOST_TICKS, least_step=1)]
+    limits = [Tick(0, "0"), Tick(0.5, "0.5"), Tick(1, "1", "limit")]
+    powers = [Tick(1 + power, f"{10**power:,}".replace(",", " ")) for power in range(1, decades + 1)]
+    title = "frame number" if comparison.frame_numbers else "place of the frame in the order of names"
+    return Chart(
+        Axis(title, first - margin, last + margin, ticks),
+        Axis("error, times its limit", 0, 1 + decades, [*limits, *powers]),
+        [
+            Curve(
+                limits_text(name, [o.limits[name] for o in outcomes if name in o.limits]),
+                [(x, height(o, name)) if name in o.figures else None for x, o in zip(numbers, outcomes, strict=True)],
+                color,
+                "dot" if len(outcomes) > _MIN_DENSE_FRAMES else "small circle",
+                dash,
+            )
+            for name, (color, dash) in zip(names, _STYLES, strict=False)
+        ],
+        _CAPTION,
+        f"Errors of {len(outcomes)} frames as shares of their limits, of which {comparison.num_failing} fail: "
         f"{metrics}",
-        "frames": [(x(number), outcome) for number, outcome in zip(numbers, outcomes, strict=True)],
-        "labels": {name: limits_text(name, [o.limits[name] for o in outcomes if name in o.limits]) for name in names},
-        "height": lambda outcome, name: y(severity({name: outcome.figures[name]}, outcome.limits)),
-        "x_ticks": [(x(number), str(number)) for number in _ticks(first, last)],
-        "y_ticks": [(y(share), text) for share, text in [(0, "0"), (0.5, "0.5"), (1, "1"), *powers]],
-        "has_frame_numbers": bool(comparison.frame_numbers),
-        "is_dense": len(outcomes) > _MIN_DENSE_FRAMES,
-        "box": (WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM),
-    }
-
-
-def _ticks(first: int, last: int) -> list[int]:
-    """Return at most 11 round numbers."""
-    span = max(last - first, 1)
-    power = 10 ** max(math.ceil(math.log10(span / 10)) - 1, 0)
-    step = next(factor * power for factor in (1, 2, 5, 10, 20) if span / (factor * power) <= 10)
-    return list(range(-(-first // step) * step, last + 1, step))
+        marks=[(x, f"{o.name}: {o.why}") for x, o in zip(numbers, outcomes, strict=True) if not o.passes],
+        size=_SIZE,
+    )
 
 
 # The pictures of the worst frames

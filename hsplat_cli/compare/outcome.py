@@ -12,10 +12,11 @@ from typing import Literal
 
 import numpy as np
 
+from hsplat_cli.compare.frame_difference import COMPARISON_METRICS, FrameDifference
+from hsplat_cli.compare.strictness import Limits, exceeded_limits, severity
 from renderer.errors import InputError
 from renderer.film import Pixels
 from renderer.scene import counted, format_value
-from renderer.study import COMPARISON_METRICS, FrameDifference, Limits, exceeded_limits, severity
 
 # `same`: equal pixels. `close`: within the limits. All others fail.
 Status = Literal["same", "close", "different", "missing", "extra", "other size", "other channels"]

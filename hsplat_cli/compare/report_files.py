@@ -8,23 +8,21 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hsplat_cli.compare.comparison_html import Gallery, comparison_page
+from hsplat_cli.compare.frame_difference import COMPARISON_METRICS
 from hsplat_cli.compare.outcome import Comparison, Outcome, Status, figure_text
-from hsplat_cli.compare.rules import LIMITS_FILE
 from hsplat_cli.reports import require_own_page
 from hsplat_cli.terminal import format_table
 from renderer.errors import HsplatError, InputError
 from renderer.film import WrittenFiles, locked_files, require_writable, staged_files, translate_os_errors
-from renderer.job import shorten_paths
 from renderer.scene import MAX_SIDECAR_BYTES, counted, read_json_object
-from renderer.study import COMPARISON_METRICS
 from renderer.system import PrintableText, join_lines, printable
 
 # No frame or scene file has these suffixes, so that a typing mistake overwrites none of them.
@@ -38,13 +36,9 @@ _LOOSEST = "cross-driver"
 
 @dataclass(frozen=True)
 class ReportFiles:
-    """A set of paths of the requested reports, by option.
-
-    private: inputs whose folders, and those of the limits beside them, the reports leave out.
-    """
+    """A set of paths of the requested reports, by option."""
 
     paths: Mapping[str, Path]
-    private: Sequence[Path] = ()
 
     def require_names(self, inputs: Iterable[Path]) -> None:
         """Raise InputError if a name has a wrong suffix, or is that of an input, a sidecar or somebody's page."""
@@ -90,24 +84,13 @@ class ReportFiles:
 
     def write(self, comparison: Comparison, gallery: Gallery) -> None:
         """Write all reports, or none."""
-        texts = {key: getattr(comparison, key) for key in ("golden", "actual", "notes", "other_limits")}
-        comparison = replace(comparison, **self._shorten(texts))
         page = partial(comparison_page, gallery=gallery)
         self._write({"--json": comparison_json, "--junit": comparison_junit, "--html": page}, comparison)
 
     def write_failure(self, golden: Path, actual: Path, error: Exception) -> None:
         """Report in JSON and JUnit, where requested, why nothing was compared."""
-        texts = [str(golden), str(actual), str(error)]
-        if not isinstance(error, HsplatError):
-            texts[-1] = f"{type(error).__name__}: {error}"
-        if self.private:
-            texts[-1] = error.summary if isinstance(error, HsplatError) else type(error).__name__
-            texts = self._shorten(texts)
-        self._write({"--json": failure_json, "--junit": failure_junit}, *texts)
-
-    def _shorten(self, texts: Any) -> Any:
-        limits = [path.parent / LIMITS_FILE for path in self.private]  # which notes and other limits name
-        return shorten_paths(texts, [*self.private, *limits])
+        why = str(error) if isinstance(error, HsplatError) else f"{type(error).__name__}: {error}"
+        self._write({"--json": failure_json, "--junit": failure_junit}, str(golden), str(actual), why)
 
     def _write(self, makers: Mapping[str, Callable[..., str]], *contents: Any) -> None:
         """Write the requested reports of those that can be made of these contents."""

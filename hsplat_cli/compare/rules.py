@@ -19,7 +19,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from hsplat_cli.compare.frame_difference import COMPARISON_METRICS
 from hsplat_cli.compare.picture_file import file_content, is_picture
+from hsplat_cli.compare.strictness import STRICTNESSES, Limits
 from renderer.accuracy import Metric
 from renderer.errors import InputError, Problem, require_package
 from renderer.scene import (
@@ -34,7 +36,6 @@ from renderer.scene import (
     raise_problems,
     schema,
 )
-from renderer.study import COMPARISON_METRICS, STRICTNESSES, Limits
 
 LIMITS_FILE = "compare.yaml"
 _MISSPELLED_FILE = "compare.yml"

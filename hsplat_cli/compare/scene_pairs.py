@@ -6,7 +6,6 @@ import contextlib
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,6 @@ from hsplat_cli.compare.golden.provenance import (
 from hsplat_cli.compare.outcome import Pairs
 from hsplat_cli.compare.picture_file import MAX_PIXELS, is_picture
 from hsplat_cli.compare.rules import Rules
-from hsplat_cli.executors import ExecutorSpec, require_executor
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames
 from renderer.errors import InputError, RenderError
@@ -67,17 +65,15 @@ def load_reproducible_job(request: SceneRequest) -> FilmJob:
 
 @contextlib.contextmanager
 def rendered_frames(
-    job: FilmJob, frames: Sequence[int], executor: ExecutorSpec, reporter: Reporter
+    job: FilmJob, frames: Sequence[int], reporter: Reporter
 ) -> Iterator[tuple[Mapping[int, Path], FilmRecord]]:
     """Render frames of a job of `load_reproducible_job`, and yield their files, by number, and the record of the film.
 
     The files last for the block. Raises HsplatError.
     """
     # Imported here: comparing files needs neither kernels nor OpenGL.
-    from hsplat_cli.executors import open_executor
-    from renderer.job import make_film, one_pass
+    from renderer.job import make_film, one_pass, open_local_executor
 
-    require_executor(executor)
     try:
         temporary_folder = tempfile.TemporaryDirectory(prefix="hsplat-golden-")
     except OSError as error:
@@ -90,7 +86,7 @@ def rendered_frames(
         output = replace(job.scene.output, file=template)
         job = replace(job, scene=replace(job.scene, output=output), frames=frames)
         with _DrawingEvents(reporter, job.scene.splat.primitive_name) as events:
-            film = make_film(job, partial(open_executor, executor, reporter), one_pass, events)
+            film = make_film(job, open_local_executor, one_pass, events)
         assert film.shortfall is None, "a reproducible job has no goal to miss"
         yield {frame: frame_path(template, frame) for frame in frames}, film.record
 
@@ -107,9 +103,7 @@ class _DrawingEvents(FilmEvents):
 
 
 @contextlib.contextmanager
-def open_scene_pairs(
-    request: SceneRequest, folder: Path, executor: ExecutorSpec, rules: Rules, reporter: Reporter
-) -> Iterator[Pairs]:
+def open_scene_pairs(request: SceneRequest, folder: Path, rules: Rules, reporter: Reporter) -> Iterator[Pairs]:
     """Render the frames of a scene, or of a film's sidecar, that have goldens in a folder. Pictures last for the block.
 
     Raises InputError if the folder has none of these goldens, or goldens that golden.json does not list; SceneError if
@@ -129,7 +123,7 @@ def open_scene_pairs(
         )
     names = [golden.file for golden in goldens]
     rules.require_frames(names)  # before rendering
-    with rendered_frames(job, numbers, executor, reporter) as (files, record):
+    with rendered_frames(job, numbers, reporter) as (files, record):
         before, now = provenance.origin, origin_from_record(record)
         notes = [*_origin_notes(before, now), *_file_notes(folder, goldens, unlisted), *record.notes]
         kept = {golden.file: path for golden in goldens if (path := folder / golden.file).exists()}

@@ -3,7 +3,6 @@ from .options import (
     ExecutorSpec as ExecutorSpec,
     executor_options as executor_options,
     memory_option as memory_option,
-    require_executor as require_executor,
-    require_executor_for as require_executor_for,
-    workers_option as workers_option,
+    require_scheduler as require_scheduler,
+    require_untimed as require_untimed,
 )

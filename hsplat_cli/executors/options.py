@@ -1,4 +1,4 @@
-"""Declares the options that say what draws, `--workers`, `--scheduler` and `--memory`, and checks them."""
+"""Declares the options that say how frames are drawn, `--scheduler` and `--memory`, and checks them."""
 
 from __future__ import annotations
 
@@ -10,50 +10,23 @@ import click
 from hsplat_cli.terminal import option_group, parse_bytes
 from renderer.errors import InputError, require_package
 from renderer.scene import Scene, TimeBudget, format_value
-from renderer.system import MemoryShare, num_cores
 
-# The scheduler of processes on this machine.
-LOCAL = "local"
-
-ADDRESSES = "the address of a Dask scheduler such as tcp://node7:8786, or local for processes on this machine"
+ADDRESSES = "the address of a Dask scheduler such as tcp://node7:8786"
 _ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 
 
 @dataclass(frozen=True)
 class ExecutorSpec:
-    """A choice of processes that draw.
+    """A choice of the executor that draws.
 
-    workers: their number on this machine, where it was given. scheduler: address of a cluster's, or `local`, if given.
-    memory: bytes for the bricks of all processes of a machine, if given.
+    scheduler: the address of a Dask scheduler; None for this process. memory: bytes for the bricks of all processes of
+    a machine; None for half of what is free.
     """
 
-    workers: int | None = None
     scheduler: str | None = None
     memory: int | None = None
 
-    @property
-    def address(self) -> str | None:
-        """Return the address of a scheduler that is already there; None where this machine draws."""
-        return None if self.scheduler == LOCAL else self.scheduler
 
-    @property
-    def num_local_processes(self) -> int:
-        """Return the number of processes of this machine that draw; one is this process."""
-        return self.workers or (num_cores() if self.scheduler == LOCAL else 1)
-
-    @property
-    def share(self) -> MemoryShare:
-        """Return the memory of this process, which draws alone, or trial frames beside others."""
-        num = self.num_local_processes
-        return MemoryShare(self.memory, num + 1 if num > 1 else 1)
-
-
-workers_option = click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help="Draw with N processes, by Dask; one process with all threads by default.",
-)
 memory_option = click.option(
     "--memory",
     metavar="SIZE",
@@ -61,35 +34,26 @@ memory_option = click.option(
     help="Let what is drawn take 2GB of a machine's memory; half of what is free by default.",
 )
 executor_options = option_group(
-    workers_option,
     click.option(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="Draw on the Dask cluster of this scheduler, tcp://node7:8786; local for a process on each core.",
+        "--scheduler", metavar="ADDRESS", help="Draw on the Dask cluster of this scheduler, tcp://node7:8786."
     ),
     memory_option,
 )
 
 
-def require_executor(spec: ExecutorSpec) -> None:
-    """Raise InputError for a wrong address, options that exclude each other, or where Dask is not installed."""
-    if spec.address is not None:
-        found = _ADDRESS.fullmatch(spec.address)
-        if not (found and 0 < int(found[1]) < 2**16):
-            raise InputError("not an address", where="--scheduler", got=format_value(spec.address), expected=ADDRESSES)
-        require_package("distributed", extra="cluster")
-        if spec.workers is not None:
-            raise InputError("the workers are those of the scheduler", where="--workers")
-    elif spec.num_local_processes > 1:
-        for package in ("distributed", "cryptography"):
-            require_package(package, extra="cluster")
+def require_scheduler(address: str | None) -> None:
+    """Raise InputError for a wrong address, or where Dask is not installed."""
+    if address is None:
+        return
+    found = _ADDRESS.fullmatch(address)
+    if not (found and 0 < int(found[1]) < 2**16):
+        raise InputError("not an address", where="--scheduler", got=format_value(address), expected=ADDRESSES)
+    require_package("distributed", extra="cluster")
 
 
-def require_executor_for(spec: ExecutorSpec, scene: Scene, *, progressive: bool = False) -> None:
-    """Raise InputError where a scene cannot be drawn like this: timed frames need one process."""
-    if not (progressive or isinstance(scene.error.goal, TimeBudget)):
+def require_untimed(address: str | None, scene: Scene, *, progressive: bool) -> None:
+    """Raise InputError for a cluster that would draw timed frames: they need one process."""
+    if address is None or not (progressive or isinstance(scene.error.goal, TimeBudget)):
         return
     what = "frames of --progressive" if progressive else "frames on a budget of time, error.seconds,"
-    where = "--scheduler" if spec.scheduler is not None else "--workers"
-    if spec.scheduler is not None or (spec.workers or 1) > 1:
-        raise InputError(f"{what} are timed and drawn one after the other, by one process", where=where)
+    raise InputError(f"{what} are timed and drawn one after the other, by one process", where="--scheduler")

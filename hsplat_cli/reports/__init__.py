@@ -1,11 +1,10 @@
-"""Render studies and comparisons as HTML pages without external resources, CSV, JSON and tables of text.
+"""Render HTML pages without external resources, and format numbers.
 
-`write_study` and `terminal_table` report a study. Other rooms render their own templates with `render_page`, and format
-numbers as here.
+In: a template's name and its values, pictures, curves, numbers. Out: the text of a page, with pictures and charts in
+it; numbers with significant digits only.
 
-- `study_html.py` writes all files, and makes the page; `tables.py`: text, CSV and JSON, and the columns of the
-  page; `plots.py`: error against cost; `costs.py`: what a PSNR costs.
-- `html.py`: templates, SVG and pictures in a page; `number_format.py`: significant digits. `templates/`: jinja.
+- `html.py`: templates, and pictures in a page; `charts.py`: axes, curves and labels, drawn as SVG by `chart.html`;
+  `number_format.py`: significant digits. `templates/`: jinja.
 """
 
 import lazy_loader

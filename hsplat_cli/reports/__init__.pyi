@@ -1,14 +1,28 @@
-from .html import (
-    SERIES_COLORS as SERIES_COLORS,
+from .charts import (
+    MARKERS as MARKERS,
+    SERIES as SERIES,
+    Axis as Axis,
     Chart as Chart,
+    Curve as Curve,
+    Point as Point,
+    Tick as Tick,
+    linear_axis as linear_axis,
+    log_axis as log_axis,
+    round_numbers as round_numbers,
+)
+from .html import (
     format_facts as format_facts,
-    plot_style as plot_style,
+    page_environment as page_environment,
     png_data_uri as png_data_uri,
     render_page as render_page,
     require_own_page as require_own_page,
-    require_page_packages as require_page_packages,
     webp_data_uri as webp_data_uri,
 )
-from .number_format import bytes_text as bytes_text, short_count_text as short_count_text
-from .study_html import PAGE_FILE as PAGE_FILE, REPORT_FILES as REPORT_FILES, write_study as write_study
-from .tables import terminal_table as terminal_table
+from .number_format import (
+    ABSENT as ABSENT,
+    bytes_text as bytes_text,
+    count_text as count_text,
+    metric_text as metric_text,
+    ms_text as ms_text,
+    short_count_text as short_count_text,
+)

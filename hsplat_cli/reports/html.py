@@ -1,7 +1,6 @@
-"""Render HTML pages: template, colours, plots as SVG and pictures as data URIs.
+"""Render HTML pages: templates, colours, and pictures as data URIs.
 
-A page is one file without external resources. Pages and plots follow the reader's choice of light or dark: matplotlib
-draws with the light colours, and `figure_to_svg` replaces each by the CSS variable of the same name.
+A page is one file without external resources, and follows the reader's choice of light or dark.
 """
 
 from __future__ import annotations
@@ -9,10 +8,7 @@ from __future__ import annotations
 import base64
 import io
 import math
-import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,14 +16,14 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from renderer.errors import InputError, require_package
+from hsplat_cli.reports.charts import MARKERS
+from renderer.errors import InputError
 from renderer.film import encode_png, translate_os_errors
 from renderer.scene import require_file
 from renderer.system import join_lines
 
 if TYPE_CHECKING:
-    from markupsafe import Markup
-    from matplotlib.figure import Figure
+    from jinja2 import Environment
 
 # CSS variable: colour on light and on dark ground. The series have the eight colours of M. Okabe and K. Ito, "Color
 # Universal Design" (2008), darker on white where they would be faint, lighter on black.
@@ -47,8 +43,6 @@ PALETTE = {
     "series-7": ("#857a00", "#f0e442"),
     "series-8": ("#6b6f76", "#b4b7bb"),
 }
-LIGHT_PALETTE = {name: light for name, (light, _) in PALETTE.items()}
-SERIES_COLORS = tuple(color for name, color in LIGHT_PALETTE.items() if name.startswith("series-"))
 
 # In the style of every page. It stands within the first bytes, of which this many are read.
 _MARK = b"/* by hsplat"
@@ -56,39 +50,6 @@ _MAX_HEAD_BYTES = 2**16
 
 # Of 100.
 _WEBP_QUALITY = 80
-
-_STYLE: dict[str, Any] = {
-    "svg.fonttype": "none",  # text stays text: it can be searched, read aloud, and is small
-    "svg.hashsalt": "hsplat",  # makes ids the same in every run
-    "text.parse_math": False,  # a $ in a name is a $
-    "font.size": 10.0,
-    "figure.facecolor": "none",
-    "axes.facecolor": "none",
-    "axes.titlesize": 11.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": LIGHT_PALETTE["line"],
-    "grid.linewidth": 0.6,
-    "legend.frameon": False,
-    **dict.fromkeys(("axes.labelcolor", "text.color", "xtick.labelcolor", "ytick.labelcolor"), LIGHT_PALETTE["ink"]),
-    **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), LIGHT_PALETTE["muted"]),
-}
-
-
-@dataclass(frozen=True)
-class Chart:
-    """A plot with its caption. alt: describes it to readers who cannot see it; by default as the caption does."""
-
-    plot: Figure
-    caption: str
-    alt: str = ""
-
-
-def require_page_packages() -> None:
-    """Raise InputError if the package that plots of pages need is missing."""
-    require_package("matplotlib", extra="measure")
 
 
 def require_own_page(page: Path) -> None:
@@ -106,9 +67,16 @@ def require_own_page(page: Path) -> None:
 def render_page(template: str, *, title: str, **values: object) -> str:
     """Return the page of a template of this package; every value but Markup is escaped, and all is printable.
 
-    values: the template's variables; a missing one raises jinja2.UndefinedError. Templates have the filters `data_uri`
-    and `webp_uri` for uint8 pixels, `sort_key` for numbers, and `svg(name, alt)` for matplotlib figures, inside
-    `plot_style`.
+    values: the template's variables; a missing one raises jinja2.UndefinedError.
+    """
+    text: str = page_environment().get_template(template).render(title=title, **values)
+    return join_lines(text.split("\n"))
+
+
+def page_environment() -> Environment:
+    """Return the environment of the templates.
+
+    They have the filters `data_uri` and `webp_uri` for uint8 pixels, and `sort_key` for numbers.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -120,46 +88,9 @@ def render_page(template: str, *, title: str, **values: object) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {
-        "data_uri": png_data_uri,
-        "webp_uri": webp_data_uri,
-        "sort_key": sort_key,
-        "svg": figure_to_svg,
-    }
-    text: str = environment.get_template(template).render(title=title, palette=PALETTE, **values)
-    return join_lines(text.split("\n"))
-
-
-@contextmanager
-def plot_style() -> Iterator[None]:
-    """Apply the style of the page to figures that are made and turned into SVG inside the block."""
-    from matplotlib import rc_context, rcParamsDefault
-
-    # matplotlib's defaults in place of the user's matplotlibrc; the backend stays as it is set.
-    defaults: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if not key.startswith("backend")}
-    with rc_context(defaults | _STYLE):
-        yield
-
-
-def figure_to_svg(figure: Figure, name: str, alt: str) -> Markup:
-    """Return a figure as an `<svg>` element in the page's colours; equal figures give equal bytes. Inside `plot_style`.
-
-    name: unique on the page; all ids begin with it. alt: describes the figure to readers who cannot see it.
-    """
-    from markupsafe import Markup, escape
-
-    stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    svg = stream.getvalue()
-    svg = svg[svg.index("<svg") :]  # HTML has no XML declaration and another document type
-    opening, _, body = svg.partition(">")
-    (view_box,) = re.findall(r'viewBox="[^"]*"', opening)
-    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL).replace("xlink:href", "href")
-    body = re.sub(r'\bid="', f'id="{name}-', body)
-    body = body.replace('href="#', f'href="#{name}-').replace("url(#", f"url(#{name}-")
-    for variable, color in LIGHT_PALETTE.items():
-        body = body.replace(color, f"var(--{variable})")
-    return Markup(f'<svg {view_box} role="img" aria-label="{escape(alt)}">{body}')
+    environment.filters |= {"data_uri": png_data_uri, "webp_uri": webp_data_uri, "sort_key": sort_key}
+    environment.globals |= {"palette": PALETTE, "markers": MARKERS}
+    return environment
 
 
 def png_data_uri(pixels: npt.NDArray[np.uint8]) -> str:

@@ -9,14 +9,14 @@ from renderer.accuracy import Metric
 ABSENT = "-"
 
 
-def count_text(count: float | None) -> str:
+def count_text(count: float) -> str:
     """Format a count, rounded to an integer: `1 194 745`."""
-    return ABSENT if count is None or not math.isfinite(count) else f"{count:,.0f}".replace(",", " ")
+    return f"{count:,.0f}".replace(",", " ") if math.isfinite(count) else ABSENT
 
 
-def short_count_text(count: float | None) -> str:
+def short_count_text(count: float) -> str:
     """Format a count in at most six characters, up to 999 million: `812`, `12.9 k`, `1.19 M`."""
-    if count is None or not math.isfinite(count):
+    if not math.isfinite(count):
         return ABSENT
     return _scaled(count, ("", " k", " M", " G", " T")) if round(count) >= 1000 else f"{count:.0f}"
 

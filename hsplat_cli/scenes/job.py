@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError, SceneError
@@ -17,6 +17,7 @@ from renderer.scene import (
     YamlTree,
     accuracy_of,
     edit_scene_content,
+    found_path,
     is_film_wide_goal,
     is_same_file,
     may_be_json,
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
 
 # What names a volume that is not found. These keys say where the voxels are, and change no film.
 _VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.raw.file=FILE"}
-# Nor do these change it: where it is, and whether that is recorded.
-_PLACE_KEYS = ("output.file", "output.record_paths", *_VOLUME_OPTIONS)
+# Nor does the place of the film.
+_PLACE_KEYS = ("output.file", *_VOLUME_OPTIONS)
 
 # What is read of volumes: what a scene leaves open, such as channels and labels; labels that it names; or nothing.
 Reads = Literal["all", "labels", "nothing"]
@@ -159,12 +160,6 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> F
     return replace(job, requested=requested)
 
 
-def _moved_output(output: Mapping[str, Any], first: Path, sidecar: Path) -> dict[str, Any]:
-    """Return a further output beside the sidecar, if it was beside the first one."""
-    file = Path(str(output.get("file")))
-    return {**output, "file": str(sidecar.with_name(file.name) if file.parent == first.parent else file)}
-
-
 def _has_recorded_tolerances(record: FilmRecord, scene: Scene) -> bool:
     """Return whether the recorded scene has the tolerances at which the frames were drawn, unchanged by hand."""
     return scene.error.goal is None and all(
@@ -182,10 +177,9 @@ def _editor(record: FilmRecord, path: Path) -> TreeEditor:
     """Return an editor of the recorded scene; its output is the film beside the sidecar, wherever they are now."""
     scene, (first, *others) = {**record.scene}, outputs_of(record.scene)
     if isinstance(first.get("file"), str):
-        moved = [{**first, "file": str(film_path_of_sidecar(path, Path(first["file"])))}]
-        moved += [_moved_output(each, Path(first["file"]), path) for each in others]
-        scene["output"] = moved if others else moved[0]
-    why = "if it was moved," if first.get("record_paths", True) else "the sidecar was written without paths:"
+        first = {**first, "file": str(film_path_of_sidecar(path, Path(first["file"])))}
+        others = [{**each, "file": found_path(str(each.get("file")), path.parent)} for each in others]
+        scene["output"] = [first, *others] if others else first
     options = {**_VOLUME_OPTIONS, "volume.file.0": "--volume"}  # of a list, the first of the files that are missing
-    hints = {key: f"{why} {option} names it" for key, option in options.items()}
+    hints = {key: f"if it was moved, {option} names it" for key, option in options.items()}
     return TreeEditor(YamlTree(scene), path, path_prefix="scene", hints=hints)

@@ -28,6 +28,7 @@ from renderer.scene import (
     format_value,
     parse_scene_content,
     parse_yaml,
+    relative_path,
     spec_to_dict,
 )
 from renderer.system import printable
@@ -157,7 +158,6 @@ def scene_text(
         f"  size: [{film.size[0]}, {film.size[1]}]",
         f"  frames_per_second: {format_value(film.fps)}",
         f"  background: {yaml_string(film.background)}",
-        *(["  record_paths: false         # in the JSON file beside the film"] * film.no_paths),
     ]
     return "\n".join(lines) + "\n"
 
@@ -223,7 +223,7 @@ def place_in(folder: Path, file: Any) -> Any:
     """Return a file, or a list of files, as a scene in a folder names it: relative, unless it is absolute."""
     if isinstance(file, list):
         return [place_in(folder, each) for each in file]
-    return file if os.path.isabs(file) else os.path.relpath(file, os.path.realpath(folder))
+    return file if os.path.isabs(file) else relative_path(file, folder)
 
 
 def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iterator[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +37,7 @@ from renderer.scene import (
     read_content,
     spec_to_dict,
     values_at,
+    with_files,
 )
 from renderer.system import printable
 
@@ -45,8 +46,6 @@ if TYPE_CHECKING:
 
 # Keys that say where the voxels are.
 _SOURCE_KEYS = ("file", "raw", "procedural", "spacing")
-# Keys of files, which are relative to the scene.
-_FILE_KEYS = ("file", "import", "names", "font", "logo")
 
 
 @dataclass(frozen=True)
@@ -133,7 +132,7 @@ class SharedLook:
         Raises InputError where a volume cannot be matched.
         """
         tree, name, notes = self._editor.tree.data, printable(volume_file(volume).name), list[str]()
-        _move_files(tree, self.path.parent, scene.parent)
+        tree = with_files(tree, partial(_place_from, scene.parent, self.path.parent))
         plain, own = spec_to_dict(volume), _given(volume)
         section = plain.get("raw", plain)
         section["file"] = place_in(scene.parent, section["file"])
@@ -186,21 +185,10 @@ def _given(volume: VolumeSpec) -> dict[str, Any]:
     return {key: value for key, value in vars(volume).items() if value != getattr(plain, key)}
 
 
-def _move_files(part: Any, base: Path, folder: Path) -> None:
-    """Let the files in a part of a scene be the same for a scene in another folder. base: where they are now."""
-
-    def moved(key: object, item: Any) -> Any:
-        if isinstance(item, list):
-            return [moved(key, each) for each in item]
-        is_file = isinstance(item, str) and ((base / item).exists() or is_pattern(base / item))
-        is_preset = key == "import" and not Path(str(item)).suffix
-        return place_in(folder, str(base / item)) if is_file and not is_preset else item
-
-    for key, item in part.items() if isinstance(part, dict) else enumerate(part if isinstance(part, list) else ()):
-        if key in _FILE_KEYS and not isinstance(item, dict):
-            part[key] = moved(key, item)
-        else:
-            _move_files(item, base, folder)
+def _place_from(folder: Path, base: Path, key: str, name: str) -> str:
+    """Return the name of a file for a scene in another folder, if there is one. base: the folder that it is from."""
+    file, is_preset = base / name, key == "import" and not Path(name).suffix
+    return place_in(folder, str(file)) if not is_preset and (file.exists() or is_pattern(file)) else name
 
 
 def _map_layer(section: dict[str, Any], layer: LayerSpec, line: ValueLine) -> None:

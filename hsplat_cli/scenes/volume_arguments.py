@@ -143,7 +143,6 @@ film_options = option_group(
         help=f"Show {', '.join(PRESET_WORDS)}; or take a preset such as ct-bone, or another program's file.",
     ),
     click.option("--over", type=Path, metavar="FILE", help="Show it over this volume, each in its place in the world."),
-    click.option("--no-paths", is_flag=True, help="Record names and no folders beside the film."),
     _option("--tolerance", TOLERANCE_FIELD, "ERROR", "Smaller is more exact and slower.", default=_DEFAULT.tolerance),
 )
 

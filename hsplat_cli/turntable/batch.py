@@ -6,7 +6,6 @@ The memory of a process is freed with it, and a reader that crashes ends its own
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import time
@@ -55,9 +54,9 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
         remaining = requests[len(records) :]
         statuses = [manifest.INTERRUPTED, *[manifest.NOT_STARTED] * len(remaining)]
         rows = [request.record(status) for request, status in zip(remaining, statuses, strict=False)]
-        reporter.result(manifest.manifest_table([*records, *rows]))
+        reporter.result(manifest.manifest_table(folder, [*records, *rows]))
         # Records of films without scene and volume go with each update.
-        missing = [record for record in records if not os.path.exists(record["volume"])]
+        missing = [record for record in records if not manifest.has_volume(folder, record)]
         manifest.try_to_update(folder, missing, reporter)
     gallery.finish()
     exit_codes = [record.get("exit_code") for record in records if record["status"] != manifest.FINISHED]

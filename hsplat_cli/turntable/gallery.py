@@ -96,8 +96,7 @@ def _make_posters(folder: Path, films: Iterable[FilmEntry], limit: int | None) -
 
 def _film_file(folder: Path, record: FilmEntry) -> Path | None:
     """Return a film, or the file of its first frame; None where it is not made, or is not a film in the folder."""
-    film, beside = Path(record["film"]), Path(record["scene"]).parent
-    film = frame_path(film.relative_to(beside) if film.is_relative_to(beside) else film, 0)
+    film = frame_path(Path(record["film"]), 0)
     is_inside = not film.is_absolute() and ".." not in film.parts
     is_film = record["status"] == FINISHED and is_inside and output_suffix(film) in FORMATS
     return folder / film if is_film and os.path.isfile(folder / film) else None

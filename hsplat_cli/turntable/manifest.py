@@ -16,7 +16,7 @@ from typing import Any
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import HsplatError, OutputLockedError, RenderError
 from renderer.film import lock_slots, write_staged
-from renderer.scene import is_shallow, read_json_object
+from renderer.scene import counted, found_path, is_shallow, read_json_object
 
 FilmEntry = dict[str, Any]
 
@@ -38,8 +38,7 @@ _COLUMNS |= {"file PSNR": "file_psnr", "frames PSNR": "psnr", "seen": "seen", "f
 _NUMBER_COLUMNS = ("frames", "primitives", "seconds", "file_psnr", "psnr")
 NUMBER_KEYS, _TOO_LARGE = ("psnr", "file_psnr", "seconds"), 1e9
 
-VOLUME_KEY = "scene_of"  # the volume's path relative to the folder, without links
-_TEXT_KEYS = ("volume", "scene", "film", "status", VOLUME_KEY)  # that each record has
+_TEXT_KEYS = ("volume", "scene", "film", "status")  # that each record has
 # More levels than a record of a film has.
 _MOST_LEVELS = 10
 _MAX_BYTES = 2**26  # some 500 bytes a film
@@ -56,15 +55,19 @@ def update_manifest(
     lock_timeout_s: how long to wait for other processes, on all machines. Raises InputError and RenderError.
     """
     with locked_manifest(folder, reporter, lock_timeout_s):
-        films = read_films(folder)
+        stored = _stored_records(folder)
+        films = _by_scene(stored)
         changed = {
-            Path(record["scene"]).name: _to_be_shared(record)
+            record["scene"]: record
             for record in records
             if record["status"] != NOT_STARTED
-            and (record["status"] != INTERRUPTED or films.get(Path(record["scene"]).name, {}).get("status") == STARTED)
+            and (record["status"] != INTERRUPTED or films.get(record["scene"], {}).get("status") == STARTED)
         }
         if not changed:
             return
+        if num_left_out := sum(not _is_record(record) for record in stored):
+            left_out = f"{counted(num_left_out, 'record')} left out: damaged, or of another version of hsplat"
+            reporter.warning(f"{folder / MANIFEST_FILE}: {left_out}")
         kept = {name: record for name, record in films.items() if name in changed or _is_current(folder, record)}
         # In ASCII even names with bytes that are no UTF-8 have a form.
         content = json.dumps({"films": list((kept | changed).values())}, indent=2, allow_nan=False)
@@ -75,16 +78,6 @@ def try_to_update(folder: Path, records: Sequence[FilmEntry], reporter: Reporter
     """Write records where there is another error to report: wait for a moment only, and raise nothing."""
     with contextlib.suppress(HsplatError):
         update_manifest(folder, records, reporter, _SHORT_LOCK_TIMEOUT_S)
-
-
-def _to_be_shared(record: FilmEntry) -> FilmEntry:
-    """Return a record without folders, notes, and the names and values of an error, if `record_paths` is false."""
-    if record.get("record_paths", True):
-        return record
-    shown = {key: value for key, value in record.items() if key not in ("summary", "command", "notes")}
-    shown |= {key: Path(record[key]).name for key in ("volume", "scene", VOLUME_KEY)}
-    shown["film"] = str(Path(record["film"]).relative_to(Path(record["scene"]).parent))
-    return shown | ({"error": record["summary"]} if "error" in record else {})
 
 
 @contextlib.contextmanager
@@ -110,10 +103,20 @@ def locked_manifest(folder: Path, reporter: Reporter, timeout_s: float) -> Itera
 
 
 def read_films(folder: Path) -> dict[str, FilmEntry]:
-    """Return the undamaged records by the names of their scenes; none where the file is something else."""
+    """Return the undamaged records by the names of their scenes; none where the file is something else.
+
+    Their paths are relative to the folder.
+    """
+    return _by_scene(_stored_records(folder))
+
+
+def _stored_records(folder: Path) -> list[Any]:
     films = (read_json_object(folder / MANIFEST_FILE, _MAX_BYTES) or {}).get("films")
-    records = filter(_is_record, films if isinstance(films, list) else [])
-    return {Path(record["scene"]).name: record for record in records}
+    return films if isinstance(films, list) else []
+
+
+def _by_scene(records: Sequence[Any]) -> dict[str, FilmEntry]:
+    return {record["scene"]: record for record in records if _is_record(record)}
 
 
 def _is_record(record: Any) -> bool:
@@ -122,29 +125,36 @@ def _is_record(record: Any) -> bool:
         is_writable = is_shallow(record, _MOST_LEVELS) and bool(json.dumps(record, allow_nan=False))
     except ValueError:  # infinities
         return False
-    return is_writable and isinstance(record, dict) and all(isinstance(record.get(key), str) for key in _TEXT_KEYS)
+    if not (is_writable and isinstance(record, dict) and all(isinstance(record.get(key), str) for key in _TEXT_KEYS)):
+        return False
+    name: str = record["scene"]
+    return os.path.basename(name) == name
 
 
 def _is_current(folder: Path, record: FilmEntry) -> bool:
     """Return whether the scene of a record still exists, or its volume where no film could be made."""
-    if os.path.exists(folder / Path(record["scene"]).name):  # no error for impossible names
+    if os.path.exists(folder / record["scene"]):  # no error for impossible names
         return True
-    is_private = not record.get("record_paths", True)  # nobody knows where its volume was
-    place = os.path.join(os.path.realpath(folder), record[VOLUME_KEY])
-    return record["status"] == FAILED and (is_private or os.path.exists(place))
+    return record["status"] == FAILED and has_volume(folder, record)
 
 
-def manifest_table(records: Sequence[FilmEntry]) -> str:
+def has_volume(folder: Path, record: FilmEntry) -> bool:
+    """Return whether the volume of a record still exists."""
+    return os.path.exists(found_path(record["volume"], folder))
+
+
+def manifest_table(folder: Path, records: Sequence[FilmEntry]) -> str:
     """Return a line for each volume, in columns; for a film that failed with the first line of the error."""
     has_seen = any(record.get("seen") for record in records)
     columns = {title: key for title, key in _COLUMNS.items() if has_seen or key != "seen"}
-    rows = [_row(record, columns.values()) for record in records]
+    rows = [_row(folder, record, columns.values()) for record in records]
     numbers = [number for number, key in enumerate(columns.values()) if key in _NUMBER_COLUMNS]
     return format_table([list(columns), *rows], right_aligned=numbers)
 
 
-def _row(record: FilmEntry, keys: Iterable[str]) -> list[str]:
+def _row(folder: Path, record: FilmEntry, keys: Iterable[str]) -> list[str]:
     shown = record | {key: short_number(record.get(key)) or "-" for key in NUMBER_KEYS}
+    shown |= {key: os.path.normpath(folder / record[key]) for key in ("volume", "film")}
     if record["status"] != FINISHED:
         shown["film"] = record.get("error", "-").splitlines()[0]
     return [str(shown.get(key) or "-") if key == "seen" else str(shown.get(key, "-")) for key in keys]

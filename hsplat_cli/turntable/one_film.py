@@ -40,6 +40,7 @@ from renderer.scene import (
     file_source,
     join_some,
     parse_scene_content,
+    relative_path,
 )
 from renderer.suggest import FilmOptions
 
@@ -73,14 +74,13 @@ class FilmRequest:
         return self.look.outputs(self.scene.parent, self.scene.stem) if self.look else OutputSpec(self.output)
 
     def record(self, status: str) -> FilmEntry:
-        """Return what the record of the film has in any case."""
-        paths = {"record_paths": False} if self.film.no_paths else {}
-        return paths | {
-            "volume": str(volume_file(self.volume)),
-            "scene": str(self.scene),
-            "film": str(self.output),
+        """Return what the record of the film has in any case; its paths are relative to the folder."""
+        folder = self.scene.parent
+        return {
+            "volume": relative_path(volume_file(self.volume), folder),
+            "scene": self.scene.name,
+            "film": relative_path(self.output, folder),
             "status": status,
-            manifest.VOLUME_KEY: self.volume_path,
         }
 
     @property
@@ -113,9 +113,8 @@ class FilmRequest:
     def failure_record(self, error: HsplatError) -> FilmEntry:
         """Return the record of a film that failed, or that another job is making. Exit code 2 is for wrong input."""
         status = manifest.NOT_STARTED if isinstance(error, OutputLockedError) else manifest.FAILED
-        summary = {"summary": error.summary} if self.film.no_paths else {}
         exit_code = 2 if isinstance(error, InputError) else 1
-        return self.record(status) | {"exit_code": exit_code, "error": str(error), "command": self.command} | summary
+        return self.record(status) | {"exit_code": exit_code, "error": str(error), "command": self.command}
 
 
 def require_harmless(requests: Sequence[FilmRequest]) -> None:

@@ -16,9 +16,8 @@ from PIL import Image
 
 from renderer.annotation import Font
 from renderer.errors import InputError
-from renderer.film import Picture, decode_film, over_black, translate_os_errors, write_staged
+from renderer.film import Picture, decode_film, over_black, rounded, translate_os_errors, write_staged
 from renderer.scene import format_of
-from renderer.study import rounded
 
 _POSTER_PX, _QUALITY = 320, 85
 _MAX_FILM_PIXELS = 2**26  # anybody may have put the film there

@@ -1,7 +1,7 @@
 """Measure what a film file loses of its frames, and say what is typical, and which tolerance would do as well.
 
-Typical values are those of many scans drawn as bricks (docs/benchmarks/encoding.md, goals.md). What a film has is
-measured when it is made.
+Typical values are those of many scans drawn as bricks (docs/benchmarks/goals.md). What a film has is measured when it
+is made.
 """
 
 from __future__ import annotations

@@ -52,6 +52,7 @@ from .quantization import (
     quantize as quantize,
     reduce_radiance as reduce_radiance,
     require_finite as require_finite,
+    rounded as rounded,
 )
 from .runs import consecutive_ranges as consecutive_ranges
 from .stream_tail import StreamTail as StreamTail

@@ -44,6 +44,11 @@ def quantize(image: npt.NDArray[np.float32], background: Background, depth: int 
     return np.clip(levels, 0, 65535).astype(np.uint16)
 
 
+def rounded(picture: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.uint8]:
+    """Return a picture in [0, 1] with 8 bits a channel, rounded half up."""
+    return np.asarray(np.floor(picture * 255 + 0.5), np.uint8)
+
+
 def behind_rows(background: Background, height: int) -> npt.NDArray[np.float64]:
     """Return what is behind each row of a picture, float64 [height, 3]; black behind a transparent one."""
     top, bottom = background if background is not None and len(background) == 2 else (background or _BLACK,) * 2

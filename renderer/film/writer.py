@@ -75,5 +75,5 @@ def film_notes(output: OutputSpec) -> list[str]:
     for each in output.others:
         if each.size != output.size:
             factor = output.size[0] // each.size[0]
-            notes.append(f"{each.file}: each pixel is the mean of {factor} x {factor} pixels")
+            notes.append(f"{each.file.name}: each pixel is the mean of {factor} x {factor} pixels")
     return notes

@@ -53,7 +53,6 @@ from .record import (
     record_to_json as record_to_json,
 )
 from .refinement import Refinement as Refinement
-from .sidecar import shorten_paths as shorten_paths, without_paths as without_paths
 from .verification import (
     FilmFiles as FilmFiles,
     VerifiedFilm as VerifiedFilm,

@@ -70,7 +70,7 @@ def _volume_text(volume: VolumeRecord) -> str:
     """Return `engine.nhdr, 256 x 256 x 110 voxels of uint8, spacing 1 x 1 x 1.4 mm, fingerprint c50eea700b5c`."""
     x, y, z, _ = (math.hypot(*column) for column in zip(*volume.world_from_index[:3], strict=True))
     return (
-        f"{Path(volume.name).name}, {' x '.join(map(str, volume.shape))} voxels of {volume.dtype}, spacing "
+        f"{volume.name}, {' x '.join(map(str, volume.shape))} voxels of {volume.dtype}, spacing "
         f"{x:.6g} x {y:.6g} x {z:.6g} {volume.unit or 'world units'}, "
         f"fingerprint {volume.fingerprint[:_DIGITS_OF_FINGERPRINT]}"
     )

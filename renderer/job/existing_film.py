@@ -9,11 +9,9 @@ from pathlib import Path
 from renderer.errors import SceneError
 from renderer.film import file_matches_digest, frame_matches_digest, frame_path
 from renderer.job.events import JobEvents
-from renderer.job.film_output import FilmOutput
 from renderer.job.fingerprint import describe_differences, describe_mismatch
-from renderer.job.record import FilmFingerprint, FilmRecord, record_from_json, record_to_json
-from renderer.job.sidecar import without_paths, write_sidecar
-from renderer.scene import FRAME_FIELD, MAX_SIDECAR_BYTES, OutputFile, OutputSpec, first_output, read_json_object
+from renderer.job.record import FilmFingerprint, FilmRecord, record_from_json
+from renderer.scene import FRAME_FIELD, MAX_SIDECAR_BYTES, OutputFile, OutputSpec, read_json_object
 
 
 @dataclass(frozen=True)
@@ -80,15 +78,6 @@ class ExistingFilm:
             for each in self.record.frames
             if output.shows(each.frame)
         )
-
-    def keep(self, output: FilmOutput) -> FilmRecord:
-        """Return the record of this film, which is up to date; take the paths from it that it should not have."""
-        output.remove_mark()
-        if output.spec.record_paths or not first_output(self.record.scene).get("record_paths", True):
-            return self.record
-        record = record_from_json(without_paths(record_to_json(self.record)), output.sidecar)
-        write_sidecar(output.sidecar, record, output.folder)
-        return record
 
 
 def find_existing_film(sidecar: Path, events: JobEvents) -> ExistingFilm | None:

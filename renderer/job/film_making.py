@@ -129,9 +129,9 @@ def _kept_film(
     """Return the film that is up to date."""
     # Left by a job that was killed when its film was complete.
     remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
-    record = existing.keep(output)
+    output.remove_mark()
     events.note(f"{output.spec.file} is up to date; --force draws it again")
-    return FinishedFilm(output.spec.file, output.sidecar, record, volume_note=note)
+    return FinishedFilm(output.spec.file, output.sidecar, existing.record, volume_note=note)
 
 
 def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJob, FilmFingerprint]:

@@ -30,7 +30,7 @@ from renderer.job.film_accuracy import with_encoding_loss
 from renderer.job.own_files import naming_mark, require_own_files
 from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, OutputRecord
 from renderer.job.sidecar import write_sidecar
-from renderer.scene import OutputFile, OutputSpec
+from renderer.scene import OutputFile, OutputSpec, relative_path, with_files
 from renderer.system import start_threads
 
 # Of the frames, and their memory, that are compared with what the file keeps of them: a decoder takes as long for the
@@ -116,7 +116,7 @@ class FilmOutput:
                 first.append(pictures[kinds.index(each.kind)])
 
     def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
-        """Write the sidecar of a film, and return its record.
+        """Write the sidecar of a film, and return its record, in which files are relative to the sidecar.
 
         fingerprint: of a film that is up to date from now on; None for one that the next job makes again. With it the
         record has the digests of films in one file, too; frames in files have digests in their records.
@@ -138,6 +138,7 @@ class FilmOutput:
         )
         digest = digests.get(self.spec.file)
         record = replace(record, fingerprint=fingerprint, accuracy=accuracy, digest=digest, outputs=outputs)
+        record = _relative_to(self.sidecar.parent, record)
         write_sidecar(self.sidecar, record, self.folder)
         self.remove_mark()
         return record
@@ -165,6 +166,16 @@ def locked_film_output(
             require_own_files(spec, frames, sidecar)
         require_encoder(spec)
         yield FilmOutput(spec, frames, sidecar, folder)
+
+
+def _relative_to(folder: Path, record: FilmRecord) -> FilmRecord:
+    """Return a record in which the names of files are relative to a folder."""
+    return replace(
+        record,
+        scene=with_files(record.scene, lambda _, file: relative_path(file, folder)),
+        outputs=tuple(replace(each, file=relative_path(each.file, folder)) for each in record.outputs),
+        parts=tuple(replace(each, sidecar=relative_path(each.sidecar, folder)) for each in record.parts),
+    )
 
 
 def _digest(file: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from renderer.film import data_digest, file_digest
@@ -21,13 +22,14 @@ from renderer.scene import (
     schedule_to_dict,
     spec_to_dict,
     with_draw_order,
+    with_files,
     without_sources,
 )
 from renderer.system import package_versions, sources_digest
 
 # These keys say what is in the frames; others say how they become a film, and what is told of it.
 _DRAWN_KEYS = ("size", "background")
-_NOT_ENCODED = ("file", "record_paths")
+_NOT_ENCODED = ("file",)
 
 
 def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str, device: str) -> FilmFingerprint:
@@ -37,6 +39,7 @@ def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str
     from its sidecar has the same fingerprint.
     """
     tree = without_sources(scene_to_dict(with_draw_order(scene)))
+    tree = with_files(tree, lambda _, name: Path(name).name)  # fonts and logos may move
     left_out = {*schedule_to_dict(scene.error), "probes"}
     rest = {key: value for key, value in tree["error"].items() if key not in left_out}
     output = {key: first_output(tree)[key] for key in _DRAWN_KEYS}

@@ -42,7 +42,7 @@ def find_shortfall(
         wanted = schedule_to_dict(requested).items()
         return RenderError(
             "the film was not refined to what the scene requests",
-            where=str(scene.output.file),
+            where=scene.output.file.name,
             got=f"tolerance {range_text([frame.tolerance for frame in frames])}",
             expected=", ".join(f"{name} {format_value(value)}" for name, value in wanted),
             hint=f"it needs more time; {BEST_EFFORT_HINT}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -99,7 +100,8 @@ def film_record(
 def _volume_record(volume: Volume) -> VolumeRecord:
     shape: Any = tuple(map(int, volume.shape_xyz))
     affine = tuple(map(tuple, volume.world_from_index.tolist()))
-    return VolumeRecord(volume.name, volume.fingerprint, str(volume.values.dtype), shape, affine, volume.length_unit)
+    name, dtype = Path(volume.name).name, str(volume.values.dtype)
+    return VolumeRecord(name, volume.fingerprint, dtype, shape, affine, volume.length_unit)
 
 
 def _plan_record(

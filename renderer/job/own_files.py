@@ -13,7 +13,7 @@ from pathlib import Path
 from renderer.errors import InputError, SceneError
 from renderer.film import film_sidecars, picture_files, unfinished_folder
 from renderer.job.record import FilmRecord, record_from_json
-from renderer.scene import MAX_SIDECAR_BYTES, OutputFile, OutputSpec, first_output, read_json_object
+from renderer.scene import MAX_SIDECAR_BYTES, OutputFile, OutputSpec, read_json_object, relative_path
 
 
 def require_own_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> None:
@@ -60,10 +60,6 @@ def _records(output: OutputSpec, sidecar: Path) -> Iterator[FilmRecord]:
 
 
 def _has_made(record: FilmRecord, output: OutputSpec, each: OutputFile) -> bool:
-    """Return whether a record has a further output, at the same place beside the first one: a film may be moved."""
-    first = first_output(record.scene)
-    if not first.get("record_paths", True):
-        return any(made.frames and made.file == each.file.name for made in record.outputs)
-    place = os.path.relpath(each.file, output.file.parent)
-    folder = Path(first["file"]).parent
-    return any(made.frames and os.path.relpath(made.file, folder) == place for made in record.outputs)
+    """Return whether a record has a further output, at the same place seen from its sidecar: a film may be moved."""
+    place = relative_path(each.file, output.file.parent)
+    return any(made.frames and made.file == place for made in record.outputs)

@@ -32,7 +32,7 @@ from renderer.scene import (
     schema,
 )
 
-FORMAT = "hsplat film 1"
+FORMAT = "hsplat film 2"
 
 # No measured value comes near it, and sums over all parts of a film stay finite.
 _MAX_AMOUNT = 1e100
@@ -186,7 +186,7 @@ _FRAMES: schema.FieldType[Any] = schema.FieldType("a list of one or more records
 class VolumeRecord:
     """A record of the volume that was drawn."""
 
-    name: Annotated[str, "Its file, or the name of its formula."]
+    name: Annotated[str, "The name of its file, or of its formula."]
     fingerprint: Annotated[str, DIGEST_FIELD, "The digest of its voxels and their place in the world."]
     dtype: Annotated[str, "The type of its voxels."]
     shape: Annotated[tuple[int, int, int], _SHAPE, "Its voxels along x, y and z."]
@@ -283,7 +283,7 @@ class VisibleRange:
 class OutputRecord:
     """A record of a further file of the same drawing."""
 
-    file: Annotated[str, "Its name, or the template of its frames."]
+    file: Annotated[str, "Its name, or the template of its frames, relative to the sidecar."]
     frames: Annotated[int, _COUNT, "Its frames."]
     digest: Annotated[str | None, DIGEST_FIELD, "The digest of a film in one file."] = None
     psnr_of_encoding: Annotated[
@@ -327,7 +327,7 @@ class PassRecord:
 class PartRecord:
     """A record of a part that a film was assembled from."""
 
-    sidecar: Annotated[str, "The sidecar of the part."]
+    sidecar: Annotated[str, "The sidecar of the part, relative to this one."]
     frames: Annotated[Range, _RANGE, "The first and the last frame that was taken."]
     num_frames: Annotated[int, _COUNT, "The number of frames that were taken."]
     seconds: Annotated[Amounts, _AMOUNTS, "What the part took."]
@@ -355,7 +355,11 @@ class FilmFingerprint:
 class FilmRecord:
     """A record of how a film was made, and what it cost: the content of its sidecar."""
 
-    scene: Annotated[Mapping[str, Any], _SCENE, "A scene that draws the same frames, with every default."]
+    scene: Annotated[
+        Mapping[str, Any],
+        _SCENE,
+        "A scene that draws the same frames, with every default; its files are relative to the sidecar.",
+    ]
     volume: Annotated[VolumeRecord, "The volume; of several, the first, with the digest of all their fingerprints."]
     camera: Annotated[CameraRecord, "The camera."]
     pyramid: Annotated[PyramidRecord, "The pyramid."]

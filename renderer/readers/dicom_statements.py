@@ -13,7 +13,7 @@ _TILT, _LIES = "GantryDetectorTilt", "PatientPosition"
 
 _VALUES = (
     Statement("RescaleSlope", "values", "a factor on stored values"),
-    Statement("RescaleIntercept", "values", "a number that is added to stored values"),
+    Statement("RescaleIntercept", "values", "an offset of stored values"),
     Statement("ModalityLUTSequence", "values", "a table of values, in place of slope and intercept"),
     Statement("DoseGridScaling", "values", "a factor on stored doses"),
     Statement(
@@ -50,7 +50,7 @@ _PLACE = (
 )
 _VALIDITY = (
     Statement("PixelPaddingValue", "validity", "a stored value that stands for no data"),
-    Statement("PixelPaddingRangeLimit", "validity", "the other end of stored values that stand for no data"),
+    Statement("PixelPaddingRangeLimit", "validity", "the other end of these values"),
     Statement("FloatPixelPaddingValue", "validity", "a value of floats that stands for no data"),
     Statement("BurnedInAnnotation", "validity", "that text is part of the image", is_applied=False),
 )
@@ -64,9 +64,9 @@ _MEANING = (
     Statement("RecommendedDisplayCIELabValue", "meaning", "the colour of a segment"),
     Statement("AnatomicalOrientationType", "meaning", "that axes are those of a quadruped, which are no LPS"),
     Statement("FrameTime", "meaning", "the time between frames, which are times of one plane"),
-    Statement("FrameTimeVector", "meaning", "the times between frames, which are times of one plane"),
+    Statement("FrameTimeVector", "meaning", "the time between frames, which are times of one plane"),
     *(
-        Statement(keyword, "meaning", "what tells times or components at one place apart")
+        Statement(keyword, "meaning", "a difference between times or components at one place")
         for keyword in dict.fromkeys(
             word for each in (*TOLD_APART, *VECTORS) for word in each.name.split(" and ") if word != "InstanceNumber"
         )

@@ -30,12 +30,12 @@ from renderer.volume import Channel, Float64
 STATEMENTS = FormatTable(
     "BigDataViewer",
     (
-        Statement("cells", "values", "numbers of 16 bits without a sign, stored as if they had one"),
+        Statement("cells", "values", "unsigned numbers of 16 bits, stored as signed ones"),
         Statement("resolutions", "place", "the levels of one image, of which the finest is drawn, and their steps"),
-        Statement("size", "values", "the size without padding, in the file .xml"),
-        Statement("voxelSize", "place", "the lengths of voxels and their unit, in the file .xml"),
-        Statement("channel", "meaning", "setups that are channels of one image, in the file .xml"),
-        Statement("name", "meaning", "the name of a setup, in the file .xml"),
+        Statement("size", "values", "the size without padding, in .xml"),
+        Statement("voxelSize", "place", "the lengths of voxels and their unit, in .xml"),
+        Statement("channel", "meaning", "setups that are channels of one image, in .xml"),
+        Statement("name", "meaning", "the name of a setup, in .xml"),
         Statement("ViewRegistrations", "place", "where the image of each setup lies", is_applied=False),
     ),
 )

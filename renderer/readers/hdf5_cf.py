@@ -23,8 +23,8 @@ from renderer.volume import Label
 STATEMENTS = FormatTable(
     "HDF5 and netCDF-4 (CF)",
     (
-        Statement("scale_factor", "values", "by which stored numbers are multiplied"),
-        Statement("add_offset", "values", "what is added to stored numbers"),
+        Statement("scale_factor", "values", "a factor on stored numbers"),
+        Statement("add_offset", "values", "an offset of stored numbers"),
         Statement("_Unsigned", "values", "whether stored numbers have no sign"),
         Statement("_FillValue", "validity", "the number of what was not written"),
         Statement("missing_value", "validity", "numbers that stand for no data"),

@@ -28,7 +28,7 @@ STATEMENTS = FormatTable(
         Statement("Unit", "meaning", "the unit of lengths"),
         Statement("Name", "meaning", "the name of a channel"),
         Statement("Color", "meaning", "the colour of a channel"),
-        Statement("ColorRange", "meaning", "the values that are shown as black and as full colour"),
+        Statement("ColorRange", "meaning", "the display range"),
         Statement("TimePoint1", "meaning", "when each time step was taken"),
     ),
 )

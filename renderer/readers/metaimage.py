@@ -48,7 +48,7 @@ STATEMENTS = FormatTable(
         Statement(_LETTERS, "meaning", "where the axes come from in a body"),
         Statement("ElementByteOrderMSB", "values", "the order of bytes; also called BinaryDataByteOrderMSB"),
         Statement("ElementToIntensityFunctionSlope", "values", "a factor of the values"),
-        Statement("ElementToIntensityFunctionOffset", "values", "a number to be added to the values"),
+        Statement("ElementToIntensityFunctionOffset", "values", "an offset of the values"),
         Statement("Kinds", "meaning", "whether an axis is space, time, or a list of components"),
         Statement("CenterOfRotation", "place", "a point around which the axes are turned", is_applied=False),
     ),

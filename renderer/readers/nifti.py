@@ -55,7 +55,7 @@ STATEMENTS = FormatTable(
         Statement("qfac", "place", "whether the third axis is turned over, in pixdim[0]"),
         Statement("pixdim", "place", "the sizes of voxels"),
         Statement("scl_slope", "values", "a factor of the values"),
-        Statement("scl_inter", "values", "a number to be added to the values"),
+        Statement("scl_inter", "values", "an offset of the values"),
         Statement("xyzt_units", "meaning", "the units of lengths and of the fourth axis"),
         Statement("toffset", "meaning", "the time of the first step"),
         Statement("intent_code", "meaning", "what the values are: labels, a statistic, the components of a vector"),

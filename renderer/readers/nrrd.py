@@ -36,7 +36,7 @@ STATEMENTS = FormatTable(
         Statement("spacings", "place", "the distance of samples"),
         Statement("axis mins", "place", "where an axis begins"),
         Statement("axis maxs", "place", "where an axis ends"),
-        Statement("centers", "place", "whether samples lie in the middle of their step or at its ends"),
+        Statement("centers", "place", "whether samples lie in the middle or at the ends of a step"),
         Statement("endian", "values", "the order of bytes"),
         Statement(
             "kinds", "meaning", "what each axis is: space, time, or the components of a colour, a vector, a matrix"

@@ -23,7 +23,7 @@ STATEMENTS = FormatTable(
         Statement("c0", "values", "the calibration of values: a polynomial with c0, c1 and so on, where cf is 0 to 3"),
         Statement("cf", "values", "a function of another kind by which values are calibrated", is_applied=False),
         Statement("vunit", "meaning", "the unit of calibrated values"),
-        Statement("Ranges", "meaning", "the values of each channel that are shown as black and as full colour"),
+        Statement("Ranges", "meaning", "the display range of each channel"),
         Statement("LUTs", "meaning", "the colours of channels"),
         Statement("Labels", "meaning", "the names of slices, and so of channels"),
     ),

@@ -11,7 +11,8 @@ Its field types also check sidecars and golden records. Importing it imports no 
   `labels_section.py` (labels and masks), `layers_section.py` (several volumes, `LayerSpec`), `annotation_section.py`
   (with the formats of texts) and `output_section.py`.
 - `output_formats.py`: the table of all formats of pictures and films.
-- `volume_files.py`: the file of a volume, or those of its steps in time.
+- `volume_files.py`: the file of a volume, or those of its steps in time; `file_places.py`: the names of files for one
+  who reads a scene in another folder.
 - `schema.py`: the types of fields, which other rooms have as `schema.number_field(...)`; `tree_node.py`: what a type of
   field is, and how a map from frames is read; `motion.py`: what such a map says at each frame.
 - `limits.py`: checks of several numbers together; `colors.py`: the colours of a scene; `colormaps.py`: named colormaps;

@@ -109,8 +109,7 @@ class OutputFile:
         name. background: None is transparent (straight alpha), two colours are those at the top and the bottom.
     quality: 0 (smallest) to 10 (best), where the encoder has a choice. codec, crf, pixel_format: None leaves them to
         the format and the quality; names are ffmpeg's. every: of the frames, those whose numbers are multiples of it.
-    frame: the only one that it shows, of all. record_paths: whether sidecars and reports say in which folders the
-        volume and the film are.
+    frame: the only one that it shows, of all.
     """
 
     file: Annotated[Path, OUTPUT_FILE_FIELD]
@@ -123,7 +122,6 @@ class OutputFile:
     pixel_format: Annotated[str | None, schema.TEXT_FIELD] = None
     every: Annotated[int, schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)] = 1
     frame: Annotated[int | None, _FRAME] = None
-    record_paths: bool = True
 
     @property
     def format(self) -> OutputFormat:
@@ -261,7 +259,9 @@ def _parse_output(node: TreeNode) -> Any:
     if not nodes:
         return node.reject("an empty list", got="", expected="one file or more")
     num_problems, (node, *others) = len(node.problems), nodes
-    first = _read_file(node, {}, ("every", "frame"), "not for the first output", hint="it has all frames")
+    for key in filter(node.value.__contains__, ("every", "frame")) if isinstance(node.value, Mapping) else ():
+        node.key(key).reject("not for the first output", expected="", hint="it has all frames")
+    first = _FILE.read(node)
     wrong, shared = [each.path for each in node.problems[num_problems:]], {}
     if isinstance(node.value, Mapping):
         right = [key for key in _SHARED_KEYS if not any(f"{node.path}.{key}" in path for path in wrong)]
@@ -269,7 +269,7 @@ def _parse_output(node: TreeNode) -> Any:
     files = [] if wrong else [(node, first)]
     for each in others:
         before = len(node.problems)
-        other = _read_file(each, shared, ("record_paths",), "only for the first output")
+        other = _FILE.read(replace(each, value={**shared, **each.value}) if isinstance(each.value, Mapping) else each)
         if len(node.problems) == before:
             files.append((each, other if wrong else _beside(first, other, each)))
     _check_names(files)
@@ -277,17 +277,6 @@ def _parse_output(node: TreeNode) -> Any:
         return first
     own = {each.name: getattr(first, each.name) for each in fields(OutputFile)}
     return OutputSpec(**own, others=tuple(other for _, other in files[1:]))
-
-
-def _read_file(
-    node: TreeNode, shared: Mapping[str, Any], left_out: Sequence[str], what: str, hint: str | None = None
-) -> Any:
-    """Read a file, which has what is shared unless it says something else, and not the keys that are left out."""
-    if not isinstance(node.value, Mapping):
-        return _FILE.read(node)
-    for key in filter(node.value.__contains__, left_out):
-        node.key(key).reject(what, expected="", hint=hint)
-    return _FILE.read(replace(node, value={**shared, **node.value}))
 
 
 def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:

@@ -345,8 +345,6 @@ def _of_transfer(transfer: TransferSpec, plain: dict[str, Any]) -> dict[str, Any
 
 def _of_outputs(output: OutputSpec, plain: dict[str, Any]) -> Any:
     others: list[dict[str, Any]] = plain.pop("others")
-    for each in others:
-        del each["record_paths"]
     first = _of_output(output, plain)
     return [first, *others] if others else first
 

@@ -18,6 +18,7 @@ from typing import Any
 
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import schema
+from renderer.scene.file_places import found_path
 from renderer.scene.input_file import read_bounded
 from renderer.scene.message_text import did_you_mean, short_text
 from renderer.scene.schema import INVALID, TreeNode
@@ -64,7 +65,7 @@ def file_field(expected: str, *, folder: bool) -> schema.FieldType[Path]:
     def parse(node: TreeNode) -> Any:
         if not schema.is_file_name(node.value):
             return node.reject("not a file name")
-        path = node.base / node.value
+        path = Path(found_path(node.value, node.base))
         got = str(path)
         try:
             is_file, is_folder, is_other = path.is_file(), path.is_dir(), path.exists()
@@ -99,7 +100,7 @@ def _parse_source(node: TreeNode) -> Any:
     if isinstance(node.value, (list, tuple)):
         return _steps(node, [(number, node.child(number, value)) for number, value in enumerate(node.value)])
     if schema.is_file_name(node.value):
-        pattern = node.base / node.value
+        pattern = Path(found_path(node.value, node.base))
         if is_pattern(pattern):
             return _matched(node, pattern)
     path = _ONE_FILE.parse(node)

@@ -27,7 +27,6 @@ class FilmOptions:
     size: tuple[int, int] = OutputSpec.size
     fps: float = OutputSpec.frames_per_second
     background: str = "#000000"
-    no_paths: bool = False
     colormap: str | None = None
     preset: str | None = None
     over: Path | None = None

@@ -10,7 +10,7 @@ from importlib import metadata
 from pathlib import Path
 
 # What the pixels or the files depend on, and what measured numbers do besides.
-MEASURING_PACKAGES = ("flip-evaluator", "scikit-image", "vtk")
+MEASURING_PACKAGES = ("flip-evaluator", "scikit-image")
 _PACKAGES = (
     *("hsplat", "imagecodecs", "imageio-ffmpeg", "moderngl", "nibabel", "numpy", "pydicom", "python-gdcm"),
     "tifffile",

@@ -1,6 +1,6 @@
 """Measure how well budgets are kept, and what progressive films cost.
 
-`python tests/bench/budgets.py DATA` writes docs/benchmarks/budgets.md.
+`python tests/bench/budgets.py DATA` writes build/benchmarks/budgets.md.
 
 Films are made by whole commands and judged by what their sidecars say; the machine has to have nothing else to do.
 """

@@ -76,6 +76,7 @@ def page(volumes: dict[str, Path]) -> None:
     for k in range(0, len(found), ROWS_PER_PICTURE):
         part = found[k : k + ROWS_PER_PICTURE]
         name = f"looks_{k // ROWS_PER_PICTURE + 1}.jpg"
+        PAGES.mkdir(parents=True, exist_ok=True)
         iio.imwrite(PAGES / name, np.concatenate([picture for _, picture in part]), quality=85)
         lines += ["| volume | as asked for | s | clip |", "|---|---|---|---|", *(line for line, _ in part)]
         lines += ["", f"![these volumes]({name})", ""]

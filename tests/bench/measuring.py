@@ -17,10 +17,9 @@ from renderer.draw import SplatRasterizer
 from renderer.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = ROOT / "docs" / "benchmarks"
+PAGES = ROOT / "build" / "benchmarks"
 SCENES = Path(__file__).with_name("scenes")
 THREADS = os.cpu_count() or 1
-MARK = "<!-- The command writes what follows. -->"
 
 
 class Point(NamedTuple):
@@ -44,10 +43,10 @@ def parser_of(description: str | None) -> argparse.ArgumentParser:
 
 
 def write_page(page: Path, lines: Iterable[str]) -> None:
-    """Replace what follows MARK on a page. Above it stands what is written by hand: change that with the constants."""
-    head, mark, _ = page.read_text("utf-8").partition(MARK)
-    assert mark, f"{page} has no line {MARK}"
-    page.write_text("\n".join([head + mark, "", *lines]).rstrip("\n") + "\n", encoding="utf-8")
+    """Write all tables of a benchmark. The page of this name in docs/benchmarks has the one that decides, by hand."""
+    page.parent.mkdir(parents=True, exist_ok=True)
+    page.write_text("\n".join(lines).rstrip("\n") + "\n", encoding="utf-8")
+    print(page)
 
 
 def machine_line() -> str:

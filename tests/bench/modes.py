@@ -1,7 +1,7 @@
 """How exact and how fast is each mode, light and clipping? `python tests/bench/modes.py DATA` writes the page of it.
 
 Each is drawn at several tolerances and compared with the exact rays of all pixels. The page is
-docs/benchmarks/modes.md, the picture docs/benchmarks/modes.jpg.
+build/benchmarks/modes.md, the picture build/benchmarks/modes.jpg.
 """
 
 from __future__ import annotations

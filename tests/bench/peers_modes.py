@@ -1,4 +1,4 @@
-"""Measure modes and light against VTK: `python tests/bench/peers_modes.py DATA` writes docs/benchmarks/peers_modes.md.
+"""Measure modes and light against VTK: `python tests/bench/peers_modes.py DATA` writes build/benchmarks/peers_modes.md.
 
 Every setting of both programs is drawn once for its accuracy. Of each program the fastest settings that reach the
 wanted accuracies are then timed in turns.
@@ -7,52 +7,30 @@ wanted accuracies are then timed in turns.
 from __future__ import annotations
 
 import statistics
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from measuring import PAGES, THREADS, Point, fastest, machine_line, parser_of, write_page
+from against_vtk import Compared, compared, own_point, peer_point, shown
+from measuring import PAGES, Point, fastest, machine_line, parser_of, write_page
 from modes import LOOKS, tree_of
-from peers import shown
+from vtk_peer import VtkSetting, comparable, describe_vtk, vtk_settings
 
-from hsplat_cli.studies.peers.vtk_peer import comparable, describe_vtk, look_of, measure_vtk, vtk_settings
-from renderer.accuracy import Truth, compute_truth
-from renderer.draw import BrickRasterizer
-from renderer.frame import Stage, prepare_stage, view_of
 from renderer.readers import read_volume
-from renderer.scene import Scene, parse_scene, with_tolerance
-from renderer.study import Measurement, Setting, measure_setting
+from renderer.scene import Scene, parse_scene
 from renderer.volume import Volume, make_volume
 
 PAGE = PAGES / "peers_modes.md"
-SIZE, FRAME, ROUNDS, GOALS = (512, 512), 5, 3, (40.0, 45.0, 50.0)
+FRAME = 5
+ROUNDS = 3
+GOALS = (40.0, 45.0, 50.0)  # dB
+TRUTH_TOLERANCE = 1e-4
 TOLERANCES = (1.0, 0.5, 0.3, 0.2, 0.15, 0.12, 0.1, 0.07, 0.05, 0.03, 0.01, 0.0)
 VOLUMES = {"engine": "engine.nhdr", "bonsai": "bonsai.nhdr", "head": "medical/CT_pitch.nii.gz"}
 LIGHT = {"light": "camera", "ambient": 0.3, "diffuse": 0.7, "specular": 0.2, "shininess": 32}
 MODES = ("maximum", "minimum", "mean", "light")
 COLUMNS = "volume | mode | accuracy | hsplat | tolerance | VTK | VTK's setting | hsplat / VTK | noise | best"
-
-
-class Compared(NamedTuple):
-    """What both programs draw. truth: of the frame."""
-
-    stage: Stage
-    truth: Truth
-
-    def own(self, tolerance: float, repeats: int) -> Measurement:
-        """Measure hsplat at a tolerance."""
-        stage = replace(self.stage, scene=with_tolerance(self.stage.scene, tolerance))
-        with BrickRasterizer(num_threads=THREADS) as rasterizer:
-            return measure_setting(stage, [self.truth], rasterizer, clock=time.perf_counter, repeats=repeats)
-
-    def peer(self, settings: Sequence[Setting], repeats: int) -> Iterator[Measurement]:
-        """Measure settings of VTK."""
-        stage = self.stage
-        look, view = look_of(stage.scene, stage.layers[0].volume), view_of(stage, FRAME)
-        return measure_vtk(stage.layers[0].volume, look, [view], [self.truth], settings=settings, repeats=repeats)
 
 
 def main() -> None:
@@ -84,13 +62,10 @@ def rows(scene: Scene) -> Iterator[str]:
     if scene.mode.type == "minimum":
         scene, volume = replace(scene, output=replace(scene.output, background=(1.0, 1.0, 1.0))), negative(volume)
     scene, volume, _ = comparable(scene, volume)
-    with prepare_stage(
-        scene, clock=time.perf_counter, num_threads=THREADS, volumes=[volume], any_tolerance=True
-    ) as stage:
-        both = Compared(stage, compute_truth(stage, FRAME, 1e-4, num_threads=THREADS))
-        peers = {f"{each.series}, {each.label}".removeprefix("vtk "): each for each in vtk_settings(scene.mode)}
-        own = [point(f"{tolerance:g}", both.own(tolerance, 2)) for tolerance in TOLERANCES]
-        peer = [point(*each) for each in zip(peers, both.peer(list(peers.values()), 1), strict=True)]
+    with compared(scene, volume, [FRAME], TRUTH_TOLERANCE) as both:
+        peers = {each.name: each for each in vtk_settings(scene.mode)}
+        own = [own_point(both.own(tolerance, 2)) for tolerance in TOLERANCES]
+        peer = [peer_point(each) for each in both.peer(list(peers.values()), 1)]
         finest = [found.psnr for found in peer if found.setting in ("gpu, step 0.5", "fixed point, step 0.5")]
         pairs = [(fastest(own, psnr), fastest(peer, psnr)) for psnr in GOALS]
         mine, theirs = ({found.setting for found in column if found} for column in zip(*pairs, strict=True))
@@ -112,11 +87,7 @@ def negative(volume: Volume) -> Volume:
     return make_volume(values, volume.world_from_index, f"negative of {volume.name}")
 
 
-def point(name: str, found: Measurement) -> Point:
-    return Point(name, found.overall.everywhere["psnr"], found.frame_seconds * 1e3)
-
-
-def turn(both: Compared, mine: set[str], theirs: dict[str, Setting]) -> dict[str, float]:
+def turn(both: Compared, mine: set[str], theirs: dict[str, VtkSetting]) -> dict[str, float]:
     """Return the milliseconds of settings of both programs, one program after the other."""
     times = {name: both.own(float(name), 5).frame_seconds * 1e3 for name in mine}
     found = both.peer(list(theirs.values()), 2)

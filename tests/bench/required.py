@@ -1,6 +1,6 @@
 """Measure that what a scene does not ask for costs nothing.
 
-`python tests/bench/required.py DATA` writes docs/benchmarks/required.md. Each row does the same work without a demand
+`python tests/bench/required.py DATA` writes build/benchmarks/required.md. Each row does the same work without a demand
 and with it, in turns: medians, where possible of CPU seconds of all threads, which a shared machine disturbs less.
 """
 

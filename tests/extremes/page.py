@@ -1,4 +1,4 @@
-"""Write docs/benchmarks/numerics.md, every extreme with the worst error measured.
+"""Write build/benchmarks/numerics.md, every extreme with the worst error measured.
 
 Run it as `python tests/extremes/page.py`.
 """

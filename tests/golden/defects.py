@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from subjects import Change, Pixels, Shot, shifted
 
+from hsplat_cli.compare import FrameDifference
 from renderer.bricks import BrickBatch
 from renderer.film import quantize
 from renderer.scene import ControlPoint
 from renderer.splats import GaussianFootprint, SplatBatch
-from renderer.study import FrameDifference
 from renderer.view import screen_rectangles
 from renderer.volume import Bools, Float64, Int64, UInt32
 

@@ -10,7 +10,7 @@ from defects import SEEN_LEVELS
 from harmless import Machine, drawn_by
 from subjects import Change, Pixels, Shot
 
-from renderer.study import COMPARISON_METRICS, STRICTNESSES, FrameDifference, exceeded_limits
+from hsplat_cli.compare import COMPARISON_METRICS, STRICTNESSES, FrameDifference, exceeded_limits
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Measure how far changes that a comparison must accept are from those that it must reject.
 
 `python tests/golden/separation.py bricks` measures every figure on both, for several scenes drawn with bricks, and
-writes that part of docs/benchmarks/goldens.md; `splats` does the same for splats. The limits of
-renderer/study/strictness.py come from it.
+writes build/benchmarks/goldens_bricks.md; `splats` does the same for splats. The limits of
+hsplat_cli/compare/strictness.py come from it; docs/benchmarks/goldens.md says how well they separate the two.
 
 Drivers that a machine has beside its own are named with what makes a program load them:
 
@@ -27,8 +27,8 @@ from harmless import BRICK_MACHINES, HARMLESS, SPLAT_MACHINES, Machine  # noqa: 
 from measured import Measured, measured, on_machine  # noqa: E402
 from subjects import BRICKS, SPLATS, Shot, Subject  # noqa: E402
 
+from hsplat_cli.compare import COMPARISON_METRICS, STRICTNESSES  # noqa: E402
 from renderer.draw import BrickRasterizer, SplatRasterizer  # noqa: E402
-from renderer.study import COMPARISON_METRICS, STRICTNESSES  # noqa: E402
 from renderer.system import commit  # noqa: E402
 
 SAME, CROSS = "same-machine", "cross-driver"
@@ -40,18 +40,9 @@ def main() -> None:
     parser.add_argument("--driver", action="append", default=[], type=_driver, metavar="NAME: KEY=VALUE ...")
     arguments = parser.parse_args()
     rows, names = _measure(arguments.primitive, arguments.driver)
-    text = part(arguments.primitive, rows, names, commit())
-    file = ROOT / "docs" / "benchmarks" / "goldens.md"
-    file.write_text(replace_part(file.read_text(encoding="utf-8"), arguments.primitive, text), encoding="utf-8")
-
-
-def replace_part(page: str, primitive: str, text: str) -> str:
-    """Return the page with other figures of a part, from its first heading to the next one of its level."""
-    title = f"\n## {primitive.capitalize()}\n"
-    before, after = page.split(title)
-    introduction = after.partition("### ")[0]
-    _, mark, rest = after.partition("\n## ")
-    return f"{before}{title}{introduction}{text}{mark}{rest}"
+    file = ROOT / "build" / "benchmarks" / f"goldens_{arguments.primitive}.md"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(page(arguments.primitive, rows, names, commit()), encoding="utf-8")
 
 
 def _measure(primitive: str, drivers: Sequence[Machine]) -> tuple[list[Measured], dict[str, str]]:
@@ -85,8 +76,8 @@ def _print(row: Measured) -> None:
     print(f"{row.subject}, {row.change}: {figures}", flush=True)
 
 
-def part(primitive: str, rows: Sequence[Measured], drawn_by: dict[str, str], measured_at: str) -> str:
-    """Return the figures of one part of docs/benchmarks/goldens.md."""
+def page(primitive: str, rows: Sequence[Measured], drawn_by: dict[str, str], measured_at: str) -> str:
+    """Return all figures of a primitive."""
     return "\n".join(
         [
             *_limits(rows),
@@ -102,7 +93,7 @@ def part(primitive: str, rows: Sequence[Measured], drawn_by: dict[str, str], mea
 
 @dataclass(frozen=True)
 class Part:
-    """What is drawn for the part of the page on one primitive."""
+    """What is drawn for the figures of one primitive."""
 
     subjects: Sequence[Subject]
     machines: Sequence[Machine]

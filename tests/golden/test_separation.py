@@ -1,6 +1,6 @@
 """Harmless changes pass and every defect is found at `same-machine`, on small frames of splats and of bricks.
 
-docs/benchmarks/goldens.md has more.
+docs/benchmarks/goldens.md says what more frames show.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from harmless import HARMLESS
 from measured import Measured, measured
 from subjects import BRICKS, SPLATS, Change, Shot
 
+from hsplat_cli.compare import STRICTNESSES
 from renderer.draw import BrickRasterizer, SplatRasterizer
-from renderer.study import STRICTNESSES
 
 SHOTS = {"splats": ("coarse",), "bricks": ("bricks_coarse", "bricks_transparent")}
 

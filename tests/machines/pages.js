@@ -35,7 +35,7 @@ async function open(browser, file, width, scheme) {
 async function audit(browser, file) {
   for (const scheme of ["light", "dark"]) for (const width of [1300, 400]) {
     const page = await open(browser, file, width, scheme);
-    await page.screenshot({ path: `${folder}/${path.basename(file, ".html")}-${scheme}-${width}.png` });
+    await page.screenshot({ path: `${folder}/${file.replace(".html", "").replace("/", "-")}-${scheme}-${width}.png` });
     await page.evaluate(axe);
     const found = (await page.evaluate(() => axe.run())).violations.map((each) => each.id);
     const isWide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
@@ -114,11 +114,13 @@ error: {tolerance: 0.1}
 output: {file: film.mp4, size: [256, 256]}
 `);
   run("preview", "scene.yaml", "--quiet");
+  run("measure", "scene.yaml", "--quiet", "--output", "measured");
   const volumes = process.argv.slice(3);
   if (volumes.length) run("turntable", ...volumes, "-o", "films", "--frames", "12", "--size", "128", "--quiet");
   const browser = await puppeteer.launch({ executablePath: process.env.CHROMIUM || "/usr/bin/chromium", args: ["--no-sandbox", "--disable-gpu", "--allow-file-access-from-files"] });
   await audit(browser, "scene.html");
   await usePreview(browser);
+  await audit(browser, "measured/index.html");
   if (fs.existsSync(`${folder}/films/index.html`)) {
     await audit(browser, "films/index.html");
     await useGallery(browser);

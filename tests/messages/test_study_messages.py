@@ -1,17 +1,13 @@
-"""What `hsplat measure`, `hsplat paper` and scenes with an accuracy print when they cannot do what was asked."""
+"""What `hsplat measure` and scenes with an accuracy print when they cannot do what was asked."""
 
 from __future__ import annotations
 
-import importlib.util
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from hsplat_cli import main
-from hsplat_cli.commands.paper import SCENES
-from hsplat_cli.studies.measure.study import scene_notes
+from hsplat_cli.measure.study import scene_notes
 from renderer.scene import load_scene
 from tests.messages.conftest import small_scene
 from tests.support.transcripts import Case, cases
@@ -19,13 +15,9 @@ from tests.support.transcripts import Case, cases
 
 @pytest.fixture(autouse=True)
 def folder(scene_folder: Path) -> Path:
-    """Fill the current folder with a small scene of bricks and, in `figures`, the scenes of `hsplat paper`."""
+    """Fill the current folder with a small scene of bricks."""
     text = small_scene(6).replace("shading:\n  ambient: 0.3\n", "")
     (scene_folder / "scene.yaml").write_text(text, "utf-8")
-    shutil.copytree(SCENES, scene_folder / "figures")
-    for name in ("empty", "one"):
-        (scene_folder / name).mkdir()
-    shutil.copy(SCENES / "3_one_splat.yaml", scene_folder / "one")
     return scene_folder
 
 
@@ -45,16 +37,6 @@ def test_messages(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
 @cases("accuracy.txt")
 def test_messages_about_accuracy(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
     case.check(capsys)
-
-
-@pytest.mark.usefixtures("_writes_nothing")
-def test_vtk_that_is_missing_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    find_spec = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name, *rest: None if name.startswith("vtk") else find_spec(name, *rest)
-    )
-    assert main.run(["measure", "scene.yaml", "--quiet", "--thorough", "--peer", "vtk"]) == 2
-    assert capsys.readouterr().err == "the package vtk is not installed\n  hint: pip install 'hsplat[vtk]'\n"
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ SOURCES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "scene that is wrong": ({f"{LINES}.yaml": "camera: [\n"}, ["check", f"{LINES}.yaml"]),
     "key": ({"scene.yaml": f"{json.dumps(LINES)}: 1\n"}, ["check", "scene.yaml"]),
     "value": ({"scene.yaml": f"shading: {json.dumps(LINES)}\n"}, ["check", "scene.yaml"]),
-    "sidecar": ({"film.json": json.dumps({"format": "hsplat film 1", LINES: 1})}, ["check", "film.json"]),
+    "sidecar": ({"film.json": json.dumps({"format": "hsplat film 2", LINES: 1})}, ["check", "film.json"]),
     "argument too many": ({}, ["check", "scene.yaml", LINES]), "no option": ({}, ["check", f"--{LINES}"]),
     "option of a wrong type": ({}, ["turntable", "--frames", LINES, SCAN]), "no command": ({}, [LINES]),
     "setting": ({"scene.yaml": SCENE}, ["check", "scene.yaml", "--set", f"{LINES}=1"]),

@@ -1,6 +1,6 @@
 """Inputs at the edge of what is legal, each with the error that is allowed there.
 
-Tests check them, and docs/benchmarks/numerics.md lists them.
+Tests check them, and docs/benchmarks/numerics.md sums them up.
 
 A module `tests/extremes/test_*.py` holds one `Section`; its rows are both the tests and, measured over more random
 cases, the table that `python tests/extremes/page.py` writes.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import textwrap
 from pathlib import Path
 
 import renderer.readers
@@ -14,9 +15,10 @@ _HEAD = """\
 # What files say of their voxels
 
 Beside numbers, files state how these are to be understood: a scale, a direction, values that are no data, the names of
-labels. hsplat applies what it can and names the rest in a note, by the name that the field has in the standard of its
-format. These tables are made from those of the readers by `tests/support/formats_page.py`.
+labels. Of each format hsplat applies the fields that are listed first, and names those of the table in a note, as the
+standard of the format does. `tests/support/formats_page.py` makes this page from the tables of the readers.
 """
+_LINE_LENGTH = 120
 
 
 def format_tables() -> list[FormatTable]:
@@ -33,11 +35,23 @@ def formats_page() -> str:
 
 
 def _section(table: FormatTable) -> str:
-    rows = [
-        f"| `{each.field}` | {each.about} | {each.effect} | {'applied' if each.is_applied else 'named in a note'} |"
-        for each in table.statements
-    ]
-    return "\n".join([f"## {table.format}", "", "| field | it states | it changes | |", "|---|---|---|---|", *rows, ""])
+    """Return the section of a format: a list of the fields that are applied, and a table of the others."""
+    applied, named = (_by_meaning(table, is_applied=is_applied) for is_applied in (True, False))
+    listed = ", ".join(f"{fields} ({about})" for about, fields in applied.items())
+    lines = [f"## {table.format}", "", *textwrap.wrap(f"{listed}.", _LINE_LENGTH, break_on_hyphens=False), ""]
+    if named:
+        rows = [f"| {fields} | {about} |" for about, fields in named.items()]
+        lines += ["| named | states |", "|---|---|", *rows, ""]
+    return "\n".join(lines)
+
+
+def _by_meaning(table: FormatTable, *, is_applied: bool) -> dict[str, str]:
+    """Return the names of the fields that state the same, by the noun phrase for it."""
+    found: dict[str, list[str]] = {}
+    for each in table.statements:
+        if each.is_applied == is_applied:
+            found.setdefault(each.about, []).append(f"`{each.field}`")
+    return {about: ", ".join(fields) for about, fields in found.items()}
 
 
 if __name__ == "__main__":

@@ -45,8 +45,6 @@ def _sections_in(kind: Any) -> list[Any]:
 def _table(cls: Any, paths: list[str]) -> Iterator[str]:
     yield f"### {' and '.join(paths) or 'The file'}"
     yield ""
-    yield (cls.__doc__ or "").splitlines()[0]
-    yield ""
     yield "| key | value | meaning |"
     yield "|---|---|---|"
     hints, types = get_type_hints(cls, include_extras=True), schema.field_table(cls)

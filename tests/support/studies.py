@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from hsplat_cli.measure import FrameMeasurement, Measurement, Setting, Study
 from renderer.accuracy import METRICS, Accuracy, ErrorSamples, Truth
 from renderer.accuracy.metrics import ErrorMetrics, sampled_accuracy
-from renderer.study import FrameMeasurement, Measurement, Setting, Study
 from renderer.truth import Convergence
 
 NAN = float("nan")
@@ -34,30 +34,25 @@ UNDEFINED = Accuracy(*[dict.fromkeys(METRICS, NAN)] * 2)
 def measure(
     label: str,
     frame_ms: float,
-    num_splats: int | None,
+    num_splats: int,
     quality: float | Accuracy,
     *,
     series: str = "gaussian, optical",
-    tool: str = "hsplat",
     frames: Sequence[int] = (0, 7),
 ) -> Measurement:
     """Return a setting of `quality` (PSNR in dB, or all), drawn three times on each frame, in about `frame_ms`."""
-    is_own = tool == "hsplat"
     result = quality if isinstance(quality, Accuracy) else accuracy(quality)
     times = tuple(frame_ms / 1000 * part for part in (0.9, 1.0, 1.3))
-    steps = (
-        {"order": tuple(t / 4 for t in times), "draw": tuple(t * 3 / 4 for t in times)} if is_own else {"render": times}
-    )
-    level = np.uint8(40) if num_splats is None else np.uint8(num_splats % 251)
-    picture = np.full((6, 8, 3), level, np.uint8)
+    steps = {"order": tuple(t / 4 for t in times), "draw": tuple(t * 3 / 4 for t in times)}
+    picture = np.full((6, 8, 3), num_splats % 251, np.uint8)
     return Measurement(
-        Setting(series, label, {"tool": tool, "precision": float(label.rsplit(maxsplit=1)[-1]), "corrected": True}),
-        num_splats and 2 * num_splats,
-        0.25 if is_own else None,
-        {"cut": (0.01, 0.011, 0.012)} if is_own else {},
+        Setting(series, label, {"precision": float(label.rsplit(maxsplit=1)[-1]), "corrected": True}),
+        2 * num_splats,
+        0.25,
+        {"cut": (0.01, 0.011, 0.012)},
         tuple(FrameMeasurement(frame, num_splats, steps, result) for frame in frames),
         result,
-        800_000_000 if is_own else None,
+        800_000_000,
         picture,
         picture // 2,
     )
@@ -73,19 +68,10 @@ def own_series() -> list[Measurement]:
     ]
 
 
-def peer_series() -> list[Measurement]:
-    """Return the settings of a peer: no splats, no cells, one stage."""
-    return [
-        measure("sample distance 2", 100, None, 29, series="vtk gpu", tool="vtk"),
-        measure("sample distance 1", 300, None, 41, series="vtk gpu", tool="vtk"),
-        measure("sample distance 0.5", 200, None, 33, series="vtk fixed point", tool="vtk"),
-    ]
-
-
 def brick_series() -> list[Measurement]:
     """Return settings of bricks, which have cells and no splats."""
     series = "integrated, optical"
-    drawn = [measure(f"tolerance {t}", ms, None, psnr, series=series) for t, ms, psnr in ((1, 20, 30), (0, 80, 41))]
+    drawn = [measure(f"tolerance {t}", ms, 20, psnr, series=series) for t, ms, psnr in ((1, 20, 30), (0, 80, 41))]
     options = {"footprint": "integrated"}
     return [
         dataclasses.replace(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,3 +13,12 @@ def scene_folder(request: pytest.FixtureRequest, folder: Path) -> Path:
     """Return the current folder, with the module's SCENE in scene.yaml."""
     (folder / "scene.yaml").write_text(request.module.SCENE, encoding="utf-8")
     return folder
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """Return the address of a scheduler with two workers."""
+    from clusters import running_cluster
+
+    with running_cluster(2) as cluster:
+        yield cluster.scheduler_address

@@ -15,15 +15,16 @@ SCALARS, FOUR = 4 * 18**3, 16 * 18**3
 
 
 @pytest.mark.parametrize("shading", [None, {}], ids=["plain", "lit"])
-def test_films_have_the_same_bytes(folder: Path, shading: dict[str, float] | None) -> None:
+def test_films_have_the_same_bytes(folder: Path, scheduler: str, shading: dict[str, float] | None) -> None:
     tree = small_tree(frames=3, volume=engine_block(64, 64, 48)) | ({} if shading is None else {"shading": shading})
     (folder / "scene.yaml").write_text(json.dumps(tree))
     films, limits = set[bytes](), list[int]()
-    for options in ([], ["--memory", "1"], ["--memory", "600kB"], ["--memory=1GiB"], ["--workers=2", "--memory=1MB"]):
+    on_cluster = ["--scheduler", scheduler, "--memory=1MB"]
+    for options in ([], ["--memory", "1"], ["--memory", "600kB"], ["--memory=1GiB"], on_cluster):
         assert main.run(["render", "scene.yaml", "--quiet", "--force", *options]) == 0
         films.add(Path("film.mp4").read_bytes())
         found = sidecar().get("memory")
-        assert (found is None) == ("--workers=2" in options)
+        assert (found is None) == (options is on_cluster)
         if found is not None:
             limits.append(found["limit"])
             most = 4 * 4 * 3 * (SCALARS if shading is None else FOUR) + (2 * 2 * 2 + 1) * FOUR

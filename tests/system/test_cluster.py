@@ -1,4 +1,4 @@
-"""A Dask cluster, here of two processes of this machine, draws the same bytes as this process, also when they die.
+"""A Dask cluster draws the same bytes as this process, also when they die.
 
 That the stage of every kind of scene survives its way to workers is shown in `test_transport.py`.
 """
@@ -15,13 +15,14 @@ from pathlib import Path
 
 import faulty_cluster_worker as faulty
 import pytest
-from distributed import Client, LocalCluster
+from clusters import running_cluster
+from distributed import Client
 from film_stages import plan_of, stage_of_kind
 from small_scene import small_tree
 
 from hsplat_cli.executors.cluster import cluster_drawing, registry
 from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
-from hsplat_cli.executors.cluster.connection import connect_locally
+from hsplat_cli.executors.cluster.connection import connect
 from hsplat_cli.terminal import Reporter
 from renderer.accuracy import open_prober
 from renderer.draw import Rasterizer
@@ -46,9 +47,8 @@ def stage() -> Stage:
 
 
 @pytest.fixture(scope="module")
-def client() -> Iterator[Client]:
-    """Start two processes, which are replaced when they die."""
-    with connect_locally(2) as client:
+def client(scheduler: str) -> Iterator[Client]:
+    with connect(scheduler) as client:
         yield client
 
 
@@ -63,7 +63,7 @@ def draw(
     client: Client, stage: Stage, on_frame: Callable[[int], None] = lambda number: None
 ) -> tuple[list[bytes], list[str]]:
     """Return the files of all frames, and notes."""
-    with closing(ClusterDrawing(client, "--workers 2", plan_of(stage), Reporter())) as executor:
+    with closing(ClusterDrawing(client, "--scheduler here", plan_of(stage), Reporter())) as executor:
         files = []
         for number, result in enumerate(executor.draw(range(NUM_FRAMES))):
             assert (result.record.frame, result.record.device is None) == (number, False)
@@ -83,7 +83,7 @@ def test_the_same_bytes(rasterizer_for: Callable[[Scene], Rasterizer], client: C
     frames = draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage, 2))
     expected = [frame.finished() for frame in frames]
     assert all(frame.record.accuracy is not None for frame in expected)
-    with closing(ClusterDrawing(client, "--workers 2", plan, Reporter())) as drawing:
+    with closing(ClusterDrawing(client, "--scheduler here", plan, Reporter())) as drawing:
         found = list(drawing.draw(NUMBERS))
     assert [result.record.frame for result in found] == NUMBERS
     for one, other in zip(found, expected, strict=True):
@@ -127,7 +127,7 @@ def test_frames_of_workers_that_die_are_drawn_again(client: Client, stage: Stage
 
 def error_of(client: Client, stage: Stage) -> HsplatError:
     """Return the error of a film that begins with the frame at which the fault happens."""
-    with closing(ClusterDrawing(client, "--workers 2", plan_of(stage), Reporter())) as executor:
+    with closing(ClusterDrawing(client, "--scheduler here", plan_of(stage), Reporter())) as executor:
         with pytest.raises(HsplatError) as caught:
             list(executor.draw(range(faulty.FRAME, NUM_FRAMES)))
         return caught.value
@@ -142,8 +142,8 @@ def test_the_error_of_a_worker_is_that_of_the_film(client: Client, stage: Stage,
 
 def test_a_cluster_without_workers_is_an_error(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "_MAX_WAIT_S", 0.5)
-    with LocalCluster(n_workers=0, dashboard_address=":0") as cluster, Client(cluster, set_as_default=False) as client:
+    with running_cluster(0) as cluster, connect(cluster.scheduler_address) as client:
         error = error_of(client, stage)
     assert str(error) == (
-        "--workers 2: the cluster has no workers\n  got: none for 0.5 s\n  hint: `dask worker ADDRESS` starts one"
+        "--scheduler here: the cluster has no workers\n  got: none for 0.5 s\n  hint: `dask worker ADDRESS` starts one"
     )

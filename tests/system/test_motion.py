@@ -68,19 +68,19 @@ def test_each_frame_is_that_of_a_still_scene(name: str, folder: Path) -> None:
         assert (folder / "still.png").read_bytes() == (folder / "film" / f"{frame}.png").read_bytes(), frame
 
 
-def test_however_it_is_made(folder: Path) -> None:
-    """In parts, by several processes, and again from its sidecar, without paths."""
+def test_however_it_is_made(folder: Path, scheduler: str) -> None:
+    """In parts, on a cluster, and again from its sidecar."""
     changes = [*MOTIONS["a transfer function"], *MOTIONS["a plane"], *MOTIONS["a camera"]]
     arguments, told = film(folder / "film", *changes)
     expected = pictures(folder / "film")
-    render("scene.yaml", *arguments, "--output", str(folder / "workers" / "{frame}.png"), "--workers", "2")
-    assert pictures(folder / "workers") == expected
+    render("scene.yaml", *arguments, "--output", str(folder / "cluster" / "{frame}.png"), "--scheduler", scheduler)
+    assert pictures(folder / "cluster") == expected
     for part in ("0::2", "1::2"):
         render("scene.yaml", *arguments, "--frames", part, "--output", str(folder / "parts" / "{frame}.png"))
     parts, whole = sorted(map(str, (folder / "parts").glob("*.json"))), folder / "whole" / "{frame}.png"
     assert main.run(["assemble", *parts, "--output", str(whole), "--quiet"]) == 0
     assert pictures(folder / "whole") == expected
-    render(str(folder / "film" / "frames.json"), "--output", str(folder / "again" / "{frame}.png"), "--no-paths")
+    render(str(folder / "film" / "frames.json"), "--output", str(folder / "again" / "{frame}.png"))
     assert pictures(folder / "again") == expected
     assert main.run(["verify", str(folder / "whole" / "frames.json"), "--quiet"]) == 0
     moved = told["frames"][LAST]["values"]

@@ -32,7 +32,7 @@ def shown(name: str) -> Array:
     return np.asarray(imageio.imread(name, index=None))
 
 
-def test_a_film_says_how_exact_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_film_says_how_exact_it_is(scheduler: str, capsys: pytest.CaptureFixture[str]) -> None:
     """The figures are the same on every run, and no byte of the film depends on the rays."""
     render()
     film, made = Path("film.mp4").read_bytes(), sidecar()
@@ -44,7 +44,7 @@ def test_a_film_says_how_exact_it_is(capsys: pytest.CaptureFixture[str]) -> None
     assert accuracy["psnr"] == pytest.approx(-10 * math.log10(np.mean([10 ** (-f["psnr"] / 10) for f in frames])))
     worst = min(range(6), key=lambda number: frames[number]["psnr"])
     assert accuracy["worst"] == {"frame": worst} | {key: frames[worst][key] for key in ("psnr", "interval")}
-    render("--force", "--workers", "2")
+    render("--force", "--scheduler", scheduler)
     assert (Path("film.mp4").read_bytes(), sidecar()["accuracy"]) == (film, accuracy)
     assert sidecar()["visibility"] == made["visibility"]
     capsys.readouterr()

@@ -4,38 +4,34 @@ from __future__ import annotations
 
 import errno
 import html
-import importlib.util
 import json
+import math
 import os
 import re
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
-from matplotlib.figure import Figure
-from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, quick_series, study_of
+from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, quick_series, study_of
 
-from hsplat_cli.reports import REPORT_FILES, format_facts, plot_style, study_html, write_study
-from hsplat_cli.reports.html import PALETTE, figure_to_svg
-from hsplat_cli.reports.plots import TIME_AXIS, metrics_figure, tradeoff_figure
-from hsplat_cli.reports.study_html import study_page
-from renderer.errors import InputError, RenderError
+from hsplat_cli.measure import REPORT_FILES, write_study
+from hsplat_cli.measure.plots import study_charts
+from hsplat_cli.measure.report import study_page
+from hsplat_cli.reports import format_facts
+from renderer.errors import RenderError
 
 DATE = "2030-01-02"
 HOSTILE = "<script>alert('x')</script> & \"$x^2$\" {{ 7 * 7 }}"
 
 CASES = {
-    "all": study_of([*own_series(), *peer_series()]), "bricks": study_of([*brick_series(), *peer_series()]),
+    "all": study_of(own_series()), "bricks": study_of(brick_series()),
     "both": study_of([*brick_series(), *own_series()]), "nothing measured": study_of([], notes=()),
     "quick": study_of(quick_series(), truths=()),
     "undefined": study_of([measure("tolerance 1", 10, 0, UNDEFINED), measure("tolerance 0", 20, 5, INFINITE)]),
-    "only the peer, once exact": study_of(
-        [*peer_series(), measure("sample distance 0", 900, None, INFINITE, series="vtk gpu", tool="vtk")]),
     "hostile names, one measurement of one frame": study_of(
         [measure(f"{HOSTILE} 1", 12, 500, 30, series=HOSTILE, frames=(5,))], volume={"name": HOSTILE, HOSTILE: HOSTILE},
         scene={"output": {"size": [8, 6]}, "volume": {"file": HOSTILE}}, machine={HOSTILE: {HOSTILE: HOSTILE}},
@@ -45,12 +41,7 @@ CASES = {
 
 @cache
 def text_of(case: str) -> str:
-    """Return the page of a case; plots take a second, and only some cases need them."""
-    with pytest.MonkeyPatch.context() as patch:
-        if case not in ("all", "hostile names, one measurement of one frame"):
-            for name in ("tradeoff_figure", "metrics_figure"):
-                patch.setattr(study_html, name, lambda *_: Figure(figsize=(1, 1)))
-        return study_page(CASES[case], date=DATE)
+    return study_page(CASES[case], date=DATE)
 
 
 @cache
@@ -77,7 +68,7 @@ def test_names_are_escaped() -> None:
 
 
 def test_rows_on_the_front_are_marked() -> None:
-    assert Page(text_of("all")).attributes.count(("tr", "class", "front")) == 6
+    assert Page(text_of("all")).attributes.count(("tr", "class", "front")) == 3
     assert Page(text_of("undefined")).attributes.count(("tr", "class", "front")) == 1
 
 
@@ -88,10 +79,9 @@ def test_the_scene_can_be_pasted() -> None:
     assert yaml.safe_load(block) == {**scene, "size": [8, 6]}
 
 
-def test_costs_are_compared_with_the_peers() -> None:
-    assert "25 15.5 1 933 ≤ 100 ≤ 6.45 gaussian, optical, tolerance 0.1" in prose_of("all")
-    assert "40 not reached not reached 285 - -" in prose_of("all")
-    assert "times as long" not in prose_of("both")
+def test_costs_are_those_of_the_front() -> None:
+    assert "25 15.5 1 933 gaussian, optical, tolerance 0.1" in prose_of("all")
+    assert "40 74.4 not reached integrated, optical, tolerance 0" in prose_of("both")
 
 
 def test_numbers_sort_as_numbers() -> None:
@@ -99,82 +89,40 @@ def test_numbers_sort_as_numbers() -> None:
     assert "Infinity" in values and str(NAN) not in values
 
 
-def test_plots_have_a_curve_for_each_series_and_both_fronts() -> None:
-    with plot_style():
-        axes = tradeoff_figure(CASES["all"].measurements, TIME_AXIS).axes[0]
-        panels = metrics_figure(CASES["all"].measurements).axes
-    curves = {str(line.get_label()): line for line in axes.lines}
-    assert {"gaussian, optical", "vtk gpu", "vtk fixed point"} <= set(curves)
-    own, peer = curves["Pareto front of hsplat"], curves["Pareto front of VTK"]
-    assert list(own.get_ydata()) == [22, 31.5, 36] and list(peer.get_ydata()) == [29, 33, 41]
-    assert list(own.get_xdata()) == pytest.approx([10, 40, 400])
-    assert (axes.get_xscale(), axes.get_xlabel(), axes.get_ylabel()) == ("log", "time of a frame, ms", "PSNR, dB")
-    assert {"1", "0.1", "0", "2", "0.5"} <= {text.get_text() for text in axes.texts}
-    assert [panel.get_ylabel() for panel in panels] == [
+def test_charts_have_a_curve_for_each_series_and_the_front() -> None:
+    over_time, over_splats, *further = study_charts(CASES["both"].measurements)
+    assert (over_time.x.title, over_time.y.title) == ("time of a frame, ms", "PSNR, dB")
+    front, *series = over_time.curves
+    assert [curve.name for curve in series] == ["integrated, optical", "gaussian, optical"]
+    points = np.array([point for point in front.points if point])
+    assert 10 ** points[:, 0] == pytest.approx([10, 20, 40, 80])
+    assert points[:, 1] == pytest.approx([22, 30, 31.5, 41])
+    assert [text for _, text in over_time.labels] == ["1", "1", "0.1", "0"]
+    assert [curve.name for curve in over_splats.curves] == ["Pareto front", "gaussian, optical"]
+    assert [chart.y.title for chart in further] == [
         "PSNR on the volume, dB",
         "SSIM",
         "FLIP",
         "pixels with Delta-E over 2.3",
     ]
+    assert len({curve.color for curve in series}) == len({curve.marker for curve in series}) == 2
+    styles = {(curve.name, curve.color, curve.marker) for chart in further for curve in chart.curves}
+    assert styles == {(curve.name, curve.color, curve.marker) for curve in series}
 
 
 def test_estimates_have_bars_and_intervals() -> None:
-    with plot_style():
-        axes = tradeoff_figure(quick_series(), TIME_AXIS).axes[0]
-    across, up = (collection.get_segments() for collection in axes.collections)
+    _, series = study_charts(quick_series())[0].curves
     low, high = (quick_series()[0].overall.everywhere[f"psnr_{end}"] for end in ("low", "high"))
-    assert len(across) == len(up) == 2  # a PSNR without error is not shown
-    assert up[0][:, 1] == pytest.approx([low, high])
-    assert axes.lines[0].get_ydata()[0] == pytest.approx(30.0)
+    assert len(series.points) == 2 and len(series.bars) == 4  # a PSNR without error is not shown
+    across, up = np.array(series.bars[:2])
+    assert across == pytest.approx(np.array([(math.log10(18.5), 30), (math.log10(24.5), 30)]), abs=1e-9)
+    assert up == pytest.approx(np.array([(math.log10(20), low), (math.log10(20), high)]), abs=1e-9)
     prose = prose_of("quick")
     assert f"30.00 {low:.2f} to {high:.2f} 0.0316" in prose
     assert "Those of the PSNR hold it in 95 % of cases or more." in prose
     assert "8 x 6 pixels, frames 0, 7" in prose and "counts there by the chance" in prose
-    for absent in ("SSIM", "on the volume", "Convergence", "amplified", "The same settings by other metrics"):
+    for absent in ("SSIM", "on the volume", "Convergence", "amplified"):
         assert absent not in prose
-
-
-def test_labels_do_not_cover_each_other() -> None:
-    crowd = [measure(f"tolerance {9 - k}", 10 + k / 2, 10 + k, 30 + k / 8, series=f"series {k}") for k in range(9)]
-    with plot_style():
-        figure = tradeoff_figure(crowd, TIME_AXIS)
-        figure.draw_without_rendering()
-        boxes = [text.get_window_extent() for text in figure.axes[0].texts]
-    assert len(boxes) == 9
-    assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
-
-
-def test_plots_depend_on_the_page_and_not_on_the_users_settings() -> None:
-    from matplotlib import rc_context
-
-    def draw() -> str:
-        with plot_style():
-            return figure_to_svg(tradeoff_figure(own_series(), TIME_AXIS), name="plot", alt='a "plot"')
-
-    svg = draw()
-    assert "var(--series-1)" in svg
-    assert not any(light in svg for light, _ in PALETTE.values())
-    assert 'aria-label="a &#34;plot&#34;"' in svg
-    with rc_context({"axes.grid": False, "lines.linewidth": 9, "svg.fonttype": "path"}):
-        assert draw() == svg
-
-
-@pytest.mark.parametrize("decades", [0.1, 2, 9])
-def test_ticks_leave_room_for_each_other(decades: float) -> None:
-    measurements = own_series()
-    costs = {id(m): 10 ** (decades * k / (len(measurements) - 1)) for k, m in enumerate(measurements)}
-    with plot_style():
-        figure = tradeoff_figure(measurements, replace(TIME_AXIS, cost=lambda m: costs[id(m)], has_bars=False))
-        figure.draw_without_rendering()
-        axes = figure.axes[0]
-        low, high = axes.get_xlim()
-        boxes = [
-            label.get_window_extent()
-            for label, at in zip(axes.get_xticklabels(), axes.get_xticks(), strict=True)
-            if low <= at <= high
-        ]
-    assert len(boxes) >= 2
-    assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
 
 
 def test_facts_are_texts() -> None:
@@ -206,11 +154,3 @@ def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(RenderError, match="the disk is full"):
         write_study(CASES["undefined"], tmp_path, date=DATE)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
-
-
-def test_a_missing_package_is_reported_before_anything_is_written(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError) as caught:
-        write_study(CASES["all"], tmp_path, date=DATE)
-    assert str(caught.value) == "the package matplotlib is not installed\n  hint: pip install 'hsplat[measure]'"
-    assert list(tmp_path.iterdir()) == []

@@ -132,7 +132,7 @@ def test_a_wait_for_turntable_json_is_reported_and_can_be_interrupted() -> None:
 def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     """Sizes and times of files tell that it is; where they do not, its process looks whether it is."""
     volumes, started = ["in/uint8.npy", "in/labels.npy"], list[str]()
-    command = [*volumes, "-o", "out", *SMALL, "--format=png", "--no-paths"]
+    command = [*volumes, "-o", "out", *SMALL, "--format=png"]
     os.utime("in/uint8.npy", ns=(10**18, 10**18))
     assert turntable(*command) == 0
     table = capfd.readouterr().out
@@ -226,11 +226,11 @@ def test_an_interrupt_ends_the_batch_and_lists_what_is_done() -> None:
 
 
 def test_a_batch_that_is_killed_leaves_nothing_that_runs() -> None:
-    """The process of the film, its workers and its encoder end."""
+    """The process of the film and its encoder end."""
     mark = new_mark()
     arguments = ["turntable", "in/labels.npy", "in/signed.npy", "-o", "out", "--frames", "400", "--size", "64"]
     process = subprocess.Popen(
-        [*HSPLAT, *arguments, "--workers", "2", "--quiet"], env=environment(**{MARK: mark}), start_new_session=True
+        [*HSPLAT, *arguments, "--quiet"], env=environment(**{MARK: mark}), start_new_session=True
     )
     while not list(Path("out").glob("labels.mp4.unfinished/000003.json")):
         assert process.poll() is None

@@ -1,4 +1,4 @@
-"""A machine without OpenGL draws bricks, in this process and in workers, to the same bytes."""
+"""A machine without OpenGL draws bricks, in this process and on a cluster, to the same bytes."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
+from clusters import running_cluster
 from commands import hsplat, python
 from small_scene import sidecar, small_scene
 
-from hsplat_cli.commands.paper import SCENES
 from renderer.draw import BrickRasterizer
 
 # libglvnd finds no drivers here.
@@ -26,12 +26,14 @@ def films(folder: str) -> dict[str, bytes]:
 
 
 def test_the_same_bytes_as_beside_opengl() -> None:
-    for folder, workers, variables in (("with", "1", {}), ("without", "1", NO_OPENGL), ("workers", "2", NO_OPENGL)):
-        output = ["--output", f"{folder}/{{frame}}.png"]
-        result = hsplat("render", "scene.yaml", "--workers", workers, *output, **variables)
-        assert result.returncode == 0, result.stderr
-        assert films(folder) == films("with")
-    assert sidecar("workers/frames.json")["device"] == BrickRasterizer.device
+    with running_cluster(2, variables=NO_OPENGL) as cluster:
+        on_cluster = ["--scheduler", cluster.scheduler_address]
+        for folder, options, variables in (("with", [], {}), ("without", [], NO_OPENGL), ("on", on_cluster, NO_OPENGL)):
+            output = ["--output", f"{folder}/{{frame}}.png"]
+            result = hsplat("render", "scene.yaml", *options, *output, **variables)
+            assert result.returncode == 0, result.stderr
+            assert films(folder) == films("with")
+    assert sidecar("on/frames.json")["device"] == BrickRasterizer.device
 
 
 def codes_without_opengl(*commands: str) -> tuple[list[int], str]:
@@ -56,13 +58,12 @@ def test_what_needs_opengl_is_an_error() -> None:
     codes, said = codes_without_opengl(
         "render scene.yaml --set splat.footprint=gaussian",
         "measure scene.yaml --thorough --footprints integrated,gaussian --output study",
-        f"paper {SCENES} --figure 6 --output paper",
     )
-    assert codes == [1] * 3
-    assert said.count("no OpenGL 3.3 context could be made") == said.count("needs none") == 3, said
+    assert codes == [1] * 2
+    assert said.count("no OpenGL 3.3 context could be made") == said.count("needs none") == 2, said
 
 
 def test_bricks_open_no_opengl() -> None:
     program = "import sys; from hsplat_cli.main import run; print([run(sys.argv[1:]), 'moderngl' in sys.modules])"
-    done = python("-c", program, "render", "scene.yaml", "--workers", "1")
+    done = python("-c", program, "render", "scene.yaml")
     assert json.loads(done.stdout.splitlines()[-1].lower()) == [0, False]

@@ -22,10 +22,10 @@ ORDER = {
     "renderer": [
         "system", "kernels", "volume", "looks", "scene", "readers", "transfer", "suggest", "pyramid", "lighting",
         "splats", "bricks", "view", "modes", "layers", "draw", "film", "annotation", "frame", "truth", "accuracy",
-        "study", "job",
+        "job",
     ],
     "hsplat_cli": [
-        "terminal", "scenes", "executors", "reports", "compare", "studies", "turntable", "preview", "commands",
+        "terminal", "scenes", "executors", "reports", "compare", "measure", "turntable", "preview", "commands",
     ],
 }  # fmt: skip
 API = "renderer.api"

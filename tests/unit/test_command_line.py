@@ -101,7 +101,6 @@ def test_wrong_usage_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
         (["init", "scan.npy", "--output=~/scene.yaml"], "--output"),
         (["turntable", "scan.npy", "--output=~"], "--output"),
         (["measure", "scene.yaml", "--output=~/report"], "--output"),
-        (["paper", "--output=~/paper"], "--output"),
         (["golden", "scene.yaml", "~/goldens"], "FOLDER"),
         (["compare", "a", "b", "--html=~/page.html"], "--html"),
         (["verify", "film.mp4", "--json=~/result.json"], "--json"),

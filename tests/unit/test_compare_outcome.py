@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from hsplat_cli.compare import STRICTNESSES
 from hsplat_cli.compare.outcome import (
     Comparison,
     Outcome,
@@ -21,7 +22,6 @@ from hsplat_cli.compare.outcome import (
     value_text,
 )
 from renderer.film import Pixels
-from renderer.study import STRICTNESSES
 
 LIMITS = {"largest": 2.0, "p99": 1.0, "densest": 1.0, "bias": 0.5}
 GREY = np.full((16, 16, 3), 100, np.uint8)

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from renderer.study import COMPARISON_METRICS, STRICTNESSES, exceeded_limits, severity
+from hsplat_cli.compare import COMPARISON_METRICS, STRICTNESSES, exceeded_limits, severity
 
 
 def test_a_level_accepts_what_stricter_ones_accept() -> None:

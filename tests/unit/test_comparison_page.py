@@ -158,7 +158,9 @@ def test_other_limits_are_named() -> None:
 
 
 def svg_of(comparison: Comparison) -> str:
-    (svg,) = re.findall(r'(?s)<svg viewBox="[^"]*" role="img".*?</svg>', comparison_page(comparison, Gallery()))
+    (svg,) = re.findall(
+        r'(?s)<svg class="axes" viewBox="[^"]*" role="img".*?</svg>', comparison_page(comparison, Gallery())
+    )
     return svg
 
 

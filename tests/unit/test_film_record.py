@@ -34,7 +34,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 FINGERPRINT = {"frames_digest": "89" * 16, "encoding": {"output": {}}, "depends_on": {"sources": "cd" * 16}}
 SIDECAR: dict[str, Any] = {
-    "format": "hsplat film 1",
+    "format": "hsplat film 2",
     "scene": {
         "version": 1, "volume": {"procedural": {"name": "constant", "shape": [4, 4, 4]}},
         "transfer_function": {"points": [{"value": 0, "color": [0, 0.5, 1], "opacity": 0.5}]},

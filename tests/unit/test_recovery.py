@@ -107,11 +107,11 @@ def test_only_a_context_of_the_same_device_replaces_a_lost_one(
 
 def test_the_command_continues_and_prints_a_note(folder, monkeypatch, capsys) -> None:
     Path("scene.yaml").write_text(small_scene(footprint="gaussian"), encoding="utf-8")
-    assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "whole.mp4"]) == 0
+    assert main.run(["render", "scene.yaml", "--output", "whole.mp4"]) == 0
     assert "note: OpenGL" not in capsys.readouterr().out
     make = failing_at({2})
     monkeypatch.setattr(executor, "open_rasterizer", lambda *_: RecoveringRasterizer(make))
-    assert main.run(["render", "scene.yaml", "--workers", "1", "--output", "lost.mp4"]) == 0
+    assert main.run(["render", "scene.yaml", "--output", "lost.mp4"]) == 0
     assert f"note: {LOST_ONCE[0]}\n" in capsys.readouterr().out
     assert Path("lost.mp4").read_bytes() == Path("whole.mp4").read_bytes()
 

@@ -5,21 +5,19 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 from typing import Any
 
 import numpy as np
 import pytest
-from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, peer_series, quick_series, study_of
+from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, quick_series, study_of
 
-from hsplat_cli.reports import bytes_text, short_count_text, terminal_table
-from hsplat_cli.reports.costs import costs_by_psnr, on_pareto_fronts
-from hsplat_cli.reports.number_format import count_text, metric_text, ms_text
-from hsplat_cli.reports.tables import csv_text, json_text
+from hsplat_cli.measure import Measurement, Study, terminal_table
+from hsplat_cli.measure.costs import costs_by_psnr, on_pareto_fronts
+from hsplat_cli.measure.tables import csv_text, json_text
+from hsplat_cli.reports import bytes_text, count_text, metric_text, ms_text, short_count_text
 from renderer.accuracy import METRICS
-from renderer.study import Measurement, Study
 
-ALL = study_of([*own_series(), *peer_series()])
+ALL = study_of(own_series())
 ODD = study_of(
     [measure("tolerance 1", 10, 0, UNDEFINED, frames=(3,)), measure("tolerance 0", 20, 5, INFINITE, frames=(3,))]
 )
@@ -36,8 +34,8 @@ def loaded(study: Study) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (count_text(1194745), "1 194 745"), (count_text(None), "-"), (short_count_text(999.4), "999"),
-        (short_count_text(999.6), "1.00 k"), (short_count_text(999_999), "1.00 M"), (short_count_text(None), "-"),
+        (count_text(1194745), "1 194 745"), (count_text(NAN), "-"), (short_count_text(999.4), "999"),
+        (short_count_text(999.6), "1.00 k"), (short_count_text(999_999), "1.00 M"), (short_count_text(NAN), "-"),
         (bytes_text(812_400_000), "812 MB"), (bytes_text(None), "-"), (ms_text(0.0000412), "0.0412"),
         (ms_text(0.00999999), "10.0"), (ms_text(1.3481), "1348"), (ms_text(0.0), "0"), (ms_text(NAN), "-"),
         (metric_text(METRICS["psnr"], 36.239), "36.24"), (metric_text(METRICS["psnr"], INFINITE), "inf"),
@@ -49,9 +47,8 @@ def test_numbers_have_significant_digits(text: str, expected: str) -> None:
     assert text == expected
 
 
-def test_each_program_has_a_pareto_front() -> None:
-    """The second of hsplat's settings is on the front of splats only; VTK has no splats."""
-    time_and_splats = [(True, True), (False, True), (True, True), (True, True), *[(True, False)] * 3]
+def test_settings_are_on_the_fronts_of_time_and_of_splats() -> None:
+    time_and_splats = [(True, True), (False, True), (True, True), (True, True)]
     assert on_pareto_fronts(ALL.measurements) == time_and_splats
     assert on_pareto_fronts(ODD.measurements) == [(False, False), (True, True)]
     assert on_pareto_fronts(brick_series()) == [(True, False)] * 2
@@ -59,41 +56,32 @@ def test_each_program_has_a_pareto_front() -> None:
 
 def test_costs_are_interpolated_on_the_front() -> None:
     by_psnr = {cost.psnr: cost for cost in costs_by_psnr(ALL.measurements)}
-    assert list(by_psnr) == [25, 30, 35, 40]
+    assert list(by_psnr) == [25, 30, 35]
     at_25 = by_psnr[25]
     assert at_25.time.value == pytest.approx(0.010 * 4 ** (3 / 9.5))  # from 10 ms at 22 dB to 40 ms at 31.5 dB
     assert at_25.splats is not None
     assert at_25.splats.value == pytest.approx(1000 * 3 ** (3 / 5))  # from 1000 at 22 dB to 3000 at 27 dB
     assert at_25.setting is not None and at_25.setting.label == "tolerance 0.1"
-    assert at_25.peer is not None and at_25.peer.is_bound and not at_25.time.is_bound
-    assert at_25.ratio == pytest.approx(0.1 / at_25.time.value)
-    assert math.isinf(by_psnr[40].time.value) and by_psnr[40].setting is None
-    assert math.isnan(by_psnr[40].ratio)
+    assert not at_25.time.is_bound
 
 
-def test_costs_that_do_not_exist_are_none() -> None:
-    """Bricks are not splats, and there may be no peer."""
+def test_bricks_cost_no_splats() -> None:
     costs = costs_by_psnr(brick_series())
     assert [cost.psnr for cost in costs] == [25, 30, 35, 40]
-    assert all(cost.splats is None and cost.peer is None and math.isnan(cost.ratio) for cost in costs)
+    assert all(cost.splats is None for cost in costs)
     assert costs_by_psnr([measure("tolerance 1", 10, 5, UNDEFINED)]) == []
     assert [cost.psnr for cost in costs_by_psnr([measure("tolerance 1", 10, 5, 17)])] == [15]
 
 
 TABLE = """\
-                                       time     quartiles   PSNR  volume                  Delta-E
-setting                 cells  splats    ms            ms     dB      dB    SSIM    FLIP    > 2.3  memory  front
+                                 time     quartiles   PSNR  volume                  Delta-E
+setting           cells  splats    ms            ms     dB      dB    SSIM    FLIP    > 2.3  memory  front
 gaussian, optical
-  tolerance 1          2.00 k  1.00 k  10.0  9.25 to 12.2  22.00   19.00  0.9206  0.1589    7.9 %  800 MB  T S
-  tolerance 0.2        6.00 k  3.00 k  90.0   83.2 to 110  27.00   24.00  0.9553  0.0893    4.5 %  800 MB    S
-  tolerance 0.1        10.0 k  5.00 k  40.0  37.0 to 49.0  31.50   28.50  0.9734  0.0532    2.7 %  800 MB  T S
-  tolerance 0           180 k  90.0 k   400    370 to 490  36.00   33.00  0.9842  0.0317    1.6 %  800 MB  T S
-vtk gpu
-  sample distance 2         -       -   100   92.5 to 122  29.00   26.00  0.9645  0.0710    3.5 %       -  T
-  sample distance 1         -       -   300    278 to 368  41.00   38.00  0.9911  0.0178    0.9 %       -  T
-vtk fixed point
-  sample distance 0.5       -       -   200    185 to 245  33.00   30.00  0.9776  0.0448    2.2 %       -  T
-T: no other setting of the same program is as fast and as exact. S: no other has as few splats and is as exact.
+  tolerance 1    2.00 k  1.00 k  10.0  9.25 to 12.2  22.00   19.00  0.9206  0.1589    7.9 %  800 MB  T S
+  tolerance 0.2  6.00 k  3.00 k  90.0   83.2 to 110  27.00   24.00  0.9553  0.0893    4.5 %  800 MB    S
+  tolerance 0.1  10.0 k  5.00 k  40.0  37.0 to 49.0  31.50   28.50  0.9734  0.0532    2.7 %  800 MB  T S
+  tolerance 0     180 k  90.0 k   400    370 to 490  36.00   33.00  0.9842  0.0317    1.6 %  800 MB  T S
+T: no other setting is as fast and as exact. S: no other has as few splats and is as exact.
 """
 
 
@@ -107,9 +95,9 @@ def test_the_terminal_shows_every_setting() -> None:
 @pytest.mark.parametrize(
     ("measurements", "heading"),
     [
-        ([*brick_series(), *peer_series()], "setting bricks ms"),
+        (brick_series(), "setting bricks ms"),
         ([*brick_series(), *own_series()], "setting or cells splats ms"),
-        (peer_series(), "setting cells splats ms"),
+        (own_series(), "setting cells splats ms"),
     ],
 )
 def test_the_table_names_what_it_counts(measurements: list[Measurement], heading: str) -> None:
@@ -149,20 +137,20 @@ def test_csv_keeps_every_value(study: Study) -> None:
             for metric in METRICS.values():
                 written = float(row[f"{prefix}{metric.name}{'_db' if metric.unit else ''}"])
                 assert np.array_equal(written, accuracy[metric.name], equal_nan=True)
-        assert row["num_primitives"] == ("" if sample.num_primitives is None else str(sample.num_primitives))
+        assert row["num_primitives"] == str(sample.num_primitives)
         assert float(row["frame_ms_median"]) == pytest.approx(1000 * np.median(sample.frame_seconds), rel=1e-15)
         for step, seconds in sample.seconds.items():
             low, median, high = 1000 * np.quantile(seconds, [0.25, 0.5, 0.75])
             assert [float(row[f"frame_{step}_ms_{part}"]) for part in ("q1", "median", "q3")] == [low, median, high]
             assert row[f"frame_{step}_repetitions"] == str(len(seconds))
-        assert row["once_cut_repetitions"] == ("3" if m.seconds else "")
-        assert row["pyramid_ms"] == ("" if m.pyramid_seconds is None else "250.0")
+        assert row["once_cut_repetitions"] == "3"
+        assert row["pyramid_ms"] == "250.0"
         assert float(row["precision"]) == m.setting.options["precision"]
-        assert (row["tool"], row["corrected"]) == (m.setting.options["tool"], "true")
+        assert row["corrected"] == "true"
 
 
 def test_json_has_everything_but_the_pictures() -> None:
-    study = study_of([*own_series(), *peer_series()], volume={"shape": np.array([4, 5, 6]), "scale": np.float32(0.5)})
+    study = study_of(own_series(), volume={"shape": np.array([4, 5, 6]), "scale": np.float32(0.5)})
     record = loaded(study)
     assert (record["format"], record["date"]) == (1, "2030-01-02")
     assert record["machine"]["versions"] == {"numpy": "2"}
@@ -181,7 +169,7 @@ def test_json_has_everything_but_the_pictures() -> None:
             {step: list(seconds) for step, seconds in sample.seconds.items()} for sample in m.frames
         ]
         assert "picture" not in written
-    assert [m["on_front"]["time"] for m in record["measurements"]] == [True, False, True, True, True, True, True]
+    assert [m["on_front"]["time"] for m in record["measurements"]] == [True, False, True, True]
 
 
 def test_json_has_no_infinity() -> None:

@@ -127,7 +127,7 @@ SCENES = {
         shading=ShadingSpec(0.1, 0.2, "camera", 0.3, 1000.0, True, ((0.0, 1 / 3), (1e9, 1.0)), silhouette=0.5),
         clip=(ClipSpec(PlaneSpec(SPACING, AXIS), None, "camera", True), ClipSpec(None, (AXIS, (2.0, 1e-6, 1 / 3)))),
         output=OutputSpec(
-            Path("b/c.gif"), record_paths=False,
+            Path("b/c.gif"),
             others=(
                 OutputFile(Path("a.webm"), (256, 256), 10.0, None, 3.0, "vp9", 12.0, "yuva420p", every=2),
                 OutputFile(Path("p.png"), background=((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), frame=1)))),
@@ -199,8 +199,8 @@ def test_these_scenes_change_every_key() -> None:
             assert is_varied or is_of_others or field.name in ("version", "imported"), f"{cls.__name__}.{field.name}"
 
 
-# The first output has every frame, and says for all whether paths are recorded.
-_OF_OTHERS = {(OutputSpec, "every"), (OutputSpec, "frame"), (OutputFile, "record_paths")}
+# The first output has every frame.
+_OF_OTHERS = {(OutputSpec, "every"), (OutputSpec, "frame")}
 
 
 def spec_types(hint: Any) -> Iterator[type[Any]]:

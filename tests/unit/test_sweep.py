@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hsplat_cli.measure import PlannedSetting, measure_setting, plan_sweep, sweep
 from renderer.accuracy import Truth, pool_accuracies, spread_evenly
 from renderer.accuracy.metrics import measure_accuracy
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.readers import read_volume
 from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, Scene, SplatSpec, TurntablePath
-from renderer.study import PlannedSetting, measure_setting, plan_sweep, sweep
 from renderer.truth import Convergence
 from renderer.view import View
 from renderer.volume import Volume

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.study import DIFFERENCE_GAIN, amplified_difference, rounded, thumbnail
-from renderer.study.thumbnails import THUMBNAIL_PX
+from hsplat_cli.measure import DIFFERENCE_GAIN, amplified_difference
+from hsplat_cli.measure.thumbnails import THUMBNAIL_PX, thumbnail
+from renderer.film import rounded
 
 
 @pytest.mark.parametrize(

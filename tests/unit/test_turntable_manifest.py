@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 from commands import environment, other_process
 
-from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import FilmRequest, manifest as manifest_module
 from hsplat_cli.turntable.manifest import MANIFEST_FILE
@@ -27,8 +26,8 @@ def update_manifest(folder: Path, records: list[dict[str, Any]], *lock_timeout_s
 
 
 def record(name: str, status: str = "done", **more: Any) -> dict[str, Any]:
-    paths = {"volume": f"{name}.npy", "scene": f"out/{name}.yaml", "film": f"out/{name}.mp4"}
-    return {**paths, "status": status, "scene_of": f"../../{name}.npy", **more}
+    paths = {"volume": f"../../{name}.npy", "scene": f"{name}.yaml", "film": f"{name}.mp4"}
+    return {**paths, "status": status, **more}
 
 
 def films(folder: Path) -> list[dict[str, Any]]:
@@ -83,7 +82,7 @@ from hsplat_cli.turntable.manifest import update_manifest
 for number in range(10):
     name = f"{sys.argv[2]}-{number}"
     (Path(sys.argv[1]) / f"{name}.yaml").touch()
-    record = {"volume": name, "scene": f"out/{name}.yaml", "film": name, "status": "done", "scene_of": name}
+    record = {"volume": name, "scene": f"{name}.yaml", "film": name, "status": "done"}
     update_manifest(Path(sys.argv[1]), [record], Reporter())
 """
 
@@ -135,7 +134,7 @@ def test_a_damaged_file_is_ignored(case: str, tmp_path: Path) -> None:
     assert films(tmp_path) == [record("b")]
 
 
-def test_damaged_records_are_dropped_and_others_stay(tmp_path: Path) -> None:
+def test_damaged_records_are_dropped_and_others_stay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in "acde":
         (tmp_path / f"{name}.yaml").touch()
     good = record("a", rating=[4, {"of": 5}], checked=None)
@@ -147,7 +146,8 @@ def test_damaged_records_are_dropped_and_others_stay(tmp_path: Path) -> None:
         {"scene": "c.yaml"},
         record("a") | {"scene": 1},
         record("c", seconds=float("nan")),
-        record("d", scene_of=1),
+        record("d", volume=1),
+        record("e", scene="out/e.yaml"),  # as another version wrote it
         record("e", more=deep),
     ]
     odd = [record("a") | {"scene": scene} for scene in ("\ud800.yaml", "a\0.yaml", "..", "", "/", "a" * 300)]
@@ -156,6 +156,8 @@ def test_damaged_records_are_dropped_and_others_stay(tmp_path: Path) -> None:
     found = films(tmp_path)
     assert (found[0], found[-1]) == (good, record("z"))
     assert all(each in odd for each in found[1:-1])
+    left_out = "10 records left out: damaged, or of another version of hsplat"
+    assert capsys.readouterr().err == f"{tmp_path / MANIFEST_FILE}: {left_out}\n"
 
 
 def test_other_things_of_this_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -176,9 +178,9 @@ def test_other_things_of_this_name(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def order(folder: Path, volume: str = "scan.npy", *, force: bool = False) -> FilmRequest:
     (folder / volume).touch()
-    spec, executor = VolumeSpec(FileSource(folder / volume)), ExecutorSpec(None, None)
+    spec = VolumeSpec(FileSource(folder / volume))
     out = folder / "out"
-    return FilmRequest(spec, FilmOptions(), out / "scan.yaml", out / "scan.mp4", executor, force)
+    return FilmRequest(spec, FilmOptions(), out / "scan.yaml", out / "scan.mp4", None, force)
 
 
 def write(request: FilmRequest, text: str) -> None:

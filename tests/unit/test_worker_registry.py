@@ -54,8 +54,7 @@ def test_workers_with_another_hsplat_are_refused(other: Any, reason: str) -> Non
     found = registry_of({"a": SAME, "b": other})
     found.update_workers()
     assert found.usable_workers == {"a"}
-    assert found.notes() == [f"workers that could not draw were not used: 1 x {reason}"]
-    assert found.notes(with_reasons=False) == ["workers that could not draw were not used: 1"]
+    assert found.notes == [f"workers that could not draw were not used: 1 x {reason}"]
     with pytest.raises(RenderError) as caught:
         registry_of({"b": other, "c": other}).update_workers()
     assert str(caught.value) == (
@@ -92,4 +91,14 @@ def test_a_worker_in_doubt_is_checked_at_once(monkeypatch: pytest.MonkeyPatch) -
     assert found.usable_workers == {"b"}
     found.update_workers()
     assert found.usable_workers == {"a", "b"}
-    assert found.notes() == []
+    assert found.notes == []
+
+
+def test_an_excluded_worker_is_not_used_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "_CHECK_INTERVAL_S", 0.0)
+    found = registry_of({"a": SAME, "b": SAME})
+    found.update_workers()
+    found.exclude("a", "it failed")
+    found.update_workers()
+    assert found.usable_workers == {"b"}
+    assert found.notes == ["workers that could not draw were not used: 1 x it failed"]

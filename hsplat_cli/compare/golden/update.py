@@ -16,6 +16,7 @@ from typing import Any
 
 import click
 
+from hsplat_cli.compare.frame_difference import COMPARISON_METRICS
 from hsplat_cli.compare.golden.provenance import (
     PROVENANCE_FILE,
     Golden,
@@ -29,13 +30,11 @@ from hsplat_cli.compare.golden.provenance import (
 from hsplat_cli.compare.outcome import Outcome, Pair, compare_pair
 from hsplat_cli.compare.picture_file import read_picture
 from hsplat_cli.compare.scene_pairs import rendered_frames
-from hsplat_cli.executors import ExecutorSpec
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError
 from renderer.film import WrittenFiles, file_digest, lock_slots, staged_files, translate_os_errors
 from renderer.job import FilmJob
 from renderer.scene import counted, first_few
-from renderer.study import COMPARISON_METRICS
 from renderer.system import deferrable_interrupts
 
 _STAGING_FOLDER = "golden.unfinished"
@@ -61,9 +60,7 @@ class GoldenOptions:
     yes: bool = False
 
 
-def update_goldens(
-    job: FilmJob, options: GoldenOptions, executor: ExecutorSpec, reporter: Reporter, ask: Callable[[], bool]
-) -> None:
+def update_goldens(job: FilmJob, options: GoldenOptions, reporter: Reporter, ask: Callable[[], bool]) -> None:
     """Render the frames and keep them; existing goldens change only if `ask` returns True.
 
     Raises InputError if goldens exist and no update is requested, if inputs or other files have their names, or if
@@ -88,7 +85,7 @@ def update_goldens(
         outputs = WrittenFiles([folder / name for name in sorted(all_names)], [folder / _STAGING_FOLDER])
         outputs.require_harmless(job.input_files())
         _require_free(folder, [name for name in names.values() if name not in listed.values()])
-        with rendered_frames(job, frames, executor, reporter) as (files, record):
+        with rendered_frames(job, frames, reporter) as (files, record):
             plan = plan_update(options, provenance, names, files, origin_from_record(record))
             plan.require_one_origin(folder)
             must_ask = provenance is not None and plan.changes_anything and not options.yes

@@ -1,1 +1,1 @@
-"""Draws frames on a Dask cluster, or on processes of this machine that stand in for one."""
+"""Draws frames on a Dask cluster."""

@@ -75,8 +75,7 @@ class ClusterDrawing:
         notes = [f"bytes may differ from frame to frame, drawn by different workers: {'; '.join(mixed)}"] * bool(mixed)
         num = len(self._redrawn)
         redrawn = f"{num} frame{'s were' if num > 1 else ' was'} drawn again by other workers"
-        with_reasons = self.plan.stage.scene.output.record_paths  # of other machines, which may tell paths
-        return [*notes, *self._registry.notes(with_reasons=with_reasons), *[redrawn] * bool(num)]
+        return [*notes, *self._registry.notes, *[redrawn] * bool(num)]
 
     def draw(self, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Yield these frames, in this order.

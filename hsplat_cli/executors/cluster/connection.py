@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import ssl
+import warnings
 from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from hsplat_cli.executors.cluster.silence import silent_libraries
 from hsplat_cli.executors.options import ADDRESSES
 from renderer.errors import InputError
-from renderer.system import deferrable_interrupts
 
 if TYPE_CHECKING:
-    from distributed import Client, SpecCluster
+    from distributed import Client
 
 # Time for the scheduler to answer.
 _CONNECT_TIMEOUT_S = 6.0
@@ -30,43 +30,27 @@ _CLOSE_TIMEOUT_S = 2.0
 @contextlib.contextmanager
 def connect(address: str) -> Iterator[Client]:
     """Connect to the scheduler at an address. Raises InputError where none answers within some ten seconds."""
-    with silent_libraries():
+    from distributed import Client
+
+    with _silent_libraries():
         _require_scheduler(address)
-        with _client(address) as client:
-            yield client
-
-
-@contextlib.contextmanager
-def connect_locally(num_workers: int) -> Iterator[Client]:
-    """Start processes on this machine, and connect to the cluster that they are.
-
-    They end with the block, and with this process, however it ends. Raises RenderError where they cannot be started.
-    """
-    from hsplat_cli.executors.cluster.local_cluster import local_cluster
-
-    with (
-        silent_libraries(),
-        deferrable_interrupts() as defer_interrupts,
-        local_cluster(num_workers) as cluster,
-        _client(cluster) as client,
-    ):
+        client = Client(address, timeout=_CONNECT_TIMEOUT_S, set_as_default=False, name="hsplat")
+        # Dask drops tasks that failed, whose tracebacks would be printed at some time, even after this block.
+        client.loop.asyncio_loop.set_exception_handler(lambda *_: None)
         try:
             yield client
         finally:
-            defer_interrupts()  # for what is half closed Dask would wait 10 s, at the end of the process
+            client.close(timeout=_CLOSE_TIMEOUT_S)
 
 
 @contextlib.contextmanager
-def _client(scheduler: str | SpecCluster) -> Iterator[Client]:
-    from distributed import Client
-
-    client = Client(scheduler, timeout=_CONNECT_TIMEOUT_S, set_as_default=False, name="hsplat")
-    # Dask drops tasks that failed, whose tracebacks would be printed at some time, even after this block.
-    client.loop.asyncio_loop.set_exception_handler(lambda *_: None)
-    try:
-        yield client
-    finally:
-        client.close(timeout=_CLOSE_TIMEOUT_S)
+def _silent_libraries() -> Iterator[None]:
+    """Log nothing and show no warnings: what matters to users of Dask's is reported as an error or a note."""
+    with warnings.catch_warnings(), contextlib.ExitStack() as stack:
+        stack.callback(logging.disable, logging.root.manager.disable)
+        logging.disable(logging.CRITICAL)
+        warnings.simplefilter("ignore")
+        yield
 
 
 def _require_scheduler(address: str) -> None:

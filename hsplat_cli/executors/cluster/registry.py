@@ -114,9 +114,10 @@ class WorkerRegistry:
             )
         return len(self.usable_workers)
 
-    def notes(self, *, with_reasons: bool = True) -> list[str]:
+    @property
+    def notes(self) -> list[str]:
         """Return what the user should know."""
-        excluded = _count_reasons(self._excluded.values()) if with_reasons else len(self._excluded)
+        excluded = _count_reasons(self._excluded.values())
         return [f"workers that could not draw were not used: {excluded}"] if excluded else []
 
     def _check_new_workers(self, workers: set[str]) -> None:

@@ -64,7 +64,7 @@ def _film_identity(part: Part) -> dict[str, Any]:
     """Return what all parts of a film share: what pixels depend on, except the machine, and the encoding."""
     recorded = part.record.scene
     scene = without_sources(recorded)
-    output = {key: value for key, value in first_output(recorded).items() if key not in ("file", "record_paths")}
+    output = {key: value for key, value in first_output(recorded).items() if key != "file"}
     left_out = ("tolerance", "probes") if part.has_goal else ("probes",)
     error = {key: value for key, value in recorded["error"].items() if key not in left_out}
     return {

@@ -40,8 +40,9 @@ def assemble_film(
         fingerprint = None if problems else parts_fingerprint(picked, output)
         existing = _film_up_to_date(fingerprint, picked, film, events) if fingerprint is not None and resumes else None
         if existing is not None:
+            film.remove_mark()
             events.note(f"{output.file} is up to date; --force assembles it again")
-            return FinishedFilm(output.file, sidecar, existing.keep(film))
+            return FinishedFilm(output.file, sidecar, existing.record)
         raise_problems([*problems, *file_problems(picked, output.kind)])
         record = _write(picked, fingerprint, film, start, events)
     summary = f"{counted(len(picked), 'frame')} of {counted(len(parts_of(picked)), 'part')}"

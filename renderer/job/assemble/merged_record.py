@@ -18,10 +18,12 @@ from renderer.job.record import FilmFingerprint, FilmRecord, PartRecord, Schedul
 from renderer.scene import (
     ErrorSpec,
     OutputSpec,
+    found_path,
     is_film_wide_goal,
     schedule_from_tolerances,
     schedule_to_dict,
     spec_to_dict,
+    with_files,
 )
 from renderer.system import package_versions, sources_digest
 
@@ -79,7 +81,9 @@ def _part_notes(picked: Sequence[PickedFrame]) -> list[str]:
     notes = notes * bool(different) + visibility_notes([frame.record for frame in picked])
     missed = [part for part in parts if not part.record.schedule.met]
     if missed:
-        notes.append(f"{len(missed)} of {len(parts)} parts did not meet what was requested, the first {missed[0].path}")
+        notes.append(
+            f"{len(missed)} of {len(parts)} parts did not meet what was requested, the first {missed[0].path.name}"
+        )
     for part in parts:
         own = visibility_notes(part.record.frames)
         notes += [note for note in part.record.notes if note not in own]
@@ -111,7 +115,7 @@ def parts_fingerprint(picked: Sequence[PickedFrame], output: OutputSpec) -> Film
 
 def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
     part = picked[0].part
-    scene = part.record.scene
+    scene = with_files(part.record.scene, lambda _, file: found_path(file, part.path.parent))
     error = scene["error"]
     if part.has_goal:
         found = ErrorSpec(schedule_from_tolerances({frame.number: frame.record.tolerance for frame in picked}))

@@ -1,0 +1,72 @@
+"""Judge the metrics of a comparison by named sets of limits: how strict it is, and what exceeds a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hsplat_cli.compare.frame_difference import COMPARISON_METRICS
+
+Limits = Mapping[str, float]  # by the name of the metric
+
+
+@dataclass(frozen=True)
+class Strictness:
+    """A set of limits. purpose: when to use it, in one sentence."""
+
+    purpose: str
+    limits: Limits
+
+
+# docs/benchmarks/goldens.md has each metric beside changes that must pass and defects that must not, in frames of
+# eleven kinds with splats and of ten with bricks. At `same-machine` must pass: other numbers of threads and vectors of
+# 128 to 512 bits, which change nothing, and one value in a thousand rounded differently: densest 0.047, FLIP 0.0003,
+# bias 0.0008. At `cross-driver`, with splats: softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX, which
+# stay at 1 step and densest 0.02, except that softpipe draws a splat that the near plane clips 4 steps off, with 0.66;
+# with bricks: llvmpipe, softpipe and a processor without AVX, which change nothing, and rays moved by 0.0001 pixels: 2
+# steps, densest 0.05; with both: one value in five rounded differently: densest 0.45, FLIP 0.009, bias 0.10. Others
+# have seen up to 3 steps between processors. Limits that are not whole numbers leave a factor of at least 1.29. In
+# return, a change of a pixel by 2 steps always fails at `same-machine`.
+STRICTNESSES = {
+    "exact": Strictness(
+        "the same picture, but for colours at an alpha of 0: one program, one driver, one kind of processor",
+        {"largest": 0.0},
+    ),
+    "same-machine": Strictness(
+        "one driver and one kind of processor: here and there another rounding, by one step",
+        {"largest": 1.0, "p99": 0.0, "flip": 0.001, "densest": 0.1, "bias": 0.01},
+    ),
+    "cross-driver": Strictness(
+        "another driver, version or processor: small differences everywhere, and no more than that",
+        {"largest": 5.0, "p99": 1.0, "flip": 0.012, "densest": 0.85, "bias": 0.15},
+    ),
+}
+
+
+def exceeded_limits(values: Mapping[str, float], limits: Limits) -> list[str]:
+    """Return the names of the metrics that are not within their limits, in the order of COMPARISON_METRICS."""
+    return [
+        name
+        for name, metric in COMPARISON_METRICS.items()
+        if name in values and name in limits and not metric.passes(values[name], limits[name])
+    ]
+
+
+# The unit of an error whose limit allows nothing: a grey step, and about its equivalent for the eye.
+_UNIT_ERRORS = {"steps": 1.0, "": 0.01}
+
+
+def severity(values: Mapping[str, float], limits: Limits) -> float:
+    """Return the largest ratio of an error to what its limit allows.
+
+    If a limit allows nothing, an error of n steps, or n hundredths of FLIP and SSIM, counts as 1 + n: it exceeds the
+    limit, but by no more than what is further off in another metric.
+    """
+    return max((_share(name, values[name], limit) for name, limit in limits.items() if name in values), default=0.0)
+
+
+def _share(name: str, value: float, limit: float) -> float:
+    error, allowed = (1 - value, 1 - limit) if COMPARISON_METRICS[name].higher_is_better else (value, limit)
+    if error <= 0:
+        return 0.0
+    return error / allowed if allowed > 0 else 1 + error / _UNIT_ERRORS[COMPARISON_METRICS[name].unit]

@@ -1,0 +1,16 @@
+"""What a scene costs, and how near to the truth it comes.
+
+In: a scene, and the settings to draw it at. Out: cost and accuracy of each setting, with the Pareto front, as a page,
+CSV, JSON and a table for the terminal; or the tolerance that reaches an accuracy.
+
+- `options.py`: lists of settings on the command line; `study.py`: one scene at all of them, and notes on what is
+  unexpected; `sweep.py`: cost and accuracy of a setting, and the record of a study; `thumbnails.py`: small pictures.
+- `pareto.py`: the settings that no other one beats; `costs.py`: what a PSNR costs on them.
+- `report.py` writes the report, and makes its page; `plots.py`: its charts of error against cost; `tables.py`: text,
+  CSV and JSON, and the columns of the page.
+- `tolerance.py` finds the tolerance for `--want psnr=38`.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,152 @@
+"""Write the report of a study: CSV, JSON, and an HTML page.
+
+The page has plots, the cost of an accuracy, the truth, and every setting with its pictures.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from hsplat_cli.measure import costs
+from hsplat_cli.measure.pareto import Cost
+from hsplat_cli.measure.plots import has_intervals, study_charts
+from hsplat_cli.measure.sweep import Measurement, Study
+from hsplat_cli.measure.tables import Column, cost_columns, csv_text, json_text, metric_columns, to_plain
+from hsplat_cli.measure.thumbnails import DIFFERENCE_GAIN, thumbnail
+from hsplat_cli.reports import ABSENT, count_text, format_facts, ms_text, render_page
+from renderer.accuracy import Truth
+from renderer.bricks import BRICK_SIZE
+from renderer.film import write_staged
+
+# The page comes last: if it exists, the others do.
+PAGE_FILE = "index.html"
+REPORT_FILES = ("measure.csv", "measure.json", PAGE_FILE)
+# In the order of the table: the metric of the plots comes first.
+_METRICS = ("psnr", "ssim", "flip", "flip_p99", "delta_e_share", "rmse", "max_error")
+
+
+def write_study(study: Study, folder: Path, *, date: str) -> list[Path]:
+    """Write measure.csv, measure.json and index.html into `folder`, and return their paths.
+
+    date: shown in the report. Equal studies and dates give equal bytes. Missing folders are created. All files are made
+    before the first is written. Raises InputError if a name cannot be a file, and RenderError if the system refuses.
+    """
+    texts = (csv_text(study), json_text(study, date=date), study_page(study, date=date))
+    paths = [folder / name for name in REPORT_FILES]
+    # File names that are not UTF-8 have surrogates in Python, which become escapes in JSON.
+    contents = [text.encode(errors="backslashreplace") for text in texts]
+    for path, content in zip(paths, contents, strict=True):
+        write_staged(path, content)
+    return paths
+
+
+def study_page(study: Study, *, date: str) -> str:
+    """Return the page as text; equal studies and dates give equal text."""
+    measurements = study.measurements
+    on_fronts = costs.on_pareto_fronts(measurements)
+    return render_page(
+        "study.html",
+        title=f"What accuracy costs: {study.name}",
+        study=study,
+        facts=_facts(study, date),
+        charts=study_charts(measurements),
+        costs=_cost_lines(measurements),
+        truths=[(truth.frame, thumbnail(truth.picture)) for truth in study.truths],
+        convergence=[_convergence_line(truth) for truth in study.truths],
+        has_bricks=costs.has_bricks(measurements),
+        has_splats=costs.has_splats(measurements),
+        primitives=_primitive_nouns(measurements),
+        brick_size=BRICK_SIZE,
+        gain=f"{DIFFERENCE_GAIN:g}",
+        on_front=[on_time for on_time, _ in on_fronts],
+        fronts=[" and ".join(["time"] * on_time + ["splats"] * on_splats) for on_time, on_splats in on_fronts],
+        cost_columns=cost_columns(measurements, count_text),
+        is_estimate=has_intervals(measurements),
+        everywhere_columns=metric_columns(measurements, _METRICS, "everywhere"),
+        on_volume_columns=metric_columns(measurements, _METRICS, "on_volume"),
+        step_columns=_step_columns(measurements),
+        scene=yaml.safe_dump(to_plain(study.scene), sort_keys=False, default_flow_style=None, width=100),
+    )
+
+
+def _facts(study: Study, date: str) -> list[tuple[str, str]]:
+    numbers = {sample.frame for m in study.measurements for sample in m.frames}
+    frames = ", ".join(map(str, sorted(numbers)))
+    size = study.scene.get("output", {}).get("size", ())
+    volume = format_facts({f"volume, {name}" if name != "name" else "volume": v for name, v in study.volume.items()})
+    noun = f"frame{'s' * (len(numbers) != 1)}"
+    picture = [("pictures", f"{' x '.join(map(str, size))} pixels, {noun} {frames}")] if size else []
+    return [*volume, *picture, *format_facts(study.machine), ("date", date)]
+
+
+def _cost_lines(measurements: Sequence[Measurement]) -> list[dict[str, str]]:
+    """Return the text of each column of the table of costs, for each PSNR."""
+    lines = []
+    for cost in costs.costs_by_psnr(measurements):
+        line = {"PSNR\ndB": f"{cost.psnr:g}", "time\nms a frame": _cost_text(cost.time, ms_text)}
+        if cost.splats:
+            line["splats\na frame"] = _cost_text(cost.splats, count_text)
+        name = f"{cost.setting.series}, {cost.setting.label}" if cost.setting else ABSENT
+        lines.append(line | {"fastest setting that reaches it": name})
+    return lines
+
+
+def _cost_text(cost: Cost, text: Callable[[float], str]) -> str:
+    return "not reached" if math.isinf(cost.value) else f"{'≤ ' if cost.is_bound else ''}{text(cost.value)}"
+
+
+def _convergence_line(truth: Truth) -> dict[str, str]:
+    record = truth.convergence
+    return {
+        "frame": str(truth.frame),
+        "computed in\ns": f"{truth.seconds:.1f}",
+        "volume visible in\nof the pixels": f"{100 * truth.share_on_volume:.1f} %",
+        "steps\nvoxels": ", ".join(f"{step:g}" for step in record.step_voxels),
+        "largest change at each\nof a channel, 0 to 1": ", ".join(f"{change:.1e}" for change in record.change),
+        "pixels still integrated": ", ".join(map(count_text, record.num_pixels)),
+    }
+
+
+def _primitive_nouns(measurements: Sequence[Measurement]) -> str:
+    """Return `bricks`, `splats` or `bricks or splats`, by the footprints."""
+    bricks = costs.has_bricks(measurements)
+    return " or ".join([*["bricks"] * bricks, *["splats"] * (costs.has_splats(measurements) or not bricks)])
+
+
+def _step_columns(measurements: Sequence[Measurement]) -> list[Column]:
+    """Return the columns of the times of steps, over frames and repetitions together."""
+    names = dict.fromkeys(name for m in measurements for name in _step_times(m))
+    titles = {"primitives": _primitive_nouns(measurements)}
+    return [_step_column(titles.get(step, step), step, is_once) for step, is_once in names]
+
+
+def _step_column(title: str, step: str, is_once: bool) -> Column:
+    def seconds(measurement: Measurement) -> Sequence[float]:
+        return _step_times(measurement).get((step, is_once), ())
+
+    unit = f"ms, {'once' if is_once else 'each frame'}"
+    return Column(title, unit, lambda m: float(np.median(seconds(m) or math.nan)), lambda m: _times_text(seconds(m)))
+
+
+def _step_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float, ...]]:
+    """Return seconds by step and whether the step runs once for all frames."""
+    times: dict[tuple[str, bool], tuple[float, ...]] = {("pyramid", True): (measurement.pyramid_seconds,)}
+    times |= {(step, True): seconds for step, seconds in measurement.seconds.items()}
+    for sample in measurement.frames:
+        for step, seconds in sample.seconds.items():
+            times[step, False] = times.get((step, False), ()) + tuple(seconds)
+    return times
+
+
+def _times_text(seconds: Sequence[float]) -> str:
+    """Format the median of some times, their quartiles and their number."""
+    if not seconds:
+        return ABSENT
+    low, median, high = map(ms_text, np.quantile(seconds, [0.25, 0.5, 0.75]))
+    quartiles = f" ({low} to {high})" if len(seconds) > 1 else ""
+    return f"{median}{quartiles} × {len(seconds)}"

@@ -1,0 +1,230 @@
+"""Measure a sweep of settings on one scene, and write its report."""
+
+from __future__ import annotations
+
+import datetime
+import time
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from hsplat_cli.measure.options import Sweep
+from hsplat_cli.measure.report import REPORT_FILES, write_study
+from hsplat_cli.measure.sweep import (
+    Measurement,
+    PlannedSetting,
+    Study,
+    Truths,
+    measure_setting,
+    plan_sweep,
+    splat_setting,
+)
+from hsplat_cli.measure.tables import terminal_table
+from hsplat_cli.measure.tolerance import find_truth, nothing_visible_error, open_at_any_tolerance
+from hsplat_cli.terminal import FilmEvents, Reporter, describe_machine
+from renderer.accuracy import (
+    NUM_SAMPLED_PIXELS,
+    Truth,
+    is_loop,
+    require_measuring_packages,
+    sample_truths,
+    spread_evenly,
+)
+from renderer.draw import Rasterizer, open_rasterizer
+from renderer.errors import HsplatError
+from renderer.film import locked_files, require_writable_dry_run
+from renderer.frame import Stage, read_film_volumes
+from renderer.scene import Scene, counted, motion_of, relative_path, scene_to_dict, schedule_to_dict, with_files
+from renderer.system import num_cores
+from renderer.volume import Volume, joint_fingerprint
+
+# Number of frames measured by default.
+_NUM_FRAMES = 3
+
+Plan = Sequence[Sequence[PlannedSetting]]
+
+_QUICK_NOTE = (
+    f"errors are estimates from {NUM_SAMPLED_PIXELS} exact rays of each frame, with intervals that hold the error of "
+    "all pixels in 95 % of cases or more; every picture was drawn once, so times are less sure"
+)
+
+
+@dataclass(frozen=True)
+class StudyRequest:
+    """A request for a study: the scene, the settings and the frames to measure.
+
+    name: of the scene's file. frames: None for a few spread over the path. folder: of the report.
+    is_quick: whether a few exact rays take the place of truths. The sweep then has one footprint and error measure.
+    """
+
+    name: str
+    scene: Scene
+    sweep: Sweep
+    frames: list[int] | None
+    repeats: int
+    truth_tolerance: float
+    folder: Path
+    is_quick: bool = False
+
+
+class _Openers(NamedTuple):
+    """A pair of functions that open the stage, and the rasterizer, of a scene."""
+
+    stage: Callable[[Scene], AbstractContextManager[Stage]]
+    rasterizer: Callable[[Scene], AbstractContextManager[Rasterizer]]
+
+
+def run_study(request: StudyRequest, reporter: Reporter) -> None:
+    """Measure, write the report and print the table; an interrupt or error still writes what was measured before it."""
+    _require_all(request)
+    with locked_files([request.folder / name for name in REPORT_FILES]):
+        _run_study(request, reporter)
+
+
+def _run_study(request: StudyRequest, reporter: Reporter) -> None:
+    scene = request.scene
+    machine = describe_machine(_devices(request))  # fails before a voxel is read
+    volumes = read_film_volumes(scene).first
+    volume = volumes[0]
+    camera = scene.camera
+    frames = request.frames or spread_evenly(range(camera.num_frames), _NUM_FRAMES, is_loop=is_loop(camera.path))
+    sweep = request.sweep
+    measurements: list[Measurement] = []
+    end: KeyboardInterrupt | HsplatError | None = None
+    with _openers(request, volumes) as opened:
+        plan = plan_sweep(scene, opened.stage, sweep.errors, sweep.splats, sweep.tolerances)
+        with opened.stage(scene) as stage, FilmEvents(reporter, scene.splat.primitive_name) as events:
+            if request.is_quick:
+                truths = _sample_truths(request, opened, plan, frames)
+            else:
+                truths = [find_truth(stage, request.truth_tolerance, events, frame) for frame in frames]
+        if not any(truth.shows_volume for truth in truths):
+            raise nothing_visible_error(len(truths))
+        drawn = _measure_hsplat(request, plan, opened, truths)
+        work = [each.predicted_seconds(len(frames), request.repeats) for settings in plan for each in settings]
+        try:
+            for measurement in _with_progress(drawn, work, reporter):
+                measurements.append(measurement)
+        except (KeyboardInterrupt, HsplatError) as error:
+            end = error
+    if measurements:
+        notes = [*([_QUICK_NOTE] if request.is_quick else []), *scene_notes(scene)]
+        if end:
+            why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
+            notes.insert(0, f"{why}: {counted(len(measurements), 'setting')} had been measured")
+        record: dict[str, Any] = {
+            "scene": with_files(scene_to_dict(scene), lambda _, file: relative_path(file, request.folder)),
+            "volume": {
+                "name": Path(volume.name).name,
+                "fingerprint": joint_fingerprint(volumes),
+                "dtype": str(volume.values.dtype),
+                "shape": volume.shape_xyz,
+            },
+            "notes": notes,
+        }
+        study = Study(
+            name=request.name,
+            machine=machine,
+            truth_tolerance=request.truth_tolerance,
+            truths=tuple(truth for truth in truths if isinstance(truth, Truth)),
+            measurements=tuple(measurements),
+            **record,
+        )
+        _report(study, request.folder, reporter)
+    if end:
+        raise end
+
+
+def _require_all(request: StudyRequest) -> None:
+    """Raise InputError if a package is missing, or the report cannot be written."""
+    if not request.is_quick:
+        require_measuring_packages()
+    for name in REPORT_FILES:
+        require_writable_dry_run(request.folder / name)
+
+
+def _devices(request: StudyRequest) -> str:
+    """Return what draws the footprints of a sweep. Raises RenderError where one needs OpenGL and there is none."""
+    devices = []
+    for splat in request.sweep.splats:
+        with open_rasterizer(replace(request.scene, splat=splat)) as rasterizer:
+            devices.append(rasterizer.device)
+    return " and ".join(dict.fromkeys(devices))
+
+
+@contextmanager
+def _openers(request: StudyRequest, volumes: Sequence[Volume]) -> Iterator[_Openers]:
+    """Yield what opens stages and rasterizers; a quick study has one of each, as only the tolerance changes."""
+    scene = request.scene
+    opened = _Openers(partial(open_at_any_tolerance, volumes=volumes), open_rasterizer)
+    if request.is_quick:
+        with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:
+            yield _Openers(lambda of: nullcontext(replace(stage, scene=of)), lambda _: nullcontext(rasterizer))
+    else:
+        yield opened
+
+
+def _sample_truths(request: StudyRequest, opened: _Openers, plan: Plan, frames: Sequence[int]) -> Truths:
+    """Compute the truths of some pixels, chosen by pictures at a middle tolerance."""
+    scene = plan[0][len(plan[0]) // 2].scene
+    with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:
+        return sample_truths(
+            stage, frames, request.truth_tolerance, rasterizer, clock=time.perf_counter, num_threads=num_cores()
+        )
+
+
+def _with_progress(drawn: Iterator[Measurement], work: Sequence[float], reporter: Reporter) -> Iterator[Measurement]:
+    """Yield the measurements, and tell how far they are. work: predicted seconds of each."""
+    with reporter.progress(work, label="measuring", unit="settings") as bar:
+        for measurement in drawn:
+            yield measurement
+            bar.advance(f"{measurement.setting.series}, {measurement.setting.label}")
+
+
+def _measure_hsplat(request: StudyRequest, plan: Plan, opened: _Openers, truths: Truths) -> Iterator[Measurement]:
+    """Measure the settings, planned by pyramid, with one stage open at a time; equal pictures are drawn once.
+
+    Each setting gets a new GL context, unless the study is quick: a software driver keeps the memory of its largest
+    picture, which would count for all later settings.
+    """
+    measured: dict[Hashable, Measurement] = {}
+    for settings in plan:
+        with opened.stage(settings[0].scene) as stage:
+            for planned in settings:
+                scene, key = planned.scene, planned.picture_key()
+                if key not in measured:
+                    with opened.rasterizer(scene) as rasterizer:
+                        measured[key] = measure_setting(
+                            replace(stage, scene=scene),
+                            truths,
+                            rasterizer,
+                            clock=time.perf_counter,
+                            repeats=request.repeats,
+                        )
+                setting = splat_setting(scene.error, scene.splat)
+                yield replace(measured[key], setting=setting, pyramid_seconds=stage.seconds["pyramid"])
+
+
+def _report(study: Study, folder: Path, reporter: Reporter) -> None:
+    """Write the report, and print its table and notes."""
+    paths = write_study(study, folder, date=datetime.date.today().isoformat())
+    reporter.result(terminal_table(study))
+    for note in study.notes:
+        reporter.result(f"note: {note}")
+    reporter.result("written: " + ", ".join(map(str, paths)))
+
+
+def scene_notes(scene: Scene) -> list[str]:
+    """Return notes on differences between the scene and what is measured."""
+    notes, here = [], "here each tolerance is measured by itself"
+    if scene.error.goal is not None:
+        (schedule,) = schedule_to_dict(scene.error)
+        notes.append(f"the scene asks for error.{schedule}, not for a tolerance; {here}")
+    elif motion_of(scene.error.tolerance) is not None:
+        notes.append(f"the scene changes its tolerance over the film; {here}")
+    if scene.output.background is None:
+        notes.append("the scene's background is transparent; pictures are compared over black")
+    return notes

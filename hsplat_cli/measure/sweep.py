@@ -1,0 +1,291 @@
+"""Measure the cost and the accuracy of a film at each of many settings, and plan which settings to measure.
+
+Every setting is drawn by the loop that makes films. A first pass over the frames warms up (shaders, buffers, caches)
+and gives the pictures; the passes after it are timed.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from hsplat_cli.measure.thumbnails import amplified_difference, thumbnail
+from renderer.accuracy import Accuracy, FloatImage, SampledTruth, Truth, pool_accuracies, spread_tolerances
+from renderer.draw import Rasterizer
+from renderer.film import over_background
+from renderer.frame import Clock, Stage, make_primitive, render_frames
+from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
+from renderer.system import PeakMemory
+from renderer.volume import UInt8
+
+# The number of tolerances of a series, unless they are given.
+_MAX_TOLERANCES = 10
+# Seconds on a software renderer with two cores. Only ratios matter, for the time remaining.
+_PER_CELL, _PER_TRIANGLE, _PER_SAMPLE, _PER_PICTURE = 1e-6, 1.2e-7, 1e-7, 0.4
+# Steps that are timed once a frame, and once a cut.
+FRAME_STEPS = ("order", "draw", "quantize")
+_CUT_STEPS = ("cut", "primitives")
+# After this time a setting is not drawn again.
+_REPEAT_LIMIT_S = 4.0
+
+Seconds = Mapping[str, float]  # by step
+Truths = Sequence[Truth] | Sequence[SampledTruth]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A point of a series: the parameters of one measurement.
+
+    series: the curve, such as "gaussian, optical" or "gouraud 8x3, rms, uncorrected".
+    label: the point, such as "tolerance 0.1".
+    options: the choices by name, for tables: tolerance, footprint, ...
+    """
+
+    series: str
+    label: str
+    options: Mapping[str, str | float | bool]
+
+
+@dataclass(frozen=True)
+class FrameMeasurement:
+    """A record of what was measured of one frame at one setting.
+
+    num_primitives: splats or bricks that the frame can show.
+    seconds: by step, one for each warm repetition.
+    """
+
+    frame: int
+    num_primitives: int
+    seconds: Mapping[str, tuple[float, ...]]
+    accuracy: Accuracy
+
+    @property
+    def frame_seconds(self) -> tuple[float, ...]:
+        """Return the sum of all steps, for each repetition."""
+        return tuple(map(sum, zip(*self.seconds.values(), strict=True)))
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A record of what was measured of one setting, frame by frame.
+
+    num_cells: cells or bricks in the cut.
+    pyramid_seconds: the time to build the pyramid and bricks, once.
+    seconds: of the steps that serve many frames (cut, splats), one for each repetition.
+    overall: the accuracy over all frames together.
+    peak_bytes: the peak memory of the process; None if the system does not know it.
+    picture, difference: uint8 [h, w, 3], thumbnails of the first frame and of its difference from the truth, times
+        DIFFERENCE_GAIN; there is no difference from a truth of some pixels.
+    """
+
+    setting: Setting
+    num_cells: int
+    pyramid_seconds: float
+    seconds: Mapping[str, tuple[float, ...]]
+    frames: tuple[FrameMeasurement, ...]
+    overall: Accuracy
+    peak_bytes: int | None
+    picture: UInt8
+    difference: UInt8 | None
+
+    @property
+    def frame_seconds(self) -> float:
+        """Return the median time of a frame, over frames and repetitions."""
+        return statistics.median(self._all_frame_seconds)
+
+    @property
+    def frame_seconds_spread(self) -> tuple[float, float]:
+        """Return the first and third quartile of the time of a frame, over frames and repetitions."""
+        low, high = np.quantile(self._all_frame_seconds, [0.25, 0.75])
+        return float(low), float(high)
+
+    @property
+    def num_primitives(self) -> float:
+        """Return the mean number of splats or bricks over the frames."""
+        return statistics.fmean(sample.num_primitives for sample in self.frames)
+
+    @property
+    def _all_frame_seconds(self) -> list[float]:
+        return [seconds for sample in self.frames for seconds in sample.frame_seconds]
+
+
+def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
+    """Return the setting of a scene with a constant tolerance, named by what differs between series."""
+    footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
+    measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
+    tolerance = error.tolerance
+    options: dict[str, Any] = {"tolerance": tolerance, "footprint": footprint, "measure": measure}
+    words = [footprint, measure]
+    if splat.footprint != "integrated":
+        words += [] if splat.opacity_correction else ["uncorrected"]
+        options["opacity_correction"] = splat.opacity_correction
+    return Setting(", ".join(words), f"tolerance {tolerance:g}", options)
+
+
+def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int) -> Measurement:
+    """Measure the scene's constant tolerance and footprint, on the frames of the truths.
+
+    repeats: the most timed passes. With 0 the first pass is timed, in which the first frame may be slower.
+    """
+    numbers = [truth.frame for truth in truths]
+    accuracies: list[Accuracy] = []
+    peaks: list[int] = []
+    nums_primitives: list[int] = []
+    first_pass: list[Seconds] = []
+    thumbnails: list[tuple[UInt8, UInt8 | None]] = []
+    memory = PeakMemory()
+    for number, frame in enumerate(render_frames(stage, numbers, rasterizer, clock=clock)):
+        truth = truths[number]
+        peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
+        picture = over_background(frame.radiance, frame.stage.scene.output.background)
+        accuracies.append(truth.accuracy_of(picture))
+        thumbnails += [] if thumbnails else [_thumbnails(picture, truth)]
+        nums_primitives.append(frame.num_primitives)
+        first_pass.append(frame.seconds)
+        memory.reset()
+    passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
+    times = [_repetitions(repetitions, FRAME_STEPS) for repetitions in zip(*passes, strict=True)]
+    return Measurement(
+        setting=splat_setting(stage.scene.error, stage.scene.splat),
+        num_cells=frame.num_cells,
+        pyramid_seconds=stage.seconds["pyramid"],
+        seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STEPS),
+        frames=tuple(map(FrameMeasurement, numbers, nums_primitives, times, accuracies)),
+        overall=pool_accuracies(accuracies),
+        peak_bytes=max(peaks, default=None),
+        picture=thumbnails[0][0],
+        difference=thumbnails[0][1],
+    )
+
+
+def _thumbnails(picture: FloatImage, truth: Truth | SampledTruth) -> tuple[UInt8, UInt8 | None]:
+    """Return small pictures of a frame and of its difference from the truth, which some pixels do not show."""
+    difference = thumbnail(amplified_difference(picture, truth.picture)) if isinstance(truth, Truth) else None
+    return thumbnail(picture), difference
+
+
+def _timed_passes(
+    stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, clock: Clock, repeats: int, first_pass: list[Seconds]
+) -> list[list[Seconds]]:
+    """Return the seconds of the frames in up to `repeats` warm passes; of the first pass for none.
+
+    If the first pass takes too long to repeat, only its first frame is drawn again; the others were warm.
+    """
+
+    def draw(numbers: Sequence[int]) -> list[Seconds]:
+        return [frame.seconds for frame in render_frames(stage, numbers, rasterizer, clock=clock)]
+
+    if repeats == 0:
+        return [first_pass]
+    if sum(sum(seconds.values()) for seconds in first_pass) > _REPEAT_LIMIT_S:
+        return [draw(numbers[:1]) + first_pass[1:]]
+    passes: list[list[Seconds]] = []
+    start = clock()
+    while len(passes) < repeats and (not passes or clock() - start < _REPEAT_LIMIT_S):
+        passes.append(draw(numbers))
+    return passes
+
+
+def _repetitions(repetitions: Sequence[Seconds], steps: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """Return the seconds by step of repetitions of a frame; steps that the film lacks are left out."""
+    there = [name for name in steps if all(name in seconds for seconds in repetitions)]
+    return {name: tuple(seconds[name] for seconds in repetitions) for name in there}
+
+
+@dataclass(frozen=True)
+class PlannedSetting:
+    """A setting to measure: the scene with its constant tolerance and footprint, and its work, as in Primitive."""
+
+    scene: Scene
+    work: float
+
+    @property
+    def tolerance(self) -> float:
+        """Return the constant tolerance."""
+        return self.scene.error.tolerance
+
+    def picture_key(self) -> Hashable:
+        """Return a key that is equal for equal pictures: single voxels need no correction and have no error."""
+        error, splat = self.scene.error, self.scene.splat
+        if self.tolerance == 0 and error.finest_level == 0 and splat.footprint != "integrated":
+            return replace(splat, opacity_correction=True)
+        return error, splat
+
+    def predicted_seconds(self, num_frames: int, repeats: int) -> float:
+        """Estimate the time to measure it."""
+        splat, each = self.scene.splat, _PER_CELL
+        if splat.footprint == "gouraud":
+            each += _PER_TRIANGLE * splat.angular * (2 * splat.radial - 1)
+        elif splat.footprint == "integrated":
+            each = _PER_SAMPLE
+        pass_seconds = num_frames * self.work * each
+        passes = 1 + repeats if pass_seconds * repeats < 4.0 else 1
+        return num_frames * _PER_PICTURE + passes * pass_seconds
+
+
+def plan_sweep(
+    scene: Scene,
+    open_stage: Callable[[Scene], AbstractContextManager[Stage]],
+    errors: Sequence[ErrorSpec],
+    splats: Sequence[SplatSpec],
+    tolerances: Sequence[float] | None,
+) -> list[list[PlannedSetting]]:
+    """Plan every error measure, with all footprints, at all tolerances, from coarse to fine; by pyramid.
+
+    open_stage: prepares a scene; called once for each measure, and once more for bricks.
+    tolerances: None for a spread that suits each pyramid, including the scene's own first tolerance, if it has one.
+    """
+    plan = []
+    own = scene.error
+    for error, kind in product(errors, dict.fromkeys(splat.primitive_name for splat in splats)):
+        alike = [splat for splat in splats if splat.primitive_name == kind]
+        is_own = (error.measure, error.of) == (own.measure, own.of) and own.goal is None
+        with open_stage(replace(scene, error=error, splat=alike[0])) as stage:
+            works = _work_by_tolerance(stage, tolerances, float(own.tolerance) if is_own else None)
+        plan.append(
+            [
+                PlannedSetting(with_tolerance(replace(scene, error=error, splat=splat), tolerance), work)
+                for splat in alike
+                for tolerance, work in works.items()
+            ]
+        )
+    return plan
+
+
+def _work_by_tolerance(stage: Stage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
+    """Return the tolerances to measure on a stage, and how much is drawn at each, from coarse to fine.
+
+    own: a tolerance to include among those that are chosen.
+    """
+    work = cache(make_primitive(stage).work)
+    if tolerances is None:
+        tolerances = spread_tolerances(stage.largest_error, work, _MAX_TOLERANCES)
+        tolerances += () if own is None else (own,)
+    return {tolerance: work(tolerance) for tolerance in sorted(set(tolerances), reverse=True)}
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study with its results.
+
+    name: of the scene file. scene: with all defaults, from `scene_to_dict`. volume: name, fingerprint, dtype, shape.
+    machine: what the numbers depend on: processor, cores, system, device, commit, versions.
+    measurements: in the planned order.
+    notes: what a reader must know: where an error is not monotonic, what was left out, whether it was interrupted.
+    """
+
+    name: str
+    scene: Mapping[str, Any]
+    volume: Mapping[str, Any]
+    machine: Mapping[str, Any]
+    truth_tolerance: float
+    truths: tuple[Truth, ...]
+    measurements: tuple[Measurement, ...]
+    notes: tuple[str, ...]

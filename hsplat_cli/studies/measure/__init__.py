@@ -1,1 +1,0 @@
-"""Measure the accuracy and the cost of settings on one scene (`hsplat measure`)."""
