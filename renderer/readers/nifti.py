@@ -31,7 +31,7 @@ from renderer.readers.foreign import refuse_pointer
 from renderer.readers.sniff import read_start
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
-from renderer.readers.stored import Layout, StoredVoxels, read_stored
+from renderer.readers.stored import Layout, StoredVoxels, check_deflated, read_stored
 from renderer.readers.units import Units, units_of
 from renderer.scene import short_text
 from renderer.volume import Float64, Label
@@ -138,6 +138,8 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> common.Im
     header_file, data_file = find_pair(path)
     start, is_compressed = read_start(header_file, _NIFTI_2_BYTES + 4)
     with common.errors_about(header_file):
+        if is_compressed and data_file is not None:  # of a single file the voxels are checked
+            check_deflated(header_file, len(start))
         header, notes = _header(start, header_file, is_single=data_file is None)
     if data_file is not None:
         is_compressed = data_file.suffix.lower() == ".gz"

@@ -98,6 +98,22 @@ def read_stored(layout: Layout, chosen: common.Chosen, skip: str | None = None) 
     return values if values.ndim > 2 else values[np.newaxis], note
 
 
+def check_deflated(file: Path, num_bytes: int) -> None:
+    """Raise InputError unless the gzip stream that holds the first bytes of a file is whole and its checksum holds.
+
+    Of a stream that inflates to more than a header can have, the rest is not looked at.
+    """
+    found = 0
+    try:
+        for piece in _decoded(StoredVoxels(file, encoding="deflate"), np.dtype(np.uint8), num_bytes):
+            found += len(piece)
+            if found > _MAX_SKIPPED:
+                break
+    except InputError as error:
+        error.what = "the compressed header is damaged"
+        raise
+
+
 def _left_over_note(file: Path, num_left: int, skip: str | None) -> str:
     is_nifti = read_start(file, 4)[0] in NIFTI_STARTS
     header = _HEADERS.get(num_left, "NIfTI" if is_nifti else None)

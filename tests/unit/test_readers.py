@@ -341,7 +341,7 @@ def test_voxels_that_do_not_fit_into_memory_are_refused(tmp_path, monkeypatch, o
     else:
         write_image(path, values)
     monkeypatch.setattr(common, "free_bytes", lambda: 100)
-    monkeypatch.setattr(common, "free_swap_bytes", lambda: values.nbytes - 100)
-    assert read(path).values.size == values.size
     monkeypatch.setattr(common, "free_swap_bytes", lambda: values.nbytes - 101)
     assert refused(path, match="the voxels of this file do not fit into memory").where == str(path)
+    monkeypatch.setattr(common, "free_swap_bytes", lambda: values.nbytes - 100)
+    assert read(path).values.size == values.size

@@ -261,3 +261,15 @@ def test_sizes_of_0_are_1_with_a_note(tmp_path):
         "the file has a number of voxels of 0 along z; 1 is assumed; "
         "the file has a voxel size of 0 along y; 1 is assumed"
     )
+
+
+def test_a_compressed_header_of_a_pair_has_its_checksum(tmp_path):
+    header, data = tmp_path / "a.hdr.gz", tmp_path / "a.img.gz"
+    pair = nib.Nifti1Pair(ramp("int16").transpose(2, 1, 0), np.eye(4))
+    pair.to_filename(str(tmp_path / "a.img.gz"))
+    assert data.exists() and read(header).shape_xyz == (5, 4, 3)
+    content = header.read_bytes()
+    header.write_bytes(content[:-8] + bytes(4) + content[-4:])
+    refused(header, match="the compressed header is damaged")
+    header.write_bytes(content[:-10])
+    refused(header, match="the compressed header is damaged")
