@@ -117,12 +117,6 @@ def forecast_film(job: FilmJob, open_executor: OpenExecutor, events: JobEvents) 
         return replace(found, glances=look_ahead(stage, job.frames, num_threads=num_cores()))
 
 
-def glance_at_film(job: FilmJob) -> Sequence[Glance]:
-    """Look at a film before it is made, and return what is wrong with what it shows. Raises InputError."""
-    with open_job_stage(job, read_film_volumes(job.scene)) as stage:
-        return look_ahead(stage, job.frames, num_threads=num_cores())
-
-
 def _kept_film(
     output: FilmOutput, existing: ExistingFilm, fingerprint: FilmFingerprint, note: str | None, events: JobEvents
 ) -> FinishedFilm:
