@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
@@ -19,14 +19,12 @@ from renderer.readers.colors import join_colors
 from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.sniff import find_format, find_volume
-from renderer.readers.steps_in_time import TimeSteps
+from renderer.readers.steps_in_time import TimeSteps, some_steps
 from renderer.readers.units import units_of
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text, values_at
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
 Ranges = Sequence[tuple[int, int]]
-# The most steps of a volume in time in which fill values are looked for.
-_MOST_STEPS = 5
 
 
 def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
@@ -158,19 +156,25 @@ def _fill_values_in_time(spec: VolumeSpec, image: common.Image) -> tuple[float, 
     num_times, source = image.steps.num_times, spec.source
     if num_times == 1 or image.values.dtype.itemsize == 1 or not isinstance(source, FileSource):
         return ()
-    states = [os.stat(file) for file in source.steps or (source.file,)]
-    marks = tuple((state.st_mtime_ns, state.st_size) for state in states)
-    return _found_fill_values(replace(values_at(spec, 0), time=None), num_times, marks)
+    return _found_fill_values(replace(values_at(spec, 0), time=None), num_times, tuple(_marks(source)))
+
+
+def _marks(source: FileSource) -> Iterator[tuple[int, int]]:
+    """Yield the time and the size of each file of voxels, by which it is known whether they have changed."""
+    for path in source.steps or (source.file,):
+        files = sorted(path.iterdir()) if path.is_dir() else [path, *header_and_voxel_files(path)[1]]
+        for state in map(os.stat, files):
+            yield state.st_mtime_ns, state.st_size
 
 
 @lru_cache(maxsize=16)
-def _found_fill_values(spec: VolumeSpec, num_times: int, _marks: tuple[tuple[int, int], ...]) -> tuple[float, ...]:
-    """Return the fill values of some steps, ascending. _marks: of the files, by which it is known if they changed.
+def _found_fill_values(spec: VolumeSpec, num_times: int, _of_files: tuple[tuple[int, int], ...]) -> tuple[float, ...]:
+    """Return the fill values of some steps, ascending. _of_files: as of `_marks`.
 
     A step that cannot be read has none: its error is told when it is drawn.
     """
     found = set[float]()
-    for step in dict.fromkeys(k * (num_times - 1) // (_MOST_STEPS - 1) for k in range(_MOST_STEPS)):
+    for step in some_steps(num_times):
         with suppress(InputError, OSError):
             values = _native_contiguous(_load(spec, step).values)
             if (file := backing_file(values)) is not None:

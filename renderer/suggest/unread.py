@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from renderer.readers import some_steps
 from renderer.scene import (
     OF_CHANNELS,
     ColormapSpec,
@@ -28,7 +29,7 @@ from renderer.scene import (
     volume_problems,
 )
 from renderer.suggest import features
-from renderer.suggest.channels import ReadVolume, channel_layers, some_steps
+from renderer.suggest.channels import ReadVolume, channel_layers
 from renderer.suggest.features import Background, VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.label_choice import known_labels
@@ -117,7 +118,7 @@ class _Step:
 def suggest_in_time(volume: VolumeSpec, read: ReadVolume, wish: Wish) -> VolumeSuggestion:
     """Suggest how to show the steps of a volume whose time moves: a look that suits as many of some as possible."""
     all_steps = steps_in_time(volume)
-    steps = [_look_at(step, read, wish) for step in some_steps(all_steps)]
+    steps = [_look_at(all_steps[k], read, wish) for k in some_steps(len(all_steps))]
     widest = max(steps, key=lambda step: step.span)
     if widest.found.suggestion.transfer.labels is not None:
         spec, labels, statistics = _read(replace(volume, time=widest.number), read, wish)
