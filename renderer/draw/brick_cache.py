@@ -218,7 +218,8 @@ class BrickCache:
             Atlas(_num_channels(layer), num_scalars, each, threads)
             for layer, each in zip(bricks.layers, num_bytes[:-1], strict=True)
         ]
-        self.means, self.num_bytes = Atlas(4, sum(nums), num_bytes[-1], threads), num_bytes
+        self.means = Atlas(4, sum(nums), num_bytes[-1], threads)
+        self.num_bytes = num_bytes
         self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
 
     def upload(self, batch: BrickBatch, order: UInt32, view: View) -> bool:

@@ -41,7 +41,10 @@ class Kernel:
 
     def __init__(self, name: str, function: Any, arguments: Struct, *, is_long: bool) -> None:
         function.argtypes, function.restype = [ctypes.c_char_p], ctypes.c_int32
-        self._name, self._function, self._arguments, self._is_long = name, function, arguments, is_long
+        self._name = name
+        self._function = function
+        self._arguments = arguments
+        self._is_long = is_long
         self._layouts = {key: struct.Struct("=" + one.format) for key, (_, one) in arguments.members.items()}
 
     def __call__(self, **values: Any) -> None:

@@ -46,7 +46,8 @@ class BrickRasterizer(Rasterizer):
     device = "the processor"
 
     def __init__(self, *, num_threads: int = 2, memory: MemoryShare | None = None) -> None:
-        self.threads, self._memory = ThreadPool(num_threads), memory or MemoryShare()
+        self.threads = ThreadPool(num_threads)
+        self._memory = memory or MemoryShare()
         self.caches: dict[int, BrickCache] = {}  # by the identities of layers, which they hold
 
     def release(self) -> None:
