@@ -246,7 +246,7 @@ class BrickCache:
             atlas.plan(brick_view.keys[is_used], next_use[is_used])
 
     def have_slots(self, brick_view: BrickView, numbers: Int64, times: int) -> bool:
-        """Return whether so many times as many bricks as those with these numbers in the view have slots at once."""
+        """Return whether `times` as many bricks as these numbers in the view have slots at once."""
         parts = self._parts(brick_view)
         return all(times * np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in parts)
 

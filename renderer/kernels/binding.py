@@ -77,7 +77,7 @@ class Kernel:
         return call
 
     def _run(self, block: bytes, kept: list[Any]) -> int:
-        """Run the kernel, and return its status. kept: what must live as long as it runs."""
+        """Run the kernel, and return its status. kept: objects that must live as long as it runs."""
         return int(self._function(block))
 
     def _run_beside(self, block: bytes, kept: list[Any]) -> int:

@@ -95,7 +95,7 @@ def read_pictures(
 
 
 def _lengths(picture: Any) -> tuple[Float64, Units, str]:
-    """Return the affine by the size of pixels, the unit of lengths, and a note on those that are guessed."""
+    """Return the affine by the size of pixels, the unit of lengths, and a note on guessed lengths."""
     per_inch = [float(n) for n in picture.info.get("dpi", ())]
     if len(per_inch) != 2 or not all(0 < n < np.inf for n in per_inch) or are_of_screen(per_inch):
         return np.eye(4), Units(), NO_SPACING

@@ -55,7 +55,7 @@ class Calibration(NamedTuple):
                 plane[...] = np.polynomial.polynomial.polyval(plane.astype(np.float64), self.coefficients)
 
     def of_ranges(self, ranges: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-        """Return ranges of stored numbers as those of values; without a calibration they are the same."""
+        """Return ranges of values for ranges of stored numbers; without a calibration they are the same."""
         if not self.coefficients:
             return ranges
         ends = (np.polynomial.polynomial.polyval(np.array(pair), self.coefficients) for pair in ranges)

@@ -290,7 +290,7 @@ def without(sample: VoxelSample, are_away: Bools) -> VoxelSample:
 
 
 def fill_with_noise(values: Float64, are_filled: Bools, noise: Float64) -> Float64:
-    """Return values with those of noise, [n], in place of some."""
+    """Return values, some of which are replaced by values of noise, [n]."""
     values, filled = values.copy(), np.flatnonzero(are_filled)
     values.flat[filled] = noise[filled % len(noise)]
     return values

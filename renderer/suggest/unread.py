@@ -90,7 +90,7 @@ def _channels_suggestion(volume: VolumeSpec, first: Volume, read: ReadVolume) ->
 
 @dataclass(frozen=True)
 class _Step:
-    """A step in time: what is suggested for it, and what tells how others suit it.
+    """A step in time: the look that is suggested for it, and the measurements by which other looks suit it or not.
 
     number: of the step. span: of its values. sample: tells how values are normalised; it has no voxels.
     border: the values on its faces. background: its own, normalised.
@@ -168,7 +168,7 @@ def _look_at(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> _Step:
 
 
 def _most_suitable(steps: Sequence[_Step], widest: _Step) -> tuple[_Step, Suggestion]:
-    """Return the step whose look suits most of some steps, and that look; if several do, that of the widest range.
+    """Return the step whose look suits most of some steps, and the look; of equal ones the first, of the widest range.
 
     Steps without a background do not count, for nothing tells what stands out in them.
     """
@@ -186,7 +186,7 @@ def _most_suitable(steps: Sequence[_Step], widest: _Step) -> tuple[_Step, Sugges
 
 
 def _looks_of(step: _Step, backed: Sequence[_Step]) -> Iterator[Suggestion]:
-    """Yield the look of a step, and the same without what is background in any step."""
+    """Yield the look of a step, and the same look without the values that are background in any step."""
     look = step.found.suggestion
     yield look
     if look.transfer.points and not isinstance(look.transfer.mapping, ColormapSpec) and backed:

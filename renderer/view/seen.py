@@ -14,7 +14,7 @@ import numpy as np
 from renderer.pyramid import Pyramid, cell_voxel_counts, descendants, root_cells
 from renderer.volume import Bools, Float64, grow, label_parts
 
-# What is left out adds less than this part of a picture.
+# Cells that are left out add less than this part of a picture.
 _MOST_LEFT_OUT = 1e-3
 # It is left out only where the frame is smaller without it, by at least this part along an axis: so the end of an
 # object stays in frame.
@@ -65,7 +65,7 @@ def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
 
 
 def _depths(pyramid: Pyramid, occupied: Bools) -> Float64:
-    """Return the optical depth of each visible cell, float64 [z, y, x], as if those in a larger cell were alike."""
+    """Return the optical depth of each visible cell, float64 [z, y, x]; cells in one larger cell count as alike."""
     level = _level_of_opacities(pyramid)
     nodes, cells = descendants(pyramid, *root_cells(pyramid), pyramid.num_levels, level)
     factor = 2 ** (level - pyramid.occupied_level)
