@@ -79,26 +79,34 @@ def check(request: SceneRequest, *, output: str | None, no_cost: bool, memory: i
             if isinstance(volume.source, FileSource):
                 for file in volume.source.steps or (volume.source.file,):
                     find_volume(file)
-    has_labels = any(layer.transfer_function.labels or layer.mask for layer in job.scene.layers)
-    notes = [*_label_notes(request)] if has_labels else []
-    cost_rows, costs = ([], None) if no_cost else _costs(request, MemoryShare(memory))
-    facts = [*_summary(job.scene, len(job.frames), costs), *notes, *cost_rows]
+    found, costs = (_label_notes(request, job.scene), None) if no_cost else _costs(request, MemoryShare(memory))
+    facts = [*_summary(job.scene, len(job.frames), costs), *found]
     rows = [f"  {name:<8} {text}" for name, text in facts]
     Reporter().result(join_lines([f"{request.path}: ok", *rows]))
 
 
-def _label_notes(request: SceneRequest) -> Iterator[tuple[str, str]]:
-    """Yield why it is not known whether a volume has the labels that a scene names. Raises SceneError if it has not."""
+def _label_notes(request: SceneRequest, scene: Scene) -> list[tuple[str, str]]:
+    """Look for the labels that a scene names, and return a row on why some could not be looked for.
+
+    Raises SceneError for labels that a volume does not have.
+    """
+    if not any(layer.transfer_function.labels or layer.mask for layer in scene.layers):
+        return []
     try:
         load_job(request, reads="labels")
     except SceneError:
         raise
     except InputError as error:
-        yield "note", f"labels are not looked for: {str(error).partition(chr(10))[0]}"
+        return [("note", f"the labels were not looked for: {_first_line(error)}")]
+    return []
+
+
+def _first_line(error: HsplatError) -> str:
+    return str(error).partition("\n")[0]
 
 
 def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, str]], Forecast | None]:
-    """Return rows with what the film costs if this process draws it, and that forecast; or why that is not known."""
+    """Return rows on the cost of a film that this process draws, and its forecast; or a row on why it is not known."""
     # Imported here: they load kernels.
     from hsplat_cli.terminal import FilmEvents
     from renderer.job import forecast_film, open_local_executor
@@ -110,7 +118,7 @@ def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, 
     except SceneError:  # its numbers do not fit the volumes
         raise
     except HsplatError as error:
-        return [("note", f"the cost is not known: {str(error).partition(chr(10))[0]}")], None
+        return [("note", f"the cost is not known: {_first_line(error)}")], None
     rows = [("cost", f"about {found.seconds_text} here, {found.bytes_text(found.num_bytes)}")]
     if found.brick_memory is not None:
         rows.append(("memory", _memory_text(found.brick_memory)))
@@ -119,7 +127,7 @@ def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, 
 
 
 def _memory_text(memory: BrickMemory) -> str:
-    """Return how much memory bricks need, and what that means where they may take less."""
+    """Return how much memory bricks need, and the consequence where they may take less."""
     from hsplat_cli.reports import bytes_text  # loads numpy
 
     needed = f"{bytes_text(memory.needed)} for bricks"

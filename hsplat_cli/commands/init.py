@@ -24,6 +24,7 @@ from renderer.errors import HsplatError, InputError
 from renderer.film import WrittenFiles, require_writable_dry_run, write_staged
 from renderer.job import volume_files
 from renderer.suggest import FilmOptions
+from renderer.system import num_cores
 
 
 @click.command()
@@ -49,7 +50,7 @@ def init(*, volume: Path, output: Path | None, force: bool, **options: Any) -> N
         WrittenFiles([output]).require_harmless(chain.from_iterable(map(volume_files, volumes)))
     scene, film_file = output or Path("scene.yaml"), Path(f"{base_name(volume)}.mp4")
     text, _ = suggest_scene(spec, film, reporter, scene=scene, output=film_file)
-    _tell_what_it_shows(SceneRequest(scene, content=text.encode()), reporter)
+    _tell_faults(SceneRequest(scene, content=text.encode()), reporter)
     if output is None:
         reporter.content(text.encode())
     else:
@@ -57,15 +58,16 @@ def init(*, volume: Path, output: Path | None, force: bool, **options: Any) -> N
         reporter.status(f"{output}: written; `hsplat render {output}` makes the film")
 
 
-def _tell_what_it_shows(request: SceneRequest, reporter: Reporter) -> None:
-    """Print what is wrong with what the film of a suggested scene shows; it is written in any case."""
+def _tell_faults(request: SceneRequest, reporter: Reporter) -> None:
+    """Print the faults of the pictures of a suggested scene, which is written in any case."""
     # Imported here: it loads kernels.
-    from renderer.job import glance_at_film
+    from renderer.accuracy import look_at_scene
 
     try:
-        glances = glance_at_film(load_job(request, "nothing"))
+        job = load_job(request, "nothing")
+        glances = look_at_scene(job.scene, job.frames, num_threads=num_cores())
     except HsplatError as error:
-        reporter.warning(f"what the film shows is not known: {error.summary}")
+        reporter.warning(f"warning: the film was not looked at: {error.summary}")
         return
     for each in glances:
         reporter.warning(f"warning: {each.note}")

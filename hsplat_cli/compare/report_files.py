@@ -41,7 +41,7 @@ class ReportFiles:
     paths: Mapping[str, Path]
 
     def require_names(self, inputs: Iterable[Path]) -> None:
-        """Raise InputError if a name has a wrong suffix, or is that of an input, a sidecar or somebody's page."""
+        """Raise InputError if a name has a wrong suffix, or belongs to an input, a sidecar or another page."""
         for option, path in self.paths.items():
             where, suffixes = f"{option} {path}", _SUFFIXES[option]
             if path.suffix.lower() not in suffixes:

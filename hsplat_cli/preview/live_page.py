@@ -22,7 +22,7 @@ _SCRIPT_MARK = b"// by hsplat\n"
 
 @contextlib.contextmanager
 def file_states(page: Path, title: str, inputs: Iterable[Path]) -> Iterator[Callable[[State], None]]:
-    """Write a page, and yield what shows a state on it: a script beside the page, which looks for it again and again.
+    """Write a page and the script beside it that it loads again and again; yield a function that writes a state there.
 
     Browsers let a page from a file load a script from beside it, and nothing else. Both files are locked until the end
     of the block. Raises InputError if one of them is an input, or the script is a file of somebody else.
@@ -55,7 +55,7 @@ def _require_own_script(script: Path) -> None:
 
 @contextlib.contextmanager
 def served_states(title: str) -> Iterator[tuple[str, Callable[[State], None]]]:
-    """Serve a page to this machine, and yield its address and what shows a state on it."""
+    """Serve a page to this machine, and yield its address and a function that sends a state to it."""
     page = render_page("watch.html", title=title, script="", is_served=True).encode()
     channel = Channel(_json(State(0)))
     with serve_page(page, channel) as address:

@@ -38,7 +38,7 @@ _MOST_CHARTS = 8
 
 
 def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> tuple[str, Sequence[Glance]]:
-    """Return the page of a film, and what is wrong with what it shows.
+    """Return the page of a film, and the faults of its pictures.
 
     advance: takes the name of each part that is done. Raises InputError, SceneError, and RenderError where a scene with
     splats finds no OpenGL.
@@ -86,7 +86,7 @@ def _facts(job: FilmJob) -> list[tuple[str, str]]:
 
 
 def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None, Sequence[Glance]]:
-    """Draw some frames of the film with their annotation, and find what they show, and what is wrong with that."""
+    """Draw some frames of the film with their annotation; find the visible values, and the faults of pictures."""
     has_text = bool(job.scene.annotation.entries)  # which is made for larger pictures
     scene = small_scene(job.scene, _ANNOTATED_PX if has_text else _FRAME_PX, is_annotated=True)
     frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.camera.path))

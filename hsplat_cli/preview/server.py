@@ -18,11 +18,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 _LOOPBACK = "127.0.0.1"
-# Connections at one time: of many open tabs, each of which has one, and of those that a browser opens in advance.
+# The most connections at one time: each open tab has one, and a browser opens some in advance.
 MAX_CONNECTIONS = 32
-# In which a request must have come, and a client must take what is sent.
+# Seconds in which a request must have come, and a client must take an answer.
 IDLE_S = 10.0
-# How often a connection without news hears that there are none, so that one that is closed is noticed.
+# Seconds after which a connection without news hears that there are none, so that a closed one is noticed.
 _HEARTBEAT_S = 5.0
 
 
@@ -30,12 +30,15 @@ class Channel:
     """The last text of news, for all who wait for another one."""
 
     def __init__(self, text: str) -> None:
-        self._text, self._number, self._changed = text, 0, threading.Condition()
+        self._text = text
+        self._number = 0
+        self._changed = threading.Condition()
 
     def send(self, text: str) -> None:
         """Replace the text, and tell all who wait."""
         with self._changed:
-            self._text, self._number = text, self._number + 1
+            self._text = text
+            self._number += 1
             self._changed.notify_all()
 
     def texts(self) -> Iterator[str | None]:
@@ -45,7 +48,8 @@ class Channel:
             with self._changed:
                 if self._number == sent:
                     self._changed.wait(_HEARTBEAT_S)
-                is_new, sent, text = self._number != sent, self._number, self._text
+                is_new = self._number != sent
+                sent, text = self._number, self._text
             yield text if is_new else None
 
 
@@ -67,9 +71,11 @@ class _Server(ThreadingHTTPServer):
 
     def __init__(self, page: bytes, news: Channel) -> None:
         super().__init__((_LOOPBACK, 0), _Handler)
-        self.page, self.news, self.token = page, news, secrets.token_urlsafe(24)
+        self.page = page
+        self.news = news
+        self.token = secrets.token_urlsafe(24)
         self._places = threading.BoundedSemaphore(MAX_CONNECTIONS)
-        # By when connections without a whole request are closed.
+        # When connections without a whole request are closed, by `time.monotonic`.
         self.deadlines: dict[socket.socket, float] = {}
 
     def process_request(self, request: Any, client_address: Any) -> None:

@@ -59,7 +59,7 @@ def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
                 found.setdefault(_real(each), each)
             taken = {part for each in inside for part in (each, *each.parents)}
             others |= {path: sorted({*path.iterdir()} - taken)} if inside else {}
-    joined = _join_slices(found)
+    found, joined = _join_slices(found)
     data = {file: head for key, head in found.items() for file in header_data_files(head) if file != key}
     notes = [*joined, *(f"{path} is the data of {data[key]}" for key, path in found.items() if key in data)]
     for folder, entries in others.items():
@@ -83,8 +83,8 @@ def _volumes_in(path: Path) -> list[Path]:
     return []
 
 
-def _join_slices(found: dict[Path, Path]) -> list[str]:
-    """Replace single slices of one DICOM series by their folder, in its place, and return a note on each folder."""
+def _join_slices(found: dict[Path, Path]) -> tuple[dict[Path, Path], list[str]]:
+    """Return the volumes with the folder in place of single slices of one DICOM series, and a note on each folder."""
     slices: dict[tuple[Path, str], list[Path]] = {}
     for key, path in found.items():
         with contextlib.suppress(InputError, OSError):
@@ -95,10 +95,8 @@ def _join_slices(found: dict[Path, Path]) -> list[str]:
     for key, path in found.items():
         folder = joined.get(key)
         volumes.setdefault(key if folder is None else _real(folder), path if folder is None else folder)
-    found.clear()
-    found.update(volumes)
-    counts = Counter(joined.values())
-    return [f"{num} files of {folder} are slices of one volume: the folder is drawn" for folder, num in counts.items()]
+    counts = Counter(joined.values()).items()
+    return volumes, [f"{num} files of {folder} are slices of one volume: the folder is drawn" for folder, num in counts]
 
 
 def name_volumes(volumes: Sequence[Path]) -> dict[str, Path]:

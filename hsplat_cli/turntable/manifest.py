@@ -33,7 +33,7 @@ _NOTICE_DELAY_S, _POLL_INTERVAL_S = 2.0, 0.02
 
 # Titles of columns, and the keys of records.
 _COLUMNS = {name: name for name in ("volume", "status", "kind", "frames", "primitives", "seconds")}
-# What is wrong with what a film shows has a column where there is any.
+# The column of faults of pictures is left out where no film has any.
 _COLUMNS |= {"file PSNR": "file_psnr", "frames PSNR": "psnr", "seen": "seen", "film": "film"}
 _NUMBER_COLUMNS = ("frames", "primitives", "seconds", "file_psnr", "psnr")
 NUMBER_KEYS, _TOO_LARGE = ("psnr", "file_psnr", "seconds"), 1e9
@@ -157,7 +157,7 @@ def _row(folder: Path, record: FilmEntry, keys: Iterable[str]) -> list[str]:
     shown |= {key: os.path.normpath(folder / record[key]) for key in ("volume", "film")}
     if record["status"] != FINISHED:
         shown["film"] = record.get("error", "-").splitlines()[0]
-    return [str(shown.get(key) or "-") if key == "seen" else str(shown.get(key, "-")) for key in keys]
+    return [str(shown.get(key, "-")) for key in keys]
 
 
 def short_number(value: Any) -> str:

@@ -219,7 +219,7 @@ def _scene_text(request: FilmRequest, reporter: Reporter) -> tuple[str, FilmEntr
 
 
 def _visible_values(scene: Scene) -> str:
-    """Return `18.9 to 255` of those values of the first volume between which anything shows; of labels their names."""
+    """Return the ends of the visible values of the first volume, such as `18.9 to 255`; of labels their names."""
     transfer = scene.at(0).transfer_function
     if transfer.labels is not None:
         return _label_names(transfer.labels)

@@ -6,8 +6,8 @@ wanted accuracy does not depend on it.
 
 - `pixels.py`: which pixels get a ray; `prober.py`: their errors; `estimate.py`: the estimate and its interval;
   `decibels.py`: from errors to decibels and back.
-- `visibility.py`: the ranges of scalars whose share of the picture is recorded; `glance.py`: what is wrong with a film
-  before it is drawn.
+- `visibility.py`: the ranges of scalars whose share of the picture is recorded; `glance.py`: the faults of the pictures
+  of a film before it is drawn.
 - `truths.py`: the exact picture of a frame, or of some of its pixels; `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E.
 - `search.py`: the coarsest tolerances for a wanted accuracy; `tolerances.py`: those that are worth trying;
   `references.py`: what their pictures are compared with.

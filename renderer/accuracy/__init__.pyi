@@ -20,6 +20,7 @@ from .glance import (
     NOTHING_VISIBLE as NOTHING_VISIBLE,
     Glance as Glance,
     look_ahead as look_ahead,
+    look_at_scene as look_at_scene,
 )
 from .metrics import (
     METRICS as METRICS,

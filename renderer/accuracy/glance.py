@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,31 +16,36 @@ from renderer.accuracy.truths import is_loop, spread_evenly
 from renderer.film import over_background
 from renderer.frame import Stage, StageMaker, prepare_stage, view_of
 from renderer.layers import Layer
+from renderer.scene import LayerSpec, Scene
 from renderer.suggest import drawn_background
 from renderer.truth import SceneRays, chord_lengths
 from renderer.view import View
-from renderer.volume import Bools, Float64, Int64, sampled_volume
+from renderer.volume import Bools, Float64, Int64, Volume, sampled_volume
 
-# Frames that are looked at, and rays along the longer side of each.
-_MOST_FRAMES, _SIDE = 3, 40
+# The most frames that are looked at.
+_MOST_FRAMES = 3
+# Rays along the longer side of each frame.
+_SIDE = 40
 # A picture that differs from its background by less than this part of white, in the mean, shows next to nothing. Films
 # of vessels, the sparsest of 26 suggestions, have 0.02 and more.
 _LEAST_SEEN = 0.005
 # A picture shows nothing at all where it differs by less: half a step of 8 bits.
 _NOTHING = 0.5 / 255
-# A picture shows the box of a volume if this part of the rays through the box have at least this opacity. Of heads and
-# other objects that touch their box, 0.7 to 0.9 have.
-_MIN_OF_BOX, _LEAST_OPACITY = 0.97, 0.03
+# A picture shows the box of a volume if this part of the rays through the box have _LEAST_OPACITY. Of heads and other
+# objects that touch their box, 0.7 to 0.9 have.
+_MIN_OF_BOX = 0.97
+# The least opacity of a ray that counts as one that meets something.
+_LEAST_OPACITY = 0.03
 # Rays through the edges of a box, shorter than this part of its diagonal, do not count.
 _SHORTEST = 0.25
-# The most voxels along an axis from which the frames of a film in motion are looked at.
+# The most voxels along an axis that are looked at where no stage is made of all voxels.
 _MOST_SAMPLED = 64
 # Longest steps of the rays, in voxels.
 _STEP_VOXELS = 2.0
 
 
 class Glance(NamedTuple):
-    """What is wrong with what a film shows. word: for a table; empty for a remark. note: a sentence, no full stop."""
+    """A fault of the pictures of a film. word: for a table; empty for a remark. note: a sentence, no full stop."""
 
     word: str
     note: str
@@ -53,15 +58,15 @@ NOTHING_VISIBLE = (
 
 
 def look_ahead(stage: Stage, frames: Sequence[int], *, num_threads: int) -> list[Glance]:
-    """Return what is wrong with some frames of a film; mostly nothing. It does not depend on `num_threads`.
+    """Look at some frames of a film, and return the faults of their pictures, which do not depend on `num_threads`.
 
-    Frames that show nothing are told if they are at least half of those that are looked at: films fade in and out.
+    Dark frames are a fault if they are at least half of these frames: films fade in and out.
     """
     numbers = spread_evenly(frames, _MOST_FRAMES, is_loop=is_loop(stage.scene.camera.path))
     seen, are_boxes = list[float](), list[list[bool]]()
     rays = SceneRays(stage, num_threads=num_threads) if stage.maker is None else None
     for number in numbers:
-        at = stage if rays is not None else _coarse_stage(stage, number, num_threads)
+        at = stage if rays is not None else _stage_at(stage, number, num_threads)
         view = _small(view_of(at, number))
         pixels = np.arange(view.size[0] * view.size[1])
         radiance = (rays or SceneRays(at, num_threads=num_threads)).integrate(view, pixels, _STEP_VOXELS)
@@ -71,31 +76,44 @@ def look_ahead(stage: Stage, frames: Sequence[int], *, num_threads: int) -> list
     found = [_dark_glance(stage, dark, max(seen))] if 2 * len(dark) >= len(numbers) else []
     boxes = np.all(are_boxes, axis=0).tolist()
     if stage.not_framed:
-        found.append(
-            Glance("", f"what adds {100 * stage.not_framed:.2g} % of a picture is not framed, and may lie beside it")
-        )
+        part = f"{100 * stage.not_framed:.2g} %"
+        found.append(Glance("", f"parts that add {part} to a picture are not framed: they may lie outside it"))
     return [
         *found,
         *(each for layer, is_box in zip(stage.layers, boxes, strict=True) if is_box for each in _box_glances(layer)),
     ]
 
 
-def _coarse_stage(film: Stage, number: int, num_threads: int) -> Stage:
-    """Return the stage of a frame of a film in motion, made from some of the voxels: layers of all of them take long.
+def look_at_scene(scene: Scene, frames: Sequence[int], *, num_threads: int) -> list[Glance]:
+    """Return the faults of a film as `look_ahead` does, by some of its voxels; raises as `prepare_stage`.
 
-    Small labels may have none of these, so that volumes of labels are whole.
+    Parts that do not count for its frame may not be among these voxels, and then they are not told.
     """
+    volumes = StageMaker(num_threads, any_tolerance=True).volumes_of(scene.at(0))
+    with _coarse_stage(scene, scene.at(0).layers, volumes, num_threads) as stage:
+        return look_ahead(stage, frames, num_threads=num_threads)
+
+
+def _stage_at(film: Stage, number: int, num_threads: int) -> Stage:
+    """Return the stage of a frame of a film in motion, made from some of its voxels: layers of all voxels take long."""
+    assert film.maker is not None
     scene = film.scene.at(number)
     camera = replace(scene.camera, distance=scene.camera.distance or film.distance)
     camera = camera if camera.follow else replace(camera, target=film.target)
-    volumes = [
+    volumes = film.maker.volumes_of(scene)
+    return _coarse_stage(replace(scene, camera=camera), scene.layers, volumes, num_threads)
+
+
+def _coarse_stage(scene: Scene, layers: Sequence[LayerSpec], volumes: Sequence[Volume], num_threads: int) -> Stage:
+    """Return a stage of some of the voxels of the volumes of layers.
+
+    Small labels may have none of these, so that volumes of labels are whole.
+    """
+    some = [
         volume if layer.transfer_function.labels else sampled_volume(volume, _MOST_SAMPLED)
-        for layer, volume in zip(
-            scene.layers, StageMaker(num_threads, any_tolerance=True).volumes_of(scene), strict=True
-        )
+        for layer, volume in zip(layers, volumes, strict=True)
     ]
-    options: dict[str, Any] = {"clock": lambda: 0.0, "num_threads": num_threads}
-    return prepare_stage(replace(scene, camera=camera), volumes=volumes, **options)
+    return prepare_stage(scene, clock=lambda: 0.0, num_threads=num_threads, volumes=some)
 
 
 def _small(view: View) -> View:
@@ -114,15 +132,15 @@ def _seen(stage: Stage, view: View, radiance: Float64) -> float:
 
 
 def _dark_glance(stage: Stage, numbers: Sequence[int], most: float) -> Glance:
-    """Return what to say of frames that show too little. most: of all that were looked at, a part of white."""
+    """Return the glance of frames that show too little. most: of all frames that were looked at, a part of white."""
     *others, last = map(str, numbers)
-    which = f"frames {', '.join(others)} and {last}" if others else f"frame {last}"
+    which = f"frames {', '.join(others)} and {last} show" if others else f"frame {last} shows"
     if most < _NOTHING:
         is_hidden = not any(layer.pyramid.occupied.any() for layer in stage.layers)
-        return Glance(NOTHING, NOTHING_VISIBLE if is_hidden else f"nothing is seen on {which}")
-    amount = f": their pictures have {100 * most:.2g} % of white" * (most < _LEAST_SEEN)
+        return Glance(NOTHING, NOTHING_VISIBLE if is_hidden else f"{which} {NOTHING}")
+    amount = f", {100 * most:.2g} % of white" * (most < _LEAST_SEEN)
     word = "next to nothing"
-    return Glance(word, f"{word} is seen on {which}{amount}; `hsplat info` shows which values there are")
+    return Glance(word, f"{which} {word}{amount}; `hsplat info` lists the values that there are")
 
 
 def _is_box(layer: Layer, view: View, pixels: Int64, opacities: Float64) -> bool:
@@ -135,8 +153,8 @@ def _is_box(layer: Layer, view: View, pixels: Int64, opacities: Float64) -> bool
 
 
 def _box_glances(layer: Layer) -> Iterator[Glance]:
-    """Yield what to say of a layer that looks like its box, unless it is a block that fills it."""
+    """Yield the glance of a layer that looks like its box, unless it is a block that fills it."""
     if (value := drawn_background(layer.volume, layer.transfer)) is not None:
         name = Path(layer.volume.name).name
-        what = f"the box of {name} is seen, for its background, near {value:.4g}, is visible"
-        yield Glance("its box", f"{what}; `hsplat info` suggests what to leave out")
+        why = f"its background, near {value:.4g}, is visible"
+        yield Glance("its box", f"the picture shows the box of {name}: {why}; `hsplat info` suggests other opacities")

@@ -218,7 +218,8 @@ class BrickCache:
             Atlas(_num_channels(layer), num_scalars, each, threads)
             for layer, each in zip(bricks.layers, num_bytes[:-1], strict=True)
         ]
-        self.means, self.num_bytes = Atlas(4, sum(nums), num_bytes[-1], threads), num_bytes
+        self.means = Atlas(4, sum(nums), num_bytes[-1], threads)
+        self.num_bytes = num_bytes
         self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
 
     def upload(self, batch: BrickBatch, order: UInt32, view: View) -> bool:
@@ -245,7 +246,7 @@ class BrickCache:
             atlas.plan(brick_view.keys[is_used], next_use[is_used])
 
     def have_slots(self, brick_view: BrickView, numbers: Int64, times: int) -> bool:
-        """Return whether so many times as many bricks as those with these numbers in the view have slots at once."""
+        """Return whether `times` as many bricks as these numbers in the view have slots at once."""
         parts = self._parts(brick_view)
         return all(times * np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in parts)
 

@@ -52,7 +52,7 @@ def _sidecar_path_of_whole_film(file: Path) -> Path:
 
 
 def film_sidecars(file: Path) -> list[Path]:
-    """Return the sidecars that exist of an output file or template: that of the whole film, and those of parts."""
+    """Return the sidecars that exist beside an output file or template: of the whole film, and of its parts."""
     whole = _sidecar_path_of_whole_film(file)
     parts = sorted(whole.parent.glob(f"{glob.escape(whole.stem)}.*.json")) if FRAME_FIELD.search(str(file)) else []
     return [path for path in (whole, *parts) if path.exists()]

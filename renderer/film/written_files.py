@@ -37,7 +37,7 @@ class WrittenFiles:
         return WrittenFiles((*self.files, *other.files), (*self.folders, *other.folders))
 
     def all_files(self) -> Iterator[Path]:
-        """Yield the files, and those that are in the folders now."""
+        """Yield the files, and the entries that the folders have now."""
         yield from self.files
         for folder in self.folders:
             yield from folder_files(folder)
@@ -59,7 +59,7 @@ def film_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Writ
 
 
 def folder_files(folder: Path) -> Iterator[Path]:
-    """Yield what is in a folder; nothing where there is none, or it cannot be read."""
+    """Yield the entries of a folder; nothing where there is none, or it cannot be read."""
     with contextlib.suppress(OSError):
         yield from folder.iterdir()
 
@@ -104,7 +104,7 @@ def _refuse(what: str, output: Path, got: str, expected: str) -> NoReturn:
 
 
 def _mark(path: Path) -> tuple[int, int] | None:
-    """Return what a file shares with all links to it; None if it does not exist.
+    """Return the device and the number of a file, which all links to it share; None if it does not exist.
 
     `missing/../film.mp4` exists, if `film.mp4` does: folders of outputs are made.
     """

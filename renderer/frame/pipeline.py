@@ -139,7 +139,7 @@ def _clip_problem(key: str, volume: Volume) -> Problem:
 
 
 def _framing(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float, float]:
-    """Return target and distance: the scene's, or such that all frames have in frame what is visible on any.
+    """Return target and distance: the scene's, or a pair with which all frames hold everything that any frame shows.
 
     The third number is the part of a picture that does not count for that.
     """
@@ -184,7 +184,7 @@ def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vec
 
 
 def _other_points(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[tuple[Float64, float]]:
-    """Yield what `points_in_frame` returns for some frames of a film in motion, besides the first."""
+    """Yield the points of `points_in_frame` for some frames of a film in motion, without the first."""
     tolerance, known = min_tolerance(scene.error), [layer.digest for layer in layers]
     for frame in _sampled(scene, _MOST_SAMPLED_LAYERS)[1:] if scene.moves else ():
         sampled = scene.at(frame)

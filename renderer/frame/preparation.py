@@ -210,7 +210,7 @@ def volume_key(layer: LayerSpec) -> VolumeKey:
 
 
 def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> tuple[Float64, float]:
-    """Return the positions that a camera is to have in frame, float64 [n, 3], and which part of a picture is left out.
+    """Return the positions that must be in frame, float64 [n, 3], and the part of a picture that is left out.
 
     Both as of `framed_points`; the part is the largest one of a layer.
     """
@@ -222,7 +222,7 @@ def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> tuple[Float64, flo
 
 
 def _framed_points(layer: Layer, clip: tuple[ClipSpec, ...] | None) -> tuple[Float64, float]:
-    """Return what `points_in_frame` does for a layer; with `clip`, of what is left of it."""
+    """Return the points of `points_in_frame` for a layer; with `clip`, for the rest that it leaves."""
     region = None if clip is None else place_object_clips(layer.volume, clip + layer.spec.clip)
     if layer.projection is not None:  # a single voxel may be the brightest of a ray
         return visible_points(layer.pyramid, region), 0.0

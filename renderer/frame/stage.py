@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
@@ -11,7 +11,7 @@ from renderer.layers import Layer, LayerGroup
 from renderer.pyramid import root_error
 from renderer.scene import CameraSpec, ClipSpec, Scene, SplatBudget, Vector
 from renderer.view import OrderBlending, View, are_near_faces, make_view, place_object_clips
-from renderer.volume import Bools, Float64
+from renderer.volume import Bools, Float64, Volume
 
 Clock = Callable[[], float]
 
@@ -32,6 +32,8 @@ class FrameStageMaker(Protocol):
     """A maker of the stages of a film's frames."""
 
     def stage_at(self, film: Stage, frame: int) -> Stage: ...
+
+    def volumes_of(self, scene: Scene) -> Sequence[Volume]: ...
 
 
 @dataclass

@@ -21,7 +21,6 @@ from .film_job import FilmJob as FilmJob, OriginalFilm as OriginalFilm
 from .film_making import (
     FinishedFilm as FinishedFilm,
     forecast_film as forecast_film,
-    glance_at_film as glance_at_film,
     make_film as make_film,
     one_pass as one_pass,
 )

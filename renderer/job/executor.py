@@ -98,7 +98,7 @@ class LocalExecutor:
 
 @contextlib.contextmanager
 def open_local_executor(scene: Scene, memory: MemoryShare | None = None) -> Iterator[LocalExecutor]:
-    """Open what draws this scene in this process. Raises RenderError where it needs OpenGL and there is none.
+    """Open an executor of this process for a scene. Raises RenderError where it needs OpenGL and there is none.
 
     memory: as of `open_rasterizer`.
     """

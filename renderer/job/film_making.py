@@ -48,7 +48,7 @@ class FinishedFilm:
     file: the film, or the template of its frames. record: the content of the sidecar.
     summary: what was made and what it cost; empty for a film that was up to date.
     volume_note: what the reader of the volume says. shortfall: what was requested and not reached.
-    glances: what is wrong with what it shows; not known of a film that was up to date.
+    glances: the faults of its pictures; not known of a film that was up to date.
     """
 
     file: Path
@@ -117,12 +117,6 @@ def forecast_film(job: FilmJob, open_executor: OpenExecutor, events: JobEvents) 
         return replace(found, glances=look_ahead(stage, job.frames, num_threads=num_cores()))
 
 
-def glance_at_film(job: FilmJob) -> Sequence[Glance]:
-    """Look at a film before it is made, and return what is wrong with what it shows. Raises InputError."""
-    with open_job_stage(job, read_film_volumes(job.scene)) as stage:
-        return look_ahead(stage, job.frames, num_threads=num_cores())
-
-
 def _kept_film(
     output: FilmOutput, existing: ExistingFilm, fingerprint: FilmFingerprint, note: str | None, events: JobEvents
 ) -> FinishedFilm:
@@ -170,7 +164,7 @@ class FilmInProgress:
     """A film that is being made.
 
     start: when the job began, by `perf_counter`. existing: the film that is there, if it may be used.
-    glances: what is wrong with what it shows.
+    glances: the faults of its pictures.
     resumes: frames that an earlier job finished are kept.
     """
 

@@ -36,7 +36,7 @@ NUM_NEIGHBOURS = 3
 class Forecast:
     """A prediction of what a film costs: seconds, and the bytes of each output by its file.
 
-    glances: what is wrong with what it shows, where that was looked at.
+    glances: the faults of its pictures, where these were looked at.
     brick_memory: as of an Executor.
     """
 

@@ -49,7 +49,7 @@ def naming_mark(output: OutputSpec, sidecar: Path) -> Path:
 
 
 def _records(output: OutputSpec, sidecar: Path) -> Iterator[FilmRecord]:
-    """Yield the records of a film and of its parts, that of the sidecar first."""
+    """Yield the records of a film, the one of the sidecar first, and of its parts."""
     for path in dict.fromkeys([sidecar, *film_sidecars(output.file)]):
         data = read_json_object(path, MAX_SIDECAR_BYTES)
         try:

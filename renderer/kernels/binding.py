@@ -41,7 +41,10 @@ class Kernel:
 
     def __init__(self, name: str, function: Any, arguments: Struct, *, is_long: bool) -> None:
         function.argtypes, function.restype = [ctypes.c_char_p], ctypes.c_int32
-        self._name, self._function, self._arguments, self._is_long = name, function, arguments, is_long
+        self._name = name
+        self._function = function
+        self._arguments = arguments
+        self._is_long = is_long
         self._layouts = {key: struct.Struct("=" + one.format) for key, (_, one) in arguments.members.items()}
 
     def __call__(self, **values: Any) -> None:
@@ -74,7 +77,7 @@ class Kernel:
         return call
 
     def _run(self, block: bytes, kept: list[Any]) -> int:
-        """Run the kernel, and return its status. kept: what must live as long as it runs."""
+        """Run the kernel, and return its status. kept: objects that must live as long as it runs."""
         return int(self._function(block))
 
     def _run_beside(self, block: bytes, kept: list[Any]) -> int:

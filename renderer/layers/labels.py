@@ -45,7 +45,7 @@ def mask_volume(volume: Volume, mask: Volume, shown: Sequence[int]) -> Volume:
         note = mask.note or "this mask does not give its voxel size; 1 x 1 x 1 is assumed"
         mask = replace(mask, note=note)
         if mask.shape_xyz == volume.shape_xyz:
-            note = f"{note}; but its shape is that of {volume.name}, whose grid it is given"
+            note = f"{note}; it has the shape of {volume.name}, and so its grid is taken"
             mask = replace(mask, world_from_index=volume.world_from_index, note=note)
     fingerprint = joint_fingerprint([volume, mask])
     return replace(volume, mask=number_labels(mask, shown, as_one=True), fingerprint=fingerprint)

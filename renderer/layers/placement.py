@@ -1,4 +1,4 @@
-"""Tell where volumes lie beside each other in the world, and refuse those that do not fit together on some frame."""
+"""Tell where volumes lie in the world, and refuse volumes that do not fit together on some frame."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def reach_text(volume: Volume) -> str:
 
 
 def placement_problems(scene: Scene, volumes: Sequence[Volume]) -> Iterator[Problem]:
-    """Yield what is wrong with the places of volumes, on the first frame on which anything is.
+    """Yield the problems of the places of volumes, on the first frame that has any.
 
     volumes: of the layers of a scene, on its first frame.
     """

@@ -10,7 +10,7 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
   that hold for all formats; `colors.py` joins the components of colours, and `segments.py` segments that overlap.
 - `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `mgh.py`, `mrc.py`, `arrays.py` (.npy, .npz, raw), `cube.py`: parsed
   in Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and decompresses
-  voxels; `segments.py` joins the segments of several layers.
+  voxels.
 - `isolation.py`: a child process with limits for `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM), `vtk_image.py`,
   `hdf5.py` (h5py) and `pictures.py` (Pillow); `slice_names.py`: the order of slices in separate files;
   `orientation.py`: pictures that are turned.

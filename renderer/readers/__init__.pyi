@@ -15,3 +15,4 @@ from .sniff import (
     slices_of_pictures as slices_of_pictures,
     volumes_in as volumes_in,
 )
+from .steps_in_time import some_steps as some_steps

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -110,15 +110,17 @@ def in_lps(world_from_index: Float64, factors: tuple[float, ...]) -> Float64:
     return np.asarray(world_from_index * np.array([*factors, 1.0])[:, np.newaxis] + 0.0, np.float64)
 
 
-def scaled(values: Array, slope: float, intercept: float) -> Array:
-    """Return `slope * values + intercept`; the values themselves for 1 and 0.
+def scaled_type(stored: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the type of scaled values: float32 if stored ones have at most 16 bits or are float32, else float64."""
+    is_short = stored.itemsize <= 2 or stored.newbyteorder("=") == np.float32
+    return np.dtype(np.float32 if is_short else np.float64)
 
-    They are float32 if the stored ones have at most 16 bits or are float32, else float64.
-    """
+
+def scaled(values: Array, slope: float, intercept: float) -> Array:
+    """Return `slope * values + intercept`, as of `scaled_type`; the values themselves for 1 and 0."""
     if (slope, intercept) == (1.0, 0.0):
         return values
-    exact_in_single = values.dtype.itemsize <= 2 or values.dtype.newbyteorder("=") == np.float32
-    found = np.empty(values.shape, np.float32 if exact_in_single else np.float64)
+    found = np.empty(values.shape, scaled_type(values.dtype))
     with np.errstate(over="ignore", invalid="ignore"):  # too large values become infinite, and are refused later
         for plane, target in zip(values, found, strict=True):  # the float64 product needs no second volume
             target[...] = plane.astype(np.float64) * slope + intercept

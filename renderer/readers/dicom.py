@@ -26,7 +26,7 @@ from renderer.readers.dicom_segments import (
     are_whole,
     channels_of,
     fit_together,
-    join_segments,
+    join_volumes,
     segments_of,
 )
 from renderer.readers.dicom_statements import note_on
@@ -117,13 +117,10 @@ def _read_chosen(
         chosen = chosen._replace(channels=channels_of(volumes[0], segments.labels, are_light=not are_labels))
     if not are_labels:
         return chosen, _read_values(frames, 0, host)
-    if is_joined and segments.kind != "LABELMAP":
-        values, overlap = join_segments(volumes[0], host)
-        chosen = chosen._replace(channels=())
-        return chosen, _Voxels(frames, values, (), segments.labels, "; ".join(filter(None, (note, overlap))) or None)
     if segments.kind != "LABELMAP":
-        values, _ = join_segments([frames], host)
-        return chosen, _Voxels(frames, values, (), segments.labels, note)
+        values, overlap = join_volumes(volumes[0] if is_joined else [frames], host)
+        chosen = chosen._replace(channels=()) if is_joined else chosen
+        return chosen, _Voxels(frames, values, (), segments.labels, "; ".join(filter(None, (note, overlap))) or None)
     voxels = _read_values(frames, 0, host)
     if segments.background:
         voxels.values[voxels.values == segments.background] = 0

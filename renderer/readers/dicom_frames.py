@@ -127,7 +127,7 @@ class Frame:
 
 
 class _File(NamedTuple):
-    """What the frames of a file have in common.
+    """The properties that the frames of a file share.
 
     shared: functional groups. items: the detector of nuclear medicine, with its place, and a scale to a real unit.
     dimensions: that the file names. vectors: of numbers, one for each frame. places: the number of each frame among the

@@ -31,9 +31,11 @@ _RUNS = {
 _STEPS = ("FrameTimeVector", "FrameTime")
 # How frames of a run are told apart that have no time.
 _NUMBERED = "frame number"
-# Behind this prefix, syntaxes are compressions of JPEG, or of films from number 100 on.
+# Syntaxes begin like this and end with a number if they are compressions of JPEG, or of films.
 _COMPRESSED = "1.2.840.10008.1.2.4."
-_FIRST_FILM, _LAST_FILM = 100, 108
+# The first and the last number of a compression of films: MPEG2, MPEG-4 and HEVC (PS3.5, A.4).
+_FIRST_FILM = 100
+_LAST_FILM = 108
 _TWELVE_BITS = "1.2.840.10008.1.2.4.51"
 
 

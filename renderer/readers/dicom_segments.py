@@ -1,13 +1,12 @@
 """Read the segments of a DICOM segmentation: as labels with their names and colours, or as parts of voxels.
 
-Binary segments become one volume of labels, as maps of labels are. Where segments overlap, the one with the fewest
-voxels is shown: a part inside of a whole stays visible. Fractional segments are a component each, from 0 to 1, unless
-all of their voxels are whole.
+Binary segments become one volume of labels, as maps of labels are. Fractional segments are a component each, from 0 to
+1, unless all of their voxels are whole.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,18 +18,18 @@ from renderer.readers.dicom_fields import Dataset, numbers_of, open_dicom, text_
 from renderer.readers.dicom_frames import Frame
 from renderer.readers.dicom_pixels import stored_frames
 from renderer.readers.isolation import Host, allocate_voxels
-from renderer.scene import counted
-from renderer.volume import Array, Channel, Label
+from renderer.readers.segments import join_segments, type_of_labels
+from renderer.volume import Array, Channel, Int64, Label
 
 # CIELAB in 16 bits (PS3.3, C.10.7.1.1): 0 to 65535 is a lightness from 0 to 100, and a and b from -128 to 127.
 _LAB_MAXIMUM = 65535.0
 
 
 class Segments(NamedTuple):
-    """What a file says of its segments.
+    """The segments of a file.
 
     labels: by number. note: on labels that are wrong; None if none are. kind: BINARY, FRACTIONAL or LABELMAP.
-    background: the stored value of a map of labels that is none.
+    background: the stored value of voxels in no segment, of a map of labels.
     """
 
     labels: tuple[Label, ...]
@@ -83,38 +82,26 @@ def fit_together(volumes: Sequence[Sequence[Frame]]) -> bool:
     )
 
 
-def join_segments(volumes: Sequence[Sequence[Frame]], host: Host) -> tuple[Array, str | None]:
+def join_volumes(volumes: Sequence[Sequence[Frame]], host: Host) -> tuple[Array, str | None]:
     """Return the numbers of the segments [z, y, x], and a note if some overlap. volumes: of one segment each."""
     path = volumes[0][0].file
     host.begin_file(path)
-    numbers = np.array([0, *(volume[0].segment for volume in volumes)])
     places = {
-        frame.number: (k, z)
+        frame.number: (z, k)
         for k, volume in enumerate(volumes, start=1)
         for z, frame in enumerate(volume)
         if frame.number is not None
     }
-    dtype = np.min_scalar_type(max(*numbers.tolist(), len(numbers)))
-    values = allocate_voxels(host, (len(volumes[0]), *volumes[0][0].size[::-1]), dtype)
-    order, sizes = sorted(places), np.zeros(len(numbers), np.int64)
-    for number, stored in stored_frames(path, order):
-        sizes[places[number][0]] += np.count_nonzero(stored[..., 0])
-    rank = np.empty(len(numbers), np.int64)  # the largest has the lowest; the background, 0, comes before all
-    rank[[0, *(1 + np.argsort(-sizes[1:], kind="stable")).tolist()]] = np.arange(len(numbers))
-    are_shared = np.zeros(values.shape, np.bool_)
-    for number, stored in stored_frames(path, order):
-        k, z = places[number]
-        inside, ranks = stored[..., 0] > 0, values[z]
-        are_shared[z] |= inside & (ranks > 0)
-        ranks[inside] = np.maximum(ranks[inside], rank[k])
-    by_rank = numbers[np.argsort(rank)].astype(dtype)
-    for plane in values:
-        plane[...] = by_rank[plane]
-    num_shared = int(np.count_nonzero(are_shared))
-    if not num_shared:
-        return values, None
-    shared = counted(num_shared, "voxel")
-    return values, f"segments overlap: of {shared} the smallest segment is shown; `component: k` shows one alone"
+
+    def planes() -> Iterator[tuple[int, Int64]]:
+        for number, stored in stored_frames(path, sorted(places)):
+            z, k = places[number]
+            yield z, np.where(stored[..., 0] > 0, k, 0)
+
+    labels = [volume[0].segment for volume in volumes]
+    joined = allocate_voxels(host, (len(volumes[0]), *volumes[0][0].size[::-1]), type_of_labels(labels))
+    overlap = join_segments(planes, labels, joined)
+    return joined, f"{overlap}; `component: k` draws one segment" if overlap else None
 
 
 def channels_of(volumes: Sequence[Sequence[Frame]], labels: Sequence[Label], *, are_light: bool) -> tuple[Channel, ...]:

@@ -9,7 +9,8 @@ from renderer.readers.statements import FormatTable, Statement
 
 MONOCHROME1 = "PhotometricInterpretation MONOCHROME1"
 OTHER_SPACE = "FrameOfReferenceUID"
-_TILT, _LIES = "GantryDetectorTilt", "PatientPosition"
+_TILT = "GantryDetectorTilt"
+_LIES = "PatientPosition"
 
 _VALUES = (
     Statement("RescaleSlope", "values", "a factor on stored values"),

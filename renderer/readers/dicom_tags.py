@@ -9,15 +9,25 @@ import struct
 from pathlib import Path
 from typing import IO, NamedTuple
 
-_SERIES, _NUM_FRAMES = (0x0020, 0x000E), (0x0028, 0x0008)
-_ITEM, _ITEM_END, _SEQUENCE_END = (0xFFFE, 0xE000), (0xFFFE, 0xE00D), (0xFFFE, 0xE0DD)
+# Fields by their groups and elements: SeriesInstanceUID, NumberOfFrames and TransferSyntaxUID.
+_SERIES = (0x0020, 0x000E)
+_NUM_FRAMES = (0x0028, 0x0008)
 _SYNTAX = (0x0002, 0x0010)
-_IMPLICIT, _BIG_ENDIAN, _DEFLATED = (f"1.2.840.10008.1.2{end}" for end in ("", ".2", ".1.99"))
+# Marks of an item of a sequence, of its end, and of that of the sequence.
+_ITEM = (0xFFFE, 0xE000)
+_ITEM_END = (0xFFFE, 0xE00D)
+_SEQUENCE_END = (0xFFFE, 0xE0DD)
+# Syntaxes other than the usual one: no types of values, high bytes first, and compressed fields.
+_IMPLICIT = "1.2.840.10008.1.2"
+_BIG_ENDIAN = "1.2.840.10008.1.2.2"
+_DEFLATED = "1.2.840.10008.1.2.1.99"
 # Types of values whose lengths have four bytes, behind two others.
 _LONG = {b"OB", b"OD", b"OF", b"OL", b"OV", b"OW", b"SQ", b"SV", b"UC", b"UN", b"UR", b"UT", b"UV"}
 _UNDEFINED = 0xFFFFFFFF
-# A header has fewer elements before its rows and columns, also within sequences, and a value that is read is shorter.
-_MAX_ELEMENTS, _MAX_VALUE_BYTES = 20_000, 128
+# A header has fewer elements before its rows and columns, also within sequences.
+_MAX_ELEMENTS = 20_000
+# A value that is read is shorter: a UID has 64 bytes at most.
+_MAX_VALUE_BYTES = 128
 
 
 class Summary(NamedTuple):

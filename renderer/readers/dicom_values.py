@@ -17,7 +17,8 @@ from renderer.errors import InputError
 from renderer.readers.dicom_fields import Dataset, first_numbers, numbers_of, text_of, unreadable_slice
 from renderer.volume import Array
 
-_MAPPING, _UNIT = "RealWorldValueMappingSequence", "MeasurementUnitsCodeSequence"
+_MAPPING = "RealWorldValueMappingSequence"
+_UNIT = "MeasurementUnitsCodeSequence"
 # Units of UCUM that have another name here.
 _UNITS = {"[hnsf'U]": "HU", "1": ""}
 # Slopes of the two ways that differ by less than this part are the same.

@@ -18,8 +18,10 @@ from renderer.scene import short_text
 
 # Files of an array of Zarr, of version 2 or 3; the latter may also be a group.
 _ZARR_ARRAYS = (".zarray", "zarr.json")
-# The most folders in which an array of Zarr is searched for, and the most bytes of its description.
-_MAX_ZARR_FOLDERS, _MAX_ZARR_BYTES = 1000, 2**20
+# The most folders in which an array of Zarr is searched for.
+_MAX_ZARR_FOLDERS = 1000
+# The most bytes of its description that are read.
+_MAX_ZARR_BYTES = 2**20
 # A name that a shell and Python take as it is, between quotes.
 _PLAIN_NAME = re.compile(r"[\w .+-]{1,200}")
 # How pointers begin; the first bytes tell of which kind they are.

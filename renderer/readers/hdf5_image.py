@@ -109,7 +109,7 @@ class Candidate(NamedTuple):
 
 
 def letters_of(own: Sequence[Axis], time: int | None, component: int | None) -> str:
-    """Return what each axis is, by the letters of `choose`.
+    """Return the letter of each axis, as of `choose`.
 
     Names tell times and components; of more than three others, those of length 1 are left out, and then the rule of
     `.npy` holds. With two axes in space, times or components are the third.
@@ -168,7 +168,7 @@ def place_of(image: StoredImage, letters: str, has_spacing_override: bool) -> tu
 
 
 def _ways(space: Sequence[Axis]) -> str:
-    """Return the axis of the world along which each axis lies, fastest first; those not said take what is left."""
+    """Return the axis of the world along which each axis lies, fastest first; others take the ways that are left."""
     said = [axis.way if axis.way in ("x", "y", "z") else "" for axis in space]
     if any(said.count(way) > 1 for way in "xyz"):
         said = [""] * len(space)

@@ -35,7 +35,10 @@ STATEMENTS = FormatTable(
 
 # The most levels, times and channels of a file; larger numbers are those of a damaged file.
 _MAX_ITEMS = 10_000
-_LEVEL, _TIME, _CHANNEL = "ResolutionLevel", "TimePoint", "Channel"
+# Names of groups, each of which ends with a number.
+_LEVEL = "ResolutionLevel"
+_TIME = "TimePoint"
+_CHANNEL = "Channel"
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from renderer.readers.common import scaled_type
 from renderer.readers.hdf5_objects import Dataset, numbers, text
 from renderer.volume import Array, Float64, Label
 
-# What is so close to a valid value is valid.
+# A value that is outside the valid ones by less than this part of their end is valid: attributes are rounded.
 _MARGIN = 1e-5
+# Attributes of the scale, and of the valid range.
+_SCALES = ("scale_factor", "add_offset")
+_VALID = ("valid_range", "valid_min", "valid_max")
 
 
 class Values(NamedTuple):
@@ -48,8 +52,7 @@ class Values(NamedTuple):
 def values_of(dataset: Dataset) -> Values:
     """Return the meaning of a dataset's numbers, by its attributes."""
     found = plain_values(dataset, is_unsigned=text(dataset, "_Unsigned").lower() == "true")
-    scale, offset = ([*numbers(dataset, name), default][0]
-                     for name, default in (("scale_factor", 1.0), ("add_offset", 0.0)))  # fmt: skip
+    scale, offset = ([*numbers(dataset, name), neutral][0] for name, neutral in zip(_SCALES, (1.0, 0.0), strict=True))
     found = scaled(found, scale, offset)
     return found._replace(nodata=tuple(_nodata(dataset, found)), unit=text(dataset, "units"))
 
@@ -66,9 +69,7 @@ def scaled(values: Values, scale: float, offset: float) -> Values:
     """Return values that are multiplied, and to which an offset is added, in a type of floats."""
     if (scale, offset) == (1.0, 0.0):
         return values
-    is_short = values.dtype.itemsize <= 2 or values.dtype == np.float32
-    dtype: np.dtype[Any] = np.dtype(np.float32 if is_short else np.float64)
-    return values._replace(dtype=dtype, scale=scale, offset=offset)
+    return values._replace(dtype=scaled_type(values.dtype), scale=scale, offset=offset)
 
 
 def unpacked_line(dataset: Dataset) -> Array:
@@ -108,7 +109,3 @@ def _is_valid_unpacked(dataset: Dataset) -> bool:
                  default=dataset.dtype)  # fmt: skip
     is_wider = (widest.kind == "f", widest.itemsize) > (dataset.dtype.kind == "f", dataset.dtype.itemsize)
     return is_wider and bool(ranges) and all(each.newbyteorder("=") == widest.newbyteorder("=") for each in ranges)
-
-
-_SCALES = ("scale_factor", "add_offset")
-_VALID = ("valid_range", "valid_min", "valid_max")

@@ -173,7 +173,7 @@ def _with_nan(values: Array, ranges: Ranges) -> Array:
 
 
 def _beyond_data(values: Array, points: Sequence[float], own: Sequence[float]) -> list[float]:
-    """Return those fill values of other steps that lie beyond the values of this one. own: its fill values."""
+    """Return the fill values of other steps that lie beyond the values of this one. own: its fill values."""
     sample = _sampled(values)
     sample = sample[np.isfinite(sample) & ~np.isin(sample, [*points, *own])]
     if not points or not sample.size:

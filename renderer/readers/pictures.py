@@ -54,8 +54,11 @@ _ORIENTATION = 274
 _MM_PER_INCH = 25.4
 # No method of these formats packs pixels more: about 1228 of JPEG in a byte, 1032 of deflate.
 _MAX_PACKING = 2**11
-# Places of the bits of a sample and of the kind of colours in PNG, and the kinds that have several samples.
-_PNG_BITS_AT, _PNG_KIND_AT, _PNG_COLORS = 24, 25, (2, 4, 6)
+# Bytes of a PNG that hold the bits of a sample, and the kind of colours.
+_PNG_BITS_AT = 24
+_PNG_KIND_AT = 25
+# Kinds of colours with several samples: RGB, grey with alpha, and RGBA.
+_PNG_COLORS = (2, 4, 6)
 # The first bytes in which the frame of a JPEG picture is searched for.
 _JPEG_BYTES = 2**17
 
@@ -92,7 +95,7 @@ def read_pictures(
 
 
 def _lengths(picture: Any) -> tuple[Float64, Units, str]:
-    """Return the affine by the size of pixels, the unit of lengths, and a note on those that are guessed."""
+    """Return the affine by the size of pixels, the unit of lengths, and a note on guessed lengths."""
     per_inch = [float(n) for n in picture.info.get("dpi", ())]
     if len(per_inch) != 2 or not all(0 < n < np.inf for n in per_inch) or are_of_screen(per_inch):
         return np.eye(4), Units(), NO_SPACING

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -19,14 +19,12 @@ from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.recent_images import FileMarks, RecentImages, marks_of
 from renderer.readers.sniff import find_format, find_volume
-from renderer.readers.steps_in_time import TimeSteps
+from renderer.readers.steps_in_time import TimeSteps, some_steps
 from renderer.readers.units import units_of
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text, values_at
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
 Ranges = Sequence[tuple[int, int]]
-# The most steps of a volume in time in which fill values are looked for.
-_MOST_STEPS = 5
 # Steps of DICOM that are kept, for the suggested look and the film: to find one, all files of a series are parsed.
 _DICOM_IMAGES = RecentImages(most_bytes=256 << 20)
 
@@ -160,18 +158,26 @@ def _fill_values_in_time(spec: VolumeSpec, image: common.Image) -> tuple[float, 
     num_times, source = image.steps.num_times, spec.source
     if num_times == 1 or image.values.dtype.itemsize == 1 or not isinstance(source, FileSource):
         return ()
-    marks = tuple(marks_of(file) for file in source.steps or (source.file,))
-    return _found_fill_values(VolumeSpec(source, component=_component(spec), dataset=spec.dataset), num_times, marks)
+    alike = VolumeSpec(source, component=_component(spec), dataset=spec.dataset)
+    return _found_fill_values(alike, num_times, tuple(_marks(source)))
+
+
+def _marks(source: FileSource) -> Iterator[FileMarks]:
+    """Yield what tells whether the voxels of each step have changed."""
+    for path in source.steps or (source.file,):
+        yield marks_of(path)
+        if path.is_file():
+            yield from map(marks_of, header_and_voxel_files(path)[1])
 
 
 @lru_cache(maxsize=16)
-def _found_fill_values(spec: VolumeSpec, num_times: int, _marks: tuple[FileMarks, ...]) -> tuple[float, ...]:
-    """Return the fill values of some steps, ascending. _marks: of the files, by which it is known if they changed.
+def _found_fill_values(spec: VolumeSpec, num_times: int, _of_files: tuple[FileMarks, ...]) -> tuple[float, ...]:
+    """Return the fill values of some steps, ascending. _of_files: as of `_marks`.
 
     A step that cannot be read has none: its error is told when it is drawn.
     """
     found = set[float]()
-    for step in dict.fromkeys(k * (num_times - 1) // (_MOST_STEPS - 1) for k in range(_MOST_STEPS)):
+    for step in some_steps(num_times):
         with suppress(InputError, OSError):
             values = _native_contiguous(_load(spec, step).values)
             if (file := backing_file(values)) is not None:

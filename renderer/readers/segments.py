@@ -1,4 +1,4 @@
-"""Join the segments of a segmentation, which may overlap in several layers, in one volume of labels.
+"""Join the segments of a segmentation, which may overlap, in one volume of labels; and read those of 3D Slicer.
 
 Where segments overlap, a voxel belongs to the one with the fewest voxels: what lies inside of another one stays, and so
 does the other one around it.
@@ -6,10 +6,10 @@ does the other one around it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -75,25 +75,49 @@ def join_layers(layers: Array, segments: Sequence[Segment]) -> tuple[Array, str]
     layers: [layer, z, y, x]. segments: at least one, each with its own layer and value. Raises InputError for lack of
     memory.
     """
-    most = max(each.label.value for each in segments)
-    dtype = np.min_scalar_type(most)
-    check_memory(layers[0].size * dtype.itemsize)
+    labels = [each.label.value for each in segments]
+    dtype = type_of_labels(labels)
+    check_memory(layers[0].size * (dtype.itemsize + 1))
     tables = [_table(segments, layer) for layer in range(len(layers))]
-    counts = np.zeros(len(segments) + 1, np.int64)
-    for plane in range(layers.shape[1]):
-        for layer, table in zip(layers[:, plane], tables, strict=True):
-            counts += np.bincount(_look_up(table, layer).ravel(), minlength=len(counts))
+
+    def planes() -> Iterator[tuple[int, Int64]]:
+        for z in range(layers.shape[1]):
+            yield from ((z, _look_up(table, layer)) for table, layer in zip(tables, layers[:, z], strict=True))
+
+    joined = np.zeros(layers.shape[1:], dtype)
+    overlap = join_segments(planes, labels, joined)
+    num_other = sum(int(np.count_nonzero((plane == 0) & layers[:, z].any(axis=0))) for z, plane in enumerate(joined))
+    return joined, _note(segments, len(layers), overlap, num_other)
+
+
+def type_of_labels(labels: Sequence[int]) -> np.dtype[Any]:
+    """Return the type of a volume that `join_segments` fills with these labels."""
+    return np.min_scalar_type(max(*labels, len(labels)))
+
+
+def join_segments(planes: Callable[[], Iterable[tuple[int, Int64]]], labels: Sequence[int], joined: Array) -> str:
+    """Fill a volume of zeros with the label of the smallest segment at each voxel, and return a clause on overlaps.
+
+    planes: yields planes in any order, the same ones at each call: z, and the numbers of segments from 1 on, [y, x],
+    0 for none. labels: of the segments. joined: [z, y, x], as of `type_of_labels`. The clause is empty without
+    overlaps.
+    """
+    counts = np.zeros(len(labels) + 1, np.int64)
+    for _, numbers in planes():
+        counts += np.bincount(numbers.ravel(), minlength=len(counts))
     ranks = np.zeros(len(counts), np.int64)  # 0 for no segment, the largest for the smallest segment
     ranks[1 + np.argsort(-counts[1:], kind="stable")] = np.arange(1, len(counts))
-    labels = np.zeros(len(counts), dtype)
-    labels[ranks[1:]] = [each.label.value for each in segments]
-    joined, num_shared, num_other = np.empty(layers.shape[1:], dtype), 0, 0
-    for plane, target in enumerate(joined):
-        found = np.stack([ranks[_look_up(*each)] for each in zip(tables, layers[:, plane], strict=True)])
-        target[...] = labels[found.max(axis=0)]
-        num_shared += int(np.count_nonzero(np.count_nonzero(found, axis=0) > 1))
-        num_other += int(np.count_nonzero((found == 0).all(axis=0) & layers[:, plane].any(axis=0)))
-    return joined, _note(segments, len(layers), num_shared, num_other)
+    are_shared = np.zeros(joined.shape, np.bool_)
+    for z, numbers in planes():
+        found = ranks[numbers]
+        are_shared[z] |= (found > 0) & (joined[z] > 0)
+        joined[z] = np.maximum(joined[z], found)
+    label_from_rank = np.zeros(len(counts), joined.dtype)
+    label_from_rank[ranks[1:]] = labels
+    for plane in joined:
+        plane[...] = label_from_rank[plane]
+    num_shared = int(np.count_nonzero(are_shared))
+    return f"{counted(num_shared, 'voxel')} in several segments belong to the smallest of them" * (num_shared > 0)
 
 
 def _table(segments: Sequence[Segment], layer: int) -> Int64:
@@ -112,12 +136,12 @@ def _look_up(table: Int64, values: Array) -> Int64:
     return np.asarray(table[np.clip(np.nan_to_num(values), 0, len(table) - 1).astype(np.int64)])
 
 
-def _note(segments: Sequence[Segment], num_layers: int, num_shared: int, num_other: int) -> str:
+def _note(segments: Sequence[Segment], num_layers: int, overlap: str, num_other: int) -> str:
     note = f"{counted(len(segments), 'segment')} in {counted(num_layers, 'layer')} are one volume of labels"
     if any(each.label.value != each.value for each in segments if each.value is not None):
         note += ", numbered anew"
-    if num_shared:
-        note += f"; {counted(num_shared, 'voxel')} in several segments belong to the smallest of them"
+    if overlap:
+        note += f"; {overlap}"
     if num_other:
         note += f"; {counted(num_other, 'voxel')} in no segment are left out"
     return f"{note}; `component: k` draws one layer"

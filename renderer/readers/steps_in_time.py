@@ -17,6 +17,8 @@ _UNITS = {
     86400.0: "d day days",
 }
 _SECONDS = {unit: seconds for seconds, units in _UNITS.items() for unit in units.split()}
+# The most steps that are read to learn about all of them: each takes as long as a volume.
+_MOST_STEPS = 5
 
 
 class TimeSteps(NamedTuple):
@@ -42,3 +44,8 @@ def even_steps_at(count: int, step: float, unit: str, first: float = 0.0) -> Tim
     """Return steps at even times in a unit; without times where these are no numbers."""
     start = first if math.isfinite(first) else 0.0
     return steps_at(count, [start + k * step for k in range(count)], unit)
+
+
+def some_steps(count: int) -> list[int]:
+    """Return the numbers of some of so many steps, evenly, the first and the last among them."""
+    return [*dict.fromkeys(k * (count - 1) // (_MOST_STEPS - 1) for k in range(_MOST_STEPS))]

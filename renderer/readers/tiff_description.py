@@ -52,6 +52,13 @@ def is_imagej(description: str) -> bool:
     return description.startswith("ImageJ=")
 
 
+def imagej_fields(description: str) -> dict[str, str]:
+    """Return the lines `key=value` of a description by ImageJ, without blanks; none of any other."""
+    lines = description.splitlines() if is_imagej(description) else []
+    pairs = (line.partition("=") for line in lines if "=" in line)
+    return {key: value.strip() for key, _, value in pairs}
+
+
 def is_ome(description: str) -> bool:
     """Return whether the description is OME's XML."""
     return "<OME" in description

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.readers.statements import FormatTable, Statement
-from renderer.readers.tiff_description import Page, is_imagej
+from renderer.readers.tiff_description import Page, imagej_fields
 from renderer.system import number_in
 from renderer.volume import Array, Float64
 
@@ -55,7 +55,7 @@ class Calibration(NamedTuple):
                 plane[...] = np.polynomial.polynomial.polyval(plane.astype(np.float64), self.coefficients)
 
     def of_ranges(self, ranges: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-        """Return ranges of stored numbers as those of values; without a calibration they are the same."""
+        """Return ranges of values for ranges of stored numbers; without a calibration they are the same."""
         if not self.coefficients:
             return ranges
         ends = (np.polynomial.polynomial.polyval(np.array(pair), self.coefficients) for pair in ranges)
@@ -64,27 +64,25 @@ class Calibration(NamedTuple):
 
 def find_calibration(page: Page) -> Calibration:
     """Return the calibration of a page; ImageJ has none for floats."""
-    if not is_imagej(page.description) or page.dtype is None or page.dtype.kind != "u" or page.dtype.itemsize > 2:
+    if page.dtype is None or page.dtype.kind != "u" or page.dtype.itemsize > 2:
         return Calibration()
-    fields = dict(line.split("=", 1) for line in page.description.splitlines() if "=" in line)
-    function = number_in(fields.get("cf", "").strip())
-    unit = fields.get("vunit", "").strip()
+    fields = imagej_fields(page.description)
+    function = number_in(fields.get("cf"))
     if math.isnan(function) or function == _NO_FUNCTION:
         return Calibration()
     count = _POLYNOMIALS.get(int(function) if function.is_integer() else -1)
-    found = [number_in(fields.get(f"c{k}", "").strip()) for k in range(count or 0)]
+    found = [number_in(fields.get(f"c{k}")) for k in range(count or 0)]
     if count is None or not all(map(math.isfinite, found)):
         return Calibration(note=STATEMENTS.note({"cf"}))
-    return Calibration(tuple(found) if found != [0, 1, 0, 0, 0][:count] else (), unit)
+    return Calibration(tuple(found) if found != [0, 1, 0, 0, 0][:count] else (), fields.get("vunit", ""))
 
 
 def with_origin(world_from_index: Float64, page: Page) -> Float64:
     """Return the affine with the pixel at 0 that ImageJ states."""
-    if not is_imagej(page.description):
+    fields = imagej_fields(page.description)
+    pixel = [number_in(fields.get(f"{axis}origin", "0")) for axis in "xyz"]
+    if not any(pixel) or not np.isfinite([*pixel, *world_from_index.ravel()]).all():
         return world_from_index
-    fields = dict(line.split("=", 1) for line in page.description.splitlines() if "=" in line)
-    pixel = [number_in(fields.get(f"{axis}origin", "0").strip()) for axis in "xyz"]
     made = world_from_index.copy()
-    if any(pixel) and np.isfinite([*pixel, *world_from_index.ravel()]).all():
-        made[:3, 3] -= made[:3, :3] @ np.array(pixel)
+    made[:3, 3] -= made[:3, :3] @ np.array(pixel)
     return np.asarray(made + 0.0, np.float64)

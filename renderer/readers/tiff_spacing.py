@@ -20,7 +20,10 @@ from renderer.readers.units import are_of_screen, one_spelling
 from renderer.system import attribute, unescaped
 
 # Fields by number.
-_X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT, _PIXEL_SCALE = 282, 283, 296, 33550
+_X_RESOLUTION = 282
+_Y_RESOLUTION = 283
+_RESOLUTION_UNIT = 296
+_PIXEL_SCALE = 33550
 
 # OME's units of length (OME 2016-06, UnitsLength) that can be converted. `pixel`, `reference frame` and unknown units
 # cannot; without a unit it is µm.

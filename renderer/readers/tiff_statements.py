@@ -43,7 +43,8 @@ STATEMENTS = FormatTable(
 )  # fmt: skip
 
 # Fields by number.
-_ORIENTATION, _GDAL_METADATA = 274, 42112
+_ORIENTATION = 274
+_GDAL_METADATA = 42112
 # Fields that are named wherever they have another value than 0; records of microscopes, where nothing else gives
 # lengths.
 _NAMED = {291: "GrayResponseCurve", 33922: "ModelTiepointTag", 34264: "ModelTransformationTag"}
@@ -51,11 +52,17 @@ _POSITIONS = (286, 287)
 _RECORDS = {34118: "CZ_SEM", 34680: "FEI_SFEG", 34682: "FEI_HELIOS", 33560: "OlympusSIS"}
 _RECORDS |= {51123: "MicroManagerMetadata", 33628: "UIC1tag", 37706: "TVIPS"}
 
-# Photometric interpretations; and the compressions of JPEG, which is decoded to red, green and blue.
-_WHITE_IS_0, _BLACK_IS_0, _RGB, _PALETTE, _YCBCR = 0, 1, 2, 3, 6
+# Photometric interpretations.
+_WHITE_IS_0 = 0
+_BLACK_IS_0 = 1
+_RGB = 2
+_PALETTE = 3
+_YCBCR = 6
+# The compressions of JPEG, which is decoded to red, green and blue.
 _JPEGS = (6, 7)
 # Extra samples: alpha by which colours are multiplied, and other alpha.
-_ASSOCIATED, _UNASSOCIATED = 1, 2
+_ASSOCIATED = 1
+_UNASSOCIATED = 2
 
 
 def orientation(page: Page) -> int:

@@ -35,9 +35,12 @@ STATEMENTS = FormatTable(
     ),
 )  # fmt: skip
 
-# Arrays that are masks, and the bits of the first that hide points and cells (vtkDataSetAttributes).
-_GHOSTS, _VALID = "vtkGhostType", "vtkValidPointMask"
-_HIDDEN_POINT, _HIDDEN_CELL = 2, 32
+# Names of arrays that are masks.
+_GHOSTS = "vtkGhostType"
+_VALID = "vtkValidPointMask"
+# Bits of _GHOSTS that hide points and cells (vtkDataSetAttributes).
+_HIDDEN_POINT = 2
+_HIDDEN_CELL = 32
 
 
 class Component(NamedTuple):

@@ -1,4 +1,4 @@
-"""Check what the XML of a VTK image says, where VTK itself goes on with whatever there is in memory."""
+"""Check the XML of a VTK image, where VTK itself goes on with whatever there is in memory."""
 
 from __future__ import annotations
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from renderer.errors import InputError
+from renderer.readers import some_steps
 from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, VolumeSpec, ramp, steps_in_time
 from renderer.suggest import features
 from renderer.suggest.histogram import compute_statistics
@@ -22,8 +23,6 @@ _COLORS: tuple[Color, ...] = (
     (1.0, 0.5, 0.0), (1.0, 1.0, 1.0),
 )  # fmt: skip
 _MAX_CHANNELS = 64
-# The most steps of a volume in time that are read to suggest how to show all.
-_MOST_STEPS = 5
 # Of the values above the background, this percentile has the full colour.
 _BRIGHT_PERCENTILE = 99.0
 # Voxels of a sample along each axis. Rays with this part of the most light are bright, and this percentile of them is
@@ -51,7 +50,8 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
         name = " ".join(filter(None, (layer.name, channel.name or (f"{number + 1}" if layer.name else ""))))
         own = replace(layer, volume=spec, name=name)
         if layer.transfer_function == OF_CHANNELS:
-            steps = some_steps(steps_in_time(spec))
+            every = steps_in_time(spec)
+            steps = [every[k] for k in some_steps(len(every))]
             volumes = [first] if number == 0 and len(steps) == 1 else map(read, steps)
             window, brightest = _common_window(volumes)
             window = channel.window or window
@@ -61,11 +61,6 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
                 own = replace(own, weight=suggest_weight(brightest, window))
         made.append(own)
     return list(with_own_names(made))
-
-
-def some_steps(steps: Sequence[VolumeSpec]) -> list[VolumeSpec]:
-    """Return some steps in time, evenly, the first and the last among them."""
-    return [*dict.fromkeys(steps[k * (len(steps) - 1) // (_MOST_STEPS - 1)] for k in range(_MOST_STEPS))]
 
 
 def _common_window(steps: Iterable[Volume]) -> tuple[tuple[float, float], Volume]:

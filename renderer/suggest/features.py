@@ -58,10 +58,8 @@ _OUTSTANDING_SIGMAS = 5.0
 _MIN_OUTSTANDING = 8
 # Values outside these percentiles are ignored when contrast is measured.
 _CONTRAST_PERCENTILES = (0.01, 99.99)
-
-
 # Normalised values that differ by no more than this are the same.
-_SAME = 1e-9
+SAME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -292,7 +290,7 @@ def without(sample: VoxelSample, are_away: Bools) -> VoxelSample:
 
 
 def fill_with_noise(values: Float64, are_filled: Bools, noise: Float64) -> Float64:
-    """Return values with those of noise, [n], in place of some."""
+    """Return values, some of which are replaced by values of noise, [n]."""
     values, filled = values.copy(), np.flatnonzero(are_filled)
     values.flat[filled] = noise[filled % len(noise)]
     return values
@@ -330,7 +328,7 @@ def noise_reach(sample: VoxelSample, middle: float) -> float:
     Voxels of exactly the middle lie outside of what the map is of, and do not count. Something must stand out.
     """
     distances = np.abs(sample.normalized[sample.is_valid] - middle)
-    distances = distances[distances > _SAME]
+    distances = distances[distances > SAME]
     if not distances.size:
         return 0.0
     near, far = np.percentile(distances, (30, 70)).tolist()

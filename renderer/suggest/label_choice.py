@@ -136,7 +136,7 @@ def known_labels(spec: VolumeSpec, read: ReadVolume, labels: LabelsSpec) -> Know
 
 
 def labels_of(steps: Sequence[VolumeSpec], read: ReadVolume) -> KnownLabels:
-    """Return what is known of the labels of the steps of a volume; of two that describe a label, the first one counts.
+    """Return the labels of the steps of a volume; of two steps that describe a label, the first one counts.
 
     Raises InputError for volumes that are no labels, and tables that cannot be read.
     """

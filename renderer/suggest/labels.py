@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from renderer.scene import MAX_LABELS, LabelsSpec, TransferSpec, counted, join_some
-from renderer.suggest.features import VoxelSample, faces
+from renderer.suggest.features import SAME, VoxelSample, faces
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.label_choice import KnownLabels, choose_labels, count_labels
 from renderer.suggest.opacity import format_number, opacity_from_depth, opacity_unit_length
@@ -34,8 +34,6 @@ _MAX_GRADED_LABELS, _MAX_SMALL_STEPS = 16, 0.6
 # If more of the values than this only occur in transitions, the data are a clipped image or a smoothed edge.
 _MAX_TRANSITION_FRACTION = 0.5
 
-# Normalised values that differ by no more than this are the same.
-_SAME = 1e-9
 # A label encloses smaller ones if it covers this part of their projections, along all three axes.
 _ENCLOSING_COVERAGE = 0.85
 # Its part of the picture, compared with that of another label.
@@ -63,8 +61,8 @@ def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) ->
 
 
 def _is_piecewise_constant(sample: VoxelSample) -> bool:
-    are_outside = np.abs(sample.normalized - border_mode(sample)) > _SAME
-    are_equal = np.abs(sample.neighbours[:, are_outside] - sample.normalized[are_outside]) <= _SAME
+    are_outside = np.abs(sample.normalized - border_mode(sample)) > SAME
+    are_equal = np.abs(sample.neighbours[:, are_outside] - sample.normalized[are_outside]) <= SAME
     equal = np.mean(are_equal) if are_equal.size else 1
     if _MIN_EQUAL_NEIGHBOURS_OF_SMALL <= equal < _MIN_EQUAL_NEIGHBOURS:
         return _scatter(sample, are_outside) <= _MAX_SCATTER_OF_SMALL
@@ -98,7 +96,7 @@ def _transition_value_fraction(sample: VoxelSample) -> float:
 def _small_step_fraction(sample: VoxelSample, step: float) -> float:
     """Return the part of the unequal neighbours that differ by at most `step`, normalised."""
     differences = np.abs(sample.neighbours - sample.normalized)
-    unequal = differences[differences > _SAME]
+    unequal = differences[differences > SAME]
     return float(np.mean(unequal <= step)) if unequal.size else 0.0
 
 
@@ -185,8 +183,8 @@ def _hidden_note(hidden: Sequence[int], known: KnownLabels) -> tuple[str, ...]:
 def number_sample(sample: VoxelSample, shown: Sequence[int]) -> VoxelSample:
     """Return a sample with the numbers of labels that are shown, ascending, for their values; 0 for all others."""
     at = np.array([sample.normalize(value) for value in shown])
-    number = np.minimum(np.searchsorted(at, sample.normalized - _SAME), len(at) - 1)
-    numbers = np.where(np.abs(at[number] - sample.normalized) <= _SAME, number + 1, 0)
+    number = np.minimum(np.searchsorted(at, sample.normalized - SAME), len(at) - 1)
+    numbers = np.where(np.abs(at[number] - sample.normalized) <= SAME, number + 1, 0)
     return replace(sample, normalized=numbers / len(at), minimum=0.0, maximum=float(len(at)), is_interpolated=False)
 
 

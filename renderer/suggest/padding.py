@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from renderer.suggest.features import (
+    SAME,
     Background,
     ValueRange,
     VoxelSample,
@@ -36,8 +37,10 @@ _MAX_AIR_VALUE = 0.25
 _MIN_OBJECT = 0.01
 # Thinner volumes have no inside.
 _MIN_SIDE = 8
-# Normalised values that differ by no more than this are the same.
-_SAME = 1e-9
+# Percentiles of the values of a volume between which its range is measured: a few outliers do not count.
+_RANGE_OF_ALL = (0.01, 99.99)
+# The same of the values behind padding, of which more may be outliers at its edges.
+_RANGE_BEHIND = (0.01, 99.9)
 
 
 def without_padding(sample: VoxelSample) -> VoxelSample:
@@ -47,7 +50,7 @@ def without_padding(sample: VoxelSample) -> VoxelSample:
     if is_thin or not counts.size or counts.max() < _MIN_OF_BORDER * counts.sum():
         return sample
     padding = float(values[counts.argmax()])
-    has_value = np.abs(sample.normalized - padding) <= _SAME
+    has_value = np.abs(sample.normalized - padding) <= SAME
     behind = _values_behind(sample, has_value) if has_value.mean() <= _MAX_OF_VOXELS else None
     if behind is None:
         return sample
@@ -58,7 +61,7 @@ def without_padding(sample: VoxelSample) -> VoxelSample:
         return sample
     noise = border[(border >= air.low) & (border <= air.high)]
     filled = fill_with_noise(sample.normalized, is_padding, noise)
-    neighbours = fill_with_noise(sample.neighbours, np.abs(sample.neighbours - padding) <= _SAME, noise)
+    neighbours = fill_with_noise(sample.neighbours, np.abs(sample.neighbours - padding) <= SAME, noise)
     return replace(sample, normalized=filled, neighbours=neighbours)
 
 
@@ -72,8 +75,8 @@ def drawn_background(volume: Volume, transfer: TransferFunction) -> float | None
         return None
     sample = without_padding(sample_volume(volume, ValueRange(low, high)))
     background = find_background(sample)
-    first, last = np.percentile(sample.normalized[sample.is_valid], (0.01, 99.99)).tolist()
-    place = (background.middle - first) / max(last - first, _SAME)
+    first, last = np.percentile(sample.normalized[sample.is_valid], _RANGE_OF_ALL).tolist()
+    place = (background.middle - first) / max(last - first, SAME)
     is_lowest = background.below < background.above and place < _MAX_AIR_VALUE
     is_highest = background.above < background.below and place > 1 - _MAX_AIR_VALUE
     value = sample.denormalize(background.middle)
@@ -83,7 +86,7 @@ def drawn_background(volume: Volume, transfer: TransferFunction) -> float | None
 
 def _is_air(air: Background, inside: Float64) -> bool:
     """Return whether a background behind padding is air around an object."""
-    low, high = np.percentile(inside, (0.01, 99.9)).tolist()
+    low, high = np.percentile(inside, _RANGE_BEHIND).tolist()
     share = float(np.mean((inside >= air.low) & (inside <= air.high)))
     is_dark = air.middle - low < _MAX_AIR_VALUE * (high - low)
     return air.is_there and share >= _MIN_AIR and is_dark and air.above >= _MIN_OBJECT

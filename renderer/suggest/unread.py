@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from renderer.readers import some_steps
 from renderer.scene import (
     OF_CHANNELS,
     ColormapSpec,
@@ -28,7 +29,7 @@ from renderer.scene import (
     volume_problems,
 )
 from renderer.suggest import features
-from renderer.suggest.channels import ReadVolume, channel_layers, some_steps
+from renderer.suggest.channels import ReadVolume, channel_layers
 from renderer.suggest.features import Background, VoxelSample
 from renderer.suggest.histogram import Statistics
 from renderer.suggest.label_choice import known_labels
@@ -89,7 +90,7 @@ def _channels_suggestion(volume: VolumeSpec, first: Volume, read: ReadVolume) ->
 
 @dataclass(frozen=True)
 class _Step:
-    """A step in time: what is suggested for it, and what tells how others suit it.
+    """A step in time: the look that is suggested for it, and the measurements by which other looks suit it or not.
 
     number: of the step. span: of its values. sample: tells how values are normalised; it has no voxels.
     border: the values on its faces. background: its own, normalised.
@@ -117,7 +118,7 @@ class _Step:
 def suggest_in_time(volume: VolumeSpec, read: ReadVolume, wish: Wish) -> VolumeSuggestion:
     """Suggest how to show the steps of a volume whose time moves: a look that suits as many of some as possible."""
     all_steps = steps_in_time(volume)
-    steps = [_look_at(step, read, wish) for step in some_steps(all_steps)]
+    steps = [_look_at(all_steps[k], read, wish) for k in some_steps(len(all_steps))]
     widest = max(steps, key=lambda step: step.span)
     if widest.found.suggestion.transfer.labels is not None:
         spec, labels, statistics = _read(replace(volume, time=widest.number), read, wish)
@@ -167,7 +168,7 @@ def _look_at(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> _Step:
 
 
 def _most_suitable(steps: Sequence[_Step], widest: _Step) -> tuple[_Step, Suggestion]:
-    """Return the step whose look suits most of some steps, and that look; if several do, that of the widest range.
+    """Return the step whose look suits most of some steps, and the look; of equal ones the first, of the widest range.
 
     Steps without a background do not count, for nothing tells what stands out in them.
     """
@@ -185,7 +186,7 @@ def _most_suitable(steps: Sequence[_Step], widest: _Step) -> tuple[_Step, Sugges
 
 
 def _looks_of(step: _Step, backed: Sequence[_Step]) -> Iterator[Suggestion]:
-    """Yield the look of a step, and the same without what is background in any step."""
+    """Yield the look of a step, and the same look without the values that are background in any step."""
     look = step.found.suggestion
     yield look
     if look.transfer.points and not isinstance(look.transfer.mapping, ColormapSpec) and backed:

@@ -55,7 +55,7 @@ class Materials:
         return otherwise if self.zero is None else self.sample.normalize(hounsfield + self.zero)
 
     def named(self, in_hounsfield: str, otherwise: str) -> str:
-        """Return the name of what is at Hounsfield units, or another one where the scan has none."""
+        """Return the name of a material by its Hounsfield units, or another one where the scan has no such units."""
         return otherwise if self.zero is None else in_hounsfield
 
 
@@ -87,12 +87,12 @@ def _vessels(scan: Materials) -> Preset:
     begin = scan.at(-200, others[0] if others else low)
     if begin >= low:  # there is nothing around
         return Preset((vessels,), colors, OPAQUE_COVERAGE, shading, is_scan=True)
-    veil = Layer("what is around", ((begin, 0.0), ((begin + low) / 2, 1.0), (low, 1.0), (full, 0.0)), share=0.15)
+    veil = Layer("the surroundings", ((begin, 0.0), ((begin + low) / 2, 1.0), (low, 1.0), (full, 0.0)), share=0.15)
     return Preset((veil, vessels), colors, OPAQUE_COVERAGE, shading, is_scan=True)
 
 
 def _densest_name(scan: Materials, in_hounsfield: str) -> str:
-    """Return the name of the densest material; of the only one, that of the object."""
+    """Return the name of the densest material, or of the object where it is the only one."""
     return scan.named(in_hounsfield, "the densest material" if len(scan.ends) > 2 else "the object")
 
 

@@ -14,11 +14,13 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # it loads queues and logging, which most commands do not need
+    from concurrent.futures import ThreadPoolExecutor
 
 # Ctrl-C, a batch system or `kill`, and a terminal that closes.
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -86,14 +88,22 @@ def deferrable_interrupts() -> Iterator[Callable[[], None]]:
 
 
 def start_threads(num: int, name: str = "") -> ThreadPoolExecutor:
-    """Return an executor whose threads have all started.
+    """Return an executor whose threads have all started; raises RuntimeError where one cannot be started.
 
     An interrupt while a thread starts would lose the thread: nobody would end it, and the process would wait for it.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     with deferrable_interrupts() as defer:
         defer()
-        threads, all_started = ThreadPoolExecutor(num, name), threading.Barrier(num)
-        for started in [threads.submit(all_started.wait) for _ in range(num)]:
+        threads = ThreadPoolExecutor(num, name)
+        all_started = threading.Barrier(num)
+        try:
+            waiting = [threads.submit(all_started.wait) for _ in range(num)]
+        except RuntimeError:
+            all_started.abort()  # else those that have started would wait for ever
+            raise
+        for started in waiting:
             started.result()
     return threads
 

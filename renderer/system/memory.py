@@ -35,7 +35,7 @@ def free_bytes() -> float:
 
 @dataclass(frozen=True)
 class MemoryShare:
-    """A share of the memory of this machine, for what one of several processes draws.
+    """A share of the memory of this machine, for the bricks that one of several processes draws.
 
     total: bytes for all of them together; None for half of what is free. num_processes: how many share them.
     """

@@ -130,7 +130,7 @@ def visible_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> Float64:
 
 
 def framed_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> tuple[Float64, float]:
-    """Return the points of `visible_points` without what adds next to nothing to a picture, and which part that adds.
+    """Return the points of `visible_points` without cells that add next to nothing to a picture, and their part of it.
 
     The part is 0 where everything decides, as it mostly does.
     """

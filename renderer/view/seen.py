@@ -14,13 +14,15 @@ import numpy as np
 from renderer.pyramid import Pyramid, cell_voxel_counts, descendants, root_cells
 from renderer.volume import Bools, Float64, grow, label_parts
 
-# What is left out adds less than this part of a picture.
+# Cells that are left out add less than this part of a picture.
 _MOST_LEFT_OUT = 1e-3
 # It is left out only where the frame is smaller without it, by at least this part along an axis: so the end of an
 # object stays in frame.
 _LEAST_GAIN = 0.05
-# Cells are faint if they are less opaque than this part of what nearly the most opaque ones are.
-_FAINT, _OPAQUE_PERCENTILE = 0.02, 99.0
+# Cells are faint if they are less opaque than this part of nearly the most opaque cell.
+_FAINT = 0.02
+# The percentile of the opacities of visible cells that is nearly the most opaque one.
+_OPAQUE_PERCENTILE = 99.0
 # The finest level of which the pyramid has all nodes.
 _FINEST_LEVEL = 3
 # The most cells whose opacities are looked up; with more the next level is taken. 448^3 voxels have 175,616 cells of
@@ -63,7 +65,7 @@ def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
 
 
 def _depths(pyramid: Pyramid, occupied: Bools) -> Float64:
-    """Return the optical depth of each visible cell, float64 [z, y, x], as if those in a larger cell were alike."""
+    """Return the optical depth of each visible cell, float64 [z, y, x]; cells in one larger cell count as alike."""
     level = _level_of_opacities(pyramid)
     nodes, cells = descendants(pyramid, *root_cells(pyramid), pyramid.num_levels, level)
     factor = 2 ** (level - pyramid.occupied_level)

@@ -116,10 +116,11 @@ def test_it_does_not_depend_on_threads() -> None:
 def test_commands_tell_it(name: str) -> None:
     opacity, (word,) = LOOKS[name]
     Path("scene.yaml").write_text(yaml.safe_dump(scene_of(opacity)))
-    sentence = "the box of ball.npy is seen, for its background, near 30" if word == BOX else f"{word} is seen on frame"
-    assert f"note     {sentence}" in run("check", "scene.yaml")
-    assert f"note: {sentence}" in run("preview", "scene.yaml") and sentence in Path("scene.html").read_text()
-    assert f"note: {sentence}" in run("render", "scene.yaml")
+    sentence = "the picture shows the box of ball.npy: its background, near 30" if word == BOX else f"show {word}"
+    assert sentence in run("check", "scene.yaml").partition("note     ")[2]
+    assert sentence in run("preview", "scene.yaml").partition("note: ")[2]
+    assert sentence in Path("scene.html").read_text()
+    assert sentence in run("render", "scene.yaml").partition("note: ")[2]
     assert any(sentence in each for each in json.loads(Path("film.mp4.json").read_text())["notes"])
     Path("look.yaml").write_bytes(Path("scene.yaml").read_bytes())
     np.save("other.npy", ball())
@@ -136,5 +137,5 @@ def test_init_tells_it(monkeypatch: pytest.MonkeyPatch) -> None:
         "[RGBA255]\nnodergba0=0|0|0|0\nnodergba1=0|0|0|255\n"
     )
     assert "warning" not in run("init", "ball.npy")
-    assert "warning: nothing is seen" in run("init", "ball.npy", "--preset", "fog.clut")
+    assert "show nothing" in run("init", "ball.npy", "--preset", "fog.clut")
     assert all("box" not in run("init", "ball.npy", "--preset", word) for word in PRESET_WORDS if word != "labels")

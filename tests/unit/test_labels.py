@@ -237,7 +237,7 @@ def test_a_mask_without_lengths_has_the_grid_of_the_volume_whose_shape_it_has(su
     mask = mask_volume(scan, unplaced, [1]).mask
     assert mask is not None and mask.note is not None
     np.testing.assert_array_equal(mask.world_from_index, placed)
-    assert "voxel size" in mask.note and "whose grid it is given" in mask.note
+    assert "voxel size" in mask.note and "so its grid is taken" in mask.note
     kept = mask_volume(make_volume(np.ones((4, 6, 6), np.float32), placed, "other"), unplaced, [1]).mask
     assert kept is not None and kept.note is not None and "voxel size" in kept.note
     np.testing.assert_array_equal(kept.world_from_index, np.eye(4))

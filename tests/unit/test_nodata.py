@@ -201,6 +201,25 @@ def test_a_fill_value_is_one_in_every_step() -> None:
 
 
 @pytest.mark.usefixtures("folder")
+def test_fill_values_are_those_of_voxels_that_have_changed_behind_one_header() -> None:
+    """A header stays as it is while another program writes the voxels that it names anew."""
+    rng, steps = np.random.default_rng(0), []
+    for num in (1, 4000):
+        values = rng.normal(100, 10, 40_000).astype("<f4")
+        values[rng.choice(values.size, num, replace=False)] = -1234
+        steps.append(values)
+    Path("hole.nhdr").write_text(
+        "NRRD0004\ntype: float\ndimension: 4\nsizes: 40 40 25 2\nkinds: space space space time\n"
+        "endian: little\nencoding: raw\ndata file: hole.raw\n"
+    )
+    spec = VolumeSpec(FileSource(Path("hole.nhdr")), time=0)
+    Path("hole.raw").write_bytes(steps[0].tobytes() * 2)
+    assert read_volume(spec).num_absent == 0  # a single voxel is no hole
+    Path("hole.raw").write_bytes(steps[0].tobytes() + steps[1].tobytes())
+    assert read_volume(spec).num_absent == 1
+
+
+@pytest.mark.usefixtures("folder")
 def test_what_lies_among_the_values_of_a_step_is_no_fill_value_in_it() -> None:
     random = np.random.default_rng(0)
     for step, high in enumerate((10, 1000)):

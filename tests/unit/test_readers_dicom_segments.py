@@ -104,7 +104,7 @@ def test_the_smallest_of_segments_that_overlap_is_shown(tmp_path: Path, is_first
     volume = read(write(tmp_path / "a.dcm", "BINARY", values, LIVER, TUMOUR))
     whole, part = (2, 1) if is_first_inside else (1, 2)
     assert volume.values[0].tolist() == [[whole, part, part, whole], [whole] * 4]
-    note = "segments overlap: of 2 voxels the smallest segment is shown; `component: k` shows one alone"
+    note = "2 voxels in several segments belong to the smallest of them; `component: k` draws one segment"
     assert volume.note == note
 
 

@@ -270,6 +270,6 @@ def test_a_compressed_header_of_a_pair_has_its_checksum(tmp_path):
     assert data.exists() and read(header).shape_xyz == (5, 4, 3)
     content = header.read_bytes()
     header.write_bytes(content[:-8] + bytes(4) + content[-4:])
-    refused(header, match="the compressed header is damaged")
-    header.write_bytes(content[:-10])
+    refused(header, match="damaged")
+    header.write_bytes(content[:-4])
     refused(header, match="the compressed header is damaged")

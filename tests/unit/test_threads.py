@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from renderer.kernels import ThreadPool
 from renderer.kernels.threads import MIN_PIXELS_PER_THREAD
+from renderer.system import start_threads
 
 
 @pytest.fixture(params=[1, 3])
@@ -37,3 +39,21 @@ def test_rows_are_many_enough_and_cover_all(threads: ThreadPool, num: int, least
     assert [first for first, _ in parts] == [0, *(end for _, end in parts[:-1])]
     assert parts[-1][1] == num
     assert len(parts) == 1 or min(end - first for first, end in parts) >= least
+
+
+def test_threads_end_where_another_cannot_be_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They wait for each other, and the process would wait for them."""
+    begin, started = threading.Thread.start, list[threading.Thread]()
+
+    def start(thread: threading.Thread) -> None:
+        if len(started) == 2:
+            raise RuntimeError("can't start new thread")
+        started.append(thread)
+        begin(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    with pytest.raises(RuntimeError):
+        start_threads(3)
+    for thread in started:
+        thread.join(timeout=10.0)
+    assert not any(thread.is_alive() for thread in started)

@@ -170,7 +170,7 @@ def test_a_file_that_shows_the_background_is_told(tmp_path: Path) -> None:
 def test_words_name_the_material_that_they_show() -> None:
     """Without Hounsfield units nobody knows that what is dense is bone, or a vessel."""
     assert {layer.name for layer in wished(two_materials("uint8"), "vessels").visible} == {
-        "what is around",
+        "the surroundings",
         "the densest material",
     }
     assert [layer.name for layer in wished(two_materials("uint8"), "bone").visible] == ["the densest material"]

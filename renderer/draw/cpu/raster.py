@@ -46,7 +46,8 @@ class BrickRasterizer(Rasterizer):
     device = "the processor"
 
     def __init__(self, *, num_threads: int = 2, memory: MemoryShare | None = None) -> None:
-        self.threads, self._memory = ThreadPool(num_threads), memory or MemoryShare()
+        self.threads = ThreadPool(num_threads)
+        self._memory = memory or MemoryShare()
         self.caches: dict[int, BrickCache] = {}  # by the identities of layers, which they hold
 
     def release(self) -> None:
@@ -140,7 +141,7 @@ class BrickRasterizer(Rasterizer):
 
 
 def share_memory(drawn: Shares, needed: Shares, limit: int) -> Shares:
-    """Return how many bytes each atlas of some caches may take: for what is drawn now, and then for what is needed."""
+    """Share memory among the atlases of some caches: first for bricks of this picture, then for all visible ones."""
     of_drawn = share_out([each for own in drawn.values() for each in own], limit)
     of_all = [each for own in needed.values() for each in own]
     missing = [max(0, each - has) for each, has in zip(of_all, of_drawn, strict=True)]
@@ -149,7 +150,7 @@ def share_memory(drawn: Shares, needed: Shares, limit: int) -> Shares:
 
 
 def share_out(needs: Sequence[int], total: int) -> list[int]:
-    """Return shares of a total for some needs: none is larger than its need, and those that are smaller are equal."""
+    """Share a total among some needs: no share exceeds its need, and shares below their needs are equal."""
     shares, left = [0] * len(needs), total
     for num_before, number in enumerate(sorted(range(len(needs)), key=needs.__getitem__)):
         shares[number] = min(needs[number], left // (len(needs) - num_before))
@@ -175,7 +176,7 @@ class _Part(NamedTuple):
     make_kernel: Callable[[dict[str, Any], Sequence[Int64]], Callable[..., None]]
 
     def have_slots(self, members: Int64, times: int) -> bool:
-        """Return whether so many times as many bricks as these have slots at once."""
+        """Return whether `times` as many bricks as these have slots at once."""
         of_views = zip(self.caches, self.views, self._by_view(members), strict=True)
         return all(cache.have_slots(view, self.members[each, 1], times) for cache, view, each in of_views)
 
