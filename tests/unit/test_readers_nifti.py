@@ -261,3 +261,19 @@ def test_sizes_of_0_are_1_with_a_note(tmp_path):
         "the file has a number of voxels of 0 along z; 1 is assumed; "
         "the file has a voxel size of 0 along y; 1 is assumed"
     )
+
+
+@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz"])
+def test_how_a_scan_was_made_and_is_shown_elsewhere_is_no_news(tmp_path, name):
+    image = nib.Nifti1Image(ramp("int16"), AFFINE)
+    image.header["cal_min"], image.header["cal_max"] = 2, 9
+    image.header["slice_code"], image.header["slice_duration"] = 3, 0.1
+    image.to_filename(tmp_path / name)
+    assert read(tmp_path / name).note is None
+
+
+def test_bytes_behind_the_voxels_are_counted_and_taken_for_no_header(tmp_path):
+    nib.Nifti1Image(ramp("int16"), AFFINE).to_filename(tmp_path / "a.nii")
+    with (tmp_path / "a.nii").open("ab") as file:
+        file.write(bytes(352))
+    assert read(tmp_path / "a.nii").note == "the data have 352 bytes more than their voxels"
