@@ -74,13 +74,10 @@ _MEANING = (
     ),
     Statement(MONOCHROME1, "meaning", "that low values are light", is_applied=False),
     Statement("PresentationLUTShape", "meaning", "that low values are light", is_applied=False),
-    Statement("VOILUTSequence", "meaning", "a table by which values are shown", is_applied=False),
     Statement("PixelIntensityRelationship", "meaning", "that values go with a logarithm", is_applied=False),
     Statement("RealWorldValueLUTData", "meaning", "a table of values in a real unit", is_applied=False),
     Statement("PixelPresentation", "meaning", "that some values stand for colours", is_applied=False),
-    Statement("ICCProfile", "meaning", "the space of its colours", is_applied=False),
     Statement("OverlayData", "meaning", "graphics over the image", is_applied=False),
-    Statement("LossyImageCompression", "meaning", "that values were compressed with loss", is_applied=False),
     Statement("VolumeBasedCalculationTechnique", "meaning", "a projection or another sum of voxels", is_applied=False),
     Statement(_LIES, "meaning", "how the patient lies, where slices have no directions", is_applied=False),
     Statement("DecayCorrection", "meaning", "that values are not corrected for decay", is_applied=False),
@@ -95,7 +92,6 @@ _NEUTRAL = {
     "PresentationLUTShape": ("IDENTITY",),
     "PixelIntensityRelationship": ("LIN",),
     "PixelPresentation": ("MONOCHROME", "TRUE_COLOR"),
-    "LossyImageCompression": ("00",),
     "VolumetricProperties": ("VOLUME", "SAMPLED"),
     "VolumeBasedCalculationTechnique": ("NONE",),
     "BurnedInAnnotation": ("NO",),
@@ -105,8 +101,6 @@ _NEUTRAL = {
     "DoseSummationType": ("PLAN", "MULTI_PLAN"),
     "EstimatedRadiographicMagnificationFactor": ("1", "1.0"),
 }
-_SEQUENCES = ("VOILUTSequence", "SequenceOfUltrasoundRegions")
-_BYTES = ("RealWorldValueLUTData", "ICCProfile")
 # Groups of overlays, each of which has its number of rows in this element.
 _OVERLAYS = range(0x6000, 0x6020, 2)
 _ROWS_OF_OVERLAY = 0x0010
@@ -119,8 +113,10 @@ def stated_in(fields: Sequence[Dataset], *, has_place: bool, has_axes: bool) -> 
     """
     texts = {keyword: text_of(fields, keyword).strip().upper() for keyword in _NEUTRAL}
     found = {keyword for keyword, text in texts.items() if text and text not in _NEUTRAL[keyword]}
-    found |= {keyword for keyword in _SEQUENCES if any(each.get(keyword) for each in fields)}
-    found |= {keyword for keyword in _BYTES if any(keyword in each for each in fields)}
+    if any(each.get("SequenceOfUltrasoundRegions") for each in fields):
+        found.add("SequenceOfUltrasoundRegions")
+    if any("RealWorldValueLUTData" in each for each in fields):
+        found.add("RealWorldValueLUTData")
     if text_of(fields, "PhotometricInterpretation").strip() == "MONOCHROME1":
         found.add(MONOCHROME1)
     if any(numbers_of(fields, _TILT)) and not has_place:

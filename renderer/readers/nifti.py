@@ -62,10 +62,6 @@ STATEMENTS = FormatTable(
         Statement("intent_p1", "meaning", "a parameter of a statistic; so are intent_p2 and intent_p3"),
         Statement("intent_name", "meaning", "a name of the values"),
         Statement("extensions", "meaning", "names and colours of labels"),
-        Statement("cal_min", "meaning", "the value that is shown as black", is_applied=False),
-        Statement("cal_max", "meaning", "the value that is shown as white", is_applied=False),
-        Statement("slice_code", "meaning", "the order in which slices were taken", is_applied=False),
-        Statement("slice_duration", "meaning", "the time between slices", is_applied=False),
         Statement("funused1", "values", "a factor of the values, of SPM in Analyze"),
         Statement("originator", "place", "the origin, of SPM in Analyze"),
         Statement("vox_units", "meaning", "the unit of lengths in Analyze"),
@@ -185,9 +181,8 @@ def _statements(header: _Header) -> Iterator[str | None]:
     """Yield notes on what the header states beside the voxels."""
     found = {name for name in header.keys() if np.any(header[name])} & {each.field for each in STATEMENTS.statements}  # noqa: SIM118
     if _is_analyze(header):
-        yield STATEMENTS.note(found & {"cal_min", "cal_max", "orient"})
+        yield STATEMENTS.note(found)
         return
-    yield STATEMENTS.note(found)
     intent = int(header["intent_code"])
     if intent not in _NO_INTENTS:
         parameters = [f"{number:g}" for k in (1, 2, 3) if (number := float(header[f"intent_p{k}"]))]

@@ -46,8 +46,6 @@ STATEMENTS = FormatTable(
         Statement("sample units", "meaning", "the unit of values"),
         Statement("Segment", "meaning", "names, colours, values and layers of the segments of 3D Slicer"),
         Statement("measurement frame", "meaning", "the directions of the components of vectors", is_applied=False),
-        Statement("thicknesses", "place", "the thickness of samples", is_applied=False),
-        Statement("labels", "meaning", "the names of axes", is_applied=False),
         Statement("old min", "values", "the value of the smallest number before quantization", is_applied=False),
         Statement("old max", "values", "the value of the largest number before quantization", is_applied=False),
     ),
@@ -133,7 +131,7 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> common.Ima
     voxels = _read_voxels(path, fields, layout, axes, (time, component))
     guessed = None if has_spacing else common.NO_SPACING
     left_handed = _LEFT_HANDED if "space" in fields and _is_left_handed(fields["space"]) else None
-    notes = (guessed, left_handed, *voxels.notes, STATEMENTS.note(_unapplied(fields, axes)))
+    notes = (guessed, left_handed, *voxels.notes, STATEMENTS.note(_unapplied(fields)))
     steps = _steps(fields, axes, layout.shape[::-1])
     units = _units(fields, axes, has_directions=bool(directions))
     return common.Image(voxels.values, world_from_index, notes, (), voxels.channels, voxels.labels, steps, units)
@@ -181,16 +179,9 @@ def _component_names(fields: dict[str, Field], axes: str) -> Sequence[str]:
     return [*["mask"] * (plain != kind), *_COMPONENTS.get(plain, "").split()]
 
 
-def _unapplied(fields: dict[str, Field], axes: str) -> set[str]:
+def _unapplied(fields: dict[str, Field]) -> set[str]:
     """Return the fields that have an effect which is not applied, as STATEMENTS names them."""
     found = {each.field for each in STATEMENTS.statements if each.field.replace(" ", "") in fields}
-    if "thicknesses" in found and not any(map(math.isfinite, _axis_numbers(fields, "thicknesses", len(axes)))):
-        found.remove("thicknesses")
-    if "labels" in found:
-        words = [
-            label.strip().lower() for label, axis in zip(_quoted(fields, "labels"), axes, strict=False) if axis == "s"
-        ]
-        found -= {"labels"} if not any(words) or words == [*"xyz"][: len(words)] else set()
     if "measurement frame" in found:
         frame = [vector for vector in _vectors(fields["measurementframe"], None) if vector is not None]
         found -= {"measurement frame"} if not frame or np.array_equal(frame, np.eye(3)[: len(frame)]) else set()

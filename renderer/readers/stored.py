@@ -115,12 +115,15 @@ def check_deflated(file: Path, num_bytes: int) -> None:
 
 
 def _left_over_note(file: Path, num_left: int, skip: str | None) -> str:
+    left_over = f"the data have {counted(num_left, 'byte')} more than their voxels"
+    if skip is None:
+        return left_over
     is_nifti = read_start(file, 4)[0] in NIFTI_STARTS
     header = _HEADERS.get(num_left, "NIfTI" if is_nifti else None)
     hint = f", as many as a header of {header} has" if num_left in _HEADERS else ", which begin like NIfTI" * is_nifti
-    if header is not None and skip is not None:
+    if header is not None:
         hint += f": if that comes before the voxels, `{skip.format(num_left)}` passes over it"
-    return f"the data have {counted(num_left, 'byte')} more than their voxels{hint}"
+    return left_over + hint
 
 
 def _read_part(layout: Layout, index: tuple[int | slice, ...], *, in_time: bool) -> tuple[Array, int]:

@@ -120,18 +120,27 @@ def border_mode(sample: VoxelSample) -> float:
     return float(values[counts.argmax()])
 
 
+def _background_label(sample: VoxelSample, values: Sequence[float]) -> float | None:
+    """Return the label that is most frequent at the border; None if what fills voxels without data is no label."""
+    mode = border_mode(sample)
+    at_border = sample.denormalize(mode)
+    nearest = min(values, key=lambda value: abs(value / 2 - at_border / 2))
+    return nearest if abs(sample.normalize(nearest) - mode) <= SAME else None
+
+
 def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float], known: KnownLabels) -> Suggestion:
     """Return the suggestion for labels: every one but the background has a colour and an opacity.
 
-    The background is the most frequent label at the volume's border. What a table says holds as in a scene: names,
-    colours, and which labels are hidden or translucent. known: the table, and labels of other steps in time.
+    The background is the most frequent label at the volume's border, if voxels have data there. What a table says holds
+    as in a scene: names, colours, and which labels are hidden or translucent. known: the table, and labels of other
+    steps in time.
     """
     voxels = count_labels(volume)
-    at_border = sample.denormalize(border_mode(sample))
-    outside = min(values, key=lambda value: abs(value / 2 - at_border / 2))
+    outside = _background_label(sample, values)
     pieces = ", in separate pieces" if _is_piecewise_constant(sample) else ""
-    reason = f"there are {len(values)} values{pieces}, and {format_number(outside)} is the background"
-    present = sorted({*map(int, values), *known.present} - {int(outside)})
+    around = "voxels around them have no data" if outside is None else f"{format_number(outside)} is the background"
+    reason = f"there are {len(values)} values{pieces}, and {around}"
+    present = sorted({*map(int, values), *known.present} - ({int(outside)} if outside is not None else set()))
     if num_elsewhere := len({*present} - {*map(int, values)}):
         reason += f"; {counted(num_elsewhere, 'more label')} in other steps"
     hidden = [value for value in present if (label := known.table.get(value)) and label.opacity == 0]

@@ -108,6 +108,16 @@ def test_what_is_no_fill_value(values: Array) -> None:
     np.testing.assert_array_equal(volume.values, values)
 
 
+@pytest.mark.parametrize("least", [1, 600])
+def test_no_label_is_the_background_where_the_outside_has_no_data(least: int) -> None:
+    labels = np.full((24, 24, 24), np.nan, np.float32)
+    labels[4:20, 4:20, 4:20] = least + np.repeat([0, 0, 1, 2], 4)
+    for values in (labels, np.nan_to_num(labels)):
+        volume = read(values)
+        shown = suggest(volume, compute_statistics(volume.values)).transfer.labels
+        assert shown is not None and shown.show == (least, least + 1, least + 2)
+
+
 def test_none_keeps_fill_values_and_refuses_nan() -> None:
     values = filled(KINDS["signed"][0], SLAB, -9999)
     np.testing.assert_array_equal(read(values, "none").values, values)

@@ -157,6 +157,13 @@ def test_axes_of_nrrd_with_a_direction_are_in_space(tmp_path):
         read(tmp_path / "a.nrrd")
 
 
+def test_names_and_thicknesses_of_the_axes_of_nrrd_are_no_news(tmp_path):
+    header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 3 4\nspacings: 1 1 2\nencoding: raw\n"
+    stated = 'thicknesses: nan nan 4\nlabels: "left" "back" "up"\n'
+    (tmp_path / "a.nrrd").write_bytes((header + stated + "\n").encode() + bytes(range(24)))
+    assert read(tmp_path / "a.nrrd").note is None
+
+
 def test_kinds_of_nrrd_name_colours(tmp_path):
     header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 3 2 2 2\nspacings: nan 1 1 1\nencoding: raw\nkinds: {} "
     for kind, named in (("HSV-color", " (H, S, V)"), ("3-color", ""), ("RGBA-color", ""), ("vector", "")):

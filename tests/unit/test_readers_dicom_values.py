@@ -341,3 +341,15 @@ def test_letters_tell_directions_where_no_numbers_do(tmp_path: Path, letters, ax
     np.testing.assert_array_equal(volume.world_from_index[:3, :2].T, expected)
     assert volume.world_axes == ("LPS" if axes else "")
     assert (volume.note is not None) == (axes is not None)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"LossyImageCompression": "01"}, {"ICCProfile": bytes(8)}, {"VOILUTSequence": [Dataset()]}],
+    ids=lambda fields: next(iter(fields)),
+)
+def test_how_pixels_were_kept_or_are_shown_elsewhere_is_no_news(tmp_path: Path, fields: dict[str, Any]) -> None:
+    plane = np.arange(20, dtype=np.uint16).reshape(4, 5)
+    for name, own in (("plain.dcm", {}), ("stated.dcm", fields)):
+        save(tmp_path / name, image_fields(plane, PixelSpacing=["1", "1"], ImageOrientationPatient=AXES, **own))
+    assert read(tmp_path / "stated.dcm").note == read(tmp_path / "plain.dcm").note

@@ -273,3 +273,19 @@ def test_a_compressed_header_of_a_pair_has_its_checksum(tmp_path):
     refused(header, match="damaged")
     header.write_bytes(content[:-4])
     refused(header, match="the compressed header is damaged")
+
+
+@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz"])
+def test_how_a_scan_was_made_and_is_shown_elsewhere_is_no_news(tmp_path, name):
+    image = nib.Nifti1Image(ramp("int16"), AFFINE)
+    image.header["cal_min"], image.header["cal_max"] = 2, 9
+    image.header["slice_code"], image.header["slice_duration"] = 3, 0.1
+    image.to_filename(tmp_path / name)
+    assert read(tmp_path / name).note is None
+
+
+def test_bytes_behind_the_voxels_are_counted_and_taken_for_no_header(tmp_path):
+    nib.Nifti1Image(ramp("int16"), AFFINE).to_filename(tmp_path / "a.nii")
+    with (tmp_path / "a.nii").open("ab") as file:
+        file.write(bytes(352))
+    assert read(tmp_path / "a.nii").note == "the data have 352 bytes more than their voxels"
