@@ -9,11 +9,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from renderer.errors import InputError, SceneError
 from renderer.film import film_sidecars, picture_files, unfinished_folder
-from renderer.job.record import FilmRecord, record_from_json
 from renderer.scene import MAX_SIDECAR_BYTES, OutputFile, OutputSpec, read_json_object, relative_path
+
+if TYPE_CHECKING:  # records take a while to load, and a film without older files needs none
+    from renderer.job.record import FilmRecord
 
 
 def require_own_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> None:
@@ -50,6 +53,8 @@ def naming_mark(output: OutputSpec, sidecar: Path) -> Path:
 
 def _records(output: OutputSpec, sidecar: Path) -> Iterator[FilmRecord]:
     """Yield the records of a film, the one of the sidecar first, and of its parts."""
+    from renderer.job.record import record_from_json
+
     for path in dict.fromkeys([sidecar, *film_sidecars(output.file)]):
         data = read_json_object(path, MAX_SIDECAR_BYTES)
         try:

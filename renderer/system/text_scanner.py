@@ -6,7 +6,6 @@ inside of one.
 
 from __future__ import annotations
 
-import html
 import math
 import re
 
@@ -42,6 +41,8 @@ def attribute(element: str, name: str) -> str | None:
 
 def unescaped(text: str) -> str:
     """Return a text of XML or HTML with characters in place of references; as it is where one has too many digits."""
+    import html  # its table of names takes a while to load
+
     try:
         return html.unescape(text)
     except ValueError:
