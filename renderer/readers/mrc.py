@@ -53,6 +53,9 @@ _TYPES = {0: "i1", 1: "i2", 2: "f4", 6: "u2", 12: "f2"}
 _OTHER_TYPES = {3: "complex integers", 4: "complex floats", 16: "colours of three bytes", 101: "integers of four bits"}
 _VOLUME_STACKS = range(401, 631)  # space groups, of which there are 230
 
+# The note on a stack by MRC2014: space group 0, and one section of a cell.
+_IMAGES = "the file says that its sections are separate images (ispg 0, mz 1); they are drawn as slices of a volume"
+
 
 def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
     """Read a map, or one of a stack of volumes, which are times; a stack of images is a volume.
@@ -88,7 +91,14 @@ def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
     if not header["origin"].any() or header["mark"] != MRC_MARK:  # older headers have no origin
         world_from_index[:3, 3] = world_from_index[:3, :3] @ header["first"]
     unapplied = {"lskflg"} if _is_skewed(header["others"].tobytes(), order) else ()
-    notes = (None if has_spacing else NO_SPACING, left_over, *chosen.notes, STATEMENTS.note(unapplied))
+    are_images = header["space_group"] == 0 and num_slices == 1 < sizes[2]
+    notes = (
+        _IMAGES if are_images else None,
+        None if has_spacing else NO_SPACING,
+        left_over,
+        *chosen.notes,
+        STATEMENTS.note(unapplied),
+    )
     return Image(values, world_from_index, notes, steps=chosen.steps, units=Units("Å" if has_spacing else ""))
 
 

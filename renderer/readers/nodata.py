@@ -6,6 +6,7 @@ voxels have. Voxels of an integer type become floats that hold all of its number
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Literal
 
@@ -81,12 +82,19 @@ def mark_absent(
 
 def _words(ranges: Ranges, nums: Array) -> str:
     """Return the values that voxels without data have, in words."""
-    words = [
-        f"{low:.7g}" if low == high else f"{low:.7g} to {high:.7g}"
-        for (low, high), num in zip(ranges, nums[:-1], strict=True)
-        if num
-    ]
+    words = [_in_words(low, high) for (low, high), num in zip(ranges, nums[:-1], strict=True) if num]
     return ", ".join([*["NaN or infinite"] * bool(nums[-1]), *dict.fromkeys(words)])
+
+
+def _in_words(low: float, high: float) -> str:
+    """Return a range of values in words; ends that are infinite leave a limit, which has data."""
+    if low == high:
+        return f"{low:.7g}"
+    if low == -math.inf:
+        return f"less than {math.nextafter(high, math.inf):.7g}"
+    if high == math.inf:
+        return f"more than {math.nextafter(low, -math.inf):.7g}"
+    return f"{low:.7g} to {high:.7g}"
 
 
 def _require_finite(values: Array, file: MappedFile | None, first_xyz: tuple[int, ...]) -> None:

@@ -137,6 +137,12 @@ def test_what_is_not_valid_is_no_data(tmp_path, names, scale):
     np.testing.assert_array_equal(read(path).values, stored * scale + 1)
 
 
+@pytest.mark.parametrize(("field", "limit", "words"), [("valid_min", 3, "less than"), ("valid_max", 50, "more than")])
+def test_values_beyond_a_limit_are_named_by_it(tmp_path, field, limit, words):
+    note = read(save(tmp_path / "a.nc", **{field: np.int16(limit)})).note
+    assert note is not None and f"voxels have no data: {words} " in note and "inf" not in note
+
+
 def test_the_fill_value_of_unwritten_parts_is_no_data(tmp_path, monkeypatch):
     with h5py.File(tmp_path / "a.nc", "w") as file:
         dataset = file.create_dataset("t", (4, 4, 4), "f4", chunks=(2, 4, 4), fillvalue=9.96921e36)

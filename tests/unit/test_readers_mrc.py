@@ -101,6 +101,14 @@ def test_volume_stacks_are_times(tmp_path):
     np.testing.assert_array_equal(read(path).values, values)
 
 
+@pytest.mark.parametrize(("space_group", "depth", "are_images"), [(0, 1, True), (1, 1, False), (0, 3, False)])
+def test_images_are_no_slices(tmp_path, space_group, depth, are_images):
+    """MRC2014: a stack of images has the space group 0 and mz 1; a volume has its number of sections as mz."""
+    grid = (5, 4, depth)
+    (tmp_path / "a.mrcs").write_bytes(mrc(np.zeros((3, 4, 5), np.float32), grid=grid, cell=grid, group=space_group))
+    assert ("separate images" in str(read(tmp_path / "a.mrcs").note)) == are_images
+
+
 def test_a_file_without_a_cell_has_no_spacing(tmp_path):
     volume = read(written(tmp_path / "a.rec", mrc(ramp("float32"), cell=(0, 0, 0), mark=bytes(8))))
     assert "does not give its voxel size" in volume.note
