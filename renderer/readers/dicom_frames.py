@@ -309,7 +309,9 @@ def _lengths(file: _File, fields: list[Dataset], *, is_stacked: bool, is_needed:
         aspect = numbers_of(fields, "PixelAspectRatio")  # vertical, horizontal
         ratio = aspect[0] / aspect[1] if len(aspect) == 2 and min(aspect) > 0 else 1.0
         by = " by PixelAspectRatio" * (ratio != 1.0)
-        note = f"{GUESSED_LENGTHS}; 1 x {ratio:g} x 1 is assumed{by}"
+        has_regions = any(each.get("SequenceOfUltrasoundRegions") for each in fields)
+        parts = " but for parts of the picture" * has_regions
+        note = f"{GUESSED_LENGTHS}{parts}; 1 x {ratio:g} x 1 is assumed{by}"
         return _Lengths(1.0, ratio, between or 1.0, between != 0.0, note, are_stated=False)
     if not pair:
         text = text_of(fields, _IN_PLANE[0])

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydicom import Dataset
 from pydicom.encaps import encapsulate
 
 from renderer.readers import find_volume, volumes_in
@@ -48,6 +49,16 @@ def test_a_run_without_lengths_has_pixels_of_one(tmp_path: Path) -> None:
     assert volume.spacing.tolist() == [1.0, 1.5, 1.0] and volume.length_unit == ""
     guess = "the file does not give its voxel size; 1 x 1.5 x 1 is assumed by PixelAspectRatio"
     assert volume.note == f"3 frames of an ultrasound clip: times of one plane, and no slices; {guess}"
+
+
+def test_a_clip_whose_regions_have_lengths_is_told_of_them(tmp_path: Path) -> None:
+    region = Dataset()
+    region.PhysicalDeltaX = region.PhysicalDeltaY = 0.1
+    save(tmp_path / "a.dcm", image_fields(RUN, Modality="US", PixelSpacing=None, SequenceOfUltrasoundRegions=[region]))
+    note = read(tmp_path / "a.dcm", time=0).note
+    assert note is not None
+    assert "the file does not give its voxel size but for parts of the picture; 1 x 1 x 1 is assumed" in note
+    assert "not applied: SequenceOfUltrasoundRegions" in note
 
 
 def test_frames_that_have_a_distance_are_slices(tmp_path: Path) -> None:
