@@ -17,7 +17,7 @@ import ctypes
 import struct
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
 from typing import Any
 
@@ -26,7 +26,7 @@ import numpy as np
 from renderer.kernels.build import SOURCES
 from renderer.kernels.header import Header, Struct
 from renderer.kernels.library import load_library
-from renderer.system import start_threads, stop_flag
+from renderer.system import deferrable_interrupts, start_threads, stop_flag
 
 _STATUS = {1: MemoryError, 2: IndexError}
 # A long kernel saw that the process is to end.
@@ -81,12 +81,20 @@ class Kernel:
         return int(self._function(block))
 
     def _run_beside(self, block: bytes, kept: list[Any]) -> int:
-        """Run the kernel on another thread, so that a signal comes to this one meanwhile."""
-        running = _thread_of_long_kernels().submit(self._run, block, kept)
+        """Run the kernel on another thread, so that a signal comes to this one meanwhile.
+
+        A signal that comes while the other thread takes the kernel waits until it is known here: nobody would wait for
+        the kernel otherwise, and it would run to its end.
+        """
+        running: Future[int] | None = None
         try:
+            with deferrable_interrupts() as defer:
+                defer()
+                running = _thread_of_long_kernels().submit(self._run, block, kept)
             return running.result()
         except KeyboardInterrupt:
-            wait([running])
+            if running is not None:
+                wait([running])
             raise
 
     def _fill(self, block: bytearray, values: dict[str, Any], kept: list[Any]) -> None:

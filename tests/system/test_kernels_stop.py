@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ import renderer
 from renderer.kernels import binding, header
 from renderer.kernels.build import SOURCES
 from renderer.scene import parse_scene
-from renderer.system import stop_flag
+from renderer.system import signals_as_interrupts, stop_flag
 
 LONG_KERNELS = header.Header((SOURCES / "kernels.h").read_text("ascii")).long_kernels
 # Far longer than a child of these tests takes to end.
@@ -85,6 +86,37 @@ def test_each_long_kernel_stops(
         (renderer.integrate if is_exact else renderer.render_frame)(scene)
     assert stopped.value.args == (signal.SIGTERM,)
     assert {*called} <= LONG_KERNELS  # nothing was made of what is unfinished
+
+
+class KernelUntilStopped(binding.Kernel):
+    """A kernel that runs until the flag stops it, or for a minute."""
+
+    def __init__(self) -> None:
+        self.status = 0
+
+    def _run(self, block: bytes, kept: list[Any]) -> int:
+        for _ in range(60_000):
+            if stop_flag.value:
+                self.status = binding.STOPPED
+                break
+            time.sleep(0.001)
+        return self.status
+
+
+@pytest.mark.usefixtures("heeds_interrupts")
+def test_a_kernel_that_another_thread_just_takes_is_stopped_and_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    pool, kernel = binding._thread_of_long_kernels(), KernelUntilStopped()
+    submit = pool.submit
+
+    def submit_and_signal(*arguments: Any) -> Any:
+        running = submit(*arguments)
+        signal.raise_signal(signal.SIGTERM)
+        return running
+
+    monkeypatch.setattr(pool, "submit", submit_and_signal)
+    with signals_as_interrupts(), pytest.raises(KeyboardInterrupt):
+        kernel._run_beside(b"", [])
+    assert kernel.status == binding.STOPPED
 
 
 # Tells when a kernel begins, and with which status it ends.
