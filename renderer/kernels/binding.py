@@ -26,7 +26,7 @@ import numpy as np
 from renderer.kernels.build import SOURCES
 from renderer.kernels.header import Header, Struct
 from renderer.kernels.library import load_library
-from renderer.system import deferrable_interrupts, start_threads, stop_flag
+from renderer.system import deferrable_interrupts, result_of, start_threads, stop_flag
 
 _STATUS = {1: MemoryError, 2: IndexError}
 # A long kernel saw that the process is to end.
@@ -91,7 +91,7 @@ class Kernel:
             with deferrable_interrupts() as defer:
                 defer()
                 running = _thread_of_long_kernels().submit(self._run, block, kept)
-            return running.result()
+            return result_of(running)
         except KeyboardInterrupt:
             if running is not None:
                 wait([running])

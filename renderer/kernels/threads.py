@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import numpy.typing as npt
 
-from renderer.system import start_threads
+from renderer.system import result_of, start_threads
 
 # With fewer pixels than these, work on them takes less time than starting threads.
 MIN_PIXELS_PER_THREAD = 1 << 15
@@ -44,7 +44,16 @@ class ThreadPool:
 
     def each(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Generator[Result, None, None]:
         """Yield `work(item)` for all items, in their order; when closed, drop what no thread has started."""
-        yield from map(work, items) if self._pool is None else self._pool.map(work, items)
+        if self._pool is None:
+            yield from map(work, items)
+            return
+        running = [self._pool.submit(work, item) for item in items]
+        try:
+            while running:
+                yield result_of(running.pop(0))
+        finally:
+            for each in running:
+                each.cancel()
 
     def for_rows(self, work: Callable[[int, int], object], pixels: Array) -> None:
         """Call `work(first, end)` for parts of the rows of pixels [h, w, ...], at most one a thread."""

@@ -10,6 +10,7 @@ from .interrupts import (
     deferrable_interrupts as deferrable_interrupts,
     exit_on_signals as exit_on_signals,
     interrupted_status as interrupted_status,
+    result_of as result_of,
     signals_as_interrupts as signals_as_interrupts,
     start_threads as start_threads,
     stop_flag as stop_flag,

@@ -17,16 +17,20 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:  # it loads queues and logging, which most commands do not need
-    from concurrent.futures import ThreadPoolExecutor
+    from concurrent.futures import Future, ThreadPoolExecutor
+
+Result = TypeVar("Result")
 
 # Ctrl-C, a batch system or `kill`, and a terminal that closes.
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # Seconds from a signal until it stops long kernels. A frame that was drawn before is stored meanwhile, with its exact
 # rays, which took 0.04 to 0.2 s for frames of two scans of 512 x 512 pixels on two cores.
 _GRACE_S = 0.3
+# Seconds for which a thread that waits for another one sleeps before it looks for signals.
+_LONGEST_SLEEP_S = 0.1
 # The number of the signal for which long kernels stop; 0 while there is none. Kernels read it where it lies.
 stop_flag = ctypes.c_int32(0)
 
@@ -106,6 +110,18 @@ def start_threads(num: int, name: str = "") -> ThreadPoolExecutor:
         for started in waiting:
             started.result()
     return threads
+
+
+def result_of(running: Future[Result]) -> Result:
+    """Return the result of a future, or raise what it raises; signals come to the main thread meanwhile.
+
+    A signal that comes just before a thread falls asleep does not wake it, so that it sleeps for a short while only.
+    """
+    from concurrent.futures import wait
+
+    while not running.done():
+        wait([running], timeout=_LONGEST_SLEEP_S)
+    return running.result()
 
 
 def interrupted_status(error: BaseException) -> int:
