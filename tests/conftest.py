@@ -66,7 +66,7 @@ def module_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 @pytest.fixture
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Read files of all formats in this process, which is quicker for hundreds of them."""
-    monkeypatch.setattr("renderer.readers.read.read_isolated", read_here)
+    monkeypatch.setattr("renderer.readers.volume_reading.read_isolated", read_here)
 
 
 @pytest.fixture

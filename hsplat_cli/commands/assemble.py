@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hsplat_cli.commands.options import quiet_option
+from hsplat_cli.commands.shared_options import quiet_option
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames, report_film
 from renderer.errors import Problem
 from renderer.scene import (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hsplat_cli.commands.options import takes_scene
+from hsplat_cli.commands.shared_options import takes_scene
 from hsplat_cli.executors import memory_option
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import Reporter

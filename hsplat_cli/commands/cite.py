@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.options import FILE, quiet_option
+from hsplat_cli.commands.shared_options import FILE, quiet_option
 from hsplat_cli.scenes import read_film_record
 from hsplat_cli.terminal import Reporter
 from renderer.system import join_lines

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.options import quiet_option, takes_scene
+from hsplat_cli.commands.shared_options import quiet_option, takes_scene
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import OutputPath, Reporter, option_group
 from renderer.errors import InputError

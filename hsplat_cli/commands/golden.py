@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from hsplat_cli.commands.options import quiet_option, takes_scene
+from hsplat_cli.commands.shared_options import quiet_option, takes_scene
 from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import OutputPath, Reporter, parse_frames
 from renderer.errors import InputError

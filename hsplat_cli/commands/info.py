@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hsplat_cli.commands.options import FILE
+from hsplat_cli.commands.shared_options import FILE
 from hsplat_cli.scenes import expand_volumes, read_with_options, transfer_lines, volume_options, volume_spec
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from hsplat_cli.commands.options import FILE
+from hsplat_cli.commands.shared_options import FILE
 from hsplat_cli.scenes import (
     SceneRequest,
     base_name,

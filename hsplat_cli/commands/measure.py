@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from hsplat_cli.commands.options import quiet_option, takes_scene
+from hsplat_cli.commands.shared_options import quiet_option, takes_scene
 from hsplat_cli.measure import parse_sweep, parse_want
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import OutputPath, Reporter

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from hsplat_cli.commands.options import FILE, quiet_option, require_none_of
+from hsplat_cli.commands.shared_options import FILE, quiet_option, require_none_of
 from hsplat_cli.scenes import (
     SceneRequest,
     base_name,

@@ -8,7 +8,7 @@ from functools import partial
 
 import click
 
-from hsplat_cli.commands.options import quiet_option, takes_scene
+from hsplat_cli.commands.shared_options import quiet_option, takes_scene
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_scheduler, require_untimed
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_duration, report_film

@@ -10,7 +10,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from hsplat_cli.commands.options import FILE, quiet_option, require_none_of
+from hsplat_cli.commands.shared_options import FILE, quiet_option, require_none_of
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_scheduler
 from hsplat_cli.scenes import SharedLook, expand_volumes, film_options, name_volumes, volume_options, volume_spec
 from hsplat_cli.terminal import OutputPath, Reporter

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hsplat_cli.commands.options import FILE, quiet_option
+from hsplat_cli.commands.shared_options import FILE, quiet_option
 from hsplat_cli.scenes import load_film
 from hsplat_cli.terminal import FilmEvents, OutputPath, Reporter
 from renderer.errors import HsplatError, Problem

@@ -3,8 +3,8 @@
 In: two sets of pictures, films or a scene and its golden frames, and limits. Out: a verdict for each pair, as a table,
 an HTML report and JUnit. `golden/` keeps golden frames and says what they were drawn from.
 
-- `api.py`: the comparison; `rules.py`: the strictness and the limits that were asked for; `outcome.py`: pairs, their
-  verdicts and the numbers in them.
+- `comparison.py`: the comparison; `rules.py`: the strictness and the limits that were asked for; `outcome.py`: pairs,
+  their verdicts and the numbers in them.
 - `frame_difference.py`: the errors of a picture against its golden frame; `strictness.py`: named limits of these
   errors, and the metrics that exceed them.
 - `file_pairs.py`: pairs of files; `scene_pairs.py`: goldens and frames rendered now; `picture_file.py`: strict PNG

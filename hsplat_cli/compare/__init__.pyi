@@ -1,4 +1,4 @@
-from .api import compare_frames as compare_frames
+from .comparison import compare_frames as compare_frames
 from .frame_difference import COMPARISON_METRICS as COMPARISON_METRICS, FrameDifference as FrameDifference
 from .golden.provenance import parse_date as parse_date
 from .golden.update import GoldenOptions as GoldenOptions, update_goldens as update_goldens

@@ -21,6 +21,6 @@ def assert_frames_match() -> Callable[..., None]:
     The function raises AssertionError if frames differ, and InputError if they cannot be compared.
     """
     # Imported here: other test suites should not wait for numpy.
-    from hsplat_cli.compare.api import require_match
+    from hsplat_cli.compare.comparison import require_match
 
     return require_match

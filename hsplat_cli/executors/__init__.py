@@ -3,7 +3,7 @@
 In: a plan and frame numbers. Out: drawn frames in order, the same bytes from every executor. `open_executor` is the
 entrance; it opens an `Executor` of `renderer.job`.
 
-- `executor.py`: `open_executor` and the executor that uses Dask; `options.py`: `--scheduler` and `--memory`.
+- `scheduler.py`: `open_executor` and the executor that uses Dask; `drawing_options.py`: `--scheduler` and `--memory`.
 - `cluster/`: Dask: `cluster_drawing.py` (frames are drawn ahead, and come in order), `connection.py`, `registry.py`
   (workers come and go), `worker.py`.
 """

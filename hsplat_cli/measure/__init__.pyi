@@ -1,4 +1,3 @@
-from .options import parse_sweep as parse_sweep, parse_want as parse_want
 from .report import PAGE_FILE as PAGE_FILE, REPORT_FILES as REPORT_FILES, write_study as write_study
 from .study import StudyRequest as StudyRequest, run_study as run_study
 from .sweep import (
@@ -11,6 +10,7 @@ from .sweep import (
     measure_setting as measure_setting,
     plan_sweep as plan_sweep,
 )
+from .sweep_options import parse_sweep as parse_sweep, parse_want as parse_want
 from .tables import terminal_table as terminal_table
 from .thumbnails import DIFFERENCE_GAIN as DIFFERENCE_GAIN, amplified_difference as amplified_difference
 from .tolerance import print_tolerance as print_tolerance

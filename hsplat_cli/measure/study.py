@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hsplat_cli.measure.options import Sweep
 from hsplat_cli.measure.report import REPORT_FILES, write_study
 from hsplat_cli.measure.sweep import (
     Measurement,
@@ -22,6 +21,7 @@ from hsplat_cli.measure.sweep import (
     plan_sweep,
     splat_setting,
 )
+from hsplat_cli.measure.sweep_options import Sweep
 from hsplat_cli.measure.tables import terminal_table
 from hsplat_cli.measure.tolerance import find_truth, nothing_visible_error, open_at_any_tolerance
 from hsplat_cli.terminal import FilmEvents, Reporter, describe_machine

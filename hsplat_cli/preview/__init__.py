@@ -6,7 +6,7 @@ slices, and variants with the lines that make them.
 - `watch.py` draws a scene whenever its file changes; `live_page.py` shows that on a page that is open,
   from a file or from `server.py`.
 - `page.py` puts it together; `studio.py` draws small pictures from layers that are made once; `variants.py`: other
-  opacities, tolerances and looks; `charts.py`: histograms and slices.
+  opacities, tolerances and looks; `volume_chart.py`: histograms and slices.
 """
 
 import lazy_loader

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hsplat_cli.preview.charts import chart_of
 from hsplat_cli.preview.studio import TOLERANCE, Shot, Studio, shot_of, small_scene
 from hsplat_cli.preview.variants import draw_tolerances, suggest_looks, variants
+from hsplat_cli.preview.volume_chart import chart_of
 from hsplat_cli.reports import render_page
 from renderer.accuracy import Glance, is_loop, look_ahead, scalar_ranges, spread_evenly
 from renderer.draw import open_rasterizer

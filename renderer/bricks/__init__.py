@@ -9,8 +9,8 @@ brick and integrated along each ray (Max 1995).
 - `brick_layers.py`: the bricks of layers on one grid of voxels as one; `brick_cut.py`: which bricks are drawn at a
   tolerance; `sampling.py`: step lengths, samples and jitter; `pixel_grid.py`: which pixels are drawn, the strides of
   subsampled grids, and where rays end; `extremes.py`: bounds of the scalars in bricks.
-- `texels.py`: what is interpolated in a brick and its halo; `means.py`: means, gathered or recomputed when they are
-  drawn; `layout.py`: where cells lie in a brick, and the voxels that kernels read.
+- `texels.py`: what is interpolated in a brick and its halo; `brick_means.py`: means, gathered or recomputed when they
+  are drawn; `layout.py`: where cells lie in a brick, and the voxels that kernels read.
 """
 
 import lazy_loader

@@ -4,6 +4,10 @@ from .brick_cut import (
     cut_bricks as cut_bricks,
 )
 from .brick_layers import BrickLayer as BrickLayer, BrickLayers as BrickLayers
+from .brick_means import (
+    MIN_BRICKS_PER_THREAD as MIN_BRICKS_PER_THREAD,
+    color_texels as color_texels,
+)
 from .bricks import (
     RAY_ERROR_FACTOR as RAY_ERROR_FACTOR,
     Bricks as Bricks,
@@ -14,10 +18,6 @@ from .layout import (
     BRICK_LEVELS as BRICK_LEVELS,
     BRICK_SIZE as BRICK_SIZE,
     PADDED_BRICK_SIZE as PADDED_BRICK_SIZE,
-)
-from .means import (
-    MIN_BRICKS_PER_THREAD as MIN_BRICKS_PER_THREAD,
-    color_texels as color_texels,
 )
 from .pixel_grid import ScreenSampling as ScreenSampling
 from .sampling import (

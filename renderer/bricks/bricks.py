@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from renderer.bricks.brick_means import color_texels
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells, voxels_of
-from renderer.bricks.means import color_texels
 from renderer.bricks.node_statistics import NodeStatistics, or_of_neighbours
 from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve
 from renderer.kernels import ThreadPool, kernels

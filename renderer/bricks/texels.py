@@ -22,9 +22,9 @@ import math
 
 import numpy as np
 
+from renderer.bricks.brick_means import means_of_bricks
 from renderer.bricks.bricks import Bricks
 from renderer.bricks.layout import PADDED_BRICK_SIZE, voxels_of
-from renderer.bricks.means import means_of_bricks
 from renderer.kernels import kernels
 from renderer.transfer import range_width
 from renderer.volume import Float32, Float64, Int32, Volume

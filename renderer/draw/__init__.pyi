@@ -1,6 +1,6 @@
+from .cpu.brick_rasterizer import BrickRasterizer as BrickRasterizer
 from .cpu.lines import draw_lines as draw_lines
-from .cpu.raster import BrickRasterizer as BrickRasterizer
-from .gl.raster import SplatRasterizer as SplatRasterizer
+from .gl.splat_rasterizer import SplatRasterizer as SplatRasterizer
 from .open_rasterizer import open_rasterizer as open_rasterizer
 from .overlay import Lines as Lines, make_edges as make_edges, make_outline as make_outline
 from .rasterizer import BrickMemory as BrickMemory, Rasterizer as Rasterizer

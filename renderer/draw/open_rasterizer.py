@@ -17,6 +17,6 @@ def open_rasterizer(scene: Scene, memory: MemoryShare | None = None) -> Rasteriz
         from renderer.draw.recovery import RecoveringRasterizer
 
         return RecoveringRasterizer()
-    from renderer.draw.cpu.raster import BrickRasterizer
+    from renderer.draw.cpu.brick_rasterizer import BrickRasterizer
 
     return BrickRasterizer(num_threads=num_drawing_threads(), memory=memory)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 
-from renderer.draw.gl.raster import SplatRasterizer
+from renderer.draw.gl.splat_rasterizer import SplatRasterizer
 from renderer.draw.rasterizer import Rasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import SplatBatch

@@ -10,7 +10,7 @@ A film that is up to date is not drawn again, and one that was stopped resumes w
 - `plan.py`: the tolerances for what a scene requests; `goals.py`: whether it was reached.
 - `film_accuracy.py`: how exact frames and film are, in records and words; `film_visibility.py`: what they show;
   `citation.py`: how a film was made, in words for a paper, and BibTeX.
-- `executor.py`: what draws, and drawing in this process; `annotation.py`: the pictures of a frame that outputs need,
+- `executor.py`: what draws, and drawing in this process; `pictures.py`: the pictures of a frame that outputs need,
   and what the annotation over them shows.
 - `events.py`: what a job tells while it runs, to a function, a bar in a notebook, or another listener.
 - `checkpoint.py`: finished frames; those of an unfinished film are kept in files.

@@ -1,4 +1,3 @@
-from .annotation import require_annotation as require_annotation
 from .assemble.assembly import assemble_film as assemble_film
 from .assemble.parts import Part as Part, find_parts as find_parts
 from .checkpoint import FrameCheckpoint as FrameCheckpoint
@@ -38,6 +37,7 @@ from .inputs import (
     volume_files as volume_files,
 )
 from .own_files import require_own_files as require_own_files
+from .pictures import require_annotation as require_annotation
 from .plan import FilmPlan as FilmPlan, make_plan as make_plan
 from .record import (
     DIGEST_FIELD as DIGEST_FIELD,

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Protocol
 from renderer.draw import BrickMemory, Rasterizer, open_rasterizer
 from renderer.film import Picture
 from renderer.frame import Frame, Stage, ToleranceController, render_frames
-from renderer.job.annotation import PictureMaker
 from renderer.job.film_accuracy import frame_accuracy
 from renderer.job.make_record import frame_record
+from renderer.job.pictures import PictureMaker
 from renderer.job.plan import FilmPlan
 from renderer.job.record import FrameRecord
 from renderer.scene import Scene

@@ -18,7 +18,6 @@ from renderer.accuracy import NOTHING, Glance, finer_than_kept, look_ahead
 from renderer.errors import InputError, RenderError
 from renderer.film import film_notes, require_encoder
 from renderer.frame import FilmVolumes, LODCostEstimator, Stage, framing_note, prepare_stage, read_film_volumes
-from renderer.job.annotation import annotation_notes, require_annotation
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor, LocalExecutor
@@ -29,6 +28,7 @@ from renderer.job.fingerprint import describe_mismatch, film_fingerprint
 from renderer.job.forecast import NUM_NEIGHBOURS, Forecast, film_cost, forecast_frames
 from renderer.job.goals import find_shortfall, summary_parts
 from renderer.job.make_record import film_record
+from renderer.job.pictures import annotation_notes, require_annotation
 from renderer.job.plan import FilmPlan, make_plan
 from renderer.job.record import BrickMemoryRecord, FilmFingerprint, FilmRecord, FrameRecord, PassRecord
 from renderer.layers import placement_notes

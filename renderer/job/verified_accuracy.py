@@ -15,9 +15,9 @@ from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, spread
 from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path
 from renderer.frame import Stage
-from renderer.job.annotation import PictureMaker
 from renderer.job.events import JobEvents
 from renderer.job.film_accuracy import film_accuracy, frame_accuracy
+from renderer.job.pictures import PictureMaker
 from renderer.job.record import FilmAccuracy, FrameAccuracy, FrameRecord
 from renderer.scene import OutputFile
 from renderer.system import num_cores

@@ -1,5 +1,5 @@
 from .groups import LayerGroup as LayerGroup, group_layers as group_layers
-from .labels import mask_volume as mask_volume
+from .label_numbers import mask_volume as mask_volume
 from .layer import (
     Layer as Layer,
     layer_digest as layer_digest,

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from renderer.bricks import BrickBatch, BrickLayer, BrickLayers, Bricks, extreme_bricks, make_bricks
-from renderer.layers.labels import leave_out_masked, number_labels
+from renderer.layers.label_numbers import leave_out_masked, number_labels
 from renderer.lighting import compute_light_grid
 from renderer.modes import Projection, make_projection
 from renderer.pyramid import EVERY_CUT, FinestCut, Pyramid, build_pyramid

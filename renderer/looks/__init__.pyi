@@ -12,4 +12,4 @@ from .look import (
     place_look as place_look,
 )
 from .look_file import MAX_LOOK_BYTES as MAX_LOOK_BYTES, LookFile as LookFile
-from .read import LookNameError as LookNameError, read_look as read_look, read_preset as read_preset
+from .look_import import LookNameError as LookNameError, read_look as read_look, read_preset as read_preset

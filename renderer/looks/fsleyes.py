@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from renderer.looks.color_tables import even_look
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
-from renderer.looks.tables import even_look
 
 
 def read(file: LookFile) -> Look:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from renderer.looks.color_tables import even_look
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
-from renderer.looks.tables import even_look
 
 _HEADER, _HEADER_BYTES, _NUM_COLORS = b"ICOL", 32, 256
 # 256 colours alone, and what some programs append to them.

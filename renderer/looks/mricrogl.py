@@ -5,9 +5,9 @@ Opacities are for a voxel along the ray.
 
 from __future__ import annotations
 
+from renderer.looks.color_tables import table_look
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
-from renderer.looks.tables import table_look
 
 
 def read(file: LookFile) -> Look:

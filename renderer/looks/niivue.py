@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from renderer.looks.color_tables import labels_look, table_look
 from renderer.looks.label_tables import make_labels
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
-from renderer.looks.tables import labels_look, table_look
 
 # The alpha of labels, and of other colours, in a file without any; the first one is 0.
 _LABEL_ALPHA, _ALPHA = 255, 64

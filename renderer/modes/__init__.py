@@ -4,8 +4,8 @@ In: a scene's `ModeSpec`, its colours, and the volume. Out: a `Projection`, whic
 scene's transfer function, and turns what rays gathered into colours. Emission and absorption have none.
 
 - `projection.py`: what projections have in common; `table.py`: all of them by name.
-- `extremum.py`: the largest or smallest scalar of a ray, and where it is; `means.py`: mean and attenuation, which are
-  optical depths of other transfer functions.
+- `extremum.py`: the largest or smallest scalar of a ray, and where it is; `depth_averages.py`: mean and attenuation,
+  which are optical depths of other transfer functions.
 - `chords.py`: the lengths of rays inside the volume's box.
 """
 

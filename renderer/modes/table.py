@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from renderer.modes.depth_averages import Attenuation, Mean
 from renderer.modes.extremum import Extremum
-from renderer.modes.means import Attenuation, Mean
 from renderer.modes.projection import Projection
 from renderer.scene import ModeSpec
 from renderer.transfer import TransferFunction

@@ -4,13 +4,13 @@ In: a `VolumeSpec`. Out: `Volume`, one step in time or between two, cropped and 
 the format has them.
 Sizes are checked before memory is taken, and all compressed voxels with a checksum are compared with it.
 
-- `read.py` chooses the reader, crops and checks; `recent_images.py` keeps steps of DICOM; `nodata.py`: which voxels
-  have no data; `sniff.py` finds formats and volumes in folders; `foreign.py` names files that are not read, by
+- `volume_reading.py` chooses the reader, crops and checks; `recent_images.py` keeps steps of DICOM; `nodata.py`: which
+  voxels have no data; `sniff.py` finds formats and volumes in folders; `foreign.py` names files that are not read, by
   `foreign.tsv`; `headerless.py`: what the name of a file without a header tells of its voxels; `common.py`: the checks
-  that hold for all formats; `colors.py` joins the components of colours, and `segments.py` segments that overlap.
-- `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `mgh.py`, `mrc.py`, `arrays.py` (.npy, .npz, raw), `cube.py`: parsed
-  in Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and decompresses
-  voxels.
+  that hold for all formats; `voxel_colors.py` joins the components of colours, and `segments.py` segments that overlap.
+- `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `mgh.py`, `mrc.py`, `numpy_arrays.py` (.npy, .npz, raw), `cube.py`:
+  parsed in Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and
+  decompresses voxels.
 - `isolation.py`: a child process with limits for `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM), `vtk_image.py`,
   `hdf5.py` (h5py) and `pictures.py` (Pillow); `slice_names.py`: the order of slices in separate files;
   `orientation.py`: pictures that are turned.
@@ -19,13 +19,13 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
   `tiff_statements.py` and `tiff_ome.py`: what else fields of a page, and OME, state.
 - `vtk_arrays.py`: components, and masks of what is hidden; `vtk_text.py` checks the XML of an image.
 - `hdf5_image.py`: an image as a convention of HDF5 describes it, a file for each: `hdf5_cf.py` (netCDF, ilastik, any
-  dataset), `hdf5_nexus.py`, `hdf5_emd.py`, `hdf5_imaris.py`, `hdf5_bdv.py`; `hdf5_values.py`: what stored numbers
-  mean; `hdf5_objects.py`: groups, datasets and attributes.
-- `dicom_folder.py`: the files of one series, and strays; `dicom_tags.py`: fields that a search needs;
-  `dicom_kinds.py`: runs, tiles and files without pixels; `dicom_frames.py`: the frames of one file, by its fields,
-  `dicom_fields.py` and `dicom_orientation.py`; `dicom_values.py` and `dicom_pixels.py`: their values;
-  `dicom_mosaic.py`: slices side by side in one image; `dicom_places.py`: where frames lie; `dicom_dimensions.py`: times
-  and components among those at one place; `dicom_segments.py`: labels; `dicom_statements.py`: what else files state.
+  dataset), `hdf5_nexus.py`, `hdf5_emd.py`, `hdf5_imaris.py`, `hdf5_bdv.py`; `hdf5_values.py`: what stored numbers mean;
+  `hdf5_objects.py`: groups, datasets and attributes.
+- `dicom_folder.py`: the files of one series, and strays; `dicom_tags.py`: fields that a search needs; `dicom_kinds.py`:
+  runs, tiles and files without pixels; `dicom_frames.py`: the frames of one file, by its fields, `dicom_fields.py` and
+  `dicom_orientation.py`; `dicom_values.py` and `dicom_pixels.py`: their values; `dicom_mosaic.py`: slices side by side
+  in one image; `dicom_places.py`: where frames lie; `dicom_dimensions.py`: times and components among those at one
+  place; `dicom_segments.py`: labels; `dicom_statements.py`: what else files state.
 - `steps_in_time.py`: how many steps there are in time, and when; `tiff_times.py`: by ImageJ and OME.
 - `statements.py`: tables of the fields that change how voxels are understood, and the note on those that are not
   applied.

@@ -1,9 +1,4 @@
 from .common import are_colors as are_colors
-from .read import (
-    header_and_voxel_files as header_and_voxel_files,
-    mix_steps as mix_steps,
-    read_volume as read_volume,
-)
 from .sniff import (
     TIFF_SUFFIXES as TIFF_SUFFIXES,
     UnknownFormatError as UnknownFormatError,
@@ -16,3 +11,8 @@ from .sniff import (
     volumes_in as volumes_in,
 )
 from .steps_in_time import some_steps as some_steps
+from .volume_reading import (
+    header_and_voxel_files as header_and_voxel_files,
+    mix_steps as mix_steps,
+    read_volume as read_volume,
+)

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.arrays import axes_of_array
 from renderer.readers.common import NO_SPACING, affine, even_steps
 from renderer.readers.hdf5_objects import Dataset
 from renderer.readers.hdf5_values import Values, unpacked_line
+from renderer.readers.numpy_arrays import axes_of_array
 from renderer.readers.steps_in_time import TimeSteps, steps_at
 from renderer.readers.units import one_spelling
 from renderer.scene import short_text

@@ -4,14 +4,14 @@ In: a volume and its statistics. Out: `Suggestion`: the kind of data, and contro
 Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
 
 - `volume_suggestion.py` makes the suggestion; `unread.py`: of a volume that is still to be read, all of its channels
-  and its steps in time; `suggestion.py` is what it consists of, and hides outliers; `absent.py` chooses what voxels
+  and its steps in time; `suggestion.py` is what it consists of, and hides outliers; `fill_value.py` chooses what voxels
   without data count as.
 - `histogram.py`: range, histogram; `isolated.py`: hot and dead pixels, which are set aside; `percentiles.py`: exact
   ranks.
 - `features.py`: a sample of the voxels, its background and noise; `padding.py`: zeros at the border, which are no
   background; `classes.py`: thresholds and materials; `medium.py`: what surrounds the object evenly; `separation.py`:
   the object, and planes that clip away what lies around it.
-- `recognition.py` chooses by the kind of data; `level_sets.py`: distances and the like; `labels.py`: masks and
+- `recognition.py` chooses by the kind of data; `level_sets.py`: distances and the like; `label_volume.py`: masks and
   segmentations, in the colours of `palette.py`; `wishes.py`: a suggestion steered by a word, a preset or a file.
 - `presets.py`: layers and colours for each kind of data; `opacity_calibration.py`: how dense they are, so that each has
   its part of the picture; `opacity.py`: depths as opacities.
@@ -20,7 +20,7 @@ Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
   open.
 - `matching.py`: how the values of one scan become those of another, by their histograms.
 - `over.py`: two volumes, one over the other; its weights are searched by `opacity_calibration.py`.
-- `turntable.py`: the defaults of the film around it.
+- `film_options.py`: the defaults of the film around it.
 """
 
 import lazy_loader

@@ -1,3 +1,4 @@
+from .film_options import PRESET_WORDS as PRESET_WORDS, FilmOptions as FilmOptions
 from .histogram import (
     Statistics as Statistics,
     compute_statistics as compute_statistics,
@@ -11,7 +12,6 @@ from .over import suggest_over as suggest_over
 from .padding import drawn_background as drawn_background
 from .recognition import hounsfield_zero as hounsfield_zero
 from .suggestion import Suggestion as Suggestion
-from .turntable import PRESET_WORDS as PRESET_WORDS, FilmOptions as FilmOptions
 from .unread import suggest_for as suggest_for
 from .volume_suggestion import (
     VolumeSuggestion as VolumeSuggestion,

@@ -12,7 +12,7 @@ from renderer.scene import format_value
 from renderer.suggest import features
 from renderer.suggest.classes import foreground_threshold
 from renderer.suggest.histogram import compute_statistics
-from renderer.suggest.labels import label_values
+from renderer.suggest.label_volume import label_values
 from renderer.suggest.padding import without_padding
 from renderer.volume import Float64, Volume
 

@@ -9,7 +9,7 @@ import numpy as np
 from renderer.scene import Color, VolumeSpec, raise_problems, volume_extent, volume_problems
 from renderer.suggest.channels import ReadVolume
 from renderer.suggest.features import VoxelSample, sample_volume
-from renderer.suggest.labels import number_sample
+from renderer.suggest.label_volume import number_sample
 from renderer.suggest.opacity_calibration import balance, cast_through, depths_along
 from renderer.suggest.palette import to_lab
 from renderer.suggest.separation import Plane, are_beyond

@@ -25,12 +25,12 @@ from renderer.scene import (
     VolumeSpec,
 )
 from renderer.suggest import features
-from renderer.suggest.absent import suggest_fill
 from renderer.suggest.channels import ReadVolume
 from renderer.suggest.features import VoxelSample
+from renderer.suggest.fill_value import suggest_fill
 from renderer.suggest.histogram import Statistics, compute_statistics
 from renderer.suggest.label_choice import NO_LABELS, KnownLabels, table_of
-from renderer.suggest.labels import distinct_values, label_suggestion, label_values
+from renderer.suggest.label_volume import distinct_values, label_suggestion, label_values
 from renderer.suggest.opacity import format_number, format_percent, opacity_from_depth, opacity_unit_length
 from renderer.suggest.opacity_calibration import cast_rays, measure_visibility, solve_depths
 from renderer.suggest.padding import without_padding

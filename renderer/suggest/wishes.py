@@ -19,11 +19,11 @@ from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, ControlPoint, Trans
 from renderer.suggest import features
 from renderer.suggest.classes import foreground_threshold, material_edges, otsu_threshold, top_value
 from renderer.suggest.features import VoxelSample
+from renderer.suggest.film_options import PRESET_WORDS
 from renderer.suggest.opacity_calibration import Layer
 from renderer.suggest.presets import OPAQUE_COVERAGE, RAMP, SHADING, STONE, Choice, Preset, glow_preset, opaque_preset
 from renderer.suggest.recognition import offset_text
 from renderer.suggest.suggestion import LEAST_OPACITY, Suggestion, transparent_between
-from renderer.suggest.turntable import PRESET_WORDS
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ Emission and absorption by Max 1995: tau = -log1p(-opacity) / unit, where `unit`
 
 - `transfer_function.py`: control points to extinctions, exactly; the min-max test, whether anything between two scalars
   shows; `piecewise.py`: tables of linear pieces.
-- `light_grid.py`: the type of the light grid, whose factors `renderer.lighting` computes.
+- `light_factors.py`: the type of the light grid, whose factors `renderer.lighting` computes.
 - `classify.py`: the tables by which voxels get colours and extinctions, and the light on them.
 
 A transfer function has four forms here. `TransferFunction` has the control points of the scene, in its units.

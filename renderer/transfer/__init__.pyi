@@ -5,7 +5,7 @@ from .classify import (
     raw_voxels as raw_voxels,
     toward_light as toward_light,
 )
-from .light_grid import (
+from .light_factors import (
     NO_LIGHT_GRID as NO_LIGHT_GRID,
     LightGrid as LightGrid,
     make_light_grid as make_light_grid,

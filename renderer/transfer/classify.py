@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene import ShadingSpec
-from renderer.transfer.light_grid import NO_LIGHT_GRID, LightGrid
+from renderer.transfer.light_factors import NO_LIGHT_GRID, LightGrid
 from renderer.transfer.piecewise import TransferTable
 from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints
 from renderer.volume import Float32, Float64, UInt8, Volume

@@ -7,7 +7,7 @@ order of convergence (Etiene et al. 2014).
 
 - `scene_rays.py`: the rays of a scene, in the colours of its mode, and the search for the largest scalar of a ray.
 - `integrator.py`: pixels to rays in each layer's grid, and steps halved until they converge; `optics.py`: layers, their
-  transfer functions and their light, as kernels take them; `clipping.py`: the parts of rays that clipping leaves.
+  transfer functions and their light, as kernels take them; `kept_parts.py`: the parts of rays that clipping leaves.
 - In the kernels: `truth_integral.cpp`, one ray through all layers; `truth_layer.h`, its pieces in one layer;
   `truth_extremum.cpp`, its largest scalar; `truth_cells.h`, the cells along a ray; `truth_cells.cpp`, the voxels at
   their corners; `truth_cubic.h`, the field along a ray through a cell is a cubic polynomial; `truth_labels.h`, the

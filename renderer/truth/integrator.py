@@ -27,7 +27,7 @@ from renderer.errors import RenderError
 from renderer.kernels import ThreadPool, kernels
 from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.truth.clipping import RemovedSet, kept_parts, removed_sets
+from renderer.truth.kept_parts import RemovedSet, kept_parts, removed_sets
 from renderer.truth.optics import TrueLayer, optics_of
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume

@@ -9,7 +9,7 @@ clipped; the order of the splats or bricks that it sees, and their place on the 
 - `splat_projection.py` leaves out the splats that a view does not see, and sorts the others. `order_blending.py`:
   splats are drawn in several orders, and blended, while a turning camera passes from one to the other.
 - `brick_projection.py`: the bricks that a view sees, their rectangles on the image, and the rays that meet them.
-- `clipping.py`: the scene's clip planes and boxes where the rays of bricks are.
+- `clip_slabs.py`: the scene's clip planes and boxes where the rays of bricks are.
 - `depth_order.py`: back to front, of points by depth and of octree nodes as boxes (Laur and Hanrahan 1991).
 """
 

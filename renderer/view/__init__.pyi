@@ -5,7 +5,7 @@ from .brick_projection import (
     visible_bricks as visible_bricks,
 )
 from .camera import View as View
-from .clipping import (
+from .clip_slabs import (
     ClipRegion as ClipRegion,
     are_clipped_away as are_clipped_away,
     are_near_faces as are_near_faces,

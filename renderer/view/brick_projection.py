@@ -16,7 +16,7 @@ from renderer.bricks import BRICK_LEVELS, BrickBatch
 from renderer.kernels import kernels
 from renderer.scene import ClipSpec
 from renderer.view.camera import View
-from renderer.view.clipping import ClipRegion, are_clipped_away, place_clips
+from renderer.view.clip_slabs import ClipRegion, are_clipped_away, place_clips
 from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import model_view
 from renderer.volume import Float64, UInt32, Volume

@@ -7,7 +7,7 @@ In: voxels [z, y, x] and an affine. Out: `Volume`, read-only. Voxels of large fi
 - `channel.py`: what a file tells of one of its components; `label.py`: of the voxels with one value.
 - `mask.py`: where another volume shows one.
 - `mapped_file.py`: voxels that stay in their file; `truncation_guard.py`: files that become shorter meanwhile.
-- `parts.py`: the connected parts of a grid of cells.
+- `connected_parts.py`: the connected parts of a grid of cells.
 - `arrays.py`: names for types of arrays, for all rooms; what blocks of arrays reduce to.
 """
 

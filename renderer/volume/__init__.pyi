@@ -11,6 +11,7 @@ from .arrays import (
     reduce_blocks as reduce_blocks,
 )
 from .channel import Channel as Channel
+from .connected_parts import grow as grow, label_parts as label_parts
 from .label import Label as Label
 from .mapped_file import (
     MappedFile as MappedFile,
@@ -18,7 +19,6 @@ from .mapped_file import (
     iter_slabs as iter_slabs,
 )
 from .mask import MaskGrid as MaskGrid, meet_mask as meet_mask
-from .parts import grow as grow, label_parts as label_parts
 from .truncation_guard import guard_mapping as guard_mapping
 from .volume import (
     Volume as Volume,

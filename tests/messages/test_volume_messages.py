@@ -196,7 +196,7 @@ def raising(error: Exception):
         ("os.access", lambda *_: False, "no permission to read this"),  # root may read everything
         ("numpy.memmap", raising(OSError(5, "Input/output error")), "cannot read this file\n  got: Input/output error"),
         (
-            "renderer.readers.read._load",
+            "renderer.readers.volume_reading._load",
             raising(MemoryError()),
             "there is not enough memory for this volume\n  hint: `crop` it, or render on a larger machine",
         ),

@@ -41,7 +41,7 @@ SOURCES = {_module(path): path for package in ORDER for path in sorted((ROOT / p
 
 
 def _room(module: str) -> str:
-    """`renderer.draw` of `renderer.draw.gl.raster`; the package of a module that is in no room.
+    """`renderer.draw` of `renderer.draw.gl.splat_rasterizer`; the package of a module that is in no room.
 
     Of the door of `renderer` it is the API, whose names it has.
     """

@@ -15,8 +15,8 @@ from small_scene import small_tree
 from renderer.errors import SceneError
 from renderer.readers import read_volume
 from renderer.scene import ClipSpec, PlaneSpec, Scene, parse_scene
-from renderer.truth.clipping import kept_parts
 from renderer.truth.integrator import rays_through_pixels
+from renderer.truth.kept_parts import kept_parts
 from renderer.view import View, are_clipped_away, place_clips, visible_bricks
 from renderer.volume import Bools, Float64, Volume
 

@@ -15,7 +15,7 @@ from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import ArraySource, FileSource, VolumeSpec
 from renderer.suggest import compute_statistics, suggest
-from renderer.suggest.absent import suggest_fill
+from renderer.suggest.fill_value import suggest_fill
 from renderer.volume import Volume
 
 Array = npt.NDArray[Any]

@@ -12,7 +12,7 @@ from hypothesis import given, strategies as st
 from renderer.errors import InputError
 from renderer.readers import common, read_volume
 from renderer.readers.common import Image
-from renderer.readers.read import crop_image
+from renderer.readers.volume_reading import crop_image
 from renderer.scene import ProceduralSource, RawSource, VolumeSpec
 from renderer.volume import Volume, make_volume
 from tests.support.dicom_files import image_fields, save

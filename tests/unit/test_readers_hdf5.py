@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from renderer.readers import read as reading
+from renderer.readers import volume_reading as reading
 from tests.support.volume_files import ramp, read, refused, written
 
 pytestmark = pytest.mark.usefixtures("one_process")

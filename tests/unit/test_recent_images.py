@@ -9,7 +9,7 @@ import pytest
 from dicom_files import NORMAL, write_series
 from volume_files import read
 
-from renderer.readers import read as reading
+from renderer.readers import volume_reading as reading
 from renderer.readers.common import Image
 from renderer.readers.recent_images import RecentImages
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from hsplat_cli.executors.options import ADDRESSES
+from hsplat_cli.executors.drawing_options import ADDRESSES
 from renderer.errors import InputError
 
 if TYPE_CHECKING:

@@ -63,7 +63,7 @@ struct TransferTable {
     double buckets_per_unit;
 };
 
-// As in renderer/transfer/light_grid.py.
+// As in renderer/transfer/light_factors.py.
 struct LightGrid {
     Array<const float, 3> occlusion, shadow;
     Array<const int32_t, 1> corners;
@@ -258,7 +258,7 @@ KERNEL(extrapolate_border, ExtrapolateBorder)
 
 // ---- view
 
-// As in renderer/view/clipping.py.
+// As in renderer/view/clip_slabs.py.
 struct ClipRegion {
     Sized<const double, 2, 8> slabs;
     Sized<const double, 3, 3, 8> boxes;
@@ -490,7 +490,7 @@ struct RayShading {
     LightGrid grid;
 };
 
-// As in renderer/truth/clipping.py.
+// As in renderer/truth/kept_parts.py.
 struct RemovedSet {
     double own_from_index[12], world_from_own[9], low[3], high[3];
 };

@@ -1,4 +1,4 @@
-// How much of the light reaches each place (LightGrid in renderer/transfer/light_grid.py).
+// How much of the light reaches each place (LightGrid in renderer/transfer/light_factors.py).
 #pragma once
 #include "kernels.h"
 

@@ -7,7 +7,7 @@ from collections.abc import Generator, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from hsplat_cli.executors.options import ExecutorSpec
+from hsplat_cli.executors.drawing_options import ExecutorSpec
 from hsplat_cli.terminal import Reporter
 from renderer.job import DrawnFrame, Executor, FilmPlan, open_local_executor
 from renderer.scene import MetricTarget, Scene

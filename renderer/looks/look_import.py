@@ -10,10 +10,10 @@ from typing import Any
 
 from renderer.errors import InputError, closest_match
 from renderer.looks import fsleyes, imagej, inviwo, mricrogl, niivue, paraview, slicer, voreen
+from renderer.looks.color_tables import labels_look
 from renderer.looks.label_tables import LABEL_FORMATS, LabelReader, Sign, any_content
 from renderer.looks.look import MAX_LOOK_POINTS, Look, Looks
 from renderer.looks.look_file import LookFile
-from renderer.looks.tables import labels_look
 
 Importer = Callable[[LookFile], Look | Looks]
 

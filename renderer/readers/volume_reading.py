@@ -14,13 +14,13 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers import common
-from renderer.readers.colors import join_colors
 from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.recent_images import FileMarks, RecentImages, marks_of
 from renderer.readers.sniff import find_format, find_volume
 from renderer.readers.steps_in_time import TimeSteps, some_steps
 from renderer.readers.units import units_of
+from renderer.readers.voxel_colors import join_colors
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text, values_at
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
@@ -205,7 +205,7 @@ def _load(spec: VolumeSpec, time: int | None) -> common.Image:
         values = source.values.view()
         values.flags.writeable = False  # the array is never changed
     elif isinstance(source, RawSource):
-        from renderer.readers.arrays import map_raw
+        from renderer.readers.numpy_arrays import map_raw
 
         values = map_raw(source)
     else:
@@ -216,7 +216,7 @@ def _load(spec: VolumeSpec, time: int | None) -> common.Image:
 
 
 # The modules of readers that are not named after their format: `nrrd.py` has `read_nrrd`, and so on.
-_MODULES = {"npy": "arrays", "npz": "arrays", "vtk": "vtk_image"}
+_MODULES = {"npy": "numpy_arrays", "npz": "numpy_arrays", "vtk": "vtk_image"}
 # Formats that large libraries parse are read in a child process.
 _ISOLATED = ("tiff", "dicom", "vtk", "hdf5", "pictures")
 

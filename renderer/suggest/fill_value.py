@@ -7,7 +7,7 @@ import numpy as np
 from renderer.suggest import features
 from renderer.suggest.features import VoxelSample
 from renderer.suggest.histogram import Statistics
-from renderer.suggest.labels import label_values
+from renderer.suggest.label_volume import label_values
 from renderer.suggest.level_sets import is_level_set_interior
 from renderer.volume import Volume
 
