@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.kernels import ThreadPool, kernels
-from renderer.volume import Bools, Float32
+from renderer.volume import Float32, Int32
 
 
 def grid_size(size: tuple[int, int], stride: int) -> tuple[int, int]:
@@ -29,15 +29,15 @@ def upsample(grid: Float32, stride: int, size: tuple[int, int], threads: ThreadP
 
 def refine_grid(
     grid: Float32, factor: int, difference_threshold: float, shape: tuple[int, int], threads: ThreadPool
-) -> tuple[Float32, Bools]:
+) -> tuple[Float32, Int32]:
     """Return a finer grid of `shape` (columns, rows), float32 [rows, columns, 4], and which pixels of it to draw.
 
     grid: [h, w, 4], every `factor`-th pixel of it. Pixels to draw are 0: they lie between four pixels that differ by
     more than `difference_threshold`, as ScreenSampling says. Others are bilinear.
     """
-    image, is_drawn = np.empty((shape[1], shape[0], 4), np.float32), np.empty((shape[1], shape[0]), np.bool_)
+    image, places = np.empty((shape[1], shape[0], 4), np.float32), np.empty((shape[1], shape[0]), np.int32)
     refine = kernels().refine_rows.partial(
-        grid=grid, factor=factor, image=image, threshold=difference_threshold, is_drawn=is_drawn
+        grid=grid, factor=factor, image=image, threshold=difference_threshold, places=places
     )
     threads.for_rows(lambda first, end: refine(first_row=first, end_row=end), image)
-    return image, is_drawn
+    return image, places

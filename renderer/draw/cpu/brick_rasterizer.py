@@ -30,7 +30,7 @@ from renderer.kernels import ThreadPool, kernels
 from renderer.scene import FACE_DEPTH
 from renderer.system import MemoryShare
 from renderer.view import RaySetup, View
-from renderer.volume import Bools, Float32, Float64, Int64, UInt32
+from renderer.volume import Float32, Float64, Int32, Int64, UInt32
 
 # Each task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
@@ -38,6 +38,9 @@ _TASKS_PER_THREAD = 4
 _NO_END = float(np.finfo(np.float32).max)
 # Bytes of each atlas, as of `needed_bytes`, by the identities of layers.
 Shares = dict[int, list[int]]
+
+
+AA = {"contrast": None, "spread": 0.2, "n": 2, "n2": 4, "rounds": 1}
 
 
 class BrickRasterizer(Rasterizer):
@@ -86,15 +89,17 @@ class BrickRasterizer(Rasterizer):
         if sum(len(order) > 0 for order in orders) > 1 and not is_additive:
             parts = [_mixed_part(caches, views, sampling.termination_alpha)]
         columns, rows = grid_size(view.size, sampling.strides[0])
-        image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
-        self._draw_parts(parts, sampling.strides[0], is_drawn, image)
+        image = np.zeros((rows, columns, 4), np.float32)
+        places = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+        self._draw_parts(parts, sampling.strides[0], places, image)
         for coarse, stride in pairwise(sampling.strides):
-            image, is_drawn = refine_grid(
+            image, places = refine_grid(
                 image, coarse // stride, sampling.difference_threshold, grid_size(view.size, stride), self.threads
             )
-            self._draw_parts(parts, stride, is_drawn, image)
+            self._draw_parts(parts, stride, places, image)
         stride = sampling.strides[-1]
         image = image if stride == 1 else upsample(image, stride, view.size, self.threads)
+        self._antialias(parts, image)
         if is_additive:
             brightest = np.minimum(image[..., :3].max(axis=2), np.float32(1))
             image[..., 3] = np.maximum(-np.expm1(-image[..., 3]), brightest)
@@ -127,10 +132,48 @@ class BrickRasterizer(Rasterizer):
             for has, of_atlas, could_have in zip(cache.num_bytes, drawn[number], shares[number], strict=True)
         )
 
-    def _draw_parts(self, parts: Sequence[_Part], stride: int, is_drawn: Bools, image: Float32) -> None:
+    def _antialias(self, parts, image) -> None:
+        import time
+        if AA["contrast"] is None:
+            return
+        done = np.zeros(image.shape[:2], np.bool_)
+        marked = np.zeros(image.shape[:2], np.bool_)
+        AA["log"] = log = []
+        spread = []
+        for _ in range(AA["rounds"]):
+            mark = kernels().mark_contrasts.partial(image=image, threshold=AA["contrast"], is_marked=marked)
+            self.threads.for_rows(lambda first, end: mark(first_row=first, end_row=end), image)
+            marked &= ~done
+            pixels = np.flatnonzero(marked)
+            log.append(len(pixels))
+            if len(pixels) == 0:
+                break
+            done |= marked
+            differ = self._draw_rays(parts, image, pixels, AA["n"], AA["spread"])
+            spread.append(pixels[differ])
+        if AA["n2"]:
+            pixels = np.sort(np.concatenate(spread)) if spread else np.zeros(0, np.int64)
+            log.append(-len(pixels))
+            if len(pixels):
+                self._draw_rays(parts, image, pixels, AA["n2"], 1.0)
+
+    def _draw_rays(self, parts, image, pixels, across, threshold):
+        places = np.full(image.shape[:2], -1, np.int32)
+        places.reshape(-1)[pixels] = np.arange(len(pixels), dtype=np.int32) * across**2
+        rays = np.zeros((len(pixels) * across**2, 4), np.float32)
+        self._draw_parts(parts, 1, places, rays, across)
+        differ = np.zeros(len(pixels), np.bool_)
+        kernels().average_rays(
+            rays=rays, num_rays=across**2, pixels=pixels, threshold=threshold, image=image.reshape(-1, 4), differ=differ
+        )
+        return differ
+
+    def _draw_parts(self, parts: Sequence[_Part], stride: int, places: Int32, image: Float32, rays_across: int = 1) -> None:
         """Draw parts of a picture, one under the other, each in bands of tiles whose bricks have slots at once."""
         for part in parts:
-            grid = make_grid(part.rectangles_px, stride, is_drawn, image, is_mixture=len(part.views) > 1)
+            grid = make_grid(
+                part.rectangles_px, stride, places, image.reshape(-1, 4), rays_across=rays_across, is_mixture=len(part.views) > 1
+            )
             bands, first_use = plan_bands(grid["starts"], grid["numbers"], len(part.members), part.have_slots)
             part.plan(first_use)
             for tiles, met, next_use in bands:

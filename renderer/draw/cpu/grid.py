@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from renderer.kernels import kernels
-from renderer.volume import Bools, Float32, Float64
+from renderer.volume import Float32, Float64, Int32
 
 # Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
 # of tiles of 64 do not fit into the cache.
@@ -18,7 +18,7 @@ _EDGE_ROUNDING_PX = 2e-3
 
 
 def make_grid(
-    rectangles_px: Float64, stride: int, is_drawn: Bools, image: Float32, *, is_mixture: bool = False
+    rectangles_px: Float64, stride: int, places: Int32, rays: Float32, *, rays_across: int = 1, is_mixture: bool = False
 ) -> dict[str, Any]:
     """Return a grid of pixels into which bricks are drawn, in tiles: Grid in kernels.h.
 
@@ -30,10 +30,13 @@ def make_grid(
     is_drawn: [rows, columns], the pixels of the grid that are drawn. image: float32 [rows, columns, 4], premultiplied
         RGBA.
     """
-    shape = is_drawn.shape[1], is_drawn.shape[0]
+    shape = places.shape[1] * rays_across, places.shape[0] * rays_across
     side = TILE_SIDE if stride == 1 and not is_mixture else SMALL_TILE_SIDE
-    low = np.ceil((rectangles_px[:, :2] - 0.5 - _EDGE_ROUNDING_PX) / stride)
-    high = np.floor((rectangles_px[:, 2:] - 0.5 + _EDGE_ROUNDING_PX) / stride) + 1
+    step, first = stride / rays_across, 0.5 / rays_across
+    beyond = _EDGE_ROUNDING_PX + (0.5 - first) * first * 2
+    side = side // rays_across * rays_across
+    low = np.ceil((rectangles_px[:, :2] - first - beyond) / step)
+    high = np.floor((rectangles_px[:, 2:] - first + beyond) / step) + 1
     rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
     rectangles[(rectangles[:, :2] >= rectangles[:, 2:]).any(axis=1)] = 0
     tile_windows = np.hstack([rectangles[:, :2] // side, -(-rectangles[:, 2:] // side)])
@@ -44,6 +47,6 @@ def make_grid(
         tile_windows=tile_windows, num_columns=num_columns, num_rows=num_rows, starts=starts, numbers=numbers
     )
     return {
-        "side": side, "stride": stride, "rectangles": rectangles, "starts": starts[:-1], "numbers": numbers,
-        "is_drawn": is_drawn, "image": image,
+        "side": side, "stride": stride, "rays_across": rays_across, "rectangles": rectangles, "starts": starts[:-1], "numbers": numbers,
+        "places": places, "rays": rays,
     }  # fmt: skip

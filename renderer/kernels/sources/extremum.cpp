@@ -22,11 +22,9 @@ constexpr float MIN_EXTENT = 1e-12;
 constexpr int BRICKS_BETWEEN_LOOKS = 4;
 
 // The least number that the pixels in a window have found.
-float least_found(Window window, const Tile& tile) {
+float least_found(int64_t num_rays, const Tile& tile) {
     float found = NEVER;
-    for (int64_t row = 0; row < window.bottom - window.top; row++)
-        for (int64_t column = 0; column < window.right - window.left; column++)
-            found = least(found, tile.found[row * tile.side + column]);
+    for (int64_t ray = 0; ray < num_rays; ray++) found = least(found, tile.found[ray]);
     return found;
 }
 
@@ -202,25 +200,26 @@ void search_spans(const Texels& texels, const DrawExtremes& search, double nearn
 // Search the bricks over a tile. Return whether it was finished.
 bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
     const Grid& grid = search.grid;
-    const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
+    const Array<float, 1> pixels = {grid.rays.data, {grid.rays.size()}};
     const double* forward = search.forward;
     bool by_depth = forward[0] != 0.0 || forward[1] != 0.0 || forward[2] != 0.0;
     Window window = window_of(grid, number);
-    set_up_rays(grid, search.rays, window, tile, 0);
+    int64_t num_rays = set_up_rays(grid, search.rays, window, tile, 0);
+    if (num_rays == 0) return true;
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
         if (is_stopped()) return false;
         int64_t brick = grid.numbers[k];
         if (search.texel_offsets[brick] < 0) continue;
         float limit = least((float)search.tops[brick] - search.slack, search.ceiling);
         bool is_look = search.is_sorted && (k - grid.starts[number]) % BRICKS_BETWEEN_LOOKS == 0;
-        if (is_look && least_found(window, tile) >= limit) break;
+        if (is_look && least_found(num_rays, tile) >= limit) break;
         Box box = box_of(search.boxes, brick);
         double nearer = 0.0;
         for (int axis = 0; axis < 3; axis++) nearer += forward[axis] * (box.corner[axis] - TEXEL_OFFSET);
         double nearness = by_depth ? 0.5 + nearer : 0.0;
         Texels texels = rest_of(search.scalars, search.texel_offsets[brick]);
         for_spans(
-            box, search.rays, covered_by(grid, brick, window), tile,
+            box, search.rays, segments_of(grid, covered_by(grid, brick, window), window, tile, num_rays), tile,
             [&](ClippedFloats found) { return mask_of(found < limit); },
             [&](const auto& along, Range range, ClippedMask hit, int64_t) __attribute__((always_inline)) {
                 return span_of(box, along, range, hit);

@@ -354,7 +354,7 @@ struct RefineRows {
     Sized<float, 3, 4> image;
     int64_t factor, first_row, end_row;
     float threshold;
-    Array<bool, 2> is_drawn;
+    Array<int32_t, 2> places;
 };
 KERNEL(refine_rows, RefineRows)
 
@@ -378,13 +378,33 @@ struct DrawLines {
 };
 KERNEL(draw_lines, DrawLines)
 
+struct MarkContrasts {
+    Sized<const float, 3, 4> image;
+    float threshold;
+    int64_t first_row, end_row;
+    Array<bool, 2> is_marked;
+};
+KERNEL(mark_contrasts, MarkContrasts)
+
+struct AverageRays {
+    Sized<const float, 2, 4> rays;
+    int64_t num_rays;
+    Array<const int64_t, 1> pixels;
+    float threshold;
+    Sized<float, 2, 4> image;
+    Array<bool, 1> differ;
+};
+KERNEL(average_rays, AverageRays)
+
 // As in the files of renderer/draw/cpu/, and so are those that follow it.
 struct Grid {
-    int64_t side, stride;
+    int64_t side;
+    int64_t stride;
+    int64_t rays_across;
     Sized<const int64_t, 2, 4> rectangles;
     Array<const int64_t, 1> starts, numbers;
-    Array<const bool, 2> is_drawn;
-    Sized<float, 3, 4> image;
+    Array<const int32_t, 2> places;
+    Sized<float, 2, 4> rays;
 };
 
 // As ShadingSpec in renderer/scene/shading_section.py.

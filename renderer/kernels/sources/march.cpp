@@ -151,9 +151,10 @@ bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
     const Grid& grid = scene.grid;
     const RaySetup& rays = scene.bricks.rays;
     const auto& boxes = scene.bricks.boxes;
-    const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
+    const Array<float, 1> pixels = {grid.rays.data, {grid.rays.size()}};
     Window window = window_of(grid, number);
-    set_up_rays(grid, rays, window, tile, 3);
+    int64_t num_rays = set_up_rays(grid, rays, window, tile, 3);
+    if (num_rays == 0) return true;
     for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
         if (is_stopped()) return false;
         if (grid.stride > 1 && k + 1 < grid.starts[number + 1]) {
@@ -168,7 +169,7 @@ bool draw_tile(const DrawTiles& scene, ShownLayers& shown, const Tile& tile, int
         Box box = box_of(boxes, brick);
         auto march_brick = march_of(shown);
         for_spans(
-            box, rays, covered_by(grid, brick, window), tile,
+            box, rays, segments_of(grid, covered_by(grid, brick, window), window, tile, num_rays), tile,
             [&](ClippedFloats alphas) { return mask_of(alphas <= scene.termination_alpha); },
             [&](const auto&... clipped) __attribute__((always_inline)) { return span_of(box, tile, clipped...); },
             [&](int64_t num) { march_brick(scene, shown, brick, box, num, tile, pixels); });

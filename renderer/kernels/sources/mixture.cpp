@@ -127,16 +127,15 @@ struct Mixture {
             Ints row = lane_numbers<Ints>() / WIDTH + (int32_t)(window.top + p / across() * HEIGHT);
             packet.alpha = in_all<Floats>(NEVER);
             for (int lane = 0; lane < LANES; lane++)
-                if (column[lane] < window.right && row[lane] < window.bottom && grid.is_drawn(row[lane], column[lane]))
+                if (column[lane] < window.right && row[lane] < window.bottom && place_of(grid, row[lane], column[lane]) >= 0)
                     packet.alpha[lane] = 0.0f, packet.is_alive = true;
             if (!packet.is_alive) continue;
-            column *= stride, row *= stride;
-            Ints whole = column * (int32_t)JITTER_PER_PX[0] + row * (int32_t)JITTER_PER_PX[1];
+            Ints whole = column * stride * (int32_t)JITTER_PER_PX[0] + row * stride * (int32_t)JITTER_PER_PX[1];
             packet.jitter = to_float32(whole >> 8 & 0xFFFFFF) / 16777216.0f - 0.5f;
             for (int64_t group = 0; group < scene.groups.shape[0]; group++) {
                 const RaySetup& setup = scene.groups[group].rays;
-                Wide x = __builtin_convertvector(column, Wide) + 0.5 - setup.center_px[0];
-                Wide y = __builtin_convertvector(row, Wide) + 0.5 - setup.center_px[1];
+                Wide x = position_px<Wide>(grid, column, row, 1.0) - setup.center_px[0];
+                Wide y = position_px<Wide>(grid, row, column, -1.0) - setup.center_px[1];
                 Wide square = setup.slope_per_px * setup.slope_per_px * (x * x + y * y);
                 packet.length_per_depth = __builtin_convertvector(root(1.0 + square), Floats);
                 PacketRays& of = rays[group * packets.shape[0] + p];
@@ -277,9 +276,11 @@ struct Mixture {
             for (int lane = 0; lane < LANES; lane++) {
                 int64_t column = window.left + p % across() * WIDTH + lane % WIDTH;
                 int64_t row = window.top + p / across() * HEIGHT + lane / WIDTH;
-                if (column >= window.right || row >= window.bottom || !grid.is_drawn(row, column)) continue;
+                if (column >= window.right || row >= window.bottom) continue;
+                int64_t place = place_of(grid, row, column);
+                if (place < 0) continue;
                 const float pixel[4] = {r[lane], g[lane], b[lane], alpha[lane]};
-                for (int channel = 0; channel < 4; channel++) grid.image(row, column, channel) = pixel[channel];
+                for (int channel = 0; channel < 4; channel++) grid.rays(place, channel) = pixel[channel];
             }
         }
     }

@@ -43,17 +43,19 @@ struct Tile {
     int64_t side, room, num_boxes;
     Buffer<double> rays, bounds, removed;
     Buffer<float> found, spans;
-    Buffer<int64_t> places, counts;
-    Buffer<int32_t> pixels, order;
+    Buffer<int64_t> places, counts, row_starts;
+    Buffer<int32_t> pixels, order, rows, columns;
 
     Tile(const Grid& grid, const RaySetup& setup, int64_t largest)
         : side(grid.side), room(side * side + most(LANES, CLIPPED)),
           num_boxes(setup.clip.exists ? setup.clip.value.boxes.shape[0] : 0), rays(RAY_FLOATS * room),
           bounds(2 * room), removed(2 * num_boxes * room), found(room), spans(SPAN_FLOATS * room), places(room),
-          counts(largest + 2), pixels(room), order(room) {}
+          counts(largest + 2), row_starts(side + 1), pixels(room), order(room),
+          rows(room), columns(room) {}
 
     explicit operator bool() const {
-        return rays && bounds && removed && found && spans && places && counts && pixels && order;
+        return rays && bounds && removed && found && spans && places && counts && row_starts && pixels && order && rows &&
+            columns;
     }
 };
 
@@ -77,8 +79,8 @@ INLINE Along ray_along(const Tile& tile, int64_t pixel, int axis) {
 }
 
 // The jitter of pixels, from 0 to 1, as in renderer/bricks/sampling.py.
-INLINE Doubles jitter_of(ClippedInts column, int32_t row) {
-    ClippedInts whole = column * (int32_t)JITTER_PER_PX[0] + (int32_t)((uint32_t)row * JITTER_PER_PX[1]);
+INLINE Doubles jitter_of(ClippedInts column, ClippedInts row) {
+    ClippedInts whole = column * (int32_t)JITTER_PER_PX[0] + row * (int32_t)JITTER_PER_PX[1];
     return __builtin_convertvector(whole >> 8 & 0xFFFFFF, Doubles) / 16777216.0;
 }
 
@@ -156,15 +158,54 @@ INLINE void clip_rays(const ClipRegion& clip, double start, const Tile& tile, in
     }
 }
 
-// Set up the rays of the pixels in a window, and what is in a channel of the image there.
-INLINE void set_up_rays(const Grid& grid, const RaySetup& rays, Window window, const Tile& tile, int channel) {
+// Where the ray of a row and a column of a grid is in the picture, along one axis, in pixels.
+//
+// The rays of a pixel are a grid whose rows and columns are sheared, so that no two of them are in line: an edge along an
+// axis passes them one after the other.
+template <class V, class Ints>
+INLINE V position_px(const Grid& grid, Ints along, Ints across, double shear) {
+    double per_ray = 1.0 / (double)grid.rays_across, step = (double)grid.stride * per_ray;
+    V shift = (__builtin_convertvector(across % (int32_t)grid.rays_across, V) + 0.5) * per_ray - 0.5;
+    return __builtin_convertvector(along, V) * step + 0.5 * per_ray + shear * per_ray * shift;
+}
+
+// The place of a ray in the rays of a grid, below 0 where it is not drawn.
+INLINE int64_t place_of(const Grid& grid, int64_t row, int64_t column) {
+    int64_t across = grid.rays_across;
+    if (across == 1) return grid.places(row, column);
+    int64_t first = grid.places(row / across, column / across);
+    return first < 0 ? first : first + row % across * across + column % across;
+}
+
+// List the rays of a window that are drawn, pixel by pixel, and what is in a channel of them. Return how many there are.
+INLINE int64_t list_rays(const Grid& grid, Window window, const Tile& tile, int channel) {
+    int64_t across = grid.rays_across, num = 0;
+    for (int64_t row = window.top / across; row * across < window.bottom; row++) {
+        tile.row_starts[row - window.top / across] = num;
+        for (int64_t column = window.left / across; column * across < window.right; column++) {
+            int64_t first = grid.places(row, column);
+            if (first < 0) continue;
+            for (int64_t ray = 0; ray < across * across; ray++, num++) {
+                tile.rows[num] = (int32_t)(row * across + ray / across);
+                tile.columns[num] = (int32_t)(column * across + ray % across);
+                tile.places[num] = 4 * (first + ray);
+                tile.found[num] = grid.rays(first + ray, channel);
+            }
+        }
+    }
+    tile.row_starts[(window.bottom - window.top) / across] = num;
+    for (int64_t k = num; k < num + CLIPPED; k++) tile.rows[k] = tile.columns[k] = 0, tile.found[k] = NEVER;
+    return num;
+}
+
+// Set up the rays of a window that are drawn, and what is in a channel of them. Return how many there are.
+INLINE int64_t set_up_rays(const Grid& grid, const RaySetup& rays, Window window, const Tile& tile, int channel) {
     int32_t stride = (int32_t)grid.stride;
-    for (int64_t row = window.top; row < window.bottom; row++) {
-        double y = (double)(row * stride) + 0.5 - rays.center_px[1];
-        for (int64_t first = window.left; first < window.right; first += CLIPPED) {
-            int64_t begin = (row - window.top) * tile.side + first - window.left;
-            ClippedInts column = lane_numbers<ClippedInts>() + (int32_t)first;
-            Doubles x = __builtin_convertvector(column * stride, Doubles) + 0.5 - rays.center_px[0];
+    int64_t num = list_rays(grid, window, tile, channel);
+        for (int64_t begin = 0; begin < num; begin += CLIPPED) {
+            ClippedInts column = load<ClippedInts>(tile.columns, begin), row = load<ClippedInts>(tile.rows, begin);
+            Doubles x = position_px<Doubles>(grid, column, row, 1.0) - rays.center_px[0];
+            Doubles y = position_px<Doubles>(grid, row, column, -1.0) - rays.center_px[1];
             Doubles square = 0.0;
             for (int axis = 0; axis < 3; axis++) {
                 const double *origin = rays.origins + 3 * axis, *direction = rays.directions + 3 * axis;
@@ -175,19 +216,14 @@ INLINE void set_up_rays(const Grid& grid, const RaySetup& rays, Window window, c
                       where(mask_of(speed == 0.0), in_all<Doubles>(0.0), 1.0 / speed));
                 square += speed * speed;
             }
-            Doubles jitter = jitter_of(column * stride, (int32_t)(row * stride));
+            Doubles jitter = jitter_of(column * stride, row * stride);
             store(tile.rays, begin + LENGTH * tile.room, root(square) * (1.0 + DITHER * (jitter - 0.5)));
             store(tile.rays, begin + ROUNDING_OFFSET * tile.room, 0.5 + jitter);
             square = rays.slope_per_px * rays.slope_per_px * (x * x + y * y);
             store(tile.rays, begin + LENGTH_PER_DEPTH * tile.room, root(1.0 + square));
             if (rays.clip.exists) clip_rays(rays.clip.value, rays.start, tile, begin);
-            for (int64_t place = first; place < least(first + CLIPPED, window.right); place++) {
-                int64_t pixel = begin + place - first;
-                tile.places[pixel] = 4 * (row * grid.image.shape[1] + place);
-                tile.found[pixel] = grid.is_drawn(row, place) ? grid.image(row, place, channel) : NEVER;
-            }
         }
-    }
+    return num;
 }
 
 // Take the next part of rays that is not clipped away, between where they enter and leave a brick, empty where nothing is

@@ -22,13 +22,13 @@ INLINE Box box_of(const Array<const double, 2>& boxes, int64_t brick) {
 }
 
 INLINE int64_t tiles_along(const Grid& grid, int axis) {
-    return (grid.is_drawn.shape[axis] + grid.side - 1) / grid.side;
+    return (grid.places.shape[axis] * grid.rays_across + grid.side - 1) / grid.side;
 }
 
 // Whether shapes fit together, and all numbers are of tiles and of bricks.
 inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles) {
-    const auto& [side, stride, rectangles, starts, numbers, is_drawn, image] = grid;
-    if (side < 1 || stride < 1 || !match(is_drawn, image)) return false;
+    const auto& [side, stride, rays_across, rectangles, starts, numbers, places, rays] = grid;
+    if (side < 1 || stride < 1 || rays_across < 1) return false;
     int64_t num_tiles = tiles_along(grid, 0) * tiles_along(grid, 1);
     if (starts.shape[0] != num_tiles + 1) return false;
     for (int64_t k = 0; k < tiles.shape[0]; k++) {
@@ -45,7 +45,8 @@ inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles
 INLINE Window window_of(const Grid& grid, int64_t number) {
     int64_t side = grid.side, in_row = tiles_along(grid, 1);
     int64_t top = number / in_row * side, left = number % in_row * side;
-    return {left, top, least(left + side, grid.is_drawn.shape[1]), least(top + side, grid.is_drawn.shape[0])};
+    return {left, top, least(left + side, grid.places.shape[1] * grid.rays_across),
+            least(top + side, grid.places.shape[0] * grid.rays_across)};
 }
 
 // The pixels of a tile, counted from its first, that a brick may cover.
@@ -107,16 +108,31 @@ inline void sort_spans(const Tile& tile, int64_t num) {
 // Find the spans inside a brick of the rays that go on, in a window of a tile, and call `draw` with the number of them,
 // sorted. Where rays are clipped, a span ends where a removed box begins; then it is called again with what is behind that box.
 // goes_on: of what was found so far. span_of: makes a span of where rays that hit enter and leave the brick.
+// Whole tiles have their rays row by row; of the others, those of rows of pixels are looked at together.
+struct Segments {
+    int64_t num, first, step, length;
+};
+
+INLINE Segments segments_of(const Grid& grid, Window covered, Window window, const Tile& tile, int64_t num) {
+    int64_t width = window.right - window.left, height = window.bottom - window.top, across = grid.rays_across;
+    if (num == width * height && across == 1)
+        return {most<int64_t>(covered.bottom - covered.top, 0), covered.top * width + covered.left, width,
+                covered.right - covered.left};
+    if (covered.bottom <= covered.top || covered.right <= covered.left) return {0, 0, 0, 0};
+    int64_t begin = tile.row_starts[covered.top / across], end = tile.row_starts[(covered.bottom + across - 1) / across];
+    return {1, begin, 0, end - begin};
+}
+
 template <class GoesOn, class SpanOf, class Draw>
-INLINE void for_spans(const Box& box, const RaySetup& rays, Window window, const Tile& tile, GoesOn goes_on,
+INLINE void for_spans(const Box& box, const RaySetup& rays, Segments segments, const Tile& tile, GoesOn goes_on,
                       SpanOf span_of, Draw draw) {
     for (bool has_more = true; has_more;) {
         int64_t num = 0;
         has_more = false;
-        for (int64_t row = window.top; row < window.bottom; row++) {
-            for (int64_t column = window.left; column < window.right; column += CLIPPED) {
-                int64_t pixel = row * tile.side + column;
-                ClippedMask hit = mask_of(lane_numbers<ClippedInts>() < (int32_t)(window.right - column));
+        for (int64_t row = 0; row < segments.num; row++) {
+            for (int64_t column = 0; column < segments.length; column += CLIPPED) {
+                int64_t pixel = segments.first + row * segments.step + column;
+                ClippedMask hit = mask_of(lane_numbers<ClippedInts>() < (int32_t)(segments.length - column));
                 hit &= goes_on(load<ClippedFloats>(tile.found, pixel));
                 if (!any_of(hit)) continue;
                 const Along along[] = {ray_along(tile, pixel, 0), ray_along(tile, pixel, 1), ray_along(tile, pixel, 2)};
