@@ -44,7 +44,7 @@ SOURCES = {_module(path): path for package in ORDER for path in sorted((ROOT / p
 
 
 def _room(module: str) -> str:
-    """`renderer.draw` of `renderer.draw.gl.splat_rasterizer`; the package of a module that is in no room.
+    """`renderer.draw` of `renderer.draw.splats.splat_rasterizer`; the package of a module that is in no room.
 
     Of the door of `renderer` it is the API, whose names it has.
     """
@@ -109,7 +109,7 @@ def test_doors_open(room: str) -> None:
 
 def test_only_one_room_makes_opengl_calls() -> None:
     users = {module for module, path in SOURCES.items() if {"moderngl", "OpenGL", "glcontext"} & _imports(path)}
-    assert users and all(module.startswith("renderer.draw.gl.") for module in users)
+    assert users and all(module.startswith("renderer.draw.splats.") for module in users)
 
 
 def test_kernels_include_one_way() -> None:

@@ -11,7 +11,7 @@ struct BinBricks {
 };
 KERNEL(bin_bricks, BinBricks)
 
-// As in renderer/draw/subsampling.py. factor: every which pixel of the image the grid has.
+// As in renderer/draw/bricks/subsampling.py. factor: every which pixel of the image the grid has.
 struct UpsampleRows {
     Sized<const float, 3, 4> grid;
     Sized<float, 3, 4> image;
@@ -37,7 +37,7 @@ struct PlaceEdges {
 };
 KERNEL(place_edges, PlaceEdges)
 
-// vertices, voxel_side: as in Lines. colors: [n, 4], by level. Others: constants of renderer/draw/cpu/lines.py.
+// vertices, voxel_side: as in Lines. colors: [n, 4], by level. Others: constants of renderer/draw/lines.py.
 struct DrawLines {
     Sized<const float, 2, 7> vertices;
     double voxel_side;
@@ -48,7 +48,7 @@ struct DrawLines {
 };
 KERNEL(draw_lines, DrawLines)
 
-// As in the files of renderer/draw/cpu/, and so are those that follow it.
+// As in the files of renderer/draw/bricks/, and so are those that follow it.
 struct Grid {
     int64_t side, stride;
     Sized<const int64_t, 2, 4> rectangles;
@@ -109,7 +109,7 @@ struct DrawTiles {
 };
 LONG_KERNEL(draw_tiles, DrawTiles)
 
-// As in renderer/draw/cpu/mixture.py.
+// As in renderer/draw/bricks/mixture.py.
 struct DrawMixture {
     Grid grid;
     Array<const LayerBricks, 1> groups;

@@ -13,7 +13,7 @@ constexpr int32_t LAST_CELL = TEXELS_PER_BRICK - 1 - PLANE_STRIDE - ROW_STRIDE -
 constexpr int NUM_PARTS = 4;
 constexpr int PIECE_FLOATS = 12;  // as in renderer/transfer/piecewise.py
 constexpr float LOG2_E = 1.4426950408889634, LN_2 = 0.6931471805599453, MAX_DEPTH = 40.0;
-// OPACITY_SERIES of renderer/draw/gl/programs.py, which has its source.
+// OPACITY_SERIES of renderer/draw/splats/programs.py, which has its source.
 constexpr float SERIES[4] = {(float)0.49999463, (float)0.16656359, (float)0.04104245, (float)0.00680757};
 
 using Texels = Array<const float, 1>;

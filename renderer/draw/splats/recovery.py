@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 
-from renderer.draw.gl.splat_rasterizer import SplatRasterizer
 from renderer.draw.rasterizer import Rasterizer
+from renderer.draw.splats.splat_rasterizer import SplatRasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import SplatBatch
 from renderer.view import View

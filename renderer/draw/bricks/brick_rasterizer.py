@@ -18,14 +18,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.bricks import BrickBatch
-from renderer.draw.brick_cache import BrickCache, BrickView, drawn_bytes, needed_bytes
-from renderer.draw.cpu.bands import plan_bands
-from renderer.draw.cpu.extremum import search_of
-from renderer.draw.cpu.field import field_of
-from renderer.draw.cpu.grid import make_grid
-from renderer.draw.cpu.mixture import make_mixture
+from renderer.draw.bricks.bands import plan_bands
+from renderer.draw.bricks.brick_cache import BrickCache, BrickView, drawn_bytes, needed_bytes
+from renderer.draw.bricks.extremum import search_of
+from renderer.draw.bricks.field import field_of
+from renderer.draw.bricks.grid import make_grid
+from renderer.draw.bricks.mixture import make_mixture
+from renderer.draw.bricks.subsampling import grid_size, refine_grid, upsample
 from renderer.draw.rasterizer import BrickMemory, Rasterizer
-from renderer.draw.subsampling import grid_size, refine_grid, upsample
 from renderer.kernels import ThreadPool, kernels
 from renderer.scene import FACE_DEPTH
 from renderer.system import MemoryShare

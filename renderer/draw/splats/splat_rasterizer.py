@@ -22,9 +22,9 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from renderer.draw.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
-from renderer.draw.gl.programs import MAX_SHAPES, MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
 from renderer.draw.rasterizer import Rasterizer
+from renderer.draw.splats.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
+from renderer.draw.splats.programs import MAX_SHAPES, MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import SplatBatch
 from renderer.view import (

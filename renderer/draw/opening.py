@@ -14,9 +14,9 @@ def open_rasterizer(scene: Scene, memory: MemoryShare | None = None) -> Rasteriz
     """
     # Imported here: bricks need no OpenGL.
     if scene.needs_opengl:
-        from renderer.draw.recovery import RecoveringRasterizer
+        from renderer.draw.splats.recovery import RecoveringRasterizer
 
         return RecoveringRasterizer()
-    from renderer.draw.cpu.brick_rasterizer import BrickRasterizer
+    from renderer.draw.bricks.brick_rasterizer import BrickRasterizer
 
     return BrickRasterizer(num_threads=num_drawing_threads(), memory=memory)

@@ -33,7 +33,7 @@ MESH_VERTEX = np.dtype([("mesh_vertex", "f4", 2), ("mesh_weight", "f4")])
 
 def load_shader(*names: str) -> str:
     """Return one program stage from several files: the version, the constants that the files use, and the files."""
-    text = "\n".join((files("renderer.draw.gl") / "shaders" / name).read_text("utf-8") for name in names)
+    text = "\n".join((files("renderer.draw.splats") / "shaders" / name).read_text("utf-8") for name in names)
     used = sorted(_CONSTANTS.keys() & re.findall(r"\w+", text))
     declarations = [_declaration(name, _CONSTANTS[name]) for name in used]
     return "\n".join(["#version 330 core", *declarations, text])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.draw.brick_cache import BrickView
+from renderer.draw.bricks.brick_cache import BrickView
 from renderer.view import RaySetup, ray_setup
 from renderer.volume import Float64, Int64
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from renderer.bricks import BrickLayer
-from renderer.draw.brick_cache import BrickView
-from renderer.draw.cpu.light import make_light
+from renderer.draw.bricks.brick_cache import BrickView
+from renderer.draw.bricks.light import make_light
 from renderer.scene import ShadingSpec
 from renderer.transfer import toward_light
 from renderer.volume import Float32, Int64
