@@ -1,9 +1,20 @@
-"""Choose the pixels that are drawn at a tolerance, the strides of subsampled pixel grids, and where rays end."""
+"""Choose the lattice of rays at a tolerance: strides of subsampled pixel grids, rays of a pixel, and where rays end.
+
+The lattices are one ladder, from every eighth pixel to a quarter of a pixel:
+
+    8, 4, 2      pixels from one ray to the next; pixels between are interpolated where the picture is even
+    1            one ray through the centre of each pixel
+    1/2, 1/4     4 and 16 rays in the pixels where the picture is uneven; a pixel is the mean of its rays
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+
+import numpy as np
+
+from renderer.volume import Float64, Int64
 
 # The tolerance from which on a subsampled pixel grid is used, the stride that the cells must allow, and the strides.
 # Every pixel is drawn at smaller tolerances. Decision 025 has what was measured.
@@ -17,6 +28,13 @@ MAX_STRIDE_CELLS, STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS = 1.35, 0.1, 0.5
 # gain 2 to 4 % of the time.
 DIFFERENCE_THRESHOLD, MAX_DIFFERENCE_THRESHOLD = 0.35, 0.35
 TERMINATION_TRANSMITTANCE, MAX_TERMINATION_TRANSMITTANCE = 0.04, 0.025
+
+# Rays along the rows and columns of a pixel, where its neighbours differ, and where these rays differ.
+RAYS_ACROSS = (2, 4)
+# How much a pixel may differ from a neighbour if one ray is enough for it, in tolerances.
+CONTRAST_THRESHOLD = 3.0
+# How much four rays of a pixel may differ if they are enough for it, in tolerances.
+SPREAD_THRESHOLD = 6.0
 
 # float32 does not resolve a smaller transmittance.
 _MIN_TERMINATION_TRANSMITTANCE = 2.0**-22
@@ -33,11 +51,16 @@ class ScreenSampling:
         and a channel bends by more than this at one of them, along rows or columns: by `|a - 2 b + c|`, with b the node
         and a and c its neighbours on the grid, at the edge the node itself.
     termination_transmittance: rays end at a smaller transmittance.
+    contrast_threshold: pixels that differ in a channel by more than this from one of their eight neighbours get four
+        rays, if every pixel is drawn.
+    spread_threshold: pixels whose four rays differ in a channel by more than this get 16.
     """
 
     strides: tuple[int, ...]
     difference_threshold: float
     termination_transmittance: float
+    contrast_threshold: float = math.inf
+    spread_threshold: float = math.inf
 
     @property
     def termination_alpha(self) -> float:
@@ -53,4 +76,23 @@ def screen_sampling_at(tolerance: float, cell_px: float, thinnest_px: float = ma
     most = min(MAX_STRIDE_CELLS * cell_px * tolerance / STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS * thinnest_px)
     strides = next((wanted for least, widest, wanted in STRIDES if tolerance >= least and widest <= most), (1,))
     threshold = min(DIFFERENCE_THRESHOLD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
-    return ScreenSampling(strides, threshold, min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE))
+    return ScreenSampling(
+        strides,
+        threshold,
+        min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE),
+        CONTRAST_THRESHOLD * tolerance * min(cell_px, 1.0),
+        SPREAD_THRESHOLD * tolerance * min(cell_px, 1.0),
+    )
+
+
+def ray_positions(pixels: Int64, width: int, across: int) -> Float64:
+    """Return where the rays of pixels are in a picture, in pixels from its top left corner: float64 [n * across^2, 2].
+
+    pixels: numbers, row by row, of a picture with this width. The rays of a pixel are a sheared grid, as in `rays.h`.
+    """
+    row, column = np.divmod(pixels, width)
+    below, beside = np.divmod(np.arange(across**2), across)
+    centres = (np.stack([beside, below], axis=1) + 0.5) / across
+    shear = (centres[:, ::-1] - 0.5) / across * (1.0, -1.0)
+    positions = np.stack([column, row], axis=1)[:, None] + centres + shear
+    return np.asarray(positions.reshape(-1, 2), np.float64)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from renderer.kernels import ThreadPool
 from renderer.view import View
-from renderer.volume import Float32, UInt32
+from renderer.volume import Float32, Float64, UInt32
 
 R = TypeVar("R", bound="Rasterizer")
+# Colours rays by what they have gathered: from float32 [n, 4] of rays at positions in the picture, float64 [n, 2], in
+# pixels, or [h, w, 4] of a whole picture with None, to premultiplied RGBA of the same shape.
+RayColors = Callable[[Float32, Float64 | None], Float32]
 
 
 class BrickMemory(NamedTuple):
@@ -51,8 +54,11 @@ class Rasterizer(Protocol):
         """
         return False
 
-    def rasterize(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> Float32:
+    def rasterize(
+        self, batches: Sequence[Any], orders: Sequence[UInt32], view: View, colors: RayColors | None = None
+    ) -> Float32:
         """Composite `batch[order]` of all batches, splats back to front and bricks front to back, over nothing.
 
+        colors: of projections, which bricks alone have.
         Returns float32 [height, width, 4], premultiplied RGBA.
         """

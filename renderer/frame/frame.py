@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -10,9 +11,11 @@ from renderer.draw import Lines, Rasterizer, draw_lines
 from renderer.film import Pixels, quantize
 from renderer.frame.primitives import LOD, Orders
 from renderer.frame.stage import Stage, Stopwatch, view_of
+from renderer.kernels import ThreadPool
+from renderer.layers import Layer
 from renderer.modes import chord_lengths
 from renderer.view import View
-from renderer.volume import Float32
+from renderer.volume import Float32, Float64
 
 # The step that also serves later frames: bricks that were not in the cache.
 UPLOAD_STEP = "bricks"
@@ -114,12 +117,23 @@ def _add_projections(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
     for group, batch, order in zip(stage.groups, draw_list.lod.batches, draw_list.orders[0][1], strict=True):
         (layer,) = group.layers
         assert layer.projection is not None
-        chords = chord_lengths(layer.volume, view, layer.spec.clip, rasterizer.threads)
-        gathered = rasterizer.rasterize([batch], [order], view)
-        picture = layer.projection.picture(gathered, chords, rasterizer.threads)
+        picture = rasterizer.rasterize(
+            [batch], [order], view, partial(_color_projection, layer, view, rasterizer.threads)
+        )
         if len(stage.groups) > 1:
             picture *= (layer.spec.weight, layer.spec.weight, layer.spec.weight, 1.0)
         image = picture if image is None else image + picture
     assert image is not None
     image[..., 3] = np.minimum(image[..., 3], np.float32(1))
     return image
+
+
+def _color_projection(
+    layer: Layer, view: View, threads: ThreadPool, gathered: Float32, positions_px: Float64 | None
+) -> Float32:
+    """Return the colours of a projection, of rays or of a whole picture; parameters as of `RayColors`."""
+    assert layer.projection is not None
+    chords = chord_lengths(layer.volume, view, layer.spec.clip, positions_px, threads)
+    if positions_px is None:
+        return layer.projection.picture(gathered, chords, threads)
+    return layer.projection.picture(gathered[:, None], chords[:, None], threads)[:, 0]

@@ -17,20 +17,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.bricks import BrickBatch
+from renderer.bricks import BrickBatch, ScreenSampling, ray_positions
+from renderer.draw.bricks.antialiasing import antialias
 from renderer.draw.bricks.bands import plan_bands
 from renderer.draw.bricks.brick_cache import BrickCache, BrickView, drawn_bytes, needed_bytes
 from renderer.draw.bricks.extremum import search_of
 from renderer.draw.bricks.field import field_of
-from renderer.draw.bricks.grid import make_grid
+from renderer.draw.bricks.grid import RayGrid, make_grid
 from renderer.draw.bricks.mixture import make_mixture
 from renderer.draw.bricks.subsampling import grid_size, refine_grid, upsample
-from renderer.draw.rasterizer import BrickMemory, Rasterizer
+from renderer.draw.rasterizer import BrickMemory, Rasterizer, RayColors
 from renderer.kernels import ThreadPool, kernels
 from renderer.scene import FACE_DEPTH
 from renderer.system import MemoryShare
 from renderer.view import RaySetup, View
-from renderer.volume import Float32, Float64, Int32, Int64, UInt32
+from renderer.volume import Float32, Float64, Int64, UInt32
 
 # Each task draws neighbouring tiles, which have bricks in common.
 _TASKS_PER_THREAD = 4
@@ -38,9 +39,6 @@ _TASKS_PER_THREAD = 4
 _NO_END = float(np.finfo(np.float32).max)
 # Bytes of each atlas, as of `needed_bytes`, by the identities of layers.
 Shares = dict[int, list[int]]
-
-
-AA = {"contrast": None, "spread": 0.2, "n": 2, "n2": 4, "rounds": 1}
 
 
 class BrickRasterizer(Rasterizer):
@@ -70,9 +68,12 @@ class BrickRasterizer(Rasterizer):
         uploaded = [cache.upload(batch, order, view) for cache, batch, order in of_batches]
         return any(uploaded)
 
-    def rasterize(self, batches: Sequence[BrickBatch], orders: Sequence[UInt32], view: View) -> Float32:
+    def rasterize(
+        self, batches: Sequence[BrickBatch], orders: Sequence[UInt32], view: View, colors: RayColors | None = None
+    ) -> Float32:
         """Composite `batch[order]` of all batches, each front to back, over nothing.
 
+        colors: of rays that have gathered something else than light.
         Returns float32 [height, width, 4], premultiplied RGBA. Where nothing is absorbed, alpha is what absorption
         would give, or the brightest channel if that is more, at most 1.
         """
@@ -80,30 +81,40 @@ class BrickRasterizer(Rasterizer):
         views = [
             cache.begin_frame(batch, order, view) for cache, batch, order in zip(caches, batches, orders, strict=True)
         ]
-        samplings = [batch.screen_sampling for batch in batches]
-        finest = min(samplings, key=lambda each: (each.strides, each.difference_threshold))
-        least = min(each.termination_transmittance for each in samplings)
-        sampling = replace(finest, termination_transmittance=least)  # as fine as all of them
+        sampling = _finest([batch.screen_sampling for batch in batches])
         is_additive = batches[0].bricks.is_additive
         parts = [_part_alone(*each) for each in zip(caches, views, strict=True)]
         if sum(len(order) > 0 for order in orders) > 1 and not is_additive:
             parts = [_mixed_part(caches, views, sampling.termination_alpha)]
+        finish = _additive_colors if is_additive else colors or _same_colors
+        image = finish(self._draw_ladder(parts, sampling, view), None)
+        if sampling.strides[-1] == 1:
+            antialias(image, sampling, partial(self._draw_rays, parts, view, finish), self.threads)
+        return image
+
+    def _draw_ladder(self, parts: Sequence[_Part], sampling: ScreenSampling, view: View) -> Float32:
+        """Draw one ray a pixel, or fewer, from the coarsest pixel grid to the finest: float32 [h, w, 4]."""
         columns, rows = grid_size(view.size, sampling.strides[0])
         image = np.zeros((rows, columns, 4), np.float32)
-        places = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
-        self._draw_parts(parts, sampling.strides[0], places, image)
+        self._draw_parts(parts, RayGrid(image.reshape(-1, 4), (rows, columns), stride=sampling.strides[0]))
         for coarse, stride in pairwise(sampling.strides):
+            columns, rows = grid_size(view.size, stride)
             image, places = refine_grid(
-                image, coarse // stride, sampling.difference_threshold, grid_size(view.size, stride), self.threads
+                image, coarse // stride, sampling.difference_threshold, (columns, rows), self.threads
             )
-            self._draw_parts(parts, stride, places, image)
+            self._draw_parts(parts, RayGrid(image.reshape(-1, 4), (rows, columns), places, stride=stride))
         stride = sampling.strides[-1]
-        image = image if stride == 1 else upsample(image, stride, view.size, self.threads)
-        self._antialias(parts, image)
-        if is_additive:
-            brightest = np.minimum(image[..., :3].max(axis=2), np.float32(1))
-            image[..., 3] = np.maximum(-np.expm1(-image[..., 3]), brightest)
-        return image
+        return image if stride == 1 else upsample(image, stride, view.size, self.threads)
+
+    def _draw_rays(self, parts: Sequence[_Part], view: View, finish: RayColors, pixels: Int64, across: int) -> Float32:
+        """Draw several rays in pixels, as of `DrawRays`."""
+        width, first_row = view.size[0], int(pixels[0]) // view.size[0]
+        num_rows = int(pixels[-1]) // width + 1 - first_row
+        places = np.full((num_rows, width), -1, np.int32)
+        places.reshape(-1)[pixels - first_row * width] = np.arange(len(pixels), dtype=np.int32) * across**2
+        rays = np.zeros((len(pixels) * across**2, 4), np.float32)
+        self._draw_parts(parts, RayGrid(rays, (num_rows, width), places, rays_across=across, first_row=first_row))
+        return finish(rays, ray_positions(pixels, width, across))
 
     def _caches_of(self, batches: Sequence[BrickBatch]) -> list[BrickCache]:
         """Return the caches of the layers of batches, which share the memory, and free those of all other layers."""
@@ -132,48 +143,10 @@ class BrickRasterizer(Rasterizer):
             for has, of_atlas, could_have in zip(cache.num_bytes, drawn[number], shares[number], strict=True)
         )
 
-    def _antialias(self, parts, image) -> None:
-        import time
-        if AA["contrast"] is None:
-            return
-        done = np.zeros(image.shape[:2], np.bool_)
-        marked = np.zeros(image.shape[:2], np.bool_)
-        AA["log"] = log = []
-        spread = []
-        for _ in range(AA["rounds"]):
-            mark = kernels().mark_contrasts.partial(image=image, threshold=AA["contrast"], is_marked=marked)
-            self.threads.for_rows(lambda first, end: mark(first_row=first, end_row=end), image)
-            marked &= ~done
-            pixels = np.flatnonzero(marked)
-            log.append(len(pixels))
-            if len(pixels) == 0:
-                break
-            done |= marked
-            differ = self._draw_rays(parts, image, pixels, AA["n"], AA["spread"])
-            spread.append(pixels[differ])
-        if AA["n2"]:
-            pixels = np.sort(np.concatenate(spread)) if spread else np.zeros(0, np.int64)
-            log.append(-len(pixels))
-            if len(pixels):
-                self._draw_rays(parts, image, pixels, AA["n2"], 1.0)
-
-    def _draw_rays(self, parts, image, pixels, across, threshold):
-        places = np.full(image.shape[:2], -1, np.int32)
-        places.reshape(-1)[pixels] = np.arange(len(pixels), dtype=np.int32) * across**2
-        rays = np.zeros((len(pixels) * across**2, 4), np.float32)
-        self._draw_parts(parts, 1, places, rays, across)
-        differ = np.zeros(len(pixels), np.bool_)
-        kernels().average_rays(
-            rays=rays, num_rays=across**2, pixels=pixels, threshold=threshold, image=image.reshape(-1, 4), differ=differ
-        )
-        return differ
-
-    def _draw_parts(self, parts: Sequence[_Part], stride: int, places: Int32, image: Float32, rays_across: int = 1) -> None:
+    def _draw_parts(self, parts: Sequence[_Part], grid_of_rays: RayGrid) -> None:
         """Draw parts of a picture, one under the other, each in bands of tiles whose bricks have slots at once."""
         for part in parts:
-            grid = make_grid(
-                part.rectangles_px, stride, places, image.reshape(-1, 4), rays_across=rays_across, is_mixture=len(part.views) > 1
-            )
+            grid = make_grid(part.rectangles_px, grid_of_rays, is_mixture=len(part.views) > 1)
             bands, first_use = plan_bands(grid["starts"], grid["numbers"], len(part.members), part.have_slots)
             part.plan(first_use)
             for tiles, met, next_use in bands:
@@ -181,6 +154,28 @@ class BrickRasterizer(Rasterizer):
                 num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
                 tasks = [partial(draw, tiles=few) for few in np.array_split(tiles, max(1, num_tasks))]
                 self.threads.map(lambda task: task(), tasks)
+
+
+def _finest(samplings: Sequence[ScreenSampling]) -> ScreenSampling:
+    """Return a sampling that is as fine as all of some."""
+    finest = min(samplings, key=lambda each: (each.strides, each.difference_threshold))
+    return replace(
+        finest,
+        termination_transmittance=min(each.termination_transmittance for each in samplings),
+        contrast_threshold=min(each.contrast_threshold for each in samplings),
+        spread_threshold=min(each.spread_threshold for each in samplings),
+    )
+
+
+def _same_colors(rays: Float32, _positions_px: Float64 | None) -> Float32:
+    return rays
+
+
+def _additive_colors(rays: Float32, _positions_px: Float64 | None) -> Float32:
+    """Set the alpha of rays in which light adds up: that of absorption, or the brightest channel if that is more."""
+    brightest = np.minimum(rays[..., :3].max(axis=-1), np.float32(1))
+    rays[..., 3] = np.maximum(-np.expm1(-rays[..., 3]), brightest)
+    return rays
 
 
 def share_memory(drawn: Shares, needed: Shares, limit: int) -> Shares:

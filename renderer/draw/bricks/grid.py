@@ -1,8 +1,8 @@
-"""Divide pixel grids into tiles, and find the bricks over each; kernels draw into them."""
+"""Divide grids of rays into tiles, and find the bricks over each; kernels draw into them."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,26 +17,42 @@ TILE_SIDE, SMALL_TILE_SIDE = 32, 16
 _EDGE_ROUNDING_PX = 2e-3
 
 
-def make_grid(
-    rectangles_px: Float64, stride: int, places: Int32, rays: Float32, *, rays_across: int = 1, is_mixture: bool = False
-) -> dict[str, Any]:
-    """Return a grid of pixels into which bricks are drawn, in tiles: Grid in kernels.h.
+class RayGrid(NamedTuple):
+    """A grid of pixels, with one ray or several in each, of a picture or of some rows of it.
 
-    stride: the pixels of the grid are every `stride`-th pixel along both axes. Grid pixel 0 is the centre of pixel 0.
-    side: of a tile, in pixels of the grid.
-    rectangles: int64 [n, 4], left, top, right and bottom of each brick, half-open, in pixels of the grid and inside it.
+    rays: float32 [n, 4], what rays have gathered. shape: rows and columns of pixels.
+    places: int32 [rows, columns], of the first ray of each pixel in `rays`, or -1 where none is drawn; None where each
+        pixel has one ray.
+    stride: the pixels of the grid are every `stride`-th pixel of the picture along both axes, from its first.
+    rays_across: of a pixel, along rows and columns. first_row: of the pixels of the grid.
+    """
+
+    rays: Float32
+    shape: tuple[int, int]
+    places: Int32 | None = None
+    stride: int = 1
+    rays_across: int = 1
+    first_row: int = 0
+
+
+def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False) -> dict[str, Any]:
+    """Return a grid of rays into which bricks are drawn, in tiles: Grid in kernels.h.
+
+    side: of a tile, in rays.
+    rectangles: int64 [n, 4], left, top, right and bottom of each brick, half-open, in rays of the grid and inside it.
     starts: int64 [tiles + 1], numbers: int64. The bricks over tile k are `numbers[starts[k] : starts[k + 1]]`, front to
         back.
-    is_drawn: [rows, columns], the pixels of the grid that are drawn. image: float32 [rows, columns, 4], premultiplied
-        RGBA.
     """
-    shape = places.shape[1] * rays_across, places.shape[0] * rays_across
-    side = TILE_SIDE if stride == 1 and not is_mixture else SMALL_TILE_SIDE
-    step, first = stride / rays_across, 0.5 / rays_across
-    beyond = _EDGE_ROUNDING_PX + (0.5 - first) * first * 2
-    side = side // rays_across * rays_across
-    low = np.ceil((rectangles_px[:, :2] - first - beyond) / step)
-    high = np.floor((rectangles_px[:, 2:] - first + beyond) / step) + 1
+    across = grid.rays_across
+    side = TILE_SIDE if grid.stride == 1 and not is_mixture else SMALL_TILE_SIDE
+    side -= side % across
+    shape = grid.shape[1] * across, grid.shape[0] * across
+    # From one ray to the next, and of the first one, in pixels.
+    step, first = grid.stride / across, np.array([0.5 / across, 0.5 / across + grid.first_row])
+    # Rays of a pixel are off their rows and columns by up to this.
+    shear = (0.5 - 0.5 / across) / across
+    low = np.ceil((rectangles_px[:, :2] - first - shear - _EDGE_ROUNDING_PX) / step)
+    high = np.floor((rectangles_px[:, 2:] - first + shear + _EDGE_ROUNDING_PX) / step) + 1
     rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
     rectangles[(rectangles[:, :2] >= rectangles[:, 2:]).any(axis=1)] = 0
     tile_windows = np.hstack([rectangles[:, :2] // side, -(-rectangles[:, 2:] // side)])
@@ -47,6 +63,6 @@ def make_grid(
         tile_windows=tile_windows, num_columns=num_columns, num_rows=num_rows, starts=starts, numbers=numbers
     )
     return {
-        "side": side, "stride": stride, "rays_across": rays_across, "rectangles": rectangles, "starts": starts[:-1], "numbers": numbers,
-        "places": places, "rays": rays,
+        "side": side, "stride": grid.stride, "rays_across": across, "first_row": grid.first_row, "shape": grid.shape,
+        "rectangles": rectangles, "starts": starts[:-1], "numbers": numbers, "places": grid.places, "rays": grid.rays,
     }  # fmt: skip

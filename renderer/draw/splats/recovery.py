@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 
-from renderer.draw.rasterizer import Rasterizer
+from renderer.draw.rasterizer import Rasterizer, RayColors
 from renderer.draw.splats.splat_rasterizer import SplatRasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.splats import SplatBatch
@@ -35,7 +35,9 @@ class RecoveringRasterizer(Rasterizer):
         times = "once" if self._num_lost == 1 else f"{self._num_lost} times"
         return [f"OpenGL's context was lost {times}, and what it had was drawn again"] * (self._num_lost > 0)
 
-    def rasterize(self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View) -> Float32:
+    def rasterize(
+        self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View, colors: RayColors | None = None
+    ) -> Float32:
         """Draw splats, as `SplatRasterizer.rasterize`."""
         if self._last_loss is not None:
             raise self._last_loss

@@ -22,7 +22,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from renderer.draw.rasterizer import Rasterizer
+from renderer.draw.rasterizer import Rasterizer, RayColors
 from renderer.draw.splats.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
 from renderer.draw.splats.programs import MAX_SHAPES, MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
 from renderer.errors import ContextLostError, RenderError
@@ -78,7 +78,9 @@ class SplatRasterizer(Rasterizer):
         """Free the context and all that it holds."""
         self._context.release()
 
-    def rasterize(self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View) -> Float32:
+    def rasterize(
+        self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View, colors: RayColors | None = None
+    ) -> Float32:
         """Composite `batch[order]` of the only batch, back to front, over nothing.
 
         Returns float32 [height, width, 4], premultiplied RGBA.

@@ -48,13 +48,23 @@ struct DrawLines {
 };
 KERNEL(draw_lines, DrawLines)
 
+// marks: 1 where pixels were marked before, 2 where they are marked now, else 0.
 struct MarkContrasts {
     Sized<const float, 3, 4> image;
     float threshold;
-    int64_t first_row, end_row;
-    Array<bool, 2> is_marked;
+    int64_t first_row;
+    int64_t end_row;
+    Array<uint8_t, 2> marks;
 };
 KERNEL(mark_contrasts, MarkContrasts)
+
+struct SpreadContrasts {
+    Sized<const float, 3, 4> image;
+    float threshold;
+    Array<const int64_t, 1> pixels;
+    Array<uint8_t, 2> marks;
+};
+KERNEL(spread_contrasts, SpreadContrasts)
 
 struct AverageRays {
     Sized<const float, 2, 4> rays;
@@ -71,9 +81,11 @@ struct Grid {
     int64_t side;
     int64_t stride;
     int64_t rays_across;
+    int64_t first_row;
+    int64_t shape[2];
     Sized<const int64_t, 2, 4> rectangles;
     Array<const int64_t, 1> starts, numbers;
-    Array<const int32_t, 2> places;
+    Maybe<Array<const int32_t, 2>> places;
     Sized<float, 2, 4> rays;
 };
 

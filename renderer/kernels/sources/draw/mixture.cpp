@@ -131,6 +131,7 @@ struct Mixture {
                 if (column[lane] < window.right && row[lane] < window.bottom && place_of(grid, row[lane], column[lane]) >= 0)
                     packet.alpha[lane] = 0.0f, packet.is_alive = true;
             if (!packet.is_alive) continue;
+            row += (int32_t)(grid.first_row * grid.rays_across);
             Ints whole = column * stride * (int32_t)JITTER_PER_PX[0] + row * stride * (int32_t)JITTER_PER_PX[1];
             packet.jitter = to_float32(whole >> 8 & 0xFFFFFF) / 16777216.0f - 0.5f;
             for (int64_t group = 0; group < scene.groups.shape[0]; group++) {

@@ -169,11 +169,14 @@ INLINE V position_px(const Grid& grid, Ints along, Ints across, double shear) {
     return __builtin_convertvector(along, V) * step + 0.5 * per_ray + shear * per_ray * shift;
 }
 
+// The place of the first ray of a pixel in the rays of a grid, below 0 where none is drawn.
+INLINE int64_t place_of_pixel(const Grid& grid, int64_t row, int64_t column) {
+    return grid.places.exists ? grid.places.value(row, column) : row * grid.shape[1] + column;
+}
+
 // The place of a ray in the rays of a grid, below 0 where it is not drawn.
 INLINE int64_t place_of(const Grid& grid, int64_t row, int64_t column) {
-    int64_t across = grid.rays_across;
-    if (across == 1) return grid.places(row, column);
-    int64_t first = grid.places(row / across, column / across);
+    int64_t across = grid.rays_across, first = place_of_pixel(grid, row / across, column / across);
     return first < 0 ? first : first + row % across * across + column % across;
 }
 
@@ -183,10 +186,10 @@ INLINE int64_t list_rays(const Grid& grid, Window window, const Tile& tile, int 
     for (int64_t row = window.top / across; row * across < window.bottom; row++) {
         tile.row_starts[row - window.top / across] = num;
         for (int64_t column = window.left / across; column * across < window.right; column++) {
-            int64_t first = grid.places(row, column);
+            int64_t first = place_of_pixel(grid, row, column);
             if (first < 0) continue;
             for (int64_t ray = 0; ray < across * across; ray++, num++) {
-                tile.rows[num] = (int32_t)(row * across + ray / across);
+                tile.rows[num] = (int32_t)((row + grid.first_row) * across + ray / across);
                 tile.columns[num] = (int32_t)(column * across + ray % across);
                 tile.places[num] = 4 * (first + ray);
                 tile.found[num] = grid.rays(first + ray, channel);
@@ -202,27 +205,27 @@ INLINE int64_t list_rays(const Grid& grid, Window window, const Tile& tile, int 
 INLINE int64_t set_up_rays(const Grid& grid, const RaySetup& rays, Window window, const Tile& tile, int channel) {
     int32_t stride = (int32_t)grid.stride;
     int64_t num = list_rays(grid, window, tile, channel);
-        for (int64_t begin = 0; begin < num; begin += CLIPPED) {
-            ClippedInts column = load<ClippedInts>(tile.columns, begin), row = load<ClippedInts>(tile.rows, begin);
-            Doubles x = position_px<Doubles>(grid, column, row, 1.0) - rays.center_px[0];
-            Doubles y = position_px<Doubles>(grid, row, column, -1.0) - rays.center_px[1];
-            Doubles square = 0.0;
-            for (int axis = 0; axis < 3; axis++) {
-                const double *origin = rays.origins + 3 * axis, *direction = rays.directions + 3 * axis;
-                Doubles speed = direction[0] + direction[1] * x + direction[2] * y;
-                store(tile.rays, begin + (ORIGIN + axis) * tile.room, origin[0] + origin[1] * x + origin[2] * y);
-                store(tile.rays, begin + (DIRECTION + axis) * tile.room, speed);
-                store(tile.rays, begin + (INVERSE + axis) * tile.room,
-                      where(mask_of(speed == 0.0), in_all<Doubles>(0.0), 1.0 / speed));
-                square += speed * speed;
-            }
-            Doubles jitter = jitter_of(column * stride, row * stride);
-            store(tile.rays, begin + LENGTH * tile.room, root(square) * (1.0 + DITHER * (jitter - 0.5)));
-            store(tile.rays, begin + ROUNDING_OFFSET * tile.room, 0.5 + jitter);
-            square = rays.slope_per_px * rays.slope_per_px * (x * x + y * y);
-            store(tile.rays, begin + LENGTH_PER_DEPTH * tile.room, root(1.0 + square));
-            if (rays.clip.exists) clip_rays(rays.clip.value, rays.start, tile, begin);
+    for (int64_t begin = 0; begin < num; begin += CLIPPED) {
+        ClippedInts column = load<ClippedInts>(tile.columns, begin), row = load<ClippedInts>(tile.rows, begin);
+        Doubles x = position_px<Doubles>(grid, column, row, 1.0) - rays.center_px[0];
+        Doubles y = position_px<Doubles>(grid, row, column, -1.0) - rays.center_px[1];
+        Doubles square = 0.0;
+        for (int axis = 0; axis < 3; axis++) {
+            const double *origin = rays.origins + 3 * axis, *direction = rays.directions + 3 * axis;
+            Doubles speed = direction[0] + direction[1] * x + direction[2] * y;
+            store(tile.rays, begin + (ORIGIN + axis) * tile.room, origin[0] + origin[1] * x + origin[2] * y);
+            store(tile.rays, begin + (DIRECTION + axis) * tile.room, speed);
+            store(tile.rays, begin + (INVERSE + axis) * tile.room,
+                  where(mask_of(speed == 0.0), in_all<Doubles>(0.0), 1.0 / speed));
+            square += speed * speed;
         }
+        Doubles jitter = jitter_of(column * stride, row * stride);
+        store(tile.rays, begin + LENGTH * tile.room, root(square) * (1.0 + DITHER * (jitter - 0.5)));
+        store(tile.rays, begin + ROUNDING_OFFSET * tile.room, 0.5 + jitter);
+        square = rays.slope_per_px * rays.slope_per_px * (x * x + y * y);
+        store(tile.rays, begin + LENGTH_PER_DEPTH * tile.room, root(1.0 + square));
+        if (rays.clip.exists) clip_rays(rays.clip.value, rays.start, tile, begin);
+    }
     return num;
 }
 

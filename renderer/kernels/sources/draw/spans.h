@@ -22,13 +22,15 @@ INLINE Box box_of(const Array<const double, 2>& boxes, int64_t brick) {
 }
 
 INLINE int64_t tiles_along(const Grid& grid, int axis) {
-    return (grid.places.shape[axis] * grid.rays_across + grid.side - 1) / grid.side;
+    return (grid.shape[axis] * grid.rays_across + grid.side - 1) / grid.side;
 }
 
 // Whether shapes fit together, and all numbers are of tiles and of bricks.
 inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles) {
-    const auto& [side, stride, rays_across, rectangles, starts, numbers, places, rays] = grid;
-    if (side < 1 || stride < 1 || rays_across < 1) return false;
+    const auto& [side, stride, rays_across, first_row, shape, rectangles, starts, numbers, places, rays] = grid;
+    if (side < 1 || stride < 1 || rays_across < 1 || side % rays_across != 0 || shape[0] < 1 || shape[1] < 1) return false;
+    if (places.exists && (places.value.shape[0] != shape[0] || places.value.shape[1] != shape[1])) return false;
+    if (!places.exists && (rays_across > 1 || rays.shape[0] != shape[0] * shape[1])) return false;
     int64_t num_tiles = tiles_along(grid, 0) * tiles_along(grid, 1);
     if (starts.shape[0] != num_tiles + 1) return false;
     for (int64_t k = 0; k < tiles.shape[0]; k++) {
@@ -45,8 +47,8 @@ inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles
 INLINE Window window_of(const Grid& grid, int64_t number) {
     int64_t side = grid.side, in_row = tiles_along(grid, 1);
     int64_t top = number / in_row * side, left = number % in_row * side;
-    return {left, top, least(left + side, grid.places.shape[1] * grid.rays_across),
-            least(top + side, grid.places.shape[0] * grid.rays_across)};
+    return {left, top, least(left + side, grid.shape[1] * grid.rays_across),
+            least(top + side, grid.shape[0] * grid.rays_across)};
 }
 
 // The pixels of a tile, counted from its first, that a brick may cover.

@@ -4,6 +4,9 @@
 
 namespace {
 
+// Rays that are measured between two looks at whether the process is asked to end: a tenth of a millisecond.
+constexpr int64_t RAYS_BETWEEN_LOOKS = 1024;
+
 struct Ray {
     double origin[3], direction[3];
 };
@@ -86,34 +89,32 @@ double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool
 
 }  // namespace
 
-// lengths: [h, w], world lengths of the rays of rows from `first_row` on, within `rays.clip`. unit: world length of a
-// model unit. absent: [z, y, x], which voxels do not count; None if all do.
+// lengths: [n], world lengths of the rays at positions in the picture, within `rays.clip`. unit: world length of a model
+// unit. absent: [z, y, x], which voxels do not count; None if all do.
 Status measure_chords(const MeasureChords* arguments) {
-    const auto [rays, shape, first_row, absent, unit, lengths] = *arguments;
+    const auto [rays, shape, positions_px, absent, unit, lengths] = *arguments;
     const auto& [slabs, boxes] = rays.clip.value;  // empty ones for None
     for (int axis = 0; axis < 3; axis++)
         if (absent.exists && absent.value.shape[2 - axis] != shape[axis]) return OUT_OF_BOUNDS;
     const double half[3] = {shape[0] / 2.0, shape[1] / 2.0, shape[2] / 2.0};
     const double of_box[15] = {1, 0, 0, -half[0], half[0], 0, 1, 0, -half[1], half[1], 0, 0, 1, -half[2], half[2]};
     Buffer<Range> removed(boxes.shape[0]);
+    if (positions_px.shape[0] != lengths.shape[0]) return OUT_OF_BOUNDS;
     if (!removed) return NO_MEMORY;
-    for (int64_t row = 0; row < lengths.shape[0]; row++) {
-        if (is_stopped()) return STOPPED;
-        const double y = first_row + row + 0.5 - rays.center_px[1];
-        for (int64_t column = 0; column < lengths.shape[1]; column++) {
-            const double x = column + 0.5 - rays.center_px[0];
-            Ray ray;
-            for (int axis = 0; axis < 3; axis++) {
-                const double *origins = &rays.origins[3 * axis], *directions = &rays.directions[3 * axis];
-                ray.origin[axis] = origins[0] + origins[1] * x + origins[2] * y;
-                ray.direction[axis] = directions[0] + directions[1] * x + directions[2] * y;
-            }
-            Range range = clip_to_slabs({of_box, {3, 5}}, ray, {rays.start, __builtin_inf()});
-            range = clip_to_slabs(slabs, ray, range);
-            for (int64_t k = 0; k < removed.shape[0]; k++) removed[k] = clip_to_slabs(boxes[k], ray, range);
-            double per_depth = __builtin_sqrt(1.0 + rays.slope_per_px * rays.slope_per_px * (x * x + y * y));
-            lengths(row, column) = (float)(length_without(removed, absent, ray, range) * per_depth * unit);
+    for (int64_t k = 0; k < lengths.shape[0]; k++) {
+        if (k % RAYS_BETWEEN_LOOKS == 0 && is_stopped()) return STOPPED;
+        const double x = positions_px(k, 0) - rays.center_px[0], y = positions_px(k, 1) - rays.center_px[1];
+        Ray ray;
+        for (int axis = 0; axis < 3; axis++) {
+            const double *origins = &rays.origins[3 * axis], *directions = &rays.directions[3 * axis];
+            ray.origin[axis] = origins[0] + origins[1] * x + origins[2] * y;
+            ray.direction[axis] = directions[0] + directions[1] * x + directions[2] * y;
         }
+        Range range = clip_to_slabs({of_box, {3, 5}}, ray, {rays.start, __builtin_inf()});
+        range = clip_to_slabs(slabs, ray, range);
+        for (int64_t box = 0; box < removed.shape[0]; box++) removed[box] = clip_to_slabs(boxes[box], ray, range);
+        double per_depth = __builtin_sqrt(1.0 + rays.slope_per_px * rays.slope_per_px * (x * x + y * y));
+        lengths[k] = (float)(length_without(removed, absent, ray, range) * per_depth * unit);
     }
     return DONE;
 }

@@ -5,10 +5,11 @@
 
 struct MeasureChords {
     RaySetup rays;
-    int64_t shape[3], first_row;
+    int64_t shape[3];
+    Sized<const double, 2, 2> positions_px;
     Maybe<Array<const bool, 3>> absent;
     double unit;
-    Array<float, 2> lengths;
+    Array<float, 1> lengths;
 };
 LONG_KERNEL(measure_chords, MeasureChords)
 
