@@ -94,7 +94,7 @@ def suggest_scene(
         found = suggest_for(volume, read, wish=wish)
     else:
         found, under = suggest_over(volume, film.under, read, wish=wish)
-    text = scene_text(found, film, folder=scene.parent, output=output, under=under)
+    text = compose_scene(found, film, folder=scene.parent, output=output, under=under)
     _check(text, scene)
     for each in filter(None, (found, under)):
         chosen, name = each.suggestion, volume_file(each.volume)
@@ -122,7 +122,7 @@ def _at_option(problem: Problem) -> Problem:
     return replace(problem, what=problem.what.partition("\n")[0], location=location)
 
 
-def scene_text(
+def compose_scene(
     found: VolumeSuggestion, film: FilmOptions, *, folder: Path, output: Path, under: VolumeSuggestion | None = None
 ) -> str:
     """Return the YAML of a turntable.

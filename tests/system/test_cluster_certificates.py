@@ -10,7 +10,7 @@ import pytest
 from clusters import running_cluster
 from distributed import LocalCluster, Security
 
-from hsplat_cli.executors.cluster.connection import connect
+from hsplat_cli.executors import connect
 from renderer.errors import InputError
 
 

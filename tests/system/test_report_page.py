@@ -18,9 +18,7 @@ import yaml
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, quick_series, study_of
 
-from hsplat_cli.measure import REPORT_FILES, write_study
-from hsplat_cli.measure.plots import study_charts
-from hsplat_cli.measure.report import study_page
+from hsplat_cli.measure import REPORT_FILES, study_charts, study_page, write_study
 from hsplat_cli.reports import format_facts
 from renderer.errors import RenderError
 

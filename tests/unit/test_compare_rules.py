@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from hsplat_cli.commands.compare import compare
-from hsplat_cli.compare import COMPARISON_METRICS, STRICTNESSES
-from hsplat_cli.compare.rules import Rules, load_rules
+from hsplat_cli.compare import COMPARISON_METRICS, STRICTNESSES, Rules, load_rules
 from renderer.errors import InputError, SceneError
 
 SAME_MACHINE, CROSS_DRIVER = STRICTNESSES["same-machine"].limits, STRICTNESSES["cross-driver"].limits

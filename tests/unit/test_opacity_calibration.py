@@ -8,10 +8,18 @@ import numpy as np
 import pytest
 from kinds_of_data import Array, ball, sample_of, volume_of
 
-from renderer.suggest import compute_statistics
-from renderer.suggest.features import sample_volume, without
-from renderer.suggest.opacity_calibration import Layer, TurntableRays, cast_rays, measure_visibility, solve_depths
-from renderer.suggest.separation import Plane, are_beyond
+from renderer.suggest import (
+    Layer,
+    Plane,
+    TurntableRays,
+    are_beyond,
+    cast_rays,
+    compute_statistics,
+    measure_visibility,
+    sample_volume,
+    solve_depths,
+    without,
+)
 from renderer.volume import Volume
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from kinds_of_data import KINDS, extinction, volume_of
 
-from renderer.suggest import Suggestion, compute_statistics, suggest
-from renderer.suggest.channels import suggest_window
+from renderer.suggest import Suggestion, compute_statistics, suggest, suggest_window
 
 AIR = 400
 
