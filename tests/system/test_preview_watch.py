@@ -141,6 +141,7 @@ def test_a_client_that_leaves_is_no_news(capfd: pytest.CaptureFixture[str]) -> N
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.usefixtures("heeds_interrupts")
 @pytest.mark.parametrize("option", ["--serve", "--watch"])
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129), (signal.SIGINT, 0)])
 def test_signals_end_it(folder: Path, option: str, number: int, status: int) -> None:
