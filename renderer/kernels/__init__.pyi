@@ -11,8 +11,9 @@ from .build import (
     LEVELS as LEVELS,
     MANIFEST as MANIFEST,
     SOURCES as SOURCES,
+    source_files as source_files,
     this_target as this_target,
 )
-from .header import Header as Header
+from .header import Header as Header, read_headers as read_headers
 from .library import LEVEL_VARIABLE as LEVEL_VARIABLE, load_library as load_library
 from .threads import MIN_PIXELS_PER_THREAD as MIN_PIXELS_PER_THREAD

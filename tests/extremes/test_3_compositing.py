@@ -54,7 +54,7 @@ def equal_layers(num: int, depth: float, size: int) -> float:
 
 
 def bound(num: int) -> float:
-    """6 u B, see renderer.draw.compositing."""
+    """6 u B, see renderer.draw.splats.compositing."""
     return 6 * U * min(num, MIN_CHUNK_SPLATS)
 
 

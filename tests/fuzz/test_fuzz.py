@@ -53,8 +53,8 @@ def test_numbers_of_any_size(rasterizer_for: Callable[[Scene], Rasterizer], tmp_
 
 def test_pictures_in_chunks(rasterizer_for, tmp_path, monkeypatch) -> None:
     """Scenes here have too few splats to be drawn in chunks, unless these are small."""
-    monkeypatch.setattr("renderer.draw.gl.splat_rasterizer.MIN_CHUNK_SPLATS", CHUNK)
-    monkeypatch.setattr("renderer.draw.gl.splat_rasterizer.splats_per_chunk", lambda *_: CHUNK)
+    monkeypatch.setattr("renderer.draw.splats.splat_rasterizer.MIN_CHUNK_SPLATS", CHUNK)
+    monkeypatch.setattr("renderer.draw.splats.splat_rasterizer.splats_per_chunk", lambda *_: CHUNK)
     verdicts = [
         judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer_for) for index in range(0, 24, 2)
     ]

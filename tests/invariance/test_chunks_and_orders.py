@@ -40,8 +40,8 @@ def test_chunks_draw_what_one_go_draws(rasterizer, monkeypatch, footprint: str, 
             for view in (seen, replace(seen, size=(1, 1))):
                 whole = rasterizer.rasterize([batch], [in_order(batch)], view)
                 with monkeypatch.context() as patch:
-                    patch.setattr("renderer.draw.gl.splat_rasterizer.MIN_CHUNK_SPLATS", 16)
-                    patch.setattr("renderer.draw.gl.splat_rasterizer.splats_per_chunk", lambda *_: 16)
+                    patch.setattr("renderer.draw.splats.splat_rasterizer.MIN_CHUNK_SPLATS", 16)
+                    patch.setattr("renderer.draw.splats.splat_rasterizer.splats_per_chunk", lambda *_: 16)
                     chunked = rasterizer.rasterize([batch], [in_order(batch)], view)
                 np.testing.assert_allclose(chunked, whole, atol=6 * 300 * 2.0**-24)
 

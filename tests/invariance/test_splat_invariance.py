@@ -115,7 +115,7 @@ def with_and_without_culled(gl: SplatRasterizer, cut: Cut, view: View, footprint
 def test_batches_of_any_size_draw_the_same(rasterizer, cut: Cut, monkeypatch, footprint: str, batch_size: int) -> None:
     spec = SplatSpec(footprint)  # type: ignore[arg-type]
     whole = draw(rasterizer, cut, view_of(cut), spec)
-    monkeypatch.setattr("renderer.draw.gl.splat_rasterizer.BATCH_SIZE", batch_size)
+    monkeypatch.setattr("renderer.draw.splats.splat_rasterizer.BATCH_SIZE", batch_size)
     assert draw(rasterizer, cut, view_of(cut), spec).tobytes() == whole.tobytes()
 
 

@@ -18,11 +18,11 @@ from commands import environment
 from small_scene import engine_block, small_tree
 
 import renderer
-from renderer.kernels import SOURCES, STOPPED, Header, Kernel
+from renderer.kernels import SOURCES, STOPPED, Kernel, read_headers
 from renderer.scene import parse_scene
 from renderer.system import signals_as_interrupts, stop_flag
 
-LONG_KERNELS = Header((SOURCES / "kernels.h").read_text("ascii")).long_kernels
+LONG_KERNELS = read_headers(SOURCES).long_kernels
 # Far longer than a child of these tests takes to end.
 MOST_SECONDS = 300
 

@@ -25,10 +25,11 @@ from renderer.kernels import (
     load_library,
     num_lanes,
     processor_level,
+    read_headers,
     this_target,
 )
 
-HEADER = Header((SOURCES / "kernels.h").read_text("ascii"))
+HEADER = read_headers(SOURCES)
 WINDOWS = np.array([[0, 0, 2, 1]])
 
 
