@@ -1,4 +1,5 @@
 from .arguments import (
+    Command as Command,
     OutputPath as OutputPath,
     is_one_frame as is_one_frame,
     option_group as option_group,
