@@ -35,7 +35,7 @@ COMMANDS = {
     "init": "Write a scene file for a volume, to start from.",
     "preview": "Show a scene or a volume on one page, before its film is made.",
     "turntable": "Render turntables of volumes without a scene file.",
-    "measure": "Measure what a scene costs and how near to the truth it comes.",
+    "measure": "Measure the cost and the accuracy of a scene.",
     "golden": "Keep frames of a scene to compare later ones with.",
     "compare": "Compare frames with golden ones; exit with 1 where they differ.",
     "info": "Describe a volume: shape, place, values and histogram.",
@@ -102,7 +102,7 @@ def _version_text(*, is_verbose: bool) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command line, by default that of the process, and exit."""
+    """Run a command line, by default the one of the process, and exit."""
     _replace_closed_streams()
     for stream in (sys.stdout, sys.stderr):  # a file name may have characters that the terminal's encoding lacks
         if isinstance(stream, io.TextIOWrapper):
@@ -129,7 +129,7 @@ def run(arguments: Sequence[str]) -> int:
         if _is_out_of_memory(error):
             _print_error(format_message("hsplat: out of memory", hint=address_space_hint()))
         elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
-            _print_error(f"hsplat: what is printed cannot be written: {error.strerror}")
+            _print_error(f"hsplat: the output cannot be printed: {error.strerror}")
         elif not (isinstance(error, BrokenPipeError) and _is_stdout_broken()):
             text = f"{type(error).__name__}: {error}"
             _print_error(f"hsplat: unexpected {text} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     help="Write to this film, or to {frame}.png; may be given several times.",
 )
 @click.option("--frames", metavar="A:B:STEP", help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
-@click.option("--frames-per-second", metavar="RATE", help="Another rate than that of the scene.")
-@click.option("--quality", metavar="0-10", help="Another quality of an MP4 than that of the scene.")
+@click.option("--frames-per-second", metavar="RATE", help="Replace the scene's rate.")
+@click.option("--quality", metavar="0-10", help="Replace the scene's quality of an MP4.")
 @click.option("--force", is_flag=True, help="Assemble again, even if the film is up to date.")
 @quiet_option()
 def assemble(
@@ -53,7 +53,7 @@ def assemble(
     """Make one film of frames that were drawn in parts.
 
     PARTS are folders of numbered frames, or the JSON files beside them; globs may be quoted. The film and its JSON file
-    equal those of one `hsplat render` of all frames.
+    equal the files of one `hsplat render` of all frames.
     """
     # Imported here to keep --help fast.
     from renderer.job import assemble_film, find_parts

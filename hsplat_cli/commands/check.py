@@ -133,7 +133,7 @@ def _memory_text(memory: BrickMemory) -> str:
     needed = f"{bytes_text(memory.needed)} for bricks"
     if memory.needed <= memory.limit:
         return needed
-    return f"{needed}, of which {bytes_text(memory.limit)} may be kept: others are made again for each frame (--memory)"
+    return f"{needed}, but at most {bytes_text(memory.limit)} are kept: others are made again for each frame (--memory)"
 
 
 def _summary(scene: Scene, num_frames: int, costs: Forecast | None) -> list[tuple[str, str]]:

@@ -19,7 +19,7 @@ from renderer.scene import AnnotationSpec
 
 # Options of a sweep and its report; a search for one tolerance (--want) refuses them.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats")
-_WANT_HINT = "--want searches with the scene's own footprint and error measure; change those with --set"
+_WANT_HINT = "--want searches with the scene's own footprint and error measure; change them with --set"
 # Options that need whole exact pictures and several passes (--thorough).
 _THOROUGH_OPTIONS = ("footprints", "measures", "corrections", "repeats")
 _THOROUGH_HINT = (
@@ -60,7 +60,7 @@ def measure(
     reporter: Reporter,
     **sweep_options: Any,
 ) -> None:
-    """Measure what a scene costs and how near to the truth it comes.
+    """Measure the cost and the accuracy of a scene.
 
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """

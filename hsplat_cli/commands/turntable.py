@@ -41,7 +41,9 @@ from renderer.suggest import FilmOptions
     metavar="FILE",
     help="Give all volumes the look of this scene: transfer function, light, clip, camera, annotation, outputs.",
 )
-@click.option("--match", "reference", type=FILE, metavar="FILE", help="Match values with those of this volume.")
+@click.option(
+    "--match", "reference", type=FILE, metavar="FILE", help="Match the scene's values, which belong to this volume."
+)
 @film_options
 @volume_options()
 @executor_options
@@ -113,7 +115,7 @@ def turntable(
 def _shared_look(look: Path | None, reference: Path | None) -> SharedLook | None:
     """Return the look that all volumes share, or None. Raises InputError for options that contradict it."""
     if look is None and reference is not None:
-        hint = "--scene names a scene whose values are those of this volume"
+        hint = "--scene names a scene with values of this volume"
         raise InputError("needs --scene", where=f"--match {reference}", hint=hint)
     if look is None:
         return None

@@ -124,7 +124,7 @@ def require_match(
 ) -> None:
     """Raise AssertionError, with the table of `hsplat compare`, if frames exceed their limits.
 
-    The arguments are those of the fixture in `pytest_plugin`.
+    The arguments are as for the fixture in `pytest_plugin`.
     """
     __tracebackhide__ = True  # pytest shows the line of the test
     overrides = [f"{figure}={'none' if limit is None else limit}" for figure, limit in (limits or {}).items()]

@@ -140,8 +140,7 @@ def plot_errors(comparison: Comparison) -> Chart | None:
             for name, (color, dash) in zip(names, _STYLES, strict=False)
         ],
         _CAPTION,
-        f"Errors of {len(outcomes)} frames as shares of their limits, of which {comparison.num_failing} fail: "
-        f"{metrics}",
+        f"Errors of {len(outcomes)} frames as shares of their limits; {comparison.num_failing} frames fail: {metrics}",
         marks=[(x, f"{o.name}: {o.why}") for x, o in zip(numbers, outcomes, strict=True) if not o.passes],
         size=_SIZE,
     )

@@ -84,7 +84,7 @@ class Rules:
                 descriptions.append(f"{', '.join(others)} by {source}")
         num_frames = sum(self.limits_for(name) != self.limits_for("") for name in self.frames)
         if num_frames:
-            descriptions.append(f"those of {counted(num_frames, 'frame')} by {self.file}")
+            descriptions.append(f"limits of {counted(num_frames, 'frame')} by {self.file}")
         return descriptions
 
     def require_frames(self, names: Collection[str]) -> None:

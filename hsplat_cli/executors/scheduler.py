@@ -47,7 +47,7 @@ class SchedulerExecutor:
     device: a placeholder; records of frames have the devices of the workers. brick_memory: not known in this process.
     """
 
-    device = "that of a cluster's workers"
+    device = "the devices of a cluster's workers"
     brick_memory = None
 
     def __init__(

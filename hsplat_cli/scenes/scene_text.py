@@ -148,7 +148,7 @@ def scene_text(
         *subject,
         "",
         "camera:",
-        "  target: visible             # the middle of what can be seen; from as near as shows all of it",
+        "  target: visible             # the middle of the visible part; as near as shows all of it",
         f"  path: {{type: turntable, frames: {film.frames}, elevation: {elevation}, axis: {film.axis}}}",
         "",
         "error:",

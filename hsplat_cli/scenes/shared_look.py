@@ -95,7 +95,7 @@ class SharedLook:
         """Yield a problem for each reason why other volumes cannot have this look, or cannot be matched with it."""
         path, first = self.scene.camera.path, self.scene.layers[0]
         if any(isinstance(piece, FlightPath) for piece in (path.pieces if isinstance(path, PathSequence) else [path])):
-            expected, hint = "turntable, rocker, keyframes or hold", "its places are those of one volume"
+            expected, hint = "turntable, rocker, keyframes or hold", "its places belong to one volume"
             yield Problem("camera.path", "a flight cannot frame other volumes", "", expected, hint)
         if self.reference is None:
             return
@@ -144,7 +144,7 @@ class SharedLook:
             entry.update({key: plain[key] for key in own})
         if self.reference is not None:
             line = self._match(replace(self.scene.layers[0].volume, source=volume.source, **own), reporter)
-            notes.append(f"values of {name} are those of {printable(self.reference.name)} {line}")
+            notes.append(f"values of {name} are values of {printable(self.reference.name)} {line}")
             reporter.status(notes[0])
             _map_layer(_own_entries(tree)[0] if "volumes" in tree else tree, self.scene.layers[0], line)
         for output, file in zip(outputs_of(tree), self.outputs(scene.parent, scene.stem).files, strict=True):

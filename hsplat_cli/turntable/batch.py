@@ -65,7 +65,7 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
         raise error(
             f"{len(exit_codes)} of {counted(len(records), 'film')} could not be made",
             where=str(folder),
-            hint=f"the same command{' without --force' * requests[0].force} makes only what is missing",
+            hint=f"the same command{' without --force' * requests[0].force} makes only the missing films",
         )
 
 

@@ -64,7 +64,7 @@ def _require_scheduler(address: str) -> None:
         kind = asyncio.run(asyncio.wait_for(_kind_of_server(address, settings), _CONNECT_TIMEOUT_S))
     except CommClosedError as error:  # after TCP has connected
         if not address.startswith("tls://"):
-            hint = f"{_START_HINT}; that of one with TLS begins with tls://"
+            hint = f"{_START_HINT}; the address of a scheduler with TLS begins with tls://"
             raise fails("the server at this address hangs up", hint=hint) from error
         is_refused_here = isinstance(error.__cause__, ssl.SSLCertVerificationError)
         got = error.__cause__.verify_message if is_refused_here else "it does not accept our certificate, or has none"
