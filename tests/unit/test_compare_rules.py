@@ -75,7 +75,7 @@ def test_limits_that_differ_from_the_level_are_listed(tmp_path: Path) -> None:
     file = tmp_path / "compare.yaml"
     assert load_rules(tmp_path).other_limits == [
         f"largest 200, p99 none, densest 3 by {file}",
-        f"those of 1 frame by {file}",
+        f"limits of 1 frame by {file}",
     ]
     assert load_rules(tmp_path, overrides=["largest=5", "p99=0.12345678", "densest=none"]).other_limits == [
         "p99 0.12345678, densest none by option"
