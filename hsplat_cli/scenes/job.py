@@ -91,7 +91,7 @@ def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
     if not any(layer.depends_on_voxels for layer in scene.layers):
         return scene
     from renderer.readers import read_volume
-    from renderer.suggest import resolve_scene
+    from renderer.resolve import resolve_scene
 
     try:
         return resolve_scene(scene, read_volume)
@@ -102,7 +102,7 @@ def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
 def _require_labels(scene: Scene, editor: TreeEditor) -> None:
     """Raise SceneError for labels that a scene names and its files have not; for that, volumes of labels are read."""
     from renderer.readers import read_volume
-    from renderer.suggest import label_problems
+    from renderer.resolve import label_problems
 
     raise_problems(editor.located_problems(label_problems(scene, read_volume)))
 

@@ -42,7 +42,7 @@ from renderer.scene import (
 from renderer.system import printable
 
 if TYPE_CHECKING:
-    from renderer.suggest import ValueLine
+    from renderer.statistics import ValueLine
 
 # Keys that say where the voxels are.
 _SOURCE_KEYS = ("file", "raw", "procedural", "spacing")
@@ -153,7 +153,7 @@ class SharedLook:
 
     def _match(self, volume: VolumeSpec, reporter: Reporter) -> ValueLine:
         """Return how values of the reference become those of a volume; of steps in time those of the first."""
-        from renderer.suggest import match_values
+        from renderer.statistics import match_values
 
         assert self.reference is not None
         own = replace(self.scene.layers[0].volume, source=file_source(self.reference))

@@ -12,6 +12,7 @@ from .sniff import (
 )
 from .steps_in_time import some_steps as some_steps
 from .volume_reading import (
+    ReadVolume as ReadVolume,
     header_and_voxel_files as header_and_voxel_files,
     mix_steps as mix_steps,
     read_volume as read_volume,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -24,6 +24,8 @@ from renderer.readers.voxel_colors import join_colors
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text, values_at
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
+# Reads the voxels of a volume.
+ReadVolume = Callable[[VolumeSpec], Volume]
 Ranges = Sequence[tuple[int, int]]
 # Steps of DICOM that are kept, for the suggested look and the film: to find one, all files of a series are parsed.
 _DICOM_IMAGES = RecentImages(most_bytes=256 << 20)

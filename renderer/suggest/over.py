@@ -6,27 +6,31 @@ from dataclasses import replace
 
 import numpy as np
 
+from renderer.readers import ReadVolume
 from renderer.scene import Color, VolumeSpec, raise_problems, volume_extent, volume_problems
-from renderer.suggest.channels import ReadVolume
-from renderer.suggest.features import VoxelSample, sample_volume
-from renderer.suggest.label_volume import number_sample
-from renderer.suggest.opacity_calibration import balance, cast_through, depths_along
+from renderer.statistics import VoxelSample, sample_volume
+from renderer.suggest.label_look import number_sample
+from renderer.suggest.opacity_calibration import balance, depths_along
 from renderer.suggest.palette import to_lab
 from renderer.suggest.separation import Plane, are_beyond
 from renderer.suggest.suggestion import Suggestion, with_8_bit_colors, with_colormap
-from renderer.suggest.volume_suggestion import NO_WISH, VolumeSuggestion, read_in_colors, suggest_read
-from renderer.suggest.wishes import Wish
+from renderer.suggest.turntable_rays import cast_through
+from renderer.suggest.volume_suggestion import VolumeSuggestion, read_in_colors, suggest_read
+from renderer.suggest.wishes import NO_WISH, Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float64
 
-# The part of what is seen that the upper volume has, on the rays that meet both.
+# The share of the upper volume in what is seen, on the rays that meet both.
 UPPER_SHARE = 2 / 3
-# Percentiles of the gradients of what is visible between which a shell fades in.
+# The percentiles of the gradients of visible voxels between which a shell fades in.
 _SHELL_PERCENTILES = (60, 98)
+# Ends of a shell that shows all gradients alike.
 _EVERY_GRADIENT = (-1.0, 0.0)
-# Colours with less chroma than this, in CIELAB, are taken for grey.
+# The largest chroma of a grey colour, in CIELAB.
 _MAX_GREY_CHROMA = 15.0
-_WARM, _GREY = (1.0, 0.68, 0.36), (1.0, 1.0, 1.0)
+_WARM = (1.0, 0.68, 0.36)
+_GREY = (1.0, 1.0, 1.0)
+# The weights of red, green and blue in luminance.
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 

@@ -10,16 +10,13 @@ from operator import attrgetter
 import numpy as np
 
 from renderer.scene import ClipSpec, ColormapSpec, ControlPoint, LabelsSpec, ShadingSpec, TransferSpec, colormap_points
-from renderer.suggest.features import VoxelSample
-from renderer.suggest.histogram import Statistics
-from renderer.suggest.isolated import OutlierValue
-from renderer.suggest.opacity import format_number
+from renderer.statistics import OutlierValue, Statistics, VoxelSample, format_number
 from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST, in_8_bits
 
-# Values further from the range of the others than this part of the range are transparent; half-way to outliers that are
-# nearer.
+# The widest margin around the values that are shown, as a part of their range: values farther away are transparent.
+# Half of the gap to outliers that are nearer.
 _OUTLIER_MARGIN = 0.02
-# A background with a smaller opacity of a unit length is hardly seen: a unit is about 1 % of the diagonal.
+# The least opacity of a unit length, about 1 % of the diagonal, that is seen in a background.
 LEAST_OPACITY = 1e-3
 
 

@@ -19,7 +19,7 @@ from renderer.errors import InputError
 from renderer.frame import Stage, deserialize_stage, prepare_stage, render_frames, serialize_stage
 from renderer.readers import common, read_volume
 from renderer.scene import ErrorSpec, PyramidSpec, RawSource, Scene, VolumeSpec
-from renderer.suggest import compute_statistics
+from renderer.statistics import compute_statistics
 from renderer.transfer import TransferFunction
 
 Array = npt.NDArray[Any]

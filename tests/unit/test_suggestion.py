@@ -26,8 +26,8 @@ from kinds_of_data import (
 
 from renderer.readers import common, read_volume
 from renderer.scene import ColormapSpec, FileSource, LabelsSpec, VolumeSpec, colormap_points
-from renderer.suggest import Wish, compute_statistics, suggest
-from renderer.suggest.recognition import hounsfield_zero
+from renderer.statistics import compute_statistics, hounsfield_zero
+from renderer.suggest import Wish, suggest
 from renderer.transfer import make_transfer_function
 
 Array = npt.NDArray[Any]

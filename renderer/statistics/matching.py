@@ -9,13 +9,15 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.scene import format_value
-from renderer.suggest import features
-from renderer.suggest.classes import foreground_threshold
-from renderer.suggest.histogram import compute_statistics
-from renderer.suggest.label_volume import label_values
-from renderer.suggest.padding import without_padding
+from renderer.statistics.background import find_background
+from renderer.statistics.classes import foreground_threshold
+from renderer.statistics.histogram import compute_statistics
+from renderer.statistics.label_volume import label_values
+from renderer.statistics.padding import without_padding
+from renderer.statistics.voxel_sample import sample_volume
 from renderer.volume import Float64, Volume
 
+# The percentiles that are matched.
 _PERCENTILES = range(10, 100, 10)
 
 
@@ -59,11 +61,11 @@ def _landmarks(volume: Volume) -> Float64:
     shown = statistics.without_outliers or statistics
     if shown.minimum == shown.maximum:
         raise _no_contrast(volume, f"{format_value(shown.minimum)} in every voxel")
-    sample = features.sample_volume(volume, shown)
+    sample = sample_volume(volume, shown)
     if volume.colors is not None or label_values(volume, shown, sample) is not None:
         raise _no_contrast(volume, "labels" if volume.colors is None else "colours")
     sample = without_padding(sample)
-    background, values = features.find_background(sample), sample.normalized[sample.is_valid]
+    background, values = find_background(sample), sample.normalized[sample.is_valid]
     if background.is_there and background.below > background.above:
         values = values[values < background.low]
     elif background.is_there:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from renderer.errors import Problem
+from renderer.readers import ReadVolume
 from renderer.scene import (
     TRANSFER_FUNCTION_SECTION,
     LayerSpec,
@@ -15,8 +16,7 @@ from renderer.scene import (
     spec_to_dict,
     values_at,
 )
-from renderer.suggest.channels import ReadVolume
-from renderer.suggest.histogram import exact_percentiles
+from renderer.statistics import exact_percentiles
 
 _HINT = "many voxels have the same value; take percentiles that differ: `hsplat info` shows some"
 

@@ -11,21 +11,23 @@ from typing import Any
 
 import numpy as np
 
-from renderer.suggest.isolated import OutlierValue, find_isolated
-from renderer.suggest.percentiles import Chunks, OrderedKeys, make_ordered_keys, values_at_ranks
+from renderer.statistics.isolated import OutlierValue, find_isolated
+from renderer.statistics.percentiles import Chunks, OrderedKeys, make_ordered_keys, values_at_ranks
 from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
 
-# Every value of 16-bit data has its own bin; wider types are resolved as finely.
+# The most bins of a histogram. Every value of 16-bit data has its own bin; wider types are resolved as finely.
 MAX_BINS = 2**16
 
+# The percentiles that statistics have.
 PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
 
-# With fewer other values than this, the data are steps or labels, and no value is an outlier.
+# The least number of different values besides outliers. With fewer the data are steps or labels, and no value is an
+# outlier.
 _MIN_OTHER_VALUES = 16
-# Isolated voxels may hide others that are less far away.
+# The most searches for outliers. Isolated voxels may hide others that are less far away.
 _MAX_ROUNDS = 3
 
-# Values are read in chunks, so that no float64 copy of the volume is made.
+# Values of a chunk. Chunks are read one by one, so that no float64 copy of the volume is made.
 _CHUNK = 2**20
 
 _HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2

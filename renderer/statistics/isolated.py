@@ -10,14 +10,16 @@ import numpy as np
 
 from renderer.volume import Array, Bools, Int64, MappedFile, iter_slabs
 
-# Isolated voxels are at most this part of all, and at least this part of what is beyond the others: where there are
-# many, some touch.
-_MAX_FRACTION, _MIN_ISOLATED = 1e-3, 0.95
-# They are further from their neighbours than this many ranges of the neighbours. Noise reaches 0.7. Of the lowest and
-# the highest percent of 40 volumes, 7 voxels are beyond 2, and the range of the others has them all.
+# The largest share of all voxels that isolated voxels have. More are not noise.
+_MAX_FRACTION = 1e-3
+# The smallest share of isolated voxels among those beyond the range of the others. Where there are many, some touch.
+_MIN_ISOLATED = 0.95
+# The smallest distance of an isolated voxel from the range of its neighbours, in lengths of this range. Noise reaches
+# 0.7. Of the lowest and the highest percent of 40 volumes, 7 voxels reach 2, and they lie in the range of the others.
 _MIN_DISTANCE = 2.0
-# Fewer neighbours, along a single line, tell nothing.
+# The least number of neighbours that a voxel has. Along a single line they tell nothing.
 _MIN_NEIGHBOURS = 8
+# Voxels that are read at a time.
 _CHUNK = 2**20
 
 
