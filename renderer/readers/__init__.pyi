@@ -1,4 +1,4 @@
-from .common import are_colors as are_colors
+from .components import are_colors as are_colors
 from .sniff import (
     TIFF_SUFFIXES as TIFF_SUFFIXES,
     UnknownFormatError as UnknownFormatError,

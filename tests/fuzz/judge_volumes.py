@@ -30,7 +30,7 @@ from volume_damage import Case, Sparse, is_within_checksums, make_bomb, make_cas
 from renderer.errors import InputError
 from renderer.job import volume_files
 from renderer.readers import read_volume, volume_reading as read_module
-from renderer.readers.common import Image
+from renderer.readers.image import Image
 from renderer.scene import FileSource, VolumeSpec
 from renderer.system import describe_exit
 from renderer.volume import Array, Bools, Volume

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.readers.common import Image
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, call_reader
 from renderer.volume import Array
 

@@ -18,7 +18,7 @@ import pytest
 
 import renderer
 from renderer.errors import InputError, RenderError
-from renderer.readers.common import Image
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, read_isolated
 from renderer.volume import Label
 

@@ -10,7 +10,7 @@ from dicom_files import NORMAL, write_series
 from volume_files import read
 
 from renderer.readers import volume_reading as reading
-from renderer.readers.common import Image
+from renderer.readers.image import Image
 from renderer.readers.recent_images import RecentImages
 
 
