@@ -1,4 +1,4 @@
-"""Resolve an open scene: choose what it leaves to its volumes, once they can be read.
+"""Resolve an open scene: choose all that it leaves to its volumes, once they can be read.
 
 In: a scene, and a function that reads its volumes. Out: the same scene, in which nothing is left open; or problems with
 labels that are not there.

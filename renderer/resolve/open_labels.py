@@ -19,8 +19,8 @@ Problems = list[Problem]
 def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Problems) -> LayerSpec:
     """Return a layer in which all labels that are shown have their number, colour and name.
 
-    place: of the layer in the scene. read: reads the voxels of volumes whose labels are not known yet. problems: to
-    which labels that are not there are added. Raises InputError for volumes that are no labels, and tables that cannot
+    place: of the layer in the scene. read: reads the voxels of volumes whose labels are not known yet. problems: labels
+    that are not there are added to it. Raises InputError for volumes that are no labels, and tables that cannot
     be read.
     """
     look, labels = layer.transfer_function, layer.transfer_function.labels
@@ -59,7 +59,7 @@ def label_problems(scene: Scene, read: ReadVolume) -> Problems:
 def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: Problems) -> LabelsSpec:
     """Return the labels that are shown with their numbers, colours, opacities and names.
 
-    place: of the labels in the scene. problems: to which those of labels that are not there are added.
+    place: of the labels in the scene. problems: labels that are not there are added to it.
     """
 
     def values_of(key: LabelKey, path: str) -> Iterator[int]:

@@ -1,4 +1,4 @@
-"""Resolve a scene: choose what it leaves to its volumes."""
+"""Resolve a scene: choose all that it leaves to its volumes."""
 
 from __future__ import annotations
 

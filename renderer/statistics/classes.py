@@ -22,9 +22,9 @@ _DESCENT = 0.97
 _MAX_VALLEY = 0.5
 # The most materials.
 _MAX_CLASSES = 3
-# The edges of a material have values between its own and those of its surroundings. This is the smallest share of the
-# voxels of a material that differ little from all of their neighbours: 0.01 to 0.45 in the edges of scans, 0.5 to 0.95
-# in their materials.
+# The smallest share of the voxels of a material that differ little from all of their neighbours: 0.5 to 0.95 in the
+# materials of scans. A class with less, 0.01 to 0.45, consists of edges: their values lie between a material and its
+# surroundings.
 _MIN_FLAT = 0.5
 # The largest little difference, as a part of the range of the class.
 _MAX_STEP = 0.5

@@ -1,4 +1,4 @@
-"""Join voxels into a coarse grid of cells, and find which lie deep inside of a visible part."""
+"""Join voxels into a coarse grid of cells, and find the voxels deep inside of the visible part."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _DEPTH = 3
 
 
 def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
-    """Return which of the sample's voxels lie deep inside of what is visible, bool [z, y, x]."""
+    """Return which voxels of the sample lie deep inside of the visible part, bool [z, y, x]."""
     cells, _ = pool_voxels(is_visible, sample.spacing)
     for _ in range(_DEPTH):
         cells = ~grow(~cells, 1)
@@ -23,7 +23,7 @@ def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
 
 
 def pool_voxels(is_visible: Bools, spacing: tuple[float, float, float]) -> tuple[Bools, Float64]:
-    """Return which cells of blocks of voxels have a visible one, and the lengths of a cell along z, y, x."""
+    """Return which cells, of some voxels each, have a visible voxel, and the lengths of a cell along z, y, x."""
     factors = _factors(is_visible)
     return reduce_blocks(np.logical_or, is_visible, factors), np.array(spacing) * factors
 

@@ -1,4 +1,4 @@
-"""Choose the value that voxels without data have in a sample, so that they look like what surrounds the object."""
+"""Choose the value that voxels without data have in a sample, so that they look like the surroundings of the object."""
 
 from __future__ import annotations
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 
@@ -93,7 +92,7 @@ def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]
             yield data
 
 
-def _statistics(dtype: np.dtype[Any], chunks: Chunks) -> Statistics:
+def _statistics(dtype: np.dtype[np.generic], chunks: Chunks) -> Statistics:
     """Return the statistics of all values."""
     minimum, maximum, size = _extent(chunks)
     scale = np.float64(safe_scale(minimum, maximum))
@@ -121,7 +120,10 @@ def _statistics(dtype: np.dtype[Any], chunks: Chunks) -> Statistics:
 def exact_percentiles(
     values: Array, source: MappedFile | None, percents: Sequence[float]
 ) -> Mapping[float, int | float]:
-    """Return percentiles as those of `Statistics`; of 0 the smallest value. Parameters and errors as there."""
+    """Return percentiles, as `Statistics` has them; 0 is the smallest value.
+
+    Parameters and errors are as in `compute_statistics`.
+    """
     chunks = partial(_chunks_of_data, values, source)
     minimum, maximum, size = _extent(chunks)
     ordered_keys = make_ordered_keys(values.dtype, minimum, maximum)

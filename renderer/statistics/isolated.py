@@ -12,7 +12,8 @@ from renderer.volume import Array, Bools, Int64, MappedFile, iter_slabs
 
 # The largest share of all voxels that isolated voxels have. More are not noise.
 _MAX_FRACTION = 1e-3
-# The smallest share of isolated voxels among those beyond the range of the others. Where there are many, some touch.
+# The smallest share of isolated voxels among the voxels beyond the range of the others. Where there are many, some
+# touch.
 _MIN_ISOLATED = 0.95
 # The smallest distance of an isolated voxel from the range of its neighbours, in lengths of this range. Noise reaches
 # 0.7. Of the lowest and the highest percent of 40 volumes, 7 voxels reach 2, and they lie in the range of the others.
@@ -25,7 +26,7 @@ _CHUNK = 2**20
 
 @dataclass(frozen=True)
 class OutlierValue:
-    """A range of values beyond those of all others, from `value` to `last`, that `num` isolated voxels have."""
+    """A range of values beyond the range of all others, from `value` to `last`, that `num` isolated voxels have."""
 
     value: int | float
     num: int
@@ -42,8 +43,8 @@ def find_isolated(
     """Return the isolated voxels at both ends, and the range of the others; None if there are none.
 
     values: C-contiguous. source: the file that they are mapped from, if any. ends: minimum, first and last of the usual
-    values, maximum; only what lies between two of a side is looked at. scale: a power of two with which differences are
-    finite.
+    values, maximum; only values between the two of a side are looked at. scale: a power of two with which differences
+    are finite.
     """
     minimum, *usual, maximum = ends
     cube, first = values.reshape(-1, *(1, 1, *values.shape)[-2:]), 0

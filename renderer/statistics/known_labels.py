@@ -1,4 +1,4 @@
-"""Find what is known of the labels of a volume: the values of its voxels, and names and colours from its files."""
+"""Find the labels of a volume: the values of its voxels, with names and colours from its files."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from renderer.volume import Label, Volume, iter_slabs
 
 @dataclass(frozen=True)
 class KnownLabels:
-    """A record of what is known of the labels of a volume.
+    """The labels of a volume, as far as they are known.
 
-    present: the values of those that it has, ascending. table: what its file, or a table, says of labels, by value.
+    present: the values that its voxels have, ascending. table: names, colours and opacities by value, from its file or
+        from a table of labels.
     """
 
     present: Collection[int]
@@ -49,9 +50,9 @@ NO_LABELS = KnownLabels((), {})
 
 
 def read_labels(spec: VolumeSpec, read: ReadVolume, labels: LabelsSpec) -> KnownLabels:
-    """Return what is known of the labels of a volume, which are the values of any of its steps in time.
+    """Return the labels of a volume, which are the values of any of its steps in time.
 
-    labels: whose names go before those of a table. Raises InputError for a volume that is no labels.
+    labels: their names go before the names in a table. Raises InputError for a volume that is no labels.
     """
     known = _labels_of(steps_in_time(spec), read)
     table = known.table
@@ -77,7 +78,7 @@ def _labels_of(steps: Sequence[VolumeSpec], read: ReadVolume) -> KnownLabels:
 
 
 def label_table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:
-    """Return what the file of a volume, or a table beside it, says of its labels."""
+    """Return the table of labels in the file of a volume, or beside it."""
     source = spec.source
     if volume.labels or not isinstance(source, FileSource):
         return volume.labels

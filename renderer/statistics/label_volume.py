@@ -58,9 +58,9 @@ def is_piecewise_constant(sample: VoxelSample) -> bool:
 
 
 def _scatter(sample: VoxelSample, are_outside: Bools) -> float:
-    """Return the variance of the places of voxels with one value, as a part of that of all outside the background.
+    """Return the variance of the places of voxels with one value, as a part of the variance of all places.
 
-    Low for labels, about 1 for scans.
+    Voxels of the background do not count. Low for labels, about 1 for scans.
     """
     _, number, counts = np.unique(sample.normalized[are_outside], return_inverse=True, return_counts=True)
     places = np.argwhere(are_outside).T * np.array(sample.spacing)[:, None]

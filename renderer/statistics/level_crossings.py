@@ -9,7 +9,7 @@ from renderer.statistics.voxel_sample import VoxelSample
 
 # The most crossings of a level by a ray, in the mean. Surfaces that a ray crosses more often hide all others.
 MAX_CROSSINGS = 3.0
-# The most crossings of a level inside another one, compared with those of the outer one.
+# The most crossings of a level inside another one, as a part of the crossings of the outer one.
 _MAX_NESTED_RATIO = 0.85
 
 

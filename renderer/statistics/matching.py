@@ -1,4 +1,7 @@
-"""Find how the values of one volume become those of another: scans of magnetic resonance have no absolute scale."""
+"""Find the line by which values of one volume become values of another.
+
+Scans of magnetic resonance have no absolute scale.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ _PERCENTILES = range(10, 100, 10)
 
 @dataclass(frozen=True)
 class ValueLine:
-    """A line by which the values of a reference become those of a scan."""
+    """A line by which values of a reference become values of a scan."""
 
     scale: float
     shift: float
@@ -38,11 +41,11 @@ class ValueLine:
 
 
 def match_values(reference: Volume, scan: Volume) -> ValueLine:
-    """Return the line between the deciles of what is not background in two volumes.
+    """Return the line between the deciles of the values that are not background in two volumes.
 
     Landmarks of the histogram as by L. G. Nyul and J. K. Udupa, "On Standardizing the MR Image Intensity Scale", Magn.
-    Reson. Med. 42 (1999); one line for all, the median of those through two of them (Theil and Sen), so that a lesion
-    or a bright coil changes little. Raises InputError for a volume without contrast, of labels or of colours.
+    Reson. Med. 42 (1999); one line for all, the median of the lines through two of them (Theil and Sen), so that a
+    lesion or a bright coil changes little. Raises InputError for a volume without contrast, of labels or of colours.
     """
     before, after = _landmarks(reference), _landmarks(scan)
     slopes = [

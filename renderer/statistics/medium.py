@@ -35,7 +35,7 @@ _NOISE_SIGMAS = 5.0
 def find_medium(sample: VoxelSample, background: Background, first: float) -> Background | None:
     """Return an even medium that surrounds an object within the background, like a background; None without one.
 
-    first: the normalised value at which what is visible begins.
+    first: the normalised value from which on voxels are visible.
     """
     is_visible = sample.normalized > first
     nz, ny, nx = (num // _SIDE for num in is_visible.shape)

@@ -15,7 +15,7 @@ _MIN_CORRELATION = 0.3
 
 
 def is_smooth(sample: VoxelSample, low: float, high: float = math.inf) -> bool:
-    """Return whether the values from `low` to `high` are those of a field.
+    """Return whether the values from `low` to `high` belong to a smooth field.
 
     The mean second difference along x, divided by the mean first difference, is about 0.2 in a smooth field, 0.5 to 0.8
     at the edges of a scan, and 1.7 in noise.

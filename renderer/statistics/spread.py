@@ -31,7 +31,7 @@ def is_about_zero(sample: VoxelSample) -> bool:
 def noise_reach(sample: VoxelSample, middle: float) -> float:
     """Return how far noise reaches from the middle of a map of statistics, normalised; 0 where there is no such map.
 
-    Voxels of exactly the middle lie outside of what the map is of, and do not count. Something must stand out.
+    Voxels of exactly the middle lie outside of the object of the map, and do not count. Some voxels must stand out.
     """
     distances = np.abs(sample.normalized[sample.is_valid] - middle)
     distances = distances[distances > SAME]

@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class VoxelSample:
     diagonal: of the whole volume, world units.
     directions: float64 [3, 3], whose columns are the directions of the axes x, y, z in the world.
     centre: of the volume, in the world.
-    is_interpolated: whether values lie between those of two samples; not of labels, between which they mean nothing.
+    is_interpolated: whether there are values between two samples; between two labels there are none.
     """
 
     normalized: Float64
@@ -91,13 +91,13 @@ class VoxelSample:
             return border, self.normalized.ravel()
         return border[are_valid], self.normalized[self.is_valid]
 
-    def mapped(self, function: Callable[[Float64], Float64], **changes: Any) -> VoxelSample:
-        """Return the sample with a function of its normalised values, and other changes."""
-        return replace(self, normalized=function(self.normalized), neighbours=function(self.neighbours), **changes)
+    def mapped(self, function: Callable[[Float64], Float64]) -> VoxelSample:
+        """Return the sample with a function of its normalised values."""
+        return replace(self, normalized=function(self.normalized), neighbours=function(self.neighbours))
 
     def with_inverted_range(self) -> VoxelSample:
         """Return the sample with the range inverted."""
-        return self.mapped(lambda values: 1 - values, minimum=self.maximum, maximum=self.minimum)
+        return replace(self.mapped(lambda values: 1 - values), minimum=self.maximum, maximum=self.minimum)
 
     def with_logarithms(self, smallest: float) -> VoxelSample:
         """Return the sample with logarithms to base 10 in place of its values, none of which is negative.
@@ -109,7 +109,7 @@ class VoxelSample:
         def logarithms(values: Float64) -> Float64:
             return 1 - np.log10(np.maximum(self.shares(values), smallest)) / first
 
-        return self.mapped(logarithms, minimum=high + first, maximum=high)
+        return replace(self.mapped(logarithms), minimum=high + first, maximum=high)
 
     def shares(self, normalized: Float64) -> Float64:
         """Return normalised values as shares of the maximum, where no value is negative."""
@@ -127,7 +127,7 @@ class ValueRange(NamedTuple):
 def sample_volume(volume: Volume, statistics: Statistics | ValueRange, fill: float = 0.0) -> VoxelSample:
     """Return a sample of a volume that is not constant.
 
-    statistics: give the range. fill: the normalised value of voxels outside it, and of those without data.
+    statistics: give the range. fill: the normalised value of voxels outside it, and of voxels without data.
     Raises InputError if the volume's file has changed.
     """
     volume.require_unchanged()

@@ -15,8 +15,8 @@ from renderer.statistics import compute_statistics, find_background, sample_volu
 from renderer.suggest.palette import in_8_bits
 from renderer.volume import Channel, Volume
 
-# The colours of channels without one, in turn. The first two are told apart by those who see no difference of red and
-# green.
+# The colours of channels without one, in turn. People who see no difference of red and green tell the
+# first two apart.
 _COLORS: tuple[Color, ...] = (
     (0.0, 1.0, 0.0),
     (1.0, 0.0, 1.0),
@@ -45,7 +45,7 @@ _MOST_WEIGHT = 50.0
 
 
 def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[LayerSpec]:
-    """Return a layer for each channel of a volume; a transfer function that is given is that of all.
+    """Return a layer for each channel of a volume; a transfer function that is given is for all of them.
 
     first: the first channel, or the volume if that has no others. read: reads the voxels of others.
     """

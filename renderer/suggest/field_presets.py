@@ -65,8 +65,10 @@ _POSITIVE = ((1.0, 0.80, 0.62), (0.98, 0.52, 0.34), (0.90, 0.25, 0.16))
 
 
 def diverging_preset(sample: VoxelSample, middle: float, dead_zone: float) -> Preset:
-    """Return the preset of values on both sides of `middle`, blue below and red above, transparent within
-    `dead_zone` of it."""
+    """Return the preset of values on both sides of `middle`, blue below and red above.
+
+    Values nearer than `dead_zone` to it are transparent.
+    """
     away = _shell_levels(np.abs(sample.normalized - middle), dead_zone, len(_POSITIVE))
     pairs = zip(away.tolist(), _NEGATIVE, _POSITIVE, strict=True)
     return _shells_preset(sample, [((middle - at, blue), (middle + at, red)) for at, blue, red in pairs])

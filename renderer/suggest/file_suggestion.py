@@ -28,7 +28,7 @@ from renderer.volume import Volume
 def suggest_for(volume: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH) -> VolumeSuggestion:
     """Read a volume and suggest how to show it.
 
-    read: reads the voxels; of several channels first those of one, which tells of all; of several steps in time some.
+    read: reads voxels: of several channels first one, which tells of all; of several steps in time some.
     Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
     """
     may_have_channels = wish == NO_WISH and volume.component in (None, "all")

@@ -68,7 +68,10 @@ def _opacity_at(points: Sequence[ControlPoint], value: float) -> float:
 
 
 def _misfits(points: Sequence[tuple[float, float]], name: str, span: Sequence[float]) -> Iterator[str]:
-    """Yield a note if most of the values that (value, opacity) tell apart are outside of `span`, that of an object."""
+    """Yield a note if most of the values that points tell apart are outside of `span`, the range of an object.
+
+    points: (value, opacity).
+    """
     seen = [(first, last) for (first, before), (last, after) in pairwise(points) if before or after]
     low, high = (seen[0][0], seen[-1][1]) if seen else span
     if span[0] < span[1] and low < high and min(high, span[1]) - max(low, span[0]) < _LEAST_COMMON * (high - low):

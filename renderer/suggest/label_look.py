@@ -39,7 +39,7 @@ _ENCLOSING_SHARE = 0.4
 
 
 def _background_label(sample: VoxelSample, values: Sequence[float]) -> float | None:
-    """Return the label that is most frequent at the border; None if what fills voxels without data is no label."""
+    """Return the label that is most frequent at the border; None if the value for voxels without data is no label."""
     mode = border_mode(sample)
     at_border = sample.denormalize(mode)
     nearest = min(values, key=lambda value: abs(value / 2 - at_border / 2))
@@ -138,7 +138,7 @@ def _solve_label_depths(sample: VoxelSample, rays: TurntableRays, num: int) -> F
 
 
 def _visible_shares(rays: TurntableRays, depths: Float64) -> Float64:
-    """Return the part of what is seen that each label has. rays: of their numbers."""
+    """Return the share of the picture of each label. rays: through the numbers of labels."""
     number = np.rint(np.nan_to_num(rays.values) * len(depths)).astype(np.int64)
     taken = 100 * rays.step * np.append(0.0, depths)[number]
     visible = np.exp(taken - np.cumsum(taken, axis=1)) * -np.expm1(-taken)

@@ -20,8 +20,8 @@ _EVEN = 1e-9
 class Layer:
     """A material, or a range of values, with its part of the picture.
 
-    name: what it is, in words. knots: (normalised value, weight), ascending; linear between, constant outside.
-    share: of the picture, relative to those of the other layers.
+    name: of the material, in words. knots: (normalised value, weight), ascending; linear between, constant outside.
+    share: of the picture, relative to the shares of the other layers.
     min_depth, max_depth: of 1 % of the diagonal at weight 1; surfaces look crisp from about 1 on.
     """
 

@@ -31,11 +31,11 @@ from renderer.suggest.wishes import Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float64, Volume
 
-# A look suits a step if it shows at least this part of what the step's own look shows of it,
+# The least mean opacity of a step's rays with a look that suits it, as a part of the opacity with the step's own look.
 _LEAST_SHOWN = 0.1
-# and, on the border, where its air is, no more than this share of voxels more than the step's own look.
+# The largest share of the voxels on the border, where the air is, that such a look shows beyond the step's own look.
 _MOST_AIR = 0.02
-# A step shows next to nothing if less than this part of what the most visible step shows is seen of it.
+# The opacity of a step that shows next to nothing, as a part of the opacity of the most visible step.
 _NEXT_TO_NOTHING = 0.05
 
 
@@ -123,7 +123,7 @@ def _look_at(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> _Step:
 def _most_suitable(steps: Sequence[_Step], widest: _Step) -> tuple[_Step, Suggestion]:
     """Return the step whose look suits most of some steps, and the look; of equal ones the first, of the widest range.
 
-    Steps without a background do not count, for nothing tells what stands out in them.
+    Steps without a background do not count, for nothing tells the object from its surroundings.
     """
     backed = [step for step in steps if step.background.is_there]
     own = [(step.shown(step.found.suggestion), step.air_shown(step.found.suggestion)) for step in backed]

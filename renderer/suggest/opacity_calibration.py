@@ -1,4 +1,4 @@
-"""Solve opacities for what the picture shows: each layer of values gets a share of it.
+"""Solve opacities for the picture: each layer of values gets a share of it.
 
 Rays of a turntable pass the sampled volume. The *visibility* of a layer is the sum over all rays of transmittance times
 the layer's part of the opacity (C. D. Correa, K.-L. Ma, "Visibility Histograms and Visibility-Driven Transfer
@@ -39,7 +39,7 @@ CRISP_SURFACE_DEPTH = 0.8
 
 
 class Visibility(NamedTuple):
-    """A summary of what a picture shows.
+    """The shares of layers in a picture, and how much of it they cover.
 
     shares: of each layer, float64 [layers], with the sum 1. coverage: mean opacity of the rays that meet anything.
     """
@@ -49,7 +49,7 @@ class Visibility(NamedTuple):
 
 
 def measure_visibility(rays: TurntableRays, layers: Sequence[Layer], depths: Float64) -> Visibility:
-    """Return what a picture shows of layers with the given optical depths of 1 % of the diagonal."""
+    """Return the shares in a picture of layers with the given optical depths of 1 % of the diagonal."""
     return _measure(_weights(rays, layers), depths)
 
 
@@ -76,7 +76,7 @@ def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float, 
 
 
 def balance(weights: Float32, share: float) -> tuple[float, float]:
-    """Return factors on the densities of two layers, so that the first has this share of what is seen.
+    """Return factors on the densities of two layers, so that the first has this share of the picture.
 
     The second becomes thinner, or denser within a bound; only where that is not enough, the first becomes thinner.
     weights: of `step_weights`, [2, rays, steps], on rays that meet both.
@@ -91,7 +91,7 @@ def balance(weights: Float32, share: float) -> tuple[float, float]:
 
 
 def _weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
-    """Return the weights of the steps between samples, without those that have none."""
+    """Return the weights of the steps between samples; steps without any are left out."""
     return _compact(step_weights(rays, layers))
 
 
@@ -121,7 +121,7 @@ def depths_along(look: TransferSpec, sample: VoxelSample, rays: TurntableRays, u
 
 
 def _compact(weights: Float32) -> Float32:
-    """Leave out steps without any weight: those of a ray that remain move together."""
+    """Leave out steps without any weight: the remaining steps of a ray move together."""
     is_seen = weights.any(axis=0)
     order = np.argsort(~is_seen, axis=1, kind="stable")[:, : max(1, int(is_seen.sum(axis=1).max(initial=0)))]
     return np.take_along_axis(weights, order[None], axis=2)

@@ -20,7 +20,7 @@ from renderer.suggest.wishes import NO_WISH, Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float64
 
-# The share of the upper volume in what is seen, on the rays that meet both.
+# The share of the upper volume in the picture, on the rays that meet both.
 UPPER_SHARE = 2 / 3
 # The percentiles of the gradients of visible voxels between which a shell fades in.
 _SHELL_PERCENTILES = (60, 98)
@@ -39,7 +39,7 @@ def suggest_over(
 ) -> tuple[VolumeSuggestion, VolumeSuggestion]:
     """Suggest how to show a volume and the one underneath, each in its place in the world, with weights.
 
-    wish: for the upper one. Parameters and errors are else those of `suggest_for`.
+    wish: for the upper one. Other parameters and errors are as in `suggest_for`.
     """
     (upper, above), (lower, below) = _suggest(volume, read, wish), _suggest(under, read, NO_WISH)
     if wish == NO_WISH and not upper.volume.has_colors and _has_grey(upper.suggestion):
@@ -69,7 +69,7 @@ def suggest_over(
 
 
 def _suggest(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> tuple[VolumeSuggestion, VoxelSample]:
-    """Return what is suggested for a volume and holds beside another one, too; and a sample of what it shows."""
+    """Return the part of a suggestion that holds beside another volume, too, and a sample of the visible part."""
     volume = read(spec)
     raise_problems(volume_problems(volume_extent(volume), volume.name))
     if volume.num_times > 1 and spec.time is None:
@@ -98,7 +98,7 @@ def _gradients(sample: VoxelSample) -> Float64:
 
 
 def _shell_ends(found: VolumeSuggestion, sample: VoxelSample) -> tuple[float, float]:
-    """Return the gradients from and to which a shell fades in: labels, and what has no surfaces, are shown whole."""
+    """Return the gradients from and to which a shell fades in; labels, and data without surfaces, are shown whole."""
     suggestion = found.suggestion
     transfer = make_transfer_function(suggestion.transfer, min(sample.spacing))
     values = sample.minimum + (sample.maximum - sample.minimum) * sample.normalized

@@ -21,7 +21,7 @@ from renderer.volume import Float64
 
 
 def preset_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plane]) -> Suggestion:
-    """Return the suggestion of a preset. sample: without what the planes clip away."""
+    """Return the suggestion of a preset. sample: without the voxels that planes clip away."""
     kind, reason, preset = choice
     rays = cast_rays(sample)
     solved = solve_depths(rays, preset.layers, preset.coverage, by_area=not preset.is_scan)
@@ -39,7 +39,7 @@ def preset_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plan
 def _control_points(
     sample: VoxelSample, preset: Preset, solved: Float64, visible: Sequence[ShownLayer]
 ) -> tuple[tuple[ControlPoint, ...], tuple[str, ...]]:
-    """Return a point for each knot of layers and of colours, and a note on what it shows if a layer peaks there.
+    """Return a point for each knot of layers and of colours, and a note on its layer if that peaks there.
 
     solved: the optical depths of the layers, as from `solve_depths`.
     """
@@ -67,7 +67,7 @@ def _control_points(
 
 
 def _shown_layers(sample: VoxelSample, preset: Preset, shares: Float64) -> tuple[ShownLayer, ...]:
-    """Return the values of each layer of a preset, and what is seen of them."""
+    """Return the values of each layer of a preset, with its share of the picture."""
 
     def in_data(low: float, high: float) -> tuple[float, float]:
         one, other = sorted(sample.round_value(sample.denormalize(min(max(end, 0.0), 1.0))) for end in (low, high))

@@ -54,8 +54,11 @@ _FILLED_PERCENTILE = 60.0
 
 
 def recognise(sample: VoxelSample, zero: float | None, *, is_float: bool) -> Choice:
-    """Return the preset for data that are no labels. zero: the stored value of 0 Hounsfield units, if the values are
-    such; is_float: whether the values are no integers."""
+    """Return the preset for data that are no labels.
+
+    zero: the stored value of 0 Hounsfield units; None for values in other units. is_float: whether the values are
+    floats.
+    """
     if zero is not None:
         reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{offset_text(zero)}"
         return Choice("CT in Hounsfield units", reason, ct_preset(sample, zero))

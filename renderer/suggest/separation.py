@@ -1,7 +1,7 @@
-"""Tell the object from what lies around it, and clip the rest away: tables, holders, frames and specks.
+"""Tell the object from its surroundings, and clip these away: tables, holders, frames and specks.
 
-What is visible falls into connected parts. The object is the largest part that is not a sheet, with the parts beside it
-that are not much smaller. Planes that touch the object clip away what is beyond them.
+The visible voxels fall into connected parts. The object is the largest part that is not a sheet, with the parts beside
+it that are not much smaller. Planes that touch the object clip away the parts beyond them.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Plane(NamedTuple):
 
 
 def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
-    """Return up to six planes that clip away what is not the object.
+    """Return up to six planes that clip away the surroundings of the object.
 
     is_visible: bool [z, y, x], of the sample's voxels.
     """
@@ -83,7 +83,7 @@ def _limits(heights: Float64, of_object: Bools, reach: Float64) -> Float64:
 
 
 def corner_box(sample: VoxelSample, is_visible: Bools) -> tuple[Float64, Float64]:
-    """Return the lowest and the highest corner of a box around an eighth of what is visible: right, front and top.
+    """Return the lowest and the highest corner of a box around an eighth of the visible part: right, front and top.
 
     In the world, from the centre of the volume.
     """
@@ -188,7 +188,7 @@ def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
 
 
 def _touching_planes(points: Float64, heights: Float64, limits: Float64) -> list[Plane]:
-    """Return planes that touch the object, those first that clip most away; none if they are not worth it.
+    """Return planes that touch the object, by the cells that they clip away, most first; none if they are not worth it.
 
     points: of the centres of all cells, float64 [n, 3]. heights: along each normal. limits: of the object.
     """

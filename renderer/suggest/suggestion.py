@@ -24,8 +24,8 @@ LEAST_OPACITY = 1e-3
 class ShownLayer:
     """Values that are shown.
 
-    name: what they are, in words. ranges: from low to high, in data units. voxels: their part of the voxels. share: of
-        what the picture shows. target: what was asked for.
+    name: of the material, in words. ranges: from low to high, in data units. voxels: their share of all voxels. share:
+        of the picture. target: the share that was asked for.
     """
 
     name: str
@@ -37,14 +37,14 @@ class ShownLayer:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A transfer function that shows what is in a volume, and why it was chosen.
+    """A transfer function that shows the content of a volume, and why it was chosen.
 
     kind: the kind of data. reason: the signs by which it was recognised, a clause without a full stop.
     transfer: the transfer function, with its unit. notes: a comment for each of its points, mostly empty.
     shading: None where the data have no surfaces.
     outlier_notes: a clause for each outlier or nodata value that is not shown.
-    clip: planes that clip away what is not the object, and a box to look into it.
-    visible: what the picture shows, over a turntable.
+    clip: planes that clip away the surroundings of the object, and a box to look into it.
+    visible: the values that the pictures of a turntable show.
     """
 
     kind: str
@@ -132,7 +132,7 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
     )
     suggestion = replace(suggestion, outlier_notes=(*outlier_notes, *suggestion.outlier_notes))
     mapping = suggestion.transfer.mapping
-    if isinstance(mapping, LabelsSpec):  # which leave out what they do not name
+    if isinstance(mapping, LabelsSpec):  # which leave out all labels that they do not name
         return suggestion
     points: Sequence[ControlPoint]
     if isinstance(mapping, ColormapSpec):

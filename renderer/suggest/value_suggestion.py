@@ -1,7 +1,7 @@
 """Suggest a transfer function for the values of a volume, and give the reason in words.
 
-Labels, or the kind of data (`recognition.py`) or a wish (`wishes.py`), give a preset. Planes clip away what is not the
-object (`separation.py`), and densities are solved for what the picture shows (`opacity_calibration.py`).
+Labels, or the kind of data (`recognition.py`) or a wish (`wishes.py`), give a preset. Planes clip away the surroundings
+of the object (`separation.py`), and densities are solved for the picture (`opacity_calibration.py`).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from renderer.suggest.suggestion import Suggestion, hide_outliers, with_colormap
 from renderer.suggest.wishes import LABELS_WISH, NO_WISH, WISHES, Wish, choose_by_word
 from renderer.volume import Volume
 
-# Tells what is known of the labels of a volume.
+# Finds the labels of a volume.
 KnowLabels = Callable[[], KnownLabels]
 
 # The value from which on outliers are no labels.
@@ -54,9 +54,9 @@ def suggest(
 ) -> Suggestion:
     """Return a transfer function for a volume.
 
-    statistics: of the volume (`renderer.suggest.histogram.compute_statistics`). known: returns what is known of its
-    labels, if it has some: those of other steps in time, and a table. Raises InputError for a preset that cannot be
-    read, or does not suit the volume.
+    statistics: of the volume, by `compute_statistics`. known: returns the labels of other steps in time, and a table of
+    labels; called only for a volume of labels. Raises InputError for a preset that cannot be read, or does not suit the
+    volume.
     """
     if statistics.minimum == statistics.maximum:
         return with_colormap(_constant_suggestion(volume, float(statistics.minimum)), wish.colormap)
@@ -114,7 +114,7 @@ def _suggest_from(
     choice, planes = choose(sample, zero), list[Plane]()
     if choice.preset.is_scan:
         planes = separating_planes(sample, choice.preset.covers(sample.normalized))
-    if planes:  # what is clipped away is none of the materials
+    if planes:  # materials lie on this side of the planes alone
         sample = fill_with_background(sample, are_beyond(sample, planes))
         again = choose(sample, zero)
         choice = again if again.kind == choice.kind else choice

@@ -27,7 +27,7 @@ class VolumeSuggestion:
     """A suggestion for a volume whose voxels are no longer in memory.
 
     volume: which voxels. has_absent: whether any of them has no data. layers: of its channels, if each is to be seen;
-        the suggestion is then that of the first.
+        the suggestion is then for the first.
     weight: as in `renderer.scene.LayerSpec`.
     """
 
@@ -38,7 +38,7 @@ class VolumeSuggestion:
     weight: float = 1.0
 
     def applied_to(self, scene: Scene) -> Scene:
-        """Return a scene of the volume with what is suggested; its own planes stay where it has some."""
+        """Return a scene of the volume with the suggestion in it; planes that the scene has stay."""
         found, transfer = self.suggestion, self.suggestion.transfer
         if self.layers:
             volume = self.layers[0].volume
@@ -51,8 +51,11 @@ class VolumeSuggestion:
 def read_in_colors(
     volume: VolumeSpec, found: Volume, read: ReadVolume, wish: Wish = NO_WISH
 ) -> tuple[VolumeSpec, Volume, Statistics]:
-    """Return a volume with its voxels and their statistics; without a wish, voxels that are colours as such, with the
-    opacities of alpha where that varies. found: what was read of it."""
+    """Return a volume, its voxels and their statistics.
+
+    Without a wish, voxels that are colours are read as colours, with the opacities of alpha where alpha varies.
+    found: the volume as it was read first.
+    """
     component = volume.component
     if component is None and wish == NO_WISH and are_colors(found.values.dtype, found.channels):
         component = "color"
@@ -71,7 +74,7 @@ def suggest_read(
 ) -> VolumeSuggestion:
     """Suggest how to show a volume that is in memory. Raises as `suggest`.
 
-    known: as of `suggest`; None for what the volume, and a table beside it, tell.
+    known: as in `suggest`; None for the labels of this volume, and the table in its file or beside it.
     """
     if volume.has_colors:
         suggestion = _color_suggestion(found, statistics, wish)
@@ -88,7 +91,7 @@ def _labels_in_table(spec: VolumeSpec, volume: Volume) -> KnownLabels:
 
 
 def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Suggestion:
-    """Return a suggestion for colours by their luminance; what the wish colours is multiplied by them."""
+    """Return a suggestion for colours by their luminance. Colours of a wish are multiplied by the voxels' own."""
     found = suggest(volume, statistics, Wish(wish.colormap, wish.preset or "surface"))
     transfer = found.transfer
     if wish == NO_WISH and transfer.points:

@@ -21,7 +21,7 @@ from renderer.suggest.recognition import offset_text
 
 @dataclass(frozen=True)
 class Wish:
-    """A wish for what a suggestion shall be.
+    """A wish that steers a suggestion.
 
     colormap: the name of a colormap that replaces its colours. preset: a word of WISHES or LABELS_WISH, the name of a
         preset, or a file of another program, of whose transfer functions #NAME picks one.
