@@ -1,7 +1,7 @@
-from .cpu.brick_rasterizer import BrickRasterizer as BrickRasterizer
-from .cpu.lines import draw_lines as draw_lines
-from .gl.splat_rasterizer import SplatRasterizer as SplatRasterizer
-from .open_rasterizer import open_rasterizer as open_rasterizer
+from .bricks.brick_rasterizer import BrickRasterizer as BrickRasterizer
+from .lines import draw_lines as draw_lines
+from .opening import open_rasterizer as open_rasterizer
 from .overlay import Lines as Lines, make_edges as make_edges, make_outline as make_outline
 from .rasterizer import BrickMemory as BrickMemory, Rasterizer as Rasterizer
-from .recovery import RecoveringRasterizer as RecoveringRasterizer
+from .splats.recovery import RecoveringRasterizer as RecoveringRasterizer
+from .splats.splat_rasterizer import SplatRasterizer as SplatRasterizer

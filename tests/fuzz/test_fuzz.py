@@ -12,7 +12,7 @@ from judge import judge, make_case
 from scenes import random_of
 
 from renderer.draw import Rasterizer, SplatRasterizer
-from renderer.draw.gl import splat_rasterizer as raster_gl
+from renderer.draw.splats import splat_rasterizer as raster_gl
 from renderer.scene import Scene
 from renderer.splats import SplatBatch
 from tests.support.spoiling import places

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from splatting import camera_pose, cut_of, in_order, look, place_splats, volume_of
 
-from renderer.draw.gl import splat_rasterizer as raster_gl
+from renderer.draw.splats import splat_rasterizer as raster_gl
 from renderer.scene import SplatSpec, TurntablePath
 from renderer.splats import make_splats
 from renderer.view import make_order_blending, visible_order

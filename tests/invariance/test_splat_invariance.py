@@ -10,7 +10,7 @@ import pytest
 from splatting import cut_of, in_order, look, place_splats, point_at, volume_of
 
 from renderer.draw import SplatRasterizer
-from renderer.draw.gl import splat_rasterizer as raster_gl
+from renderer.draw.splats import splat_rasterizer as raster_gl
 from renderer.pyramid import BLOCK_SIZE, Cut, build_pyramid
 from renderer.pyramid.pyramid import BLOCKS_PER_TASK
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec

@@ -22,7 +22,7 @@ from renderer.kernels.build import SOURCES
 from renderer.scene import parse_scene
 from renderer.system import signals_as_interrupts, stop_flag
 
-LONG_KERNELS = header.Header((SOURCES / "kernels.h").read_text("ascii")).long_kernels
+LONG_KERNELS = header.read_headers(SOURCES).long_kernels
 # Far longer than a child of these tests takes to end.
 MOST_SECONDS = 300
 

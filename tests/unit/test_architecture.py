@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
+
+from renderer.kernels.build import source_files
 
 ROOT = Path(__file__).resolve().parents[2]
 MAX_FILE_LINES = 500
@@ -41,7 +44,7 @@ SOURCES = {_module(path): path for package in ORDER for path in sorted((ROOT / p
 
 
 def _room(module: str) -> str:
-    """`renderer.draw` of `renderer.draw.gl.splat_rasterizer`; the package of a module that is in no room.
+    """`renderer.draw` of `renderer.draw.splats.splat_rasterizer`; the package of a module that is in no room.
 
     Of the door of `renderer` it is the API, whose names it has.
     """
@@ -106,10 +109,20 @@ def test_doors_open(room: str) -> None:
 
 def test_only_one_room_makes_opengl_calls() -> None:
     users = {module for module, path in SOURCES.items() if {"moderngl", "OpenGL", "glcontext"} & _imports(path)}
-    assert users and all(module.startswith("renderer.draw.gl.") for module in users)
+    assert users and all(module.startswith("renderer.draw.splats.") for module in users)
+
+
+def test_kernels_include_one_way() -> None:
+    """A folder of kernels has the name of their room. The truth shares no code with the kernels that it checks."""
+    order = ["base", *ORDER["renderer"]]
+    for path in source_files():
+        folder = path.parent.name
+        for other, name in re.findall(r'^#include "(.*)/(.*)"', path.read_text("ascii"), re.MULTILINE):
+            is_above = order.index(other) <= order.index(folder) or path.name == "sizes.cpp"
+            is_independent = folder != "truth" or other in ("base", "truth") or name == "kernels.h"
+            assert is_above and is_independent, f"{folder}/{path.name} includes {other}/{name}"
 
 
 def test_files_can_be_read_at_one_sitting() -> None:
-    kernels = (path for path in (ROOT / "renderer" / "kernels" / "sources").iterdir() if path.name != "kernels.h")
-    for path in [*SOURCES.values(), *kernels, *(ROOT / "tests").rglob("*.py")]:
+    for path in [*SOURCES.values(), *source_files(), *(ROOT / "tests").rglob("*.py")]:
         assert len(path.read_text("utf-8").splitlines()) <= MAX_FILE_LINES, path

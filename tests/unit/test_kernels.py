@@ -17,7 +17,7 @@ from renderer.errors import RenderError
 from renderer.kernels import header, kernels, library, num_lanes, processor_level
 from renderer.kernels.build import BUILT, MANIFEST, SOURCES
 
-HEADER = header.Header((SOURCES / "kernels.h").read_text("ascii"))
+HEADER = header.read_headers(SOURCES)
 WINDOWS = np.array([[0, 0, 2, 1]])
 
 
