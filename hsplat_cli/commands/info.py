@@ -22,7 +22,8 @@ from renderer.scene import FileSource, VolumeSpec, counted, load_scene, parse_ya
 from renderer.system import join_lines, printable
 
 if TYPE_CHECKING:
-    from renderer.suggest import Statistics, Suggestion
+    from renderer.statistics import Statistics
+    from renderer.suggest import Suggestion
     from renderer.volume import Float64, Volume
 
 # Width of the histogram, in characters.
@@ -115,7 +116,7 @@ def _time_text(time: dict[str, Any]) -> str:
 
 def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> dict[str, Any]:
     """Return all facts about a volume, which are printed as text or as JSON."""
-    from renderer.suggest import rebin
+    from renderer.statistics import rebin
 
     counts, edges = rebin(statistics, _COLUMNS)
     axes = volume.world_from_index[:3, :3]
@@ -240,7 +241,7 @@ def _channel(number: int, channel: dict[str, Any]) -> str:
 
 
 def _suggestion_lines(suggestion: Suggestion, facts: dict[str, Any]) -> Iterator[str]:
-    from renderer.suggest import format_percent
+    from renderer.statistics import format_percent
 
     yield ""
     yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
@@ -258,7 +259,7 @@ def _suggestion_lines(suggestion: Suggestion, facts: dict[str, Any]) -> Iterator
 
 def _label_lines(table: list[dict[str, Any]], num_voxels: int) -> Iterator[str]:
     """Yield a line for each label; if there are more than _MAX_LABELS, for the largest ones."""
-    from renderer.suggest import format_percent
+    from renderer.statistics import format_percent
 
     is_long, is_named = len(table) > _MAX_LABELS, any(label["name"] for label in table)
     rows = [["label", "name", "voxels", "volume", "picture"]]

@@ -12,7 +12,8 @@ from renderer.errors import HsplatError
 from renderer.frame import Stage
 from renderer.job import FilmJob, JobEvents, LocalExecutor, forecast_frames
 from renderer.scene import Scene, with_tolerance
-from renderer.suggest import VolumeSuggestion, Wish, compute_statistics, hounsfield_zero, suggest_read
+from renderer.statistics import compute_statistics, hounsfield_zero
+from renderer.suggest import VolumeSuggestion, Wish, suggest_read
 from renderer.volume import Volume, sampled_volume
 
 # Factors on the opacity.

@@ -13,7 +13,7 @@ from hsplat_cli.preview.studio import Shot
 from renderer.job import VisibleRange
 from renderer.layers import Layer
 from renderer.scene import ColormapSpec, format_value
-from renderer.suggest import Statistics, compute_statistics, format_percent, rebin
+from renderer.statistics import Statistics, compute_statistics, format_percent, rebin
 from renderer.view import visible_centre, visible_points
 from renderer.volume import Array, Float64, Int64, UInt8, Volume
 

@@ -93,7 +93,7 @@ def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
     if not any(layer.depends_on_voxels for layer in scene.layers):
         return scene
     from renderer.readers import read_volume
-    from renderer.suggest import resolve_scene
+    from renderer.resolve import resolve_scene
 
     try:
         return resolve_scene(scene, read_volume)
@@ -104,7 +104,7 @@ def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
 def _require_labels(scene: Scene, editor: TreeEditor) -> None:
     """Read the volumes of labels; raise SceneError for labels that the scene names and that no voxel has."""
     from renderer.readers import read_volume
-    from renderer.suggest import label_problems
+    from renderer.resolve import label_problems
 
     raise_problems(editor.located_problems(label_problems(scene, read_volume)))
 

@@ -42,7 +42,7 @@ from renderer.scene import (
 from renderer.system import printable
 
 if TYPE_CHECKING:
-    from renderer.suggest import ValueLine
+    from renderer.statistics import ValueLine
 
 # Keys of a volume that name its voxels.
 _SOURCE_KEYS = ("file", "raw", "procedural", "spacing")
@@ -154,7 +154,7 @@ class SharedLook:
 
     def _match(self, volume: VolumeSpec, reporter: Reporter) -> ValueLine:
         """Return the line that maps values of the reference to values of a volume; of steps in time, the first ones."""
-        from renderer.suggest import match_values
+        from renderer.statistics import match_values
 
         assert self.reference is not None
         own = replace(self.scene.layers[0].volume, source=file_source(self.reference))
