@@ -1,5 +1,7 @@
-"""Read plain arrays: `.npy` and `.npz` files, and headerless `raw` ones; only those of `.npz` are not mapped from their
-file."""
+"""Read plain arrays: `.npy` and `.npz` files, and `raw` files without a header.
+
+Arrays stay mapped from their file, except for arrays in `.npz` archives.
+"""
 
 from __future__ import annotations
 
@@ -29,25 +31,33 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The largest number of axes in any version of numpy; a volume has fewer. Its headers are no longer than this.
+# The most axes of an array in numpy 1; a volume has fewer.
 _MAX_AXES = 32
+# The most bytes of a header of a `.npy` file, as numpy has it.
 _MAX_HEADER_BYTES = 10_000
 
-# No method of compression packs typical voxels this much.
+# The largest ratio of decompressed to compressed bytes: more than any method reaches for typical voxels.
 _MAX_PACKING = 2**16
-# What Python's zipfile raises for damaged bytes.
+# The exceptions that Python's zipfile raises for damaged bytes.
 _ARCHIVE_ERRORS = (
-    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
-    *(EOFError, OSError, RuntimeError, ValueError, ArithmeticError, LookupError),
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    struct.error,
+    EOFError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    ArithmeticError,
+    LookupError,
 )
 
 
 def read_npy(path: Path, time: int | None, component: int | None) -> common.Image:
     """Read a `.npy` array [z, y, x] (or [y, x]), with spacing 1 and origin 0; booleans become 0 and 1.
 
-    A fourth axis is the first with `time: k` ([t, z, y, x]) and the last with `component: k` ([z, y, x, c]); five axes
-        are [t, z, y, x, c]. Pickled objects are never loaded. Raises InputError for files that are foreign, truncated
-        or not numeric.
+    Four axes are [t, z, y, x] with `time: k`, and [z, y, x, c] with `component: k`; five axes are [t, z, y, x, c].
+    Pickled objects are never loaded. Raises InputError for files that are foreign, truncated or not numeric.
     """
     with path.open("rb") as file:
         shape, dtype, order = _npy_header(file, path)
@@ -58,7 +68,7 @@ def read_npy(path: Path, time: int | None, component: int | None) -> common.Imag
 
 
 def read_npz(path: Path, time: int | None, component: int | None) -> common.Image:
-    """Read one array of a `.npz` archive as `read_npy` does; `component` chooses one of several.
+    """Read one array of a `.npz` archive as `read_npy` does; `component` chooses one of several arrays.
 
     Raises InputError for archives that are damaged, encrypted or hold no array.
     """
