@@ -97,7 +97,7 @@ def read_npz(path: Path, time: int | None, component: int | None) -> common.Imag
 
 
 def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
-    """Return the array in an archive; its checksum is compared when it has been read to its end."""
+    """Return an array of an archive; reading it to its end compares the checksum."""
     shape, dtype, _ = _npy_header(file, path)
     num_packed = min(member.compress_size, path.stat().st_size)
     _check_npy_size(min(member.file_size, _MAX_PACKING * num_packed) - file.tell(), shape, dtype)
@@ -121,7 +121,7 @@ def _chosen(values: Array, time: int | None, component: int | None) -> common.Im
 
 
 def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:
-    """Return what each axis is, by the letters of `choose`; raises InputError if that is not known."""
+    """Return the letter of each axis for `choose`; raises InputError if the axes are ambiguous or too many."""
     num_axes = len(shape)
     if num_axes == 4 and time is None and component is None:
         raise InputError(
@@ -141,9 +141,9 @@ def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | Non
 
 
 def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any], Literal["C", "F"]]:
-    """Return the shape, the dtype and the order of an array, and leave the file at its first byte.
+    """Return the shape, the dtype and the order of an array, and leave the file at the first byte of its values.
 
-    Raises InputError for anything else than an array.
+    Raises InputError for a file that is not an array.
     """
     try:
         if file.read(6) != b"\x93NUMPY":
@@ -165,7 +165,7 @@ def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[
     except OSError as error:
         raise common.unreadable_error(error) from error
     except (ValueError, TypeError, SyntaxError, TokenError, EOFError, MemoryError, RecursionError) as error:
-        # Errors of numpy's header parser and of Python's own, whose texts concern program code.
+        # The texts of these errors of numpy and Python are about program code, and would not help a user.
         got = "too many nested expressions" if isinstance(error, MemoryError | RecursionError) else None
         raise common.damaged_error("cannot read the header", got, "an array saved by numpy.save") from error
     if len(shape) > _MAX_AXES or any(type(n) is not int or n < 0 for n in shape):  # booleans are integers, too
@@ -212,8 +212,10 @@ def map_raw(source: RawSource) -> Array:
 
 
 def _fitting_declarations(source: RawSource, found_bytes: int, num_bytes: int, dtype: np.dtype[Any]) -> str | None:
-    """Return declarations that would fit and differ in one thing: the length of an axis, the type's size or the
-    offset."""
+    """Return a text with declarations that would fit; None if there are none.
+
+    Each differs from the given declaration in one property: the length of an axis, the size of the type, or the offset.
+    """
     shapes = common.fitting_shapes(source.shape, dtype.itemsize, found_bytes)
     fits = [f"shape [{', '.join(map(str, shape))}]" for shape in shapes]
     num_voxels = num_bytes // dtype.itemsize
