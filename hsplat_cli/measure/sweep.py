@@ -20,8 +20,8 @@ from hsplat_cli.measure.thumbnails import amplified_difference, thumbnail
 from renderer.accuracy import Accuracy, FloatImage, SampledTruth, Truth, pool_accuracies, spread_tolerances
 from renderer.draw import Rasterizer
 from renderer.film import over_background
-from renderer.frame import Clock, Stage, make_primitive, render_frames
-from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
+from renderer.frame import Clock, FilmStage, make_primitive, render_frames
+from renderer.scene import ErrorSpec, FilmScene, SplatSpec, tolerance_at, with_tolerance
 from renderer.system import PeakMemory
 from renderer.volume import UInt8
 
@@ -120,7 +120,7 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     """Return the setting of a scene with a constant tolerance, named by what differs between series."""
     footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
     measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
-    tolerance = error.tolerance
+    tolerance = tolerance_at(error, 0)
     options: dict[str, Any] = {"tolerance": tolerance, "footprint": footprint, "measure": measure}
     words = [footprint, measure]
     if splat.footprint != "integrated":
@@ -129,7 +129,9 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     return Setting(", ".join(words), f"tolerance {tolerance:g}", options)
 
 
-def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int) -> Measurement:
+def measure_setting(
+    stage: FilmStage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int
+) -> Measurement:
     """Measure the scene's constant tolerance and footprint, on the frames of the truths.
 
     repeats: the most timed passes. With 0 the first pass is timed, in which the first frame may be slower.
@@ -144,7 +146,7 @@ def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clo
     for number, frame in enumerate(render_frames(stage, numbers, rasterizer, clock=clock)):
         truth = truths[number]
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
-        picture = over_background(frame.radiance, frame.stage.scene.output.background)
+        picture = over_background(frame.radiance, frame.stage.scene.background)
         accuracies.append(truth.accuracy_of(picture))
         thumbnails += [] if thumbnails else [_thumbnails(picture, truth)]
         nums_primitives.append(frame.num_primitives)
@@ -153,7 +155,7 @@ def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clo
     passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
     times = [_repetitions(repetitions, FRAME_STEPS) for repetitions in zip(*passes, strict=True)]
     return Measurement(
-        setting=splat_setting(stage.scene.error, stage.scene.splat),
+        setting=splat_setting(stage.scene.error, stage.first.scene.splat),
         num_cells=frame.num_cells,
         pyramid_seconds=stage.seconds["pyramid"],
         seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STEPS),
@@ -172,7 +174,12 @@ def _thumbnails(picture: FloatImage, truth: Truth | SampledTruth) -> tuple[UInt8
 
 
 def _timed_passes(
-    stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, clock: Clock, repeats: int, first_pass: list[Seconds]
+    stage: FilmStage,
+    numbers: Sequence[int],
+    rasterizer: Rasterizer,
+    clock: Clock,
+    repeats: int,
+    first_pass: list[Seconds],
 ) -> list[list[Seconds]]:
     """Return the seconds of the frames in up to `repeats` warm passes; of the first pass for none.
 
@@ -203,24 +210,25 @@ def _repetitions(repetitions: Sequence[Seconds], steps: Sequence[str]) -> dict[s
 class PlannedSetting:
     """A setting to measure: the scene with its constant tolerance and footprint, and its work, as in Primitive."""
 
-    scene: Scene
+    scene: FilmScene
+    splat: SplatSpec
     work: float
 
     @property
     def tolerance(self) -> float:
         """Return the constant tolerance."""
-        return self.scene.error.tolerance
+        return tolerance_at(self.scene.error, 0)
 
     def picture_key(self) -> Hashable:
         """Return a key that is equal for equal pictures: single voxels need no correction and have no error."""
-        error, splat = self.scene.error, self.scene.splat
+        error, splat = self.scene.error, self.splat
         if self.tolerance == 0 and error.finest_level == 0 and splat.footprint != "integrated":
             return replace(splat, opacity_correction=True)
         return error, splat
 
     def predicted_seconds(self, num_frames: int, repeats: int) -> float:
         """Estimate the time to measure it."""
-        splat, each = self.scene.splat, _PER_CELL
+        splat, each = self.splat, _PER_CELL
         if splat.footprint == "gouraud":
             each += _PER_TRIANGLE * splat.angular * (2 * splat.radial - 1)
         elif splat.footprint == "integrated":
@@ -231,8 +239,8 @@ class PlannedSetting:
 
 
 def plan_sweep(
-    scene: Scene,
-    open_stage: Callable[[Scene], AbstractContextManager[Stage]],
+    scene: FilmScene,
+    open_stage: Callable[[FilmScene], AbstractContextManager[FilmStage]],
     errors: Sequence[ErrorSpec],
     splats: Sequence[SplatSpec],
     tolerances: Sequence[float] | None,
@@ -247,11 +255,11 @@ def plan_sweep(
     for error, kind in product(errors, dict.fromkeys(splat.primitive_name for splat in splats)):
         alike = [splat for splat in splats if splat.primitive_name == kind]
         is_own = (error.measure, error.of) == (own.measure, own.of) and own.goal is None
-        with open_stage(replace(scene, error=error, splat=alike[0])) as stage:
-            works = _work_by_tolerance(stage, tolerances, float(own.tolerance) if is_own else None)
+        with open_stage(_with_setting(scene, error, alike[0])) as stage:
+            works = _work_by_tolerance(stage, tolerances, float(tolerance_at(own, 0)) if is_own else None)
         plan.append(
             [
-                PlannedSetting(with_tolerance(replace(scene, error=error, splat=splat), tolerance), work)
+                PlannedSetting(with_tolerance(_with_setting(scene, error, splat), tolerance), splat, work)
                 for splat in alike
                 for tolerance, work in works.items()
             ]
@@ -259,12 +267,16 @@ def plan_sweep(
     return plan
 
 
-def _work_by_tolerance(stage: Stage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
+def _with_setting(scene: FilmScene, error: ErrorSpec, splat: SplatSpec) -> FilmScene:
+    return scene.changed(lambda each: replace(each, error=error, splat=splat))
+
+
+def _work_by_tolerance(stage: FilmStage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
     """Return the tolerances to measure on a stage, and how much is drawn at each, from coarse to fine.
 
     own: a tolerance to include among those that are chosen.
     """
-    work = cache(make_primitive(stage).work)
+    work = cache(make_primitive(stage.first).work)
     if tolerances is None:
         tolerances = spread_tolerances(stage.largest_error, work, _MAX_TOLERANCES)
         tolerances += () if own is None else (own,)

@@ -13,7 +13,7 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.draw import open_rasterizer
 from renderer.errors import HsplatError, InputError
 from renderer.frame import StageMaker
-from renderer.scene import Scene, min_tolerance, with_tolerance
+from renderer.scene import FilmScene, min_tolerance, with_tolerance
 from renderer.system import num_cores
 from renderer.volume import Volume, sampled_volume
 
@@ -78,7 +78,7 @@ def _mark(path: Path) -> tuple[int, ...] | None:
     return status.st_mtime_ns, status.st_size, status.st_ino
 
 
-def _shots(scene: Scene, maker: StageMaker) -> Iterator[Shot]:
+def _shots(scene: FilmScene, maker: StageMaker) -> Iterator[Shot]:
     """Yield the picture of a scene's first frame, or of its middle if it moves: each finer than the one before."""
     frame = scene.num_frames // 2 if scene.moves else 0
     wanted = min_tolerance(small_scene(scene, 1).error)
@@ -96,12 +96,13 @@ def _shots(scene: Scene, maker: StageMaker) -> Iterator[Shot]:
                 yield replace(shot, caption=f"frame {frame} at tolerance {tolerance:g}{which}, {seconds:.2f} s")
 
 
-def _some_voxels(scene: Scene, maker: StageMaker) -> list[Volume] | None:
+def _some_voxels(scene: FilmScene, maker: StageMaker) -> list[Volume] | None:
     """Return some voxels of a scene's volumes where these are known, large and plain, and their layers are not kept."""
     if not maker.layers or scene.moves:
         return None
-    volumes, tolerance = maker.volumes_of(scene), min_tolerance(scene.error)
-    is_kept = maker.layers.keys() >= {*maker.digests_of(scene, tolerance)}
+    still, tolerance = scene.at(0), min_tolerance(scene.error)
+    volumes = maker.volumes_of(still)
+    is_kept = maker.layers.keys() >= {*maker.digests_of(still, tolerance)}
     are_plain = not any(volume.is_labels or volume.colors is not None or volume.mask is not None for volume in volumes)
     is_large = max(max(volume.shape_xyz) for volume in volumes) > _MOST_AT_ONCE
     return (

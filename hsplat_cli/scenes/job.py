@@ -12,7 +12,7 @@ from renderer.errors import InputError, SceneError
 from renderer.film import film_path_of_sidecar, sidecar_path_of_file
 from renderer.job import FilmJob, OriginalFilm
 from renderer.scene import (
-    Scene,
+    FilmScene,
     TreeEditor,
     YamlTree,
     accuracy_of,
@@ -83,12 +83,12 @@ def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all")
     return job
 
 
-def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
+def _resolved(scene: FilmScene, editor: TreeEditor) -> FilmScene:
     """Return a scene in which what depends on voxels is chosen, as by `resolve_scene`; for that, files are read.
 
     editor: from which the scene is; it knows where problems are.
     """
-    if not any(layer.depends_on_voxels for layer in scene.layers):
+    if not any(layer.depends_on_voxels for layer in scene.at(0).layers):
         return scene
     from renderer.readers import read_volume
     from renderer.suggest import resolve_scene
@@ -99,7 +99,7 @@ def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
         raise SceneError(editor.located_problems(error.problems)) from None
 
 
-def _require_labels(scene: Scene, editor: TreeEditor) -> None:
+def _require_labels(scene: FilmScene, editor: TreeEditor) -> None:
     """Raise SceneError for labels that a scene names and its files have not; for that, volumes of labels are read."""
     from renderer.readers import read_volume
     from renderer.suggest import label_problems
@@ -160,7 +160,7 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> F
     return replace(job, requested=requested)
 
 
-def _has_recorded_tolerances(record: FilmRecord, scene: Scene) -> bool:
+def _has_recorded_tolerances(record: FilmRecord, scene: FilmScene) -> bool:
     """Return whether the recorded scene has the tolerances at which the frames were drawn, unchanged by hand."""
     return scene.error.goal is None and all(
         tolerance_at(scene.error, frame.frame) == frame.tolerance for frame in record.frames

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.scene import FRAME_FIELD, OutputFile, Scene
+from renderer.scene import FRAME_FIELD, FilmScene, OutputFile
 
 # Of the folders for frames of films that are not finished.
 UNFINISHED_SUFFIX = ".unfinished"
@@ -24,7 +24,7 @@ def frame_path(template: Path, frame: int) -> Path:
     return Path(FRAME_FIELD.sub(lambda field: field.group().format(frame=frame), str(template)))
 
 
-def sidecar_path(scene: Scene, frames: Sequence[int]) -> Path:
+def sidecar_path(scene: FilmScene, frames: Sequence[int]) -> Path:
     """Return the JSON file beside the output of these frames of the scene's path."""
     return sidecar_path_of_file(scene.output.file, frames, scene.num_frames)
 

@@ -21,7 +21,7 @@ from renderer.readers.sniff import find_format, find_volume
 from renderer.readers.steps_in_time import TimeSteps, some_steps
 from renderer.readers.units import units_of
 from renderer.readers.voxel_colors import join_colors
-from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text, values_at
+from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
 Ranges = Sequence[tuple[int, int]]
@@ -32,15 +32,13 @@ _DICOM_IMAGES = RecentImages(most_bytes=256 << 20)
 def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
     """Return the volume that `spec` describes, cropped, checked and read-only; between two steps a mixture of them.
 
-    Of `time: auto` it is the first step, and of what moves that of frame 0. like: another step, of the same shape and
-    kind of voxels.
+    Of `time: auto` it is the first step. like: another step, of the same shape and kind of voxels.
 
     A crop moves the affine along, so that voxels keep their place in the world. Of `component: all` it is the first,
     without a note on the others where each is light of its own or part of a colour. Raises InputError for every problem
     with a file or with the part of it that is requested, lack of memory included. A large file that becomes shorter,
     now or later, is such an error, too, and no signal that kills.
     """
-    spec = values_at(spec, 0)
     time = 0 if spec.time == "auto" else spec.time
     step = None if time is None else math.floor(time)
     volume = _read_step(spec, step)

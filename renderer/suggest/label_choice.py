@@ -17,11 +17,12 @@ from renderer.scene import (
     MAX_LABELS,
     Color,
     FileSource,
+    FilmScene,
     LabelKey,
     LabelsSpec,
     LayerSpec,
     MaskSpec,
-    Scene,
+    OverFrames,
     VolumeSpec,
     colormap_points,
     format_value,
@@ -90,7 +91,7 @@ def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Proble
     """
     look, labels = layer.transfer_function, layer.transfer_function.labels
     if labels is not None and not labels.has_colors:
-        known = known_labels(layer.volume, read, labels)
+        known = known_labels(OverFrames(layer.volume), read, labels)
         look = replace(look, mapping=choose_labels(labels, known, f"{place}labels", problems))
     return replace(layer, transfer_function=look, mask=with_numbers(layer.mask, f"{place}mask", read, problems))
 
@@ -99,34 +100,42 @@ def with_numbers(mask: MaskSpec | None, place: str, read: ReadVolume, problems: 
     """Return a mask in which all labels that are shown have their number; as `with_labels`."""
     if mask is None or mask.labels.has_numbers or not isinstance(mask.volume, VolumeSpec):
         return mask
-    known = known_labels(mask.volume, read, mask.labels)
+    known = known_labels(OverFrames(mask.volume), read, mask.labels)
     return replace(mask, labels=LabelsSpec(show=choose_labels(mask.labels, known, place, problems).show))
 
 
-def label_problems(scene: Scene, read: ReadVolume) -> Problems:
+def label_problems(scene: FilmScene, read: ReadVolume) -> Problems:
     """Return the labels that a scene names and no step of their volume, nor its table, has.
 
     Only volumes of which some are named are read. Raises InputError as `known_labels`.
     """
-    problems, choices = Problems(), dict[str, tuple[VolumeSpec, LabelsSpec]]()
-    for number, layer in enumerate(scene.layers):
-        place = f"volumes.{number}." if scene.volumes else ""
+    problems, choices = Problems(), dict[str, tuple[OverFrames[VolumeSpec], LabelsSpec]]()
+    first = scene.at(0)
+    for number, layer in enumerate(first.layers):
+        place = f"volumes.{number}." if scene.has_list else ""
+        over_frames = scene.film_layers[number]
         if (labels := layer.transfer_function.labels) is not None:
-            choices[f"{place}labels"] = layer.volume, labels
+            choices[f"{place}labels"] = over_frames.map(lambda each: each.volume), labels
         if (mask := layer.mask) is not None and isinstance(mask.volume, VolumeSpec):
-            choices["mask" if mask == scene.mask else f"{place}mask"] = mask.volume, mask.labels
+            place = "mask" if mask == first.mask else f"{place}mask"
+            choices[place] = over_frames.map(_mask_volume), mask.labels
     for place, (volume, labels) in choices.items():
         if labels.show or labels.hide or isinstance(labels.colors, tuple) or isinstance(labels.opacity, tuple):
             choose_labels(labels, known_labels(volume, read, labels), place, problems)
     return problems
 
 
-def known_labels(spec: VolumeSpec, read: ReadVolume, labels: LabelsSpec) -> KnownLabels:
+def _mask_volume(layer: LayerSpec) -> VolumeSpec:
+    assert layer.mask is not None and isinstance(layer.mask.volume, VolumeSpec)
+    return layer.mask.volume
+
+
+def known_labels(volume: OverFrames[VolumeSpec], read: ReadVolume, labels: LabelsSpec) -> KnownLabels:
     """Return what is known of the labels of a volume, which are the values of any of its steps in time.
 
     labels: whose names go before those of a table. Raises InputError for a volume that is no labels.
     """
-    known = labels_of(steps_in_time(spec), read)
+    known = labels_of(steps_in_time(volume), read)
     table = known.table
     if isinstance(labels.names, Path):
         table = {label.value: label for label in read_label_table(labels.names)}

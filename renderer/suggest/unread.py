@@ -20,6 +20,7 @@ from renderer.scene import (
     LabelsSpec,
     LayerSpec,
     Motion,
+    OverFrames,
     VolumeSpec,
     counted,
     moving,
@@ -67,7 +68,7 @@ def suggest_for(volume: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH) -
     if may_have_channels and (volume.component == "all" or any(channel.is_light for channel in found.channels)):
         suggested = _channels_suggestion(in_time, found, read)
     elif last:
-        suggested = suggest_in_time(in_time, read, wish)
+        suggested = suggest_in_time(OverFrames(in_time), read, wish)
     else:
         return suggest_read(*read_in_colors(volume, found, read, wish), wish)
     return _with_all_times(suggested) if last else suggested
@@ -115,14 +116,15 @@ class _Step:
         return float(np.mean(transfer.classify(self.border)[1] * transfer.unit > LEAST_OPACITY))
 
 
-def suggest_in_time(volume: VolumeSpec, read: ReadVolume, wish: Wish) -> VolumeSuggestion:
+def suggest_in_time(volume: OverFrames[VolumeSpec], read: ReadVolume, wish: Wish) -> VolumeSuggestion:
     """Suggest how to show the steps of a volume whose time moves: a look that suits as many of some as possible."""
     all_steps = steps_in_time(volume)
     steps = [_look_at(all_steps[k], read, wish) for k in some_steps(len(all_steps))]
     widest = max(steps, key=lambda step: step.span)
     if widest.found.suggestion.transfer.labels is not None:
-        spec, labels, statistics = _read(replace(volume, time=widest.number), read, wish)
-        known = partial(known_labels, replace(spec, time=volume.time), read, LabelsSpec())
+        spec, labels, statistics = _read(replace(volume.at(0), time=widest.number), read, wish)
+        of_all = volume.map(lambda each: replace(spec, time=each.time))
+        known = partial(known_labels, of_all, read, LabelsSpec())
         return suggest_read(spec, labels, statistics, wish, known)
     chosen, look = _most_suitable(steps, widest)
     which, num = f"step {chosen.number} of {len(all_steps)}", len(steps)

@@ -28,7 +28,7 @@ from renderer.film import encode_png
 from renderer.frame import Frame, LODCostEstimator, Stage, finest_level_at, prepare_stage, render_frames, view_of
 from renderer.job import JobEvents, make_plan
 from renderer.pyramid import cut_pyramid
-from renderer.scene import Scene, SplatBudget, load_scene, values_at
+from renderer.scene import Scene, SplatBudget, load_scene, value_at
 
 # Of a scene of this size, in any state.
 PATIENCE_S = 60
@@ -181,7 +181,7 @@ def _judge_picture(scene: Scene, case: Case, rasterizer_for: Callable[[Scene], R
     if not np.isfinite(frame.radiance).all():
         raise WrongError("the picture has pixels that are not finite numbers")
     if isinstance(scene.error.goal, SplatBudget):
-        _require_finest(stage, frame, values_at(scene.error.goal.value, number))
+        _require_finest(stage, frame, value_at(scene.error.goal.value, number))
     view = view_of(stage, number)
     if scene.splat.footprint == "integrated":
         compare_bricks(stage, frame, view, rasterizer)

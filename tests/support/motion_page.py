@@ -6,8 +6,8 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
+from renderer.scene.scene_reading import SECTIONS
 from renderer.scene.schema import FieldTable
-from renderer.scene.spec import SECTIONS
 
 MOTION_PAGE = Path(__file__).resolve().parents[2] / "docs" / "scene.md"
 _HEADING = "of all others it is an error.\n"

@@ -124,7 +124,8 @@ def test_formats_fill_in_numbers_and_nothing_else() -> None:
     for each in wrong.split(" | "):
         with pytest.raises(SceneError):
             annotation(time=each)
-    film = replace(PLAIN, camera=replace(PLAIN.camera, distance=moving(Motion((0, 7), (50.0, 85.0)))))
+    distance = moving(Motion((0, 7), (50.0, 85.0)))
+    film = PLAIN.changed(lambda each: replace(each, camera=replace(each.camera, distance=distance)))
     assert annotation(film, time="{camera.distance:.0f} {time}").time
     for name, time in (("time", "{camera.zoom}"), ("time.format", {"format": "{frame.__class__}"})):
         with pytest.raises(SceneError) as caught:
