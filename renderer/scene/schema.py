@@ -276,7 +276,8 @@ def field_table(cls: Any) -> dict[str, FieldType[Any]]:
 
     Fields whose hints say too little are left out.
     """
-    found = {name: _field_type(hint) for name, hint in get_type_hints(cls, include_extras=True).items()}
+    hints = get_type_hints(cls, include_extras=True)
+    found = {each.name: _field_type(hints[each.name]) for each in fields(cls)}
     return {name: field for name, field in found.items() if field is not None}
 
 

@@ -218,7 +218,8 @@ def spec_types(hint: Any) -> Iterator[type[Any]]:
 def parts(value: Any) -> Iterator[Any]:
     """Yield every dataclass in a scene."""
     if is_dataclass(value):
-        yield value
+        if not isinstance(value, Motion):
+            yield value
         value = tuple(getattr(value, field.name) for field in fields(value))
     for item in value if isinstance(value, tuple) else ():
         yield from parts(item)
