@@ -1,8 +1,8 @@
 """One frame, step by step, and the budgets that choose its tolerance.
 
-In: `FilmScene`. Out: `FilmStage` (layers, framing, camera path), and from it for each frame number a `Stage` and a
-`Frame`: cut, sort, draw, round. A `ToleranceController` follows the schedule or a budget of seconds. `serialize_stage` takes a stage to another
-process.
+In: `FilmScene`. Out: `FilmStage` (layers, framing, camera path), and from it a `Stage` and a `Frame` for each frame
+number: cut, sort, draw, round. A `ToleranceController` follows the schedule or a budget of seconds. `serialize_stage`
+takes a stage to another process.
 
 - `pipeline.py`: the table of contents, from a scene to its frames; `stage.py`: what a frame is drawn from, which all
   frames share where nothing moves; `preparation.py`: makes it, and reuses what has not changed since the frame before.

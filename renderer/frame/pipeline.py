@@ -1,6 +1,7 @@
 """The program's table of contents: from a scene to its frames, and the only frame loop.
 
-FilmScene -> Volume -> Pyramid -> (per frame: Scene, View, tolerance) -> Cut -> splats or bricks -> float image -> 8 bits
+FilmScene -> Volume -> Pyramid -> (per frame: Scene, View, tolerance) -> Cut -> splats or bricks -> float image
+-> 8 bits
 """
 
 from __future__ import annotations
