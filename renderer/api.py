@@ -31,14 +31,11 @@ from renderer.errors import InputError
 from renderer.film import encode_png, frame_path
 from renderer.frame import LODCostEstimator, Stage, prepare_stage
 from renderer.job import (
-    FilmAccuracy,
     FilmJob,
-    FilmVisibility,
     JobEvents,
     NotebookBar,
     OnProgress,
     ProgressEvents,
-    accuracy_text,
     make_film,
     make_plan,
     one_pass,
@@ -46,6 +43,7 @@ from renderer.job import (
     require_annotation,
 )
 from renderer.readers import is_volume_name
+from renderer.record import FilmAccuracy, FilmVisibility, accuracy_text
 from renderer.scene import (
     Scene,
     accuracy_of,

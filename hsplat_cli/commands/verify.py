@@ -20,7 +20,8 @@ from renderer.scene import counted
 from renderer.system import join_lines
 
 if TYPE_CHECKING:
-    from renderer.job import FilmFiles, FilmJob, VerifiedFilm
+    from renderer.job import FilmJob
+    from renderer.record import FilmFiles, VerifiedFilm
 
 _STDOUT = Path("-")
 _MAX_LINES = 20
@@ -62,7 +63,7 @@ def verify(
     is by fresh exact rays. Nothing is drawn, and no other file than that of --json is written.
     """
     # Imported here to keep --help fast.
-    from renderer.job import RayOptions, verify_files, verify_film
+    from renderer.record import RayOptions, verify_files, verify_film
 
     job = load_film(film, volume)
     assert job.original is not None, "a film has a sidecar"
@@ -91,7 +92,7 @@ def verify(
 
 def _summary(job: FilmJob, files: FilmFiles, verified: VerifiedFilm) -> Iterator[str]:
     """Yield `whole, 120 frames`, `of this volume`, `file PSNR 43.6 dB (43.3 to 43.9), 7680 rays`."""
-    from renderer.job import accuracy_text
+    from renderer.record import accuracy_text
 
     num = len(job.frames)
     yield "not whole" if files.problems else f"whole, {counted(num, 'frame')}"
@@ -153,7 +154,7 @@ def _facts(job: FilmJob, problems: Sequence[Problem]) -> dict[str, Any]:
 
 
 def _measured_facts(files: FilmFiles, verified: VerifiedFilm) -> dict[str, Any]:
-    from renderer.job import record_to_json
+    from renderer.record import record_to_json
 
     measured = verified.measured
     facts: dict[str, Any] = {"notes": [*files.notes, *verified.notes]}

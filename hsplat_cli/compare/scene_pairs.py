@@ -26,7 +26,8 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames
 from renderer.errors import InputError, RenderError
 from renderer.film import file_matches_digest, frame_path
-from renderer.job import FilmJob, FilmRecord
+from renderer.job import FilmJob
+from renderer.record import FilmRecord
 from renderer.scene import MetricTarget, TimeBudget, counted, first_few, schedule_to_dict
 
 _TEMPLATE = Path("frame-{frame}.png")

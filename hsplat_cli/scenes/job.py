@@ -29,7 +29,7 @@ from renderer.scene import (
 )
 
 if TYPE_CHECKING:
-    from renderer.job import FilmRecord
+    from renderer.record import FilmRecord
 
 # What names a volume that is not found. These keys say where the voxels are, and change no film.
 _VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.raw.file=FILE"}
@@ -65,7 +65,7 @@ def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all")
     """
     content = read_content(request.path) if request.content is None else request.content
     if may_be_json(content):
-        from renderer.job import parse_film_record
+        from renderer.record import parse_film_record
 
         record = parse_film_record(content, request.path)
         if record is not None:
@@ -118,7 +118,7 @@ def load_film(film: Path, volume: Path | None) -> FilmJob:
 
 def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
     """Return the sidecar of a film and the record in it; `film`, and what is raised, as in `load_film`."""
-    from renderer.job import parse_film_record
+    from renderer.record import parse_film_record
 
     is_sidecar = output_suffix(film) == ".json"
     path = film if is_sidecar or not film.name else sidecar_path_of_file(film, (), 0)
@@ -133,7 +133,7 @@ def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
 
 def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> FilmJob:
     """Load the job of a sidecar; parameters as in `load_job`."""
-    from renderer.job import late_frame_problems
+    from renderer.record import late_frame_problems
 
     path, frames, original = request.path, request.frames, OriginalFilm(request.path, record)
     editor = _editor(record, path)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from hsplat_cli.terminal.progress_bar import Progress
 from hsplat_cli.terminal.reporter import Reporter
-from renderer.job import FrameRecord, JobEvents
+from renderer.job import JobEvents
+from renderer.record import FrameRecord
 from renderer.scene import counted
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
 
 def report_film(film: FinishedFilm, reporter: Reporter) -> None:
     """Print what was made and what it cost, in a few lines; nothing for a film that was up to date."""
-    from renderer.job import visibility_text  # which imports numpy
+    from renderer.record import visibility_text  # which imports numpy
 
     if film.summary:
         reporter.line(f"{film.file}: {film.summary}")

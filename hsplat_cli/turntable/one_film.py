@@ -177,7 +177,8 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     with request.look.located() if request.look else nullcontext():
         scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job
         scene = resolve_scene(scene, read_volume)  # of steps in time, and percentiles
-    from renderer.job import make_film as draw_film, one_pass, visibility_text
+    from renderer.job import make_film as draw_film, one_pass
+    from renderer.record import visibility_text
 
     job = FilmJob(scene, range(scene.num_frames), accuracy_of(scene.error))
     open_this = partial(open_executor, request.executor, reporter)

@@ -6,18 +6,12 @@ A film that is up to date is not drawn again, and one that was stopped resumes w
 - `film_job.py`: what is to be made, perhaps again.
 - `film_making.py`: the job, step by step, in one pass; `refinement.py`: in several.
 - `forecast.py`: what a film costs here, from frames that are drawn and encoded.
-- `film_output.py`: the loop over frames, each of which is stored while the next one is drawn; and the sidecar.
-- `plan.py`: the tolerances for what a scene requests; `goals.py`: whether it was reached.
-- `film_accuracy.py`: how exact frames and film are, in records and words; `film_visibility.py`: what they show;
-  `citation.py`: how a film was made, in words for a paper, and BibTeX.
-- `executor.py`: what draws, and drawing in this process; `pictures.py`: the pictures of a frame that outputs need,
+- `output_writer.py`: the loop over frames, each of which is stored while the next one is drawn; and the sidecar.
+- `plan.py`: the tolerances for what a scene requests.
+- `executor.py`: what draws, and drawing in this process; `picture_maker.py`: the pictures of a frame that outputs need,
   and what the annotation over them shows.
 - `events.py`: what a job tells while it runs, to a function, a bar in a notebook, or another listener.
 - `checkpoint.py`: finished frames; those of an unfinished film are kept in files.
-- `record.py`: the records of films and frames, to JSON and back; `make_record.py`: makes them; `sidecar.py`: the file.
-- `fingerprint.py`: what frames depend on; `existing_film.py`: the film that is there;
-  `own_files.py`: whether files that are there are its own.
-- `verification.py`: whether a finished film is what its sidecar says; `verified_accuracy.py`: by exact rays.
 - `inputs.py`: the files that are read, and folders that no output joins.
 - `assemble/`: one film of parts: `parts.py` finds them, `agreement.py` compares them, `merged_record.py` and
   `assembly.py` write the film.

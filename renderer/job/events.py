@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from renderer.job.record import FrameRecord
+from renderer.record.film_record import FrameRecord
 
 if TYPE_CHECKING:
     from renderer.job.forecast import Forecast

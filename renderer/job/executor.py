@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Protocol
 from renderer.draw import BrickMemory, Rasterizer, open_rasterizer
 from renderer.film import Picture
 from renderer.frame import Frame, Stage, ToleranceController, render_frames
-from renderer.job.film_accuracy import frame_accuracy
-from renderer.job.make_record import frame_record
-from renderer.job.pictures import PictureMaker
+from renderer.job.picture_maker import PictureMaker
 from renderer.job.plan import FilmPlan
-from renderer.job.record import FrameRecord
+from renderer.record.accuracy_records import frame_accuracy
+from renderer.record.film_record import FrameRecord
+from renderer.record.make_record import frame_record
 from renderer.scene import Scene
 from renderer.system import MemoryShare, num_cores
 

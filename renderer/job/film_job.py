@@ -12,7 +12,7 @@ from renderer.job.inputs import require_no_new_slices, scene_files
 from renderer.scene import ErrorSpec, Scene, is_same_file
 
 if TYPE_CHECKING:  # records take a while to load, and the job of a scene needs none before it draws
-    from renderer.job.record import FilmRecord
+    from renderer.record.film_record import FilmRecord
 
 
 @dataclass(frozen=True)

@@ -21,17 +21,17 @@ from renderer.frame import FilmVolumes, LODCostEstimator, Stage, framing_note, p
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor, LocalExecutor
-from renderer.job.existing_film import ExistingFilm, find_existing_film
 from renderer.job.film_job import FilmJob
-from renderer.job.film_output import FilmOutput, locked_film_output
-from renderer.job.fingerprint import describe_mismatch, film_fingerprint
 from renderer.job.forecast import NUM_NEIGHBOURS, Forecast, film_cost, forecast_frames
-from renderer.job.goals import find_shortfall, summary_parts
-from renderer.job.make_record import film_record
-from renderer.job.pictures import annotation_notes, require_annotation
+from renderer.job.output_writer import FilmOutput, locked_film_output
+from renderer.job.picture_maker import annotation_notes, require_annotation
 from renderer.job.plan import FilmPlan, make_plan
-from renderer.job.record import BrickMemoryRecord, FilmFingerprint, FilmRecord, FrameRecord, PassRecord
 from renderer.layers import placement_notes
+from renderer.record.film_record import BrickMemoryRecord, FilmFingerprint, FilmRecord, FrameRecord, PassRecord
+from renderer.record.fingerprint import describe_mismatch, film_fingerprint
+from renderer.record.finished_film import ExistingFilm, find_existing_film
+from renderer.record.goals import find_shortfall, summary_parts
+from renderer.record.make_record import film_record
 from renderer.scene import Scene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
 

@@ -31,9 +31,9 @@ from renderer.frame import (
 from renderer.job.checkpoint import FrameStore, remove_checkpoint_frames
 from renderer.job.executor import DrawnFrame
 from renderer.job.film_making import FilmInProgress, FinishedFilm
-from renderer.job.goals import range_text
 from renderer.job.plan import FilmPlan
-from renderer.job.record import DifferenceRecord, FrameRecord, PassRecord, min_max
+from renderer.record.film_record import DifferenceRecord, FrameRecord, PassRecord, min_max
+from renderer.record.goals import range_text
 from renderer.scene import (
     ErrorSpec,
     MetricTarget,

@@ -18,9 +18,9 @@ from renderer.accuracy import FrameProber, ScalarRange, scalar_ranges
 from renderer.accuracy.visibility import visible_ranges
 from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames, view_of
-from renderer.job import FilmVisibility, FrameRecord, visibility_text
-from renderer.job.film_visibility import film_visibility, range_record
-from renderer.job.record import VisibleRange
+from renderer.record import FilmVisibility, FrameRecord, visibility_text
+from renderer.record.film_record import VisibleRange
+from renderer.record.visibility_records import film_visibility, range_record
 from renderer.scene import ShadingSpec, parse_scene
 from renderer.transfer import TransferFunction
 from renderer.truth import RayIntegrator, SceneRays, TrueLayer

@@ -17,7 +17,7 @@ import pytest
 
 from hsplat_cli import main
 from renderer.film import bytes_digest, join_png_chunks, png_chunks
-from renderer.job import describe_differences
+from renderer.record import describe_differences
 from tests.messages.conftest import small_scene
 from tests.support.resuming import on_each_frame
 from tests.support.transcripts import Case, cases

@@ -17,7 +17,7 @@ from small_scene import edit_sidecar, sidecar, small_scene
 from hsplat_cli import main
 from renderer.film import bytes_digest, encode_png
 from renderer.job.assemble import assembly, merged_record as merged
-from renderer.job.film_output import FilmOutput, locked_film_output
+from renderer.job.output_writer import FilmOutput, locked_film_output
 from renderer.system import package_versions
 
 pytestmark = pytest.mark.usefixtures("scene_folder")

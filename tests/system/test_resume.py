@@ -29,7 +29,7 @@ from resuming import (
 )
 
 from hsplat_cli import main
-from renderer.job import fingerprint
+from renderer.record import fingerprint
 from renderer.system import printable
 
 

@@ -22,7 +22,7 @@ ORDER = {
     "renderer": [
         "system", "kernels", "volume", "looks", "scene", "readers", "transfer", "suggest", "pyramid", "lighting",
         "splats", "bricks", "view", "modes", "layers", "draw", "film", "annotation", "frame", "truth", "accuracy",
-        "job",
+        "record", "job",
     ],
     "hsplat_cli": [
         "terminal", "scenes", "executors", "reports", "compare", "measure", "turntable", "preview", "commands",

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from renderer.film import Picture, atomic as staging, bytes_digest, data_digest, encode_png, frame_path
-from renderer.job import DrawnFrame, FilmFingerprint, FrameCheckpoint, FrameRecord, record_to_json
+from renderer.job import DrawnFrame, FrameCheckpoint
 from renderer.job.checkpoint import remove_checkpoint_frames
-from renderer.job.record import read_frame_record
+from renderer.record import FilmFingerprint, FrameRecord, record_to_json
+from renderer.record.film_record import read_frame_record
 from renderer.scene import OutputSpec
 
 NUMBERS = range(4)

@@ -18,8 +18,9 @@ from spoiling import spoil
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError
 from renderer.film import film_path_of_sidecar, sidecar_path
-from renderer.job import FilmJob, FilmRecord, FrameRecord, parse_film_record, record, record_to_json
-from renderer.job.sidecar import write_sidecar
+from renderer.job import FilmJob
+from renderer.record import FilmRecord, FrameRecord, film_record as record, parse_film_record, record_to_json
+from renderer.record.sidecar import write_sidecar
 from renderer.scene import (
     MAX_SCENE_BYTES,
     ErrorSpec,

@@ -27,8 +27,8 @@ from hsplat_cli.compare.golden.provenance import (
     read_provenance,
 )
 from renderer.errors import InputError
-from renderer.job import FilmFingerprint
-from renderer.job.record import VolumeRecord
+from renderer.record import FilmFingerprint
+from renderer.record.film_record import VolumeRecord
 
 DIGEST = "0123456789abcdef" * 2
 

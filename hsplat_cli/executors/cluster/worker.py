@@ -18,7 +18,8 @@ from renderer.accuracy import open_prober
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import ContextLostError
 from renderer.frame import ScheduleController, deserialize_stage
-from renderer.job import FrameRecord, draw_frames
+from renderer.job import draw_frames
+from renderer.record import FrameRecord
 from renderer.system import MemoryShare, package_versions, sources_digest
 
 

@@ -13,8 +13,8 @@ from typing import Any
 from renderer.errors import Problem
 from renderer.film import bytes_digest, consecutive_ranges, picture_layout
 from renderer.job.assemble.parts import Part
-from renderer.job.fingerprint import differences
-from renderer.job.record import FrameRecord
+from renderer.record.film_record import FrameRecord
+from renderer.record.fingerprint import differences
 from renderer.scene import (
     FRAME_FIELD,
     PictureKind,

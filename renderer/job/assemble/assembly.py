@@ -12,11 +12,11 @@ from renderer.job.assemble.merged_record import merged_record, parts_fingerprint
 from renderer.job.assemble.parts import Part
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
-from renderer.job.existing_film import ExistingFilm, find_existing_film
-from renderer.job.film_accuracy import accuracy_text
 from renderer.job.film_making import FinishedFilm
-from renderer.job.film_output import FilmOutput, locked_film_output
-from renderer.job.record import FilmFingerprint, FilmRecord
+from renderer.job.output_writer import FilmOutput, locked_film_output
+from renderer.record.accuracy_records import accuracy_text
+from renderer.record.film_record import FilmFingerprint, FilmRecord
+from renderer.record.finished_film import ExistingFilm, find_existing_film
 from renderer.scene import OutputSpec, counted, is_same_file, raise_problems
 from renderer.system import deferrable_interrupts
 

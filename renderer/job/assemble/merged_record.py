@@ -10,11 +10,11 @@ from typing import Any
 from renderer.film import data_digest, film_notes
 from renderer.job.assemble.agreement import PickedFrame
 from renderer.job.assemble.parts import Part
-from renderer.job.film_accuracy import film_accuracy
-from renderer.job.film_visibility import film_visibility
-from renderer.job.fingerprint import fingerprint_of
-from renderer.job.make_record import visibility_notes
-from renderer.job.record import FilmFingerprint, FilmRecord, PartRecord, ScheduleRecord, min_max
+from renderer.record.accuracy_records import film_accuracy
+from renderer.record.film_record import FilmFingerprint, FilmRecord, PartRecord, ScheduleRecord, min_max
+from renderer.record.fingerprint import fingerprint_of
+from renderer.record.make_record import visibility_notes
+from renderer.record.visibility_records import film_visibility
 from renderer.scene import (
     ErrorSpec,
     OutputSpec,

@@ -11,7 +11,7 @@ from typing import Any
 from renderer.errors import InputError, Problem, SceneError
 from renderer.film import film_path_of_sidecar, frame_path
 from renderer.job.inputs import expand_pattern
-from renderer.job.record import FilmRecord, late_frame_problems, parse_film_record
+from renderer.record.film_record import FilmRecord, late_frame_problems, parse_film_record
 from renderer.scene import (
     CAMERA_FIELD,
     FRAME_SUFFIXES,

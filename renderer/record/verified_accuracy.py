@@ -16,9 +16,9 @@ from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path
 from renderer.frame import Stage
 from renderer.job.events import JobEvents
-from renderer.job.film_accuracy import film_accuracy, frame_accuracy
-from renderer.job.pictures import PictureMaker
-from renderer.job.record import FilmAccuracy, FrameAccuracy, FrameRecord
+from renderer.job.picture_maker import PictureMaker
+from renderer.record.accuracy_records import film_accuracy, frame_accuracy
+from renderer.record.film_record import FilmAccuracy, FrameAccuracy, FrameRecord
 from renderer.scene import OutputFile
 from renderer.system import num_cores
 

@@ -10,7 +10,7 @@ from math import isfinite
 import numpy as np
 
 from renderer.accuracy import ScalarRange
-from renderer.job.record import FilmVisibility, FrameRecord, VisibleRange
+from renderer.record.film_record import FilmVisibility, FrameRecord, VisibleRange
 from renderer.scene import join_some
 from renderer.system import printable
 

@@ -13,7 +13,7 @@ from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
 from renderer.film import Picture, quantize, reduce_radiance
 from renderer.frame import Frame, Stage, view_of
-from renderer.job.record import FrameRecord
+from renderer.record.film_record import FrameRecord
 from renderer.scene import PictureKind, Scene, moving_numbers, moving_values, raise_problems, values_at
 from renderer.view import View
 from renderer.volume import Bools, Float32

@@ -9,8 +9,8 @@ from pathlib import Path
 from renderer.errors import SceneError
 from renderer.film import file_matches_digest, frame_matches_digest, frame_path
 from renderer.job.events import JobEvents
-from renderer.job.fingerprint import describe_differences, describe_mismatch
-from renderer.job.record import FilmFingerprint, FilmRecord, record_from_json
+from renderer.record.film_record import FilmFingerprint, FilmRecord, record_from_json
+from renderer.record.fingerprint import describe_differences, describe_mismatch
 from renderer.scene import FRAME_FIELD, MAX_SIDECAR_BYTES, OutputFile, OutputSpec, read_json_object
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from renderer.accuracy import MOST_DB, ErrorSamples, pool_samples, psnr, squared_error
-from renderer.job.record import FileAccuracy, FilmAccuracy, FrameAccuracy, FrameRecord, Range, WorstFrame
+from renderer.record.film_record import FileAccuracy, FilmAccuracy, FrameAccuracy, FrameRecord, Range, WorstFrame
 
 if TYPE_CHECKING:
     from renderer.accuracy import Probe

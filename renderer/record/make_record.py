@@ -13,11 +13,10 @@ import numpy as np
 from renderer.accuracy import NOTHING_VISIBLE, scalar_ranges
 from renderer.errors import RenderError
 from renderer.frame import Frame, Stage, finest_level_at
-from renderer.job.film_accuracy import film_accuracy
 from renderer.job.film_job import OriginalFilm
-from renderer.job.film_visibility import film_visibility, range_record
 from renderer.job.plan import FilmPlan
-from renderer.job.record import (
+from renderer.record.accuracy_records import film_accuracy
+from renderer.record.film_record import (
     CameraRecord,
     FilmRecord,
     FrameRecord,
@@ -27,6 +26,7 @@ from renderer.job.record import (
     VolumeRecord,
     min_max,
 )
+from renderer.record.visibility_records import film_visibility, range_record
 from renderer.scene import (
     ErrorSpec,
     format_value,

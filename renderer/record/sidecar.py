@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from renderer.film import write_staged
-from renderer.job.record import FilmRecord, record_to_json
+from renderer.record.film_record import FilmRecord, record_to_json
 
 
 def write_sidecar(path: Path, record: FilmRecord, folder: Path | None = None) -> None:

@@ -14,10 +14,10 @@ from renderer.job.assemble.parts import Part, problem_of
 from renderer.job.events import JobEvents
 from renderer.job.film_job import FilmJob, OriginalFilm
 from renderer.job.film_making import open_job_stage
-from renderer.job.fingerprint import describe_mismatch, film_fingerprint
-from renderer.job.make_record import changed_tools
-from renderer.job.record import FrameRecord
-from renderer.job.verified_accuracy import MOST_RAYS, MeasuredFilm, RayOptions, measure_film
+from renderer.record.film_record import FrameRecord
+from renderer.record.fingerprint import describe_mismatch, film_fingerprint
+from renderer.record.make_record import changed_tools
+from renderer.record.verified_accuracy import MOST_RAYS, MeasuredFilm, RayOptions, measure_film
 from renderer.scene import OutputFile, OutputSpec, counted
 from renderer.system import package_versions, sources_digest
 

@@ -26,10 +26,10 @@ from renderer.film import (
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
-from renderer.job.film_accuracy import with_encoding_loss
-from renderer.job.own_files import naming_mark, require_own_files
-from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, OutputRecord
-from renderer.job.sidecar import write_sidecar
+from renderer.record.accuracy_records import with_encoding_loss
+from renderer.record.film_record import FilmFingerprint, FilmRecord, FrameRecord, OutputRecord
+from renderer.record.own_files import naming_mark, require_own_files
+from renderer.record.sidecar import write_sidecar
 from renderer.scene import OutputFile, OutputSpec, relative_path, with_files
 from renderer.system import start_threads
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 
 from renderer.accuracy import ROUNDING_ERROR, psnr, wanted_error
 from renderer.errors import RenderError
-from renderer.job.film_accuracy import accuracy_text, film_accuracy
 from renderer.job.plan import BEST_EFFORT_HINT, FilmPlan
-from renderer.job.record import FilmRecord, FrameRecord, min_max
+from renderer.record.accuracy_records import accuracy_text, film_accuracy
+from renderer.record.film_record import FilmRecord, FrameRecord, min_max
 from renderer.scene import (
     ErrorSpec,
     MetricTarget,
