@@ -87,9 +87,9 @@ def rendered_frames(
         output = replace(job.scene.output, file=template)
         job = replace(job, scene=replace(job.scene, output=output), frames=frames)
         with _DrawingEvents(reporter, job.scene.splat.primitive_name) as events:
-            film = make_film(job, open_local_executor, one_pass, events)
-        assert film.shortfall is None, "a reproducible job has no goal to miss"
-        yield {frame: frame_path(template, frame) for frame in frames}, film.record
+            result = make_film(job, open_local_executor, one_pass, events)
+        assert result.shortfall is None, "a reproducible job has no goal to miss"
+        yield {frame: frame_path(template, frame) for frame in frames}, result.film.record
 
 
 class _DrawingEvents(FilmEvents):

@@ -50,8 +50,7 @@ class Studio:
     def draw(self, stage: Stage, frames: Sequence[int], num_rays: int = 0) -> list[DrawnFrame]:
         """Draw frames, with their annotation. num_rays: exact rays of each frame, by which it is known what is seen."""
         prober = FrameProber(stage, num_rays, num_threads=num_cores()) if num_rays else None
-        drawn = draw_frames(stage, frames, self.rasterizer, ScheduleController(stage), prober)
-        return [each.finished() for each in drawn]
+        return [*draw_frames(stage, frames, self.rasterizer, ScheduleController(stage), prober)]
 
     def shoot(
         self, scene: Scene, frame: int, caption: str, lines: str, volumes: Sequence[Volume] | None = None

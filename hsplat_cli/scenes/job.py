@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError, SceneError
 from renderer.film import film_path_of_sidecar, sidecar_path_of_file
-from renderer.job import FilmJob, OriginalFilm
+from renderer.job import FilmJob
 from renderer.scene import (
     Scene,
     TreeEditor,
@@ -25,11 +25,10 @@ from renderer.scene import (
     outputs_of,
     raise_problems,
     read_content,
-    tolerance_at,
 )
 
 if TYPE_CHECKING:
-    from renderer.record import FilmRecord
+    from renderer.record import FilmRecord, FinishedFilm
 
 # What names a volume that is not found. These keys say where the voxels are, and change no film.
 _VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.raw.file=FILE"}
@@ -65,11 +64,11 @@ def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all")
     """
     content = read_content(request.path) if request.content is None else request.content
     if may_be_json(content):
-        from renderer.record import parse_film_record
+        from renderer.record import FinishedFilm, parse_film_record
 
         record = parse_film_record(content, request.path)
         if record is not None:
-            return _load_original(record, request, draws)
+            return _load_original(FinishedFilm(request.path, record), request, draws)
     editor = edit_scene_content(content, request.path, request.overrides, request.volume, request.output)
     scene = editor.parse(is_single_frame=is_one_frame(request.frames))
     if reads == "all":
@@ -112,8 +111,10 @@ def load_film(film: Path, volume: Path | None) -> FilmJob:
 
     volume: where its volume is now, if it was moved. Raises InputError where there is no sidecar, and SceneError.
     """
+    from renderer.record import FinishedFilm
+
     path, record = read_film_record(film)
-    return _load_original(record, SceneRequest(path, volume=volume), "nothing")
+    return _load_original(FinishedFilm(path, record), SceneRequest(path, volume=volume), "nothing")
 
 
 def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
@@ -131,11 +132,11 @@ def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
     return path, record
 
 
-def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> FilmJob:
-    """Load the job of a sidecar; parameters as in `load_job`."""
+def _load_original(original: FinishedFilm, request: SceneRequest, draws: Draws) -> FilmJob:
+    """Load the job that makes a film again; parameters as in `load_job`."""
     from renderer.record import late_frame_problems
 
-    path, frames, original = request.path, request.frames, OriginalFilm(request.path, record)
+    path, record, frames = original.path, original.record, request.frames
     editor = _editor(record, path)
     editor.apply(request.overrides, request.volume, request.output)
     scene = _resolved(editor.parse(is_single_frame=is_one_frame(frames) or len(record.frames) <= 1), editor)
@@ -152,19 +153,12 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> F
         raise InputError("this would overwrite the recorded film", where=str(path), hint="--output names another file")
     if draws != "nothing":
         job.require_harmless()
-    if is_changed or not _has_recorded_tolerances(record, scene):
-        return replace(job, original=replace(original, keeps_accuracy=False, keeps_versions=False))
+    if is_changed or not original.has_tolerances_of(scene):
+        return replace(job, repeats="nothing")
     requested = record.schedule.requested
     if not is_whole and is_film_wide_goal(requested):
-        return replace(job, original=replace(original, keeps_accuracy=False))
+        return replace(job, repeats="frames")
     return replace(job, requested=requested)
-
-
-def _has_recorded_tolerances(record: FilmRecord, scene: Scene) -> bool:
-    """Return whether the recorded scene has the tolerances at which the frames were drawn, unchanged by hand."""
-    return scene.error.goal is None and all(
-        tolerance_at(scene.error, frame.frame) == frame.tolerance for frame in record.frames
-    )
 
 
 def _has_whole_schedule(record: FilmRecord, editor: TreeEditor) -> bool:

@@ -1,5 +1,5 @@
 from .assemble.assembly import assemble_film as assemble_film
-from .assemble.parts import Part as Part, find_parts as find_parts
+from .assemble.parts import find_parts as find_parts
 from .checkpoint import FrameCheckpoint as FrameCheckpoint
 from .events import (
     JobEvents as JobEvents,
@@ -14,20 +14,21 @@ from .executor import (
     draw_frames as draw_frames,
     open_local_executor as open_local_executor,
 )
-from .film_job import FilmJob as FilmJob, OriginalFilm as OriginalFilm
+from .film_job import FilmJob as FilmJob, Repeats as Repeats
 from .film_making import (
-    FinishedFilm as FinishedFilm,
+    JobResult as JobResult,
     forecast_film as forecast_film,
     make_film as make_film,
     one_pass as one_pass,
+    open_job_stage as open_job_stage,
 )
-from .forecast import Forecast as Forecast, forecast_frames as forecast_frames
+from .forecast import Forecast as Forecast
 from .inputs import (
     expand_pattern as expand_pattern,
     header_data_files as header_data_files,
     scene_files as scene_files,
     volume_files as volume_files,
 )
-from .picture_maker import require_annotation as require_annotation
 from .plan import FilmPlan as FilmPlan, make_plan as make_plan
 from .refinement import Refinement as Refinement
+from .trial_frames import forecast_frames as forecast_frames

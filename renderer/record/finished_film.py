@@ -1,29 +1,89 @@
-"""Look at the film that is there: up to date, or the film of another job, or less than what is requested."""
+"""Look at a film that is made, by its sidecar: its files and frames, and whether it is the film that is requested."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from renderer.errors import SceneError
-from renderer.film import file_matches_digest, frame_matches_digest, frame_path
-from renderer.job.events import JobEvents
+from renderer.errors import InputError, SceneError
+from renderer.film import file_matches_digest, film_path_of_sidecar, frame_matches_digest, frame_path
 from renderer.record.film_record import FilmFingerprint, FilmRecord, record_from_json
 from renderer.record.fingerprint import describe_differences, describe_mismatch
-from renderer.scene import FRAME_FIELD, MAX_SIDECAR_BYTES, OutputFile, OutputSpec, read_json_object
+from renderer.scene import (
+    CAMERA_FIELD,
+    FRAME_FIELD,
+    MAX_SIDECAR_BYTES,
+    OutputFile,
+    OutputSpec,
+    Scene,
+    first_output,
+    read_json_object,
+    schema,
+    tolerance_at,
+)
 
 
 @dataclass(frozen=True)
-class ExistingFilm:
-    """A film as its sidecar describes it; anybody may have edited the sidecar."""
+class FinishedFilm:
+    """A film as its sidecar describes it; anybody may have edited the sidecar. path: of the sidecar."""
 
+    path: Path
     record: FilmRecord
-    fingerprint: FilmFingerprint
+
+    @property
+    def file(self) -> Path:
+        """Return the film, or the template of its frames, beside the sidecar wherever that is now."""
+        return film_path_of_sidecar(self.path, Path(first_output(self.record.scene)["file"]))
+
+    def frame_file(self, number: int) -> Path:
+        """Return the picture of a frame."""
+        return frame_path(self.file, number)
+
+    @property
+    def num_path_frames(self) -> int:
+        """Return the number of frames of the whole path."""
+        camera = schema.TreeNode(self.record.scene["camera"], "camera", [], film=schema.FilmTime(None, 1.0))
+        return CAMERA_FIELD.read(camera).num_frames
+
+    @property
+    def has_goal(self) -> bool:
+        """Return whether its tolerances were found for a goal, so that other frames have others."""
+        return self.record.schedule.requested.goal is not None
+
+    @property
+    def frames_digest(self) -> str | None:
+        """Return the digest of all that its frames depended on; None for a film that one pass would not have made."""
+        return None if self.record.fingerprint is None else self.record.fingerprint.frames_digest
+
+    @property
+    def tools(self) -> dict[str, Any]:
+        """Return the versions of the packages that made it, by name, with `device` and `sources`."""
+        found = {**self.record.versions, "device": self.record.device}
+        sources = self.record.fingerprint and self.record.fingerprint.depends_on.get("sources")
+        return found | ({"sources": sources} if isinstance(sources, str) else {})
+
+    def has_tolerances_of(self, scene: Scene) -> bool:
+        """Return whether its frames were drawn at the tolerances of this scene: nobody has changed the recorded one."""
+        return scene.error.goal is None and all(
+            tolerance_at(scene.error, frame.frame) == frame.tolerance for frame in self.record.frames
+        )
+
+    def require_volumes(self, fingerprint: str, names: Sequence[str]) -> None:
+        """Raise InputError unless volumes of these names, with this joint fingerprint, are those that it shows."""
+        if fingerprint != self.record.volume.fingerprint:
+            raise InputError(
+                "the film was made from another volume",
+                where=f"{self.path}: volume.fingerprint",
+                got=f"the fingerprint {fingerprint} of {', '.join(names)}",
+                expected=self.record.volume.fingerprint,
+                hint="if the volume was moved, name it with --volume; draw another volume with another scene",
+            )
 
     @property
     def is_complete(self) -> bool:
-        """Return whether it meets what was requested."""
+        """Return whether it meets the accuracy that was requested."""
         return self.record.schedule.met and "total" in self.record.seconds
 
     def is_up_to_date(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> bool:
@@ -37,7 +97,7 @@ class ExistingFilm:
         """
         change = self._change(fingerprint, frames)
         if output.is_frames:
-            is_kept = self.fingerprint.frames_digest == fingerprint.frames_digest
+            is_kept = self.frames_digest == fingerprint.frames_digest
             return "" if is_kept else f"is another film and is drawn again: {change}"
         if not output.file.exists():
             return f"does not exist, and its sidecar describes another film: {change}" if change else ""
@@ -53,8 +113,10 @@ class ExistingFilm:
         return f"{why} and is drawn again"
 
     def _change(self, fingerprint: FilmFingerprint, frames: Sequence[int]) -> str:
-        """Return what distinguishes the requested film from this one; empty if nothing does."""
-        own = self.fingerprint
+        """Return the difference between the requested film and this one; empty where they are the same."""
+        own = self.record.fingerprint
+        if own is None:
+            return "one pass would not have made it"
         if own.frames_digest != fingerprint.frames_digest:
             return describe_mismatch(own.depends_on, fingerprint.depends_on)
         if own.encoding != fingerprint.encoding or [*self.record.numbers] != [*frames]:
@@ -80,13 +142,16 @@ class ExistingFilm:
         )
 
 
-def find_existing_film(sidecar: Path, events: JobEvents) -> ExistingFilm | None:
-    """Return the film that the sidecar of an output describes; None where there is none, or one that is not usable."""
+def find_finished_film(sidecar: Path, note: Callable[[str], object]) -> FinishedFilm | None:
+    """Return the film of a sidecar; None where there is none, or one that no job can keep.
+
+    note: takes a sentence on why a record cannot be used.
+    """
     data = read_json_object(sidecar, MAX_SIDECAR_BYTES)
     try:
         record = None if data is None else record_from_json(data, sidecar)
     except SceneError as error:
-        what = error.problems[0]
-        events.note(f"{sidecar} is not a record that can be used: {what.path}: {what.what}")
+        first = error.problems[0]
+        note(f"{sidecar} is not a record that can be used: {first.path}: {first.what}")
         return None
-    return None if record is None or record.fingerprint is None else ExistingFilm(record, record.fingerprint)
+    return None if record is None or record.fingerprint is None else FinishedFilm(sidecar, record)

@@ -8,27 +8,25 @@ from itertools import chain
 
 from renderer.errors import HsplatError, InputError, Problem
 from renderer.film import Picture, data_digest, decode_known_film, file_matches_digest, frame_path
-from renderer.frame import read_film_volumes
-from renderer.job.assemble.agreement import PickedFrame, file_problems
-from renderer.job.assemble.parts import Part, problem_of
-from renderer.job.events import JobEvents
-from renderer.job.film_job import FilmJob, OriginalFilm
-from renderer.job.film_making import open_job_stage
+from renderer.frame import Stage
 from renderer.record.film_record import FrameRecord
 from renderer.record.fingerprint import describe_mismatch, film_fingerprint
-from renderer.record.make_record import changed_tools
-from renderer.record.verified_accuracy import MOST_RAYS, MeasuredFilm, RayOptions, measure_film
-from renderer.scene import OutputFile, OutputSpec, counted
+from renderer.record.finished_film import FinishedFilm
+from renderer.record.picture_files import FrameFile, picture_problems
+from renderer.record.record_making import changed_tools
+from renderer.record.verified_accuracy import MOST_RAYS, FreshAccuracy, RayOptions, RayProgress, measure_pictures
+from renderer.scene import ErrorSpec, OutputFile, OutputSpec, Scene, accuracy_of, counted
 from renderer.system import package_versions, sources_digest
 
+# The problem of a file whose pictures can be measured all the same.
 _CHANGED = "not the file that its sidecar describes"
 
 
 @dataclass(frozen=True)
-class FilmFiles:
-    """A summary of the files of a film, by their digests and by decoding them.
+class FilesCheck:
+    """A check of the files of a film, by their digests and by decoding them.
 
-    problems: what differs from the sidecar. readable: the frames that have pictures. notes: what is not known.
+    problems: differences from the sidecar. readable: the frames that have pictures. notes: on digests that are unknown.
     """
 
     problems: Sequence[Problem]
@@ -37,19 +35,19 @@ class FilmFiles:
 
 
 @dataclass(frozen=True)
-class VerifiedFilm:
-    """A film whose volume is the recorded one, verified. measured: None where nothing could be measured."""
+class PicturesCheck:
+    """A check of the pictures of a film against its scene and volume. measured: None where no picture was measured."""
 
     problems: Sequence[Problem]
     notes: Sequence[str]
-    measured: MeasuredFilm | None
+    measured: FreshAccuracy | None
 
 
-def verify_files(original: OriginalFilm, output: OutputSpec) -> FilmFiles:
+def verify_files(film: FinishedFilm, output: OutputSpec) -> FilesCheck:
     """Look at all files of a film, wherever it is now, and decode them. Raises RenderError where ffmpeg is missing."""
-    record, notes = original.record, list[str]()
+    record, notes = film.record, list[str]()
     digests = [record.digest, *(each.digest for each in record.outputs)]
-    found = [[*_file_problems(original, *pair)] for pair in zip(output.files, digests, strict=False)]
+    found = [[*_file_problems(film, *pair)] for pair in zip(output.files, digests, strict=False)]
     (first, *_), readable = found, record.frames
     in_files = [each for each in output.files if each.is_frames]
     num_unknown = sum(any(frame.digest_of(each.kind) is None for each in in_files) for frame in record.frames)
@@ -65,20 +63,22 @@ def verify_files(original: OriginalFilm, output: OutputSpec) -> FilmFiles:
             notes.append("the digest of the film is not recorded: the file may have been changed")
         readable = readable if all(problem.what == _CHANGED for problem in first) else ()
     if len(digests) != len(output.files):
-        found.append([Problem("outputs", "not those of its scene", location=str(original.path))])
-    return FilmFiles([*chain(*found)], readable, notes)
+        found.append([Problem("outputs", "not those of its scene", location=str(film.path))])
+    return FilesCheck([*chain(*found)], readable, notes)
 
 
-def _file_problems(original: OriginalFilm, output: OutputFile, digest: str | None) -> Iterator[Problem]:
-    """Yield what is wrong with the files of an output. digest: that of a film; None for one that is not known."""
-    where, part = str(output.file), Part(original.path, original.record, output.file)
-    frames = [frame for frame in part.record.frames if output.shows(frame.frame)]
+def _file_problems(film: FinishedFilm, output: OutputFile, digest: str | None) -> Iterator[Problem]:
+    """Yield the problems of the files of an output. digest: of a film in one file; None where it is not known."""
+    where = str(output.file)
+    frames = [frame for frame in film.record.frames if output.shows(frame.frame)]
     if not frames:  # it shows others
         return
     if output.is_frames:
         known = [replace(frame, digest=frame.digest_of(output.kind)) for frame in frames]
-        picked = [PickedFrame(each.frame, part, each) for each in known if each.digest is not None]
-        yield from file_problems(picked, output.kind)
+        files = [
+            FrameFile(film, each, frame_path(output.file, each.frame)) for each in known if each.digest is not None
+        ]
+        yield from picture_problems(files, output.kind)
         return
     if digest is not None and output.file.is_file() and not file_matches_digest(output.file, digest):
         yield Problem("", _CHANGED, location=where)
@@ -87,7 +87,7 @@ def _file_problems(original: OriginalFilm, output: OutputFile, digest: str | Non
             for _ in images:
                 pass
     except InputError as error:
-        yield problem_of(error, where)
+        yield error.problem_at(where)
 
 
 def _has_picture(frame: FrameRecord, output: OutputSpec) -> bool:
@@ -97,34 +97,41 @@ def _has_picture(frame: FrameRecord, output: OutputSpec) -> bool:
         return False
 
 
-def verify_film(
-    job: FilmJob, original: OriginalFilm, files: FilmFiles, options: RayOptions, events: JobEvents
-) -> VerifiedFilm:
-    """Compare a film with its inputs, and measure it. Raises InputError for a volume that is not the recorded one."""
-    with open_job_stage(job, read_film_volumes(job.scene)) as stage:
-        changed = changed_tools(original, package_versions() | {"sources": sources_digest()})
-        notes = [f"drawn by other versions than these: {'; '.join(changed)}"] * bool(changed)
-        problems = [*_scene_problems(job, original)]
-        if notes:  # another version may have other keys, and other defaults
-            notes, problems = [*notes, *(f"{each.what}: {each.got}" for each in problems)], []
-        measured = None
-        if job.scene.annotation.octree:
-            notes.append("the lines along cells cover the pictures, which are not measured")
-        elif files.readable:
-            measured = measure_film(stage, job.scene.output, files.readable, options, events)
-            problems += measured.problems
-            if not measured.is_precise:
-                notes.append(f"{MOST_RAYS} rays a frame, the most there are, do not reach {options.precision_db:g} dB")
-    return VerifiedFilm(problems, notes, measured)
+def verify_pictures(
+    film: FinishedFilm, stage: Stage, files: FilesCheck, options: RayOptions, progress: RayProgress
+) -> PicturesCheck:
+    """Compare a film with its scene, and measure its pictures.
+
+    stage: of its scene, and of the volume that it shows. files: the check of its files.
+    """
+    scene, notes = stage.scene, list[str]()
+    # A scene that somebody has edited is expected to differ; so are the versions that drew it.
+    is_unchanged = film.has_tolerances_of(scene)
+    requested = film.record.schedule.requested if is_unchanged else accuracy_of(scene.error)
+    changed = changed_tools(film, package_versions() | {"sources": sources_digest()}) if is_unchanged else []
+    problems = [*_scene_problems(film, scene, requested)]
+    if changed:  # another version may have other keys, and other defaults
+        notes = [f"drawn by other versions than these: {'; '.join(changed)}"]
+        notes += [f"{each.what}: {each.got}" for each in problems]
+        problems = []
+    measured = None
+    if scene.annotation.octree:
+        notes.append("the lines along cells cover the pictures, which are not measured")
+    elif files.readable:
+        measured = measure_pictures(stage, files.readable, options, progress)
+        problems += measured.problems
+        if not measured.is_precise:
+            notes.append(f"{MOST_RAYS} rays a frame, the most there are, do not reach {options.precision_db:g} dB")
+    return PicturesCheck(problems, notes, measured)
 
 
-def _scene_problems(job: FilmJob, original: OriginalFilm) -> Iterator[Problem]:
-    """Yield a problem where the scene is not the one whose fingerprint was recorded."""
-    recorded, record = original.record.fingerprint, original.record
+def _scene_problems(film: FinishedFilm, scene: Scene, requested: ErrorSpec) -> Iterator[Problem]:
+    """Yield a problem where the scene is not the one whose fingerprint was recorded. requested: its accuracy."""
+    recorded, record = film.record.fingerprint, film.record
     if recorded is None:
         return
-    now = film_fingerprint(job.scene, job.requested, record.volume.fingerprint, record.device)
+    now = film_fingerprint(scene, requested, record.volume.fingerprint, record.device)
     before, after = ({key: each.depends_on.get(key) for key in ("scene", "volume")} for each in (recorded, now))
     if before != after or data_digest(recorded.depends_on) != recorded.frames_digest:
         got = describe_mismatch(before, after)
-        yield Problem("", "its scene is not the one that was drawn", got, location=str(original.path))
+        yield Problem("", "its scene is not the one that was drawn", got, location=str(film.path))

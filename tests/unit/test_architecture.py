@@ -21,7 +21,7 @@ MAX_FILE_LINES = 500
 ORDER = {
     "renderer": [
         "system", "kernels", "volume", "looks", "scene", "readers", "transfer", "suggest", "pyramid", "lighting",
-        "splats", "bricks", "view", "modes", "layers", "draw", "film", "annotation", "frame", "truth", "accuracy",
+        "splats", "bricks", "view", "modes", "layers", "draw", "film", "frame", "truth", "accuracy", "annotation",
         "record", "job",
     ],
     "hsplat_cli": [

@@ -12,7 +12,7 @@ import pytest
 from renderer.film import Picture
 from renderer.job import DrawnFrame, JobEvents
 from renderer.job.checkpoint import FrameStore
-from renderer.job.output_writer import FilmOutput
+from renderer.job.output_writer import OutputWriter
 from renderer.record import FrameRecord
 from renderer.scene import OutputSpec
 
@@ -50,7 +50,7 @@ class WaitingStore(FrameStore):
 
 def write(folder: Path, error: BaseException | None = None, *, is_overlapped: bool) -> list[str]:
     """Return what was done, in order."""
-    output = FilmOutput(OutputSpec(folder / "{frame}.png"), range(NUM_FRAMES), folder / "frames.json", folder)
+    output = OutputWriter(OutputSpec(folder / "{frame}.png"), range(NUM_FRAMES), folder / "frames.json", folder)
     store = WaitingStore(output.spec, is_overlapped=is_overlapped)
     with nullcontext() if error is None else pytest.raises(type(error)):
         output.write_frames(store, store.draw(error), "film", JobEvents(), lambda: None, is_overlapped=is_overlapped)

@@ -64,11 +64,12 @@ class SerializedStage:
             self._rasterizers.append(open_rasterizer(self._stage.scene, memory))
             self._versions = package_versions() | {"device": self._rasterizers[0].device}
         try:
-            (drawn,) = draw_frames(self._stage, [number], self._rasterizers[0], self._controller, self._prober)
+            (drawn,) = draw_frames(
+                self._stage, [number], self._rasterizers[0], self._controller, self._prober, is_overlapped=False
+            )
         except ContextLostError:
             self._rasterizers.pop().release()
             raise
-        drawn = drawn.finished()
         pictures = {kind: picture.content for kind, picture in drawn.pictures.items()}
         return pictures, drawn.record, self._versions
 

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from math import isfinite
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from renderer.accuracy import NOTHING_VISIBLE, scalar_ranges
-from renderer.errors import RenderError
 from renderer.frame import Frame, Stage, finest_level_at
-from renderer.job.film_job import OriginalFilm
-from renderer.job.plan import FilmPlan
 from renderer.record.accuracy_records import film_accuracy
 from renderer.record.film_record import (
     CameraRecord,
     FilmRecord,
     FrameRecord,
-    MeasuredRecord,
     PyramidRecord,
     ScheduleRecord,
     VolumeRecord,
-    min_max,
 )
+from renderer.record.finished_film import FinishedFilm
 from renderer.record.visibility_records import film_visibility, range_record
 from renderer.scene import (
-    ErrorSpec,
     format_value,
     moving_values,
     scene_to_dict,
@@ -39,10 +32,11 @@ from renderer.scene import (
 from renderer.system import package_versions, sources_digest
 from renderer.volume import Volume
 
-_MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
+# The opacity below which a voxel changes no pixel of 8 bits.
+_MIN_VISIBLE_OPACITY = 0.5 / 255
 
 
-def frame_record(frame: Frame, film: Stage) -> FrameRecord:
+def make_frame_record(frame: Frame, film: Stage) -> FrameRecord:
     """Return the record of a frame of a film that was drawn; it has no digest yet."""
     return FrameRecord(
         frame=frame.number,
@@ -56,24 +50,27 @@ def frame_record(frame: Frame, film: Stage) -> FrameRecord:
     )
 
 
-def film_record(
-    plan: FilmPlan,
+def make_film_record(
+    stage: Stage,
     frames: Sequence[FrameRecord],
-    requested: ErrorSpec,
-    original: OriginalFilm | None,
-    shortfall: RenderError | None,
+    schedule: ScheduleRecord,
+    *,
     devices: Sequence[str],
+    notes: Sequence[str],
+    seconds: float,
 ) -> FilmRecord:
-    """Return the record of a film that was drawn, without its seconds. devices: what drew the frames."""
-    stage = plan.stage
+    """Return the record of a film that was drawn.
+
+    stage: of the film, with the tolerances of its frames where they were found. devices: that drew the frames.
+    seconds: of the whole job.
+    """
     scene, volumes = stage.scene, [layer.volume for layer in stage.layers]
     levels = [
         finest_level_at(stage, frame.tolerance, number) for frame in frames for number in range(len(stage.groups))
     ]
     if scene.error.goal is not None:
         scene = with_tolerances(scene, {frame.frame: frame.tolerance for frame in frames})
-    device, pyramids = " and ".join(devices), {id(layer.pyramid): layer.pyramid for layer in stage.layers}.values()
-    differ = f"bytes may differ from frame to frame, drawn by different devices: {device}"  # kept frames, or workers
+    pyramids = {id(layer.pyramid): layer.pyramid for layer in stage.layers}.values()
     return FilmRecord(
         scene=scene_to_dict(scene),
         volume=_volume_record(volumes[0]),
@@ -82,15 +79,11 @@ def film_record(
         pyramid=PyramidRecord(
             max(each.num_levels for each in pyramids), sum(int(each.num_bytes) for each in pyramids), min(levels)
         ),
-        device=device,
+        device=" and ".join(devices),
         versions=package_versions(),
-        schedule=_plan_record(plan, frames, requested, original, shortfall),
-        notes=(
-            *[differ] * (len(devices) > 1),
-            *(original_notes(original, device) if original else ()),
-            *visibility_notes(frames),
-        ),
-        seconds={},
+        schedule=schedule,
+        notes=(*notes, *visibility_notes(frames)),
+        seconds={**stage.seconds, "total": seconds},
         accuracy=film_accuracy(frames),
         visibility=film_visibility(frames, [range_record(each) for each in scalar_ranges(stage)]),
         frames=tuple(frames),
@@ -102,40 +95,6 @@ def _volume_record(volume: Volume) -> VolumeRecord:
     affine = tuple(map(tuple, volume.world_from_index.tolist()))
     name, dtype = Path(volume.name).name, str(volume.values.dtype)
     return VolumeRecord(name, volume.fingerprint, dtype, shape, affine, volume.length_unit)
-
-
-def _plan_record(
-    plan: FilmPlan,
-    frames: Sequence[FrameRecord],
-    requested: ErrorSpec,
-    original: OriginalFilm | None,
-    shortfall: RenderError | None,
-) -> ScheduleRecord:
-    """Return the record of the accuracy; what was measured of an original holds while the same is requested."""
-    schedule = ScheduleRecord(
-        requested,
-        min_max([frame.tolerance for frame in frames]),
-        min_max([frame.cells for frame in frames]),
-        met=shortfall is None,
-        reproducible=not plan.is_timing_dependent,
-        shortfall=None if shortfall is None else str(shortfall),
-        measured=_measured_record(plan),
-    )
-    if original is None:
-        return schedule
-    schedule, before = replace(schedule, made_from=original.path.name), original.record.schedule
-    if plan.is_unfinished or not original.keeps_accuracy or requested != before.requested:
-        return schedule
-    return replace(before, tolerance=schedule.tolerance, cells=schedule.cells, made_from=schedule.made_from)
-
-
-def _measured_record(plan: FilmPlan) -> MeasuredRecord | None:
-    """Return the record of the search for an accuracy, if there was one."""
-    found = plan.found
-    if found is None:
-        return None
-    value = found.worst.value if isfinite(found.worst.value) else None  # the PSNR of equal pictures
-    return MeasuredRecord(found.want.metric, found.worst.frame, found.tried, value)
 
 
 # Notes
@@ -153,21 +112,32 @@ def visibility_notes(frames: Sequence[FrameRecord]) -> list[str]:
     return [f"nothing is in view{among}{why if any(frame.primitives for frame in empty) else ''}"]
 
 
-def original_notes(original: OriginalFilm, device: str) -> Iterator[str]:
-    """Yield notes on a film that is made again: a goal that the original missed, and other versions."""
-    record = original.record
-    if original.keeps_accuracy and not record.schedule.met:
-        requested = schedule_to_dict(record.schedule.requested).items()
-        goals = ", ".join(f"{name} {format_value(value)}" for name, value in requested)
-        yield f"the original film did not meet what was requested: {goals}"
-    now = package_versions() | {"device": device, "sources": sources_digest()}
-    changed = changed_tools(original, now)
-    if changed:
-        yield f"the bytes may differ from the original film, which had other versions: {'; '.join(changed)}"
+def device_notes(devices: Sequence[str]) -> list[str]:
+    """Return a note if several devices drew the frames: frames that were kept, or workers of a cluster."""
+    if len(devices) < 2:
+        return []
+    return [f"bytes may differ from frame to frame, drawn by different devices: {' and '.join(devices)}"]
 
 
-def changed_tools(original: OriginalFilm, now: Mapping[str, str]) -> list[str]:
-    """Return `numpy 2.4.6, which was 2.0.2` for what has another version than made an original film."""
+def shortfall_notes(original: FinishedFilm) -> list[str]:
+    """Return a note if a film that is made again missed the accuracy that was requested."""
+    schedule = original.record.schedule
+    if schedule.met:
+        return []
+    goals = ", ".join(f"{name} {format_value(value)}" for name, value in schedule_to_dict(schedule.requested).items())
+    return [f"the original film did not meet what was requested: {goals}"]
+
+
+def version_notes(original: FinishedFilm, device: str) -> list[str]:
+    """Return a note if a film is made again by other versions than the original."""
+    changed = changed_tools(original, package_versions() | {"device": device, "sources": sources_digest()})
+    if not changed:
+        return []
+    return [f"the bytes may differ from the original film, which had other versions: {'; '.join(changed)}"]
+
+
+def changed_tools(original: FinishedFilm, now: Mapping[str, str]) -> list[str]:
+    """Return `numpy 2.4.6, which was 2.0.2` for each package that had another version when a film was made."""
     before = original.tools
     return [
         f"{name} {version}, which was {short_text(before[name])}"
