@@ -43,7 +43,7 @@ class BuildKernels(Command):
 
     def get_source_files(self) -> list[str]:
         """Return what a source distribution needs for this step."""
-        return [str(path.relative_to(ROOT)) for path in sorted(KERNELS["SOURCES"].iterdir())]
+        return [str(path.relative_to(ROOT)) for path in KERNELS["source_files"]()]
 
     def get_outputs(self) -> list[str]:
         """Return what this step has written."""

@@ -1,6 +1,6 @@
 """Make the curve of which the sub-voxel variation of bricks of voxels is measured.
 
-The kernel in `renderer/kernels/sources/subvoxel.cpp`, which says what it is, takes this curve.
+The kernel in `renderer/kernels/sources/bricks/subvoxel.cpp`, which says what it is, takes this curve.
 """
 
 from __future__ import annotations

@@ -3,18 +3,29 @@
 In: `SplatBatch` or `BrickBatch`, the order of its elements, and a `View`. Out: float32 [height, width, 4],
 premultiplied RGBA without a background. Each footprint has its rasteriser.
 
-- `rasterizer.py` says what they have in common; `open_rasterizer.py` opens the one of a scene.
-- `gl/splat_rasterizer.py` draws splats with OpenGL, and only splats need it. `gl/shaders/project.glsl` projects a splat
-  to an ellipse, and clips it at the near plane (Zwicker et al. 2001). `gl/programs.py` loads shaders. `compositing.py`
-  adds up many layers of splats in float64. Where a context is lost, `recovery.py` makes another.
-- `cpu/brick_rasterizer.py` draws bricks on several threads, by kernels: `march.cpp` takes the samples of a ray in a
-  brick, with jitter, until early ray termination (Max 1995). `brick_cache.py` keeps the texels of bricks. `cpu/grid.py`
-  divides the picture into tiles, `cpu/bands.py` joins tiles whose bricks have room at once, and `subsampling.py`
-  interpolates between pixels that are drawn. `cpu/field.py` and `cpu/light.py` describe what is sampled, and light and
-  extinction that depend on the view or on gradients; `cpu/extremum.py` says which scalar a ray looks for, and
-  `cpu/mixture.py` where bricks of several volumes lie.
+- `rasterizer.py`: the interface of all rasterisers.
+- `opening.py`: opens the rasteriser of a scene.
+- `overlay.py`: makes the lines of overlays, and `lines.py` draws them, over pictures of splats and of bricks.
 
-Over pictures of both, `cpu/lines.py` draws the lines of overlays, which `overlay.py` makes.
+`splats/` draws splats with OpenGL, and nothing else needs it:
+
+- `splats/splat_rasterizer.py`: the rasteriser. `splats/shaders/project.glsl` projects a splat to an ellipse, and clips
+  it at the near plane (Zwicker et al. 2001).
+- `splats/programs.py`: loads shaders.
+- `splats/compositing.py`: divides splats into chunks that are added up in float64.
+- `splats/recovery.py`: makes another context where one is lost.
+
+`bricks/` draws bricks on several threads, by kernels (`march.cpp`, `mixture.cpp`, `extremum.cpp`):
+
+- `bricks/brick_rasterizer.py`: the rasteriser.
+- `bricks/brick_cache.py`: keeps the texels of bricks.
+- `bricks/grid.py`: divides the picture into tiles, and finds the bricks over each.
+- `bricks/bands.py`: joins tiles whose bricks have room at once.
+- `bricks/subsampling.py`: interpolates between pixels that are drawn.
+- `bricks/field.py`: the scalars that samples are taken from, and the colours for them.
+- `bricks/light.py`: light and extinction that depend on the view or on gradients.
+- `bricks/extremum.py`: the scalar that a ray looks for.
+- `bricks/mixture.py`: where bricks of several volumes lie along a ray.
 """
 
 import lazy_loader

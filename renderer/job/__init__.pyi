@@ -1,6 +1,5 @@
 from .assemble.assembly import assemble_film as assemble_film
 from .assemble.parts import find_parts as find_parts
-from .checkpoint import FrameCheckpoint as FrameCheckpoint
 from .events import (
     JobEvents as JobEvents,
     NotebookBar as NotebookBar,
@@ -14,7 +13,7 @@ from .executor import (
     draw_frames as draw_frames,
     open_local_executor as open_local_executor,
 )
-from .film_job import FilmJob as FilmJob, Repeats as Repeats
+from .film_job import FilmJob as FilmJob
 from .film_making import (
     JobResult as JobResult,
     forecast_film as forecast_film,
@@ -32,3 +31,14 @@ from .inputs import (
 from .plan import FilmPlan as FilmPlan, make_plan as make_plan
 from .refinement import Refinement as Refinement
 from .trial_frames import forecast_frames as forecast_frames
+
+# isort: split
+# For tests alone: steps and constants that no other room uses.
+from .checkpoint import (
+    FrameCheckpoint as FrameCheckpoint,
+    FrameStore as FrameStore,
+    remove_checkpoint_frames as remove_checkpoint_frames,
+)
+from .output_writer import OutputWriter as OutputWriter, open_output as open_output
+from .plan import search_tolerances as search_tolerances
+from .trial_frames import choose_trials as choose_trials

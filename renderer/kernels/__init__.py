@@ -3,12 +3,14 @@
 In: arrays and numbers. Out: the same arrays, filled. Kernels run without the interpreter's lock.
 
 - `binding.py`: `kernels()`, whose attributes are the kernels.
-- `header.py`: what they take, read from `sources/kernels.h`.
+- `header.py`: what they take, read from the files `kernels.h` of `sources/`.
 - `library.py`: the library for this processor, found, verified and loaded.
 - `build.py`: compiles the libraries.
 - `bus_errors.py`: reads of mapped files that have become shorter give zeros.
 - `threads.py`: a pool of threads, on which kernels run side by side.
-- `sources/`: kernels.h, what kernels take; arrays.h and lanes.h, arrays and vectors; a file for each algorithm.
+- `sources/`: a folder for the kernels of each room, and `base/`, which all use: arrays, vectors of lanes, exponentials,
+  the flag that stops long kernels. `kernels.h` in each folder says what its kernels take. `truth/` shares no code with
+  the kernels that it checks.
 """
 
 import lazy_loader

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from renderer.kernels.build import SOURCES
-from renderer.kernels.header import Header, Struct
+from renderer.kernels.header import Header, Struct, read_headers
 from renderer.kernels.library import load_library
 from renderer.system import deferrable_interrupts, result_of, start_threads, stop_flag
 
@@ -34,7 +34,7 @@ STOPPED = 3
 
 
 class Kernel:
-    """A kernel, as a function of keyword arguments: the members of its struct in kernels.h.
+    """A kernel, as a function of keyword arguments: the members of its struct.
 
     is_long: whether it stops when the process is asked to end.
     """
@@ -123,7 +123,7 @@ class Kernels:
             raise AttributeError(name)
         arguments = self._header.struct_of(name)
         size = ctypes.c_int64.in_dll(self._library, f"{name}_bytes").value
-        assert size == arguments.size, f"{name} takes {size} bytes, and kernels.h is read as {arguments.size}"
+        assert size == arguments.size, f"{name} takes {size} bytes, and the header is read as {arguments.size}"
         is_long = name in self._header.long_kernels
         kernel = Kernel(name, getattr(self._library, name), arguments, is_long=is_long)
         setattr(self, name, kernel)
@@ -133,7 +133,7 @@ class Kernels:
 @cache
 def kernels() -> Kernels:
     """Return the kernels for this processor. Raise RenderError where they cannot be loaded."""
-    found = Kernels(load_library(), Header((SOURCES / "kernels.h").read_text("ascii")))
+    found = Kernels(load_library(), read_headers(SOURCES))
     found.heed_flag(flag=np.frombuffer(memoryview(stop_flag), np.int32))
     return found
 

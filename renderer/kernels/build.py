@@ -32,7 +32,7 @@ LEVELS = {
     "aarch64": {0: ("generic", 4)},
 }
 # Compiled for each level; the others for the lowest alone, as higher ones gain nothing.
-_IN_LANES = ("march", "mixture", "extremum", "light_rays")
+_IN_LANES = ("draw/march.cpp", "draw/mixture.cpp", "draw/extremum.cpp", "lighting/light_rays.cpp")
 # What libraries can be made for, and what zig calls it: for Linux, with any C library since that of 2012.
 TARGETS = {
     "linux-x86_64": "x86_64-linux-gnu.2.17",
@@ -51,11 +51,16 @@ _UNCHECKED = ("-fno-sanitize=undefined",)
 _CHECKED = ("-DCHECKED", "-fsanitize=undefined,float-cast-overflow", "-fno-sanitize=alignment", "-fsanitize-trap=all")
 
 
+def source_files() -> list[Path]:
+    """Return the files in the folders of the sources, in order."""
+    return sorted(path for path in SOURCES.rglob("*") if path.is_file())
+
+
 def sources_digest() -> str:
     """Return a digest of all that libraries are made of."""
     digest = hashlib.blake2b(digest_size=16)
-    for path in [Path(__file__), *sorted(SOURCES.iterdir())]:
-        digest.update(path.name.encode() + path.read_bytes())
+    for path in [Path(__file__), *source_files()]:
+        digest.update(os.path.relpath(path, SOURCES).encode() + path.read_bytes())
     return digest.hexdigest()
 
 
@@ -87,8 +92,8 @@ def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bo
         folder = Path(name)
 
         def compile_source(source: Path, level: int) -> Path:
-            (cpu, lanes), compiled = of_machine[level], folder / f"{source.stem}-{level}.o"
-            options = (*_FLAGS, *(_CHECKED if checked else _UNCHECKED), f"-DLANES={lanes}")
+            (cpu, lanes), compiled = of_machine[level], folder / f"{source.parent.name}-{source.stem}-{level}.o"
+            options = (*_FLAGS, *(_CHECKED if checked else _UNCHECKED), f"-DLANES={lanes}", f"-I{SOURCES}")
             _run(folder, *_compiler(target, cpu), *options, source, "-o", compiled)
             return compiled
 
@@ -101,12 +106,12 @@ def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bo
             return library
 
         lowest = min(of_machine)
-        in_lanes = [SOURCES / f"{name}.cpp" for name in _IN_LANES]
+        in_lanes = [SOURCES / name for name in _IN_LANES]
         begun = {level: [pool.submit(compile_source, source, level) for source in in_lanes] for level in chosen}
-        others = sorted(set(SOURCES.glob("*.cpp")).difference(in_lanes)) if chosen else []
+        others = sorted(set(SOURCES.rglob("*.cpp")).difference(in_lanes)) if chosen else []
         shared = [pool.submit(compile_source, source, lowest) for source in others]
         objects = {f"kernels-{level}": [*of_level, *shared] for level, of_level in begun.items()}
-        objects["processor"] = [pool.submit(compile_source, SOURCES / "processor.cc", lowest)]
+        objects["processor"] = [pool.submit(compile_source, SOURCES / "base" / "processor.cc", lowest)]
         libraries = [link(name, [one.result() for one in made]) for name, made in objects.items()]
     for other in set(out.glob("*.so")).difference(libraries):
         other.unlink()  # of other sources, as far as anyone knows

@@ -1,10 +1,11 @@
-"""Read what kernels take from `sources/kernels.h`, and lay it out in memory as C does."""
+"""Read what kernels take from each `kernels.h` in the folders of `sources/`, and lay it out in memory as C does."""
 
 from __future__ import annotations
 
 import re
 import struct
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -112,7 +113,7 @@ class _Maybe(Type):
 
 
 class Struct(Type):
-    """A struct of kernels.h. members: by name, the offset and the type of each."""
+    """A struct that kernels take. members: by name, the offset and the type of each."""
 
     def __init__(self, members: list[tuple[str, Type]]) -> None:
         self.members: dict[str, tuple[int, Type]] = {}
@@ -133,7 +134,7 @@ class Struct(Type):
 
 
 class Header:
-    """A table of the structs in the text of kernels.h, each of which is read when it is first needed.
+    """A table of the structs in the texts of headers, each of which is read when it is first needed.
 
     arguments: by kernel, the name of the struct that it takes. long_kernels: those that stop when they are asked to.
     """
@@ -169,7 +170,12 @@ class Header:
 
     def _read_members(self, line: str) -> Iterator[tuple[str, Type]]:
         found = _MEMBERS.fullmatch(line.partition("//")[0].strip())
-        assert found is not None, f"kernels.h: cannot read {line!r}"
+        assert found is not None, f"cannot read {line!r}"
         kind, names = found.groups()
         for name, count in _MEMBER.findall(names):
             yield name, _Several(*_NUMBERS[kind], int(count)) if count else self._type(kind)
+
+
+def read_headers(sources: Path) -> Header:
+    """Read the headers of all folders of the sources."""
+    return Header("\n".join(path.read_text("ascii") for path in sorted(sources.glob("*/kernels.h"))))

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_drawn, worst_of
 
-from renderer.draw import SplatRasterizer
-from renderer.draw.compositing import MEAN_LAYERS, MIN_CHUNK_SPLATS
+from renderer.draw import MEAN_LAYERS, MIN_CHUNK_SPLATS, SplatRasterizer
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch, make_footprint
 from renderer.view import View
@@ -55,7 +54,7 @@ def equal_layers(num: int, depth: float, size: int) -> float:
 
 
 def bound(num: int) -> float:
-    """6 u B, see renderer.draw.compositing."""
+    """6 u B, see renderer.draw.splats.compositing."""
     return 6 * U * min(num, MIN_CHUNK_SPLATS)
 
 

@@ -1,7 +1,7 @@
 """Rasterise splats in float64, one after the other: slow, and simple enough to check by eye.
 
-The reference for `renderer.draw.gl.splat_rasterizer`. It shares its inputs and the limit of slopes (`SLOPE_LIMIT`) with
-it, nothing else.
+The reference for `renderer.draw.splats.splat_rasterizer`. It shares its inputs and the limit of slopes (`SLOPE_LIMIT`)
+with it, nothing else.
 Lengths are world units; Gaussians are covariance matrices, as in the literature:
 
     Gaussian in view space -> what lies beyond the near plane -> affine image about its centre -> widened to the pixels

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
-from renderer.draw.cpu.grid import make_grid
+from renderer.draw import make_grid
 from renderer.kernels import kernels
 from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS, PiecewiseTransfer
 from renderer.view import RaySetup

@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renderer.film import Picture, atomic as staging, bytes_digest, data_digest, encode_png, frame_path
-from renderer.job import DrawnFrame, FrameCheckpoint
-from renderer.job.checkpoint import remove_checkpoint_frames
-from renderer.record import FilmFingerprint, FrameRecord, record_to_json
-from renderer.record.film_record import read_frame_record
+from renderer.film import Picture, bytes_digest, data_digest, encode_png, frame_path, remove_temporaries
+from renderer.job import DrawnFrame, FrameCheckpoint, remove_checkpoint_frames
+from renderer.record import FilmFingerprint, FrameRecord, read_frame_record, record_to_json
 from renderer.scene import OutputSpec
 
 NUMBERS = range(4)
@@ -280,6 +278,6 @@ def test_a_kill_between_any_two_steps(folder, output: OutputSpec, monkeypatch, s
     assert 0 in checkpoint.records
     for number in checkpoint.records:
         assert checkpoint.finished_frame(number).pictures[0].content == png(number)
-    staging.remove_temporaries(folder)
+    remove_temporaries(folder)
     remove_checkpoint_frames(folder, output, NUMBERS)
     assert list(folder.iterdir()) == []

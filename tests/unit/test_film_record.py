@@ -19,16 +19,8 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError
 from renderer.film import film_path_of_sidecar, sidecar_path
 from renderer.job import FilmJob
-from renderer.record import FilmRecord, FrameRecord, parse_film_record, record_to_json, sidecar, write_sidecar
-from renderer.scene import (
-    MAX_SCENE_BYTES,
-    ErrorSpec,
-    SplatBudget,
-    accuracy_of,
-    input_file,
-    parse_scene,
-    schedule_to_dict,
-)
+from renderer.record import FilmRecord, FrameRecord, parse_film_record, record_to_json, write_sidecar
+from renderer.scene import MAX_SCENE_BYTES, ErrorSpec, SplatBudget, accuracy_of, parse_scene, schedule_to_dict
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -188,8 +180,8 @@ def test_only_what_begins_as_json_may_be_large() -> None:
 
 def test_a_larger_sidecar_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     most = MAX_SCENE_BYTES + 1000
-    for module in (input_file, sidecar):
-        monkeypatch.setattr(module, "MAX_SIDECAR_BYTES", most)
+    for module in ("renderer.scene.input_file", "renderer.record.sidecar"):
+        monkeypatch.setattr(f"{module}.MAX_SIDECAR_BYTES", most)
     text = json.dumps(SIDECAR)
     assert load(text.ljust(most)) == load(text)
     with pytest.raises(InputError, match="too large for a sidecar"):

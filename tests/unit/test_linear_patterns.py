@@ -22,7 +22,7 @@ _SEARCHING = {"search", "findall", "finditer", "sub", "subn", "split"}
 # What these read is part of the program, or typed on the command line: sources, pages just made, durations.
 _OWN_TEXT = (
     "renderer/kernels/header.py",
-    "renderer/draw/gl/programs.py",
+    "renderer/draw/splats/programs.py",
     "hsplat_cli/reports/html.py",
     "hsplat_cli/terminal/arguments.py",
 )

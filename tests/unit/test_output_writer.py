@@ -10,9 +10,7 @@ from pathlib import Path
 import pytest
 
 from renderer.film import Picture
-from renderer.job import DrawnFrame, JobEvents
-from renderer.job.checkpoint import FrameStore
-from renderer.job.output_writer import OutputWriter
+from renderer.job import DrawnFrame, FrameStore, JobEvents, OutputWriter
 from renderer.record import FrameRecord
 from renderer.scene import OutputSpec
 

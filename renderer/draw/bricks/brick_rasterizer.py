@@ -1,0 +1,251 @@
+"""Rasterise bricks by kernels, on several threads.
+
+    pixel grid -> its tiles, with the bricks over each -> bricks front to back, on several threads
+    -> the next, finer grid, where neighbouring pixels differ
+
+The bricks of layers on one grid of voxels are drawn as one. Others are mixed, in slabs of depth, or added where nothing
+is absorbed. The picture is the same bytes on every machine, and for any number of threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.bricks import BrickBatch
+from renderer.draw.bricks.bands import plan_bands
+from renderer.draw.bricks.brick_cache import BrickCache, BrickView, drawn_bytes, needed_bytes
+from renderer.draw.bricks.extremum import search_of
+from renderer.draw.bricks.field import field_of
+from renderer.draw.bricks.grid import make_grid
+from renderer.draw.bricks.mixture import make_mixture
+from renderer.draw.bricks.subsampling import grid_size, refine_grid, upsample
+from renderer.draw.rasterizer import BrickMemory, Rasterizer
+from renderer.kernels import ThreadPool, kernels
+from renderer.scene import FACE_DEPTH
+from renderer.system import MemoryShare
+from renderer.view import RaySetup, View
+from renderer.volume import Bools, Float32, Float64, Int64, UInt32
+
+# Each task draws neighbouring tiles, which have bricks in common.
+_TASKS_PER_THREAD = 4
+# Of rays through what absorbs nothing; infinite is what is found where no ray is.
+_NO_END = float(np.finfo(np.float32).max)
+# Bytes of each atlas, as of `needed_bytes`, by the identities of layers.
+Shares = dict[int, list[int]]
+
+
+class BrickRasterizer(Rasterizer):
+    """A rasteriser of bricks. Use as a context manager, or call `release`."""
+
+    device = "the processor"
+
+    def __init__(self, *, num_threads: int = 2, memory: MemoryShare | None = None) -> None:
+        self.threads = ThreadPool(num_threads)
+        self._memory = memory or MemoryShare()
+        self.caches: dict[int, BrickCache] = {}  # by the identities of layers, which they hold
+
+    def release(self) -> None:
+        """Free the bricks, and end the threads."""
+        self.release_bricks()
+        self.threads.release()
+
+    def release_bricks(self) -> None:
+        """Free the bricks."""
+        for cache in self.caches.values():
+            cache.release()
+        self.caches.clear()
+
+    def upload(self, batches: Sequence[BrickBatch], orders: Sequence[UInt32], view: View) -> bool:
+        """Upload the bricks `batch[order]` of all batches, and return whether any of them was missing."""
+        of_batches = zip(self._caches_of(batches), batches, orders, strict=True)
+        uploaded = [cache.upload(batch, order, view) for cache, batch, order in of_batches]
+        return any(uploaded)
+
+    def rasterize(self, batches: Sequence[BrickBatch], orders: Sequence[UInt32], view: View) -> Float32:
+        """Composite `batch[order]` of all batches, each front to back, over nothing.
+
+        Returns float32 [height, width, 4], premultiplied RGBA. Where nothing is absorbed, alpha is what absorption
+        would give, or the brightest channel if that is more, at most 1.
+        """
+        caches = self._caches_of(batches)
+        views = [
+            cache.begin_frame(batch, order, view) for cache, batch, order in zip(caches, batches, orders, strict=True)
+        ]
+        samplings = [batch.screen_sampling for batch in batches]
+        finest = min(samplings, key=lambda each: (each.strides, each.difference_threshold))
+        least = min(each.termination_transmittance for each in samplings)
+        sampling = replace(finest, termination_transmittance=least)  # as fine as all of them
+        is_additive = batches[0].bricks.is_additive
+        parts = [_part_alone(*each) for each in zip(caches, views, strict=True)]
+        if sum(len(order) > 0 for order in orders) > 1 and not is_additive:
+            parts = [_mixed_part(caches, views, sampling.termination_alpha)]
+        columns, rows = grid_size(view.size, sampling.strides[0])
+        image, is_drawn = np.zeros((rows, columns, 4), np.float32), np.ones((rows, columns), np.bool_)
+        self._draw_parts(parts, sampling.strides[0], is_drawn, image)
+        for coarse, stride in pairwise(sampling.strides):
+            image, is_drawn = refine_grid(
+                image, coarse // stride, sampling.difference_threshold, grid_size(view.size, stride), self.threads
+            )
+            self._draw_parts(parts, stride, is_drawn, image)
+        stride = sampling.strides[-1]
+        image = image if stride == 1 else upsample(image, stride, view.size, self.threads)
+        if is_additive:
+            brightest = np.minimum(image[..., :3].max(axis=2), np.float32(1))
+            image[..., 3] = np.maximum(-np.expm1(-image[..., 3]), brightest)
+        return image
+
+    def _caches_of(self, batches: Sequence[BrickBatch]) -> list[BrickCache]:
+        """Return the caches of the layers of batches, which share the memory, and free those of all other layers."""
+        shown = {id(batch.bricks): batch for batch in batches}
+        for number in [number for number in self.caches if number not in shown]:  # of another frame or film
+            self.caches.pop(number).release()
+        drawn = {number: drawn_bytes(batch) for number, batch in shown.items()}
+        if not all(number in self.caches and _have_room(self.caches[number], drawn[number]) for number in shown):
+            needed = {number: needed_bytes(batch.bricks) for number, batch in shown.items()}
+            limit = self._memory.num_bytes() if self.brick_memory is None else self.brick_memory.limit
+            self.brick_memory = BrickMemory(sum(map(sum, needed.values())), limit)
+            shares = share_memory(drawn, needed, limit)
+            if not self._fit(drawn, shares, limit):
+                self.release_bricks()
+            for number in shares.keys() - self.caches.keys():
+                self.caches[number] = BrickCache(shown[number].bricks, self.threads, shares[number])
+        return [self.caches[id(batch.bricks)] for batch in batches]
+
+    def _fit(self, drawn: Shares, shares: Shares, limit: int) -> bool:
+        """Return whether caches can stay: with new ones they take no more than the limit, and none has less than half
+        of the room that it could have for what is drawn."""
+        taken = [self.caches[number].num_bytes if number in self.caches else own for number, own in shares.items()]
+        return sum(map(sum, taken)) <= limit and not any(
+            2 * has < min(of_atlas, could_have)
+            for number, cache in self.caches.items()
+            for has, of_atlas, could_have in zip(cache.num_bytes, drawn[number], shares[number], strict=True)
+        )
+
+    def _draw_parts(self, parts: Sequence[_Part], stride: int, is_drawn: Bools, image: Float32) -> None:
+        """Draw parts of a picture, one under the other, each in bands of tiles whose bricks have slots at once."""
+        for part in parts:
+            grid = make_grid(part.rectangles_px, stride, is_drawn, image, is_mixture=len(part.views) > 1)
+            bands, first_use = plan_bands(grid["starts"], grid["numbers"], len(part.members), part.have_slots)
+            part.plan(first_use)
+            for tiles, met, next_use in bands:
+                draw = part.make_kernel(grid, part.upload(met, next_use))
+                num_tasks = min(len(tiles), _TASKS_PER_THREAD * self.threads.num) if self.threads.num > 1 else 1
+                tasks = [partial(draw, tiles=few) for few in np.array_split(tiles, max(1, num_tasks))]
+                self.threads.map(lambda task: task(), tasks)
+
+
+def share_memory(drawn: Shares, needed: Shares, limit: int) -> Shares:
+    """Share memory among the atlases of some caches: first for bricks of this picture, then for all visible ones."""
+    of_drawn = share_out([each for own in drawn.values() for each in own], limit)
+    of_all = [each for own in needed.values() for each in own]
+    missing = [max(0, each - has) for each, has in zip(of_all, of_drawn, strict=True)]
+    shares = iter(np.add(of_drawn, share_out(missing, limit - sum(of_drawn))).tolist())
+    return {number: [next(shares) for _ in own] for number, own in drawn.items()}
+
+
+def share_out(needs: Sequence[int], total: int) -> list[int]:
+    """Share a total among some needs: no share exceeds its need, and shares below their needs are equal."""
+    shares, left = [0] * len(needs), total
+    for num_before, number in enumerate(sorted(range(len(needs)), key=needs.__getitem__)):
+        shares[number] = min(needs[number], left // (len(needs) - num_before))
+        left -= shares[number]
+    return shares
+
+
+def _have_room(cache: BrickCache, drawn: Sequence[int]) -> bool:
+    return all(each <= has for each, has in zip(drawn, cache.num_bytes, strict=True))
+
+
+class _Part(NamedTuple):
+    """A part of a picture that one kernel draws: the bricks of one view, or of several that are mixed.
+
+    members, rectangles_px: as in Mixture. make_kernel: returns what draws tiles, from the grid and from where texels
+        begin, of each view, as `BrickCache.upload_bricks` returns it.
+    """
+
+    caches: Sequence[BrickCache]
+    views: Sequence[BrickView]
+    members: Int64
+    rectangles_px: Float64
+    make_kernel: Callable[[dict[str, Any], Sequence[Int64]], Callable[..., None]]
+
+    def have_slots(self, members: Int64, times: int) -> bool:
+        """Return whether `times` as many bricks as these have slots at once."""
+        of_views = zip(self.caches, self.views, self._by_view(members), strict=True)
+        return all(cache.have_slots(view, self.members[each, 1], times) for cache, view, each in of_views)
+
+    def plan(self, first_use: Int64) -> None:
+        """Note which band meets each brick first, or -1: int64 [members]."""
+        for k, (cache, view) in enumerate(zip(self.caches, self.views, strict=True)):
+            of_view, by_number = self.members[:, 0] == k, np.full(len(view.order), -1, np.int64)
+            by_number[self.members[of_view, 1]] = first_use[of_view]
+            cache.plan(view, by_number)
+
+    def upload(self, members: Int64, next_use: Int64) -> list[Int64]:
+        """Upload these bricks, and return where their texels begin, of each view. next_use: as in Band."""
+        by_member = np.full(len(self.members), -1, np.int64)
+        by_member[members] = next_use
+        parts = zip(self.caches, self.views, self._by_view(members), strict=True)
+        return [cache.upload_bricks(view, self.members[each, 1], by_member[each]) for cache, view, each in parts]
+
+    def _by_view(self, members: Int64) -> list[Int64]:
+        """Return which of these bricks are of each view, by ascending numbers in it."""
+        found = [members[self.members[members, 0] == k] for k in range(len(self.views))]
+        return [each[np.argsort(self.members[each, 1])] for each in found]
+
+
+def _part_alone(cache: BrickCache, brick_view: BrickView) -> _Part:
+    batch, numbers = brick_view.batch, np.arange(len(brick_view.order))
+
+    def make_kernel(grid: dict[str, Any], offsets: Sequence[Int64]) -> Callable[..., None]:
+        if batch.extremes is not None:
+            return kernels().draw_extremes.partial(
+                grid=grid, rays=brick_view.rays, boxes=brick_view.boxes, texel_offsets=offsets[0][0],
+                tops=batch.extremes.tops[brick_view.order], scalars=cache.scalars[0].texels,
+                **search_of(batch, brick_view.view),
+            )  # fmt: skip
+        bricks = _layer_bricks(cache, brick_view, offsets[0], brick_view.rays, batch.model_unit)
+        is_additive = batch.bricks.is_additive
+        alpha = _NO_END if is_additive else batch.screen_sampling.termination_alpha
+        return kernels().draw_tiles.partial(grid=grid, bricks=bricks, termination_alpha=alpha, is_additive=is_additive)
+
+    members = np.column_stack([np.zeros_like(numbers), numbers])
+    return _Part([cache], [brick_view], members, brick_view.rectangles_px, make_kernel)
+
+
+def _mixed_part(caches: Sequence[BrickCache], views: Sequence[BrickView], termination_alpha: float) -> _Part:
+    mixture = make_mixture(views)
+
+    def make_kernel(grid: dict[str, Any], offsets: Sequence[Int64]) -> Callable[..., None]:
+        of_views = zip(caches, views, offsets, mixture.rays, strict=True)
+        return kernels().draw_mixture.partial(
+            grid=grid, groups=[_layer_bricks(*each, mixture.unit) for each in of_views], members=mixture.members,
+            depths=mixture.depths, termination_alpha=termination_alpha,
+        )  # fmt: skip
+
+    return _Part(caches, views, mixture.members, mixture.rectangles_px, make_kernel)
+
+
+def _layer_bricks(
+    cache: BrickCache, brick_view: BrickView, offsets: Int64, rays: RaySetup, unit: float
+) -> dict[str, Any]:
+    """Return the bricks of a view as kernels take them: LayerBricks in kernels.h.
+
+    offsets: as `BrickCache.upload_bricks` returns them. unit: the world length of the rays' model unit.
+    """
+    layers = brick_view.batch.bricks.layers
+    fields = [
+        field_of(layer, atlas.texels, cache.means.texels, of_layer, brick_view)
+        for layer, atlas, of_layer in zip(layers, cache.scalars, offsets, strict=True)
+    ]
+    return {
+        "rays": rays, "spacings_per_model_unit": np.float32(unit / brick_view.batch.cut.volume.finest_spacing),
+        "boxes": brick_view.boxes, "is_mean": brick_view.is_mean, "fields": fields,
+        "have_faces": brick_view.have_faces, "face_depth": FACE_DEPTH * brick_view.batch.cut.volume.finest_spacing,
+    }  # fmt: skip

@@ -1,0 +1,22 @@
+"""Open the rasteriser of a scene."""
+
+from __future__ import annotations
+
+from renderer.draw.rasterizer import Rasterizer
+from renderer.scene import Scene
+from renderer.system import MemoryShare, num_drawing_threads
+
+
+def open_rasterizer(scene: Scene, memory: MemoryShare | None = None) -> Rasterizer:
+    """Open the rasteriser of a scene's footprint. Raises RenderError where it needs OpenGL and there is none.
+
+    memory: for bricks, half of what is free by default; pictures do not depend on it.
+    """
+    # Imported here: bricks need no OpenGL.
+    if scene.needs_opengl:
+        from renderer.draw.splats.recovery import RecoveringRasterizer
+
+        return RecoveringRasterizer()
+    from renderer.draw.bricks.brick_rasterizer import BrickRasterizer
+
+    return BrickRasterizer(num_threads=num_drawing_threads(), memory=memory)

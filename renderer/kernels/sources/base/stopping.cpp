@@ -1,0 +1,18 @@
+// The flag at which long kernels look (stopping.h).
+#include "base/kernels.h"
+#include "base/stopping.h"
+
+namespace {
+
+const int32_t never = 0;
+
+}  // namespace
+
+const int32_t* stop_flag = &never;
+
+// Heed a flag: from now on, long kernels stop where it is not 0. It stays where it is while the process lives.
+Status heed_flag(const HeedFlag* arguments) {
+    if (!has_shape(arguments->flag, 1)) return OUT_OF_BOUNDS;
+    stop_flag = arguments->flag.data;
+    return DONE;
+}

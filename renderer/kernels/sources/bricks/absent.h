@@ -1,0 +1,60 @@
+// Continue the field of a brick into voxels without data, which are NaN, as it is continued beyond the volume's border.
+//
+// A voxel covers the points that are nearest to it: what a voxel without data covers is not drawn. Between a voxel and
+// one without data, the field is interpolated to the mean of the nearest of the latter's 26 neighbours that have data.
+// Beside a plane of voxels that is the voxel itself, so that data surrounded by NaN look as they do alone.
+#pragma once
+#include "base/lanes.h"
+#include "bricks/brick_voxels.h"
+
+namespace {
+
+using Eight = Vector<double, 8>;
+
+// Of eight voxels, the means of the nearest data among their 26 neighbours; NaN without any. cells_at: loads the 27 cells
+// around each by number, x before y before z.
+template <class Load>
+INLINE Eight means_of_nearest(const Load& cells_at) {
+    constexpr double scale = 16;  // means of up to twelve numbers do not overflow
+    Eight means = in_all<Eight>(__builtin_nan(""));
+#pragma clang loop unroll(full)
+    for (int distance = 3; distance > 0; distance--) {  // squared; the nearest last, so that they count
+        Eight totals = {}, nums = {};
+#pragma clang loop unroll(full)
+        for (int number = 0; number < 27; number++) {
+            int k = number / 9 - 1, j = number / 3 % 3 - 1, i = number % 3 - 1;
+            if (k * k + j * j + i * i != distance) continue;
+            Eight values = cells_at(number);
+            Vector<bool, 8> exist = mask_of(values == values);
+            totals = where(exist, totals + values / scale, totals);
+            nums = where(exist, nums + 1, nums);
+        }
+        means = where(mask_of(nums > 0), totals / nums * scale, means);
+    }
+    return means;
+}
+
+// Write the inside of a field [n + 2, n + 2, n + 2] to `filled` [n, n, n], continued into voxels without data; n is at
+// least 8. What has no neighbour with data stays NaN. Return whether all voxels inside have data.
+inline bool fill_absent(const Field& field, const Field& filled) {
+    int64_t side = filled.shape[0];
+    bool is_whole = true;
+    for (int64_t z = 0; z < side; z++)
+        for (int64_t y = 0; y < side; y++)
+            for (int64_t first = 0; first < side; first += 8) {
+                int64_t x = least(first, side - 8);
+                auto cells_at = [&](int number) {
+                    return load<Eight>(&field(z + number / 9, y + number / 3 % 3, x + number % 3), 0);
+                };
+                Eight values = cells_at(13);  // in the middle
+                Vector<bool, 8> are_absent = mask_of(values != values);
+                if (any_of<8>(are_absent)) {
+                    is_whole = false;
+                    values = where(are_absent, means_of_nearest(cells_at), values);
+                }
+                store(&filled(z, y, x), 0, values);
+            }
+    return is_whole;
+}
+
+}  // namespace

@@ -1,0 +1,146 @@
+// Make the texels of bricks of voxels (renderer/bricks/texels.py).
+#include "bricks/kernels.h"
+#include "transfer/transfer.h"
+#include "bricks/absent.h"
+
+namespace {
+
+// A difference times its weight, one-sided beside a voxel without data; NaN in one.
+template <bool HAS_ABSENT>
+INLINE double difference(double before, double here, double after, double scale, double weight) {
+    if constexpr (HAS_ABSENT) {
+        weight = is_nan(before) || is_nan(after) ? 1.0 : weight;
+        before = is_nan(before) ? here : before;
+        after = is_nan(after) ? here : after;
+        return is_nan(here) ? here : (after * scale - before * scale) * weight;
+    }
+    return (after * scale - before * scale) * weight;
+}
+
+// Along an axis, for each of the places in a brick: the place of the voxel that is taken there, the nearest, and the
+// reciprocal of the number of voxels from the one before to the one after it, or another weight.
+struct Places {
+    int64_t nearest[PADDED_BRICK_SIZE + 2];
+    double weights[PADDED_BRICK_SIZE + 2];
+
+    // num: the voxels of the volume along the axis. start: of these, that at place 0.
+    Places(int64_t num, int64_t start, int64_t side, double weight) {
+        for (int64_t t = 0; t < side; t++) {
+            int64_t voxel = least(most<int64_t>(start + t, 0), num - 1);
+            int64_t distance = least(voxel + 1, num - 1) - most<int64_t>(voxel - 1, 0);
+            weights[t] = weight > 0 ? weight : 1.0 / (double)most<int64_t>(distance, 1);
+            nearest[t] = voxel - start;
+        }
+    }
+};
+
+// Write the gradients of a brick, which `m` takes to the world, to [3, n, n, n]; NaN without data. field: the scalars,
+// [n + 2, n + 2, n + 2] or larger. shape: the volume's. With the factor `scale`, no difference of two scalars overflows.
+// weight: of differences along each axis; 0 for what suits scalars.
+template <bool HAS_ABSENT>
+void fill_gradients(const Field& field, const int64_t (&shape)[3], const Array<const int32_t, 1>& cell,
+                    const double (&m)[9], double scale, const Array<double, 4>& gradients, double weight = 0) {
+    int64_t side = gradients.shape[1];
+    auto places = [&](int axis) {
+        return Places(shape[2 - axis], BRICK_SIZE * cell[axis] - (side - BRICK_SIZE) / 2, side, weight);
+    };
+    Places along_x = places(0), along_y = places(1), along_z = places(2);
+    for (int64_t t = 0; t < side; t++)
+        for (int64_t u = 0; u < side; u++) {
+            int64_t z = along_z.nearest[t], y = along_y.nearest[u];
+            double wy = along_y.weights[u], wz = along_z.weights[t];
+            const double *here = &field(z + 1, y + 1, 1), *below = &field(z, y + 1, 1), *above = &field(z + 2, y + 1, 1);
+            const double *front = &field(z + 1, y, 1), *back = &field(z + 1, y + 2, 1);
+            double* to[3] = {&gradients(0, t, u, 0), &gradients(1, t, u, 0), &gradients(2, t, u, 0)};
+            for (int64_t x = 0; x < side; x++) {
+                double gx = difference<HAS_ABSENT>(here[x - 1], here[x], here[x + 1], scale, along_x.weights[x]);
+                double gy = difference<HAS_ABSENT>(front[x], here[x], back[x], scale, wy);
+                double gz = difference<HAS_ABSENT>(below[x], here[x], above[x], scale, wz);
+                to[0][x] = m[0] * gx + m[1] * gy + m[2] * gz;
+                to[1][x] = m[3] * gx + m[4] * gy + m[5] * gz;
+                to[2][x] = m[6] * gx + m[7] * gy + m[8] * gz;
+            }
+            for (double* row : to)
+                for (int64_t x = 0; x < side; x++) row[x] = row[along_x.nearest[x]];
+        }
+}
+
+// Smooth a field by (1, 4, 6, 4, 1) / 16 along each axis. Its lowest places then have what those two places behind had.
+void smooth(const Field& field) {
+    int64_t side = field.shape[0], steps[3] = {1, side, side * side};
+    for (int64_t step : steps)
+        for (int64_t k = 0; k + 4 * step < field.size(); k++) {
+            const double* f = &field.data[k];
+            field.data[k] = (f[0] + f[4 * step] + 4 * (f[step] + f[3 * step]) + 6 * f[2 * step]) / 16;
+        }
+}
+
+// How far the normals of labels turn to the light, beside the slopes of smoothed opacities, up to 3/8. Where a
+// clip plane cuts a label, far from its surface, the light is that of a face towards it, and not the dark of no surface.
+constexpr double TILT = 0.05;
+
+// Write the gradients of the smoothed opacities of labels to [3, n, n, n], else as `fill_gradients`. opacities: by the
+// number of a label; beyond the volume's border they are 0. field: scratch, [n + 6, n + 6, n + 6].
+void fill_label_gradients(const Voxels& voxels, const Array<const int32_t, 1>& cell, const double (&m)[9],
+                          const Array<const double, 1>& opacities, const double (&toward_light)[3], const Field& field,
+                          const Array<double, 4>& gradients) {
+    load_brick(voxels, cell, field);
+    clear_beyond_border(voxels, cell, field);
+    for (int64_t k = 0; k < field.size(); k++) field.data[k] = opacities[(int64_t)field.data[k]];
+    smooth(field);
+    fill_gradients<false>(field, voxels.raw.shape, cell, m, 1.0, gradients, 0.5);
+    int64_t num = gradients.size() / 3;
+    for (int64_t k = 0; k < 3 * num; k++) gradients.data[k] -= TILT * toward_light[k / num];
+}
+
+}  // namespace
+
+// Write texels [n, 18^3 or 4 * 18^3], as `scalar_texels` returns them, of bricks at cells [n, 3] (x, y, z). first, width,
+// factor: of the range, as `range_width` returns them. world_from_gradient: for gradients. With
+// the factor `scale`, no difference of two scalars overflows. opacities: of labels, by their numbers. toward_light: a unit
+// vector, or 0.
+Status fill_scalar_texels(const FillScalarTexels* arguments) {
+    const auto [voxels, cells, first, width, factor, m, scale, toward_light, opacities, texels] = *arguments;
+    constexpr int64_t size = PADDED_BRICK_SIZE, num = size * size * size;
+    const bool is_lit = texels.shape[1] == 4 * num, has_absent = voxels.has_absent;
+    if (!fit_together(voxels, cells) || !has_shape(texels, cells.shape[0], is_lit ? 4 * num : num))
+        return OUT_OF_BOUNDS;
+    // Gradients need the voxels next to those of texels, and so does what takes the place of voxels without data.
+    int64_t margin = is_lit, side = size + 2 * margin, gradient_side = is_lit * (size + 2 * has_absent);
+    Cube field(side), around(side + 2), smoothed(size + 6);
+    Buffer<double> memory(3 * gradient_side * gradient_side * gradient_side), filled(3 * num);
+    if (!field || !around || !smoothed || !memory || !filled) return NO_MEMORY;
+    const Array<double, 4> gradients = {memory.data, {3, gradient_side, gradient_side, gradient_side}};
+    const Array<double, 4> planes = {has_absent ? filled.data : memory.data, {3, size, size, size}};
+    for (int64_t i = 0; i < cells.shape[0]; i++) {
+        load_brick(voxels, cells[i], has_absent ? around.field : field.field);
+        if (has_absent) fill_absent(around.field, field.field);
+        if (is_lit && voxels.is_labels) {
+            fill_label_gradients(voxels, cells[i], m, opacities, toward_light, smoothed.field, gradients);
+        } else if (is_lit && has_absent) {
+            fill_gradients<true>(around.field, voxels.raw.shape, cells[i], m, scale, gradients);
+            for (int axis = 0; axis < 3; axis++) fill_absent(gradients[axis], planes[axis]);
+        } else if (is_lit) {
+            fill_gradients<false>(field.field, voxels.raw.shape, cells[i], m, scale, gradients);
+        }
+        for (int64_t z = 0; z < size; z++)
+            for (int64_t y = 0; y < size; y++)
+                for (int64_t x = 0; x < size; x++) {
+                    double scalar = field.field(z + margin, y + margin, x + margin);
+                    if (is_nan(scalar)) scalar = first;  // far from data
+                    double inside = (scalar * factor - first * factor) / width;
+                    float u = (float)least(most(inside, -MAX_NORMALIZED_SCALAR), MAX_NORMALIZED_SCALAR);
+                    if (has_absent) {
+                        bool is_absent = is_nan(around.field(z + margin + 1, y + margin + 1, x + margin + 1));
+                        u = __builtin_bit_cast(float, (__builtin_bit_cast(uint32_t, u) & ~1u) | is_absent);
+                    }
+                    int64_t at = (z * size + y) * size + x;
+                    texels(i, at) = u;
+                    for (int axis = 0; axis < 3 * is_lit; axis++) {
+                        double value = planes(axis, z, y, x);
+                        texels(i, num + 3 * at + axis) = is_nan(value) ? 0 : (float)value;
+                    }
+                }
+    }
+    return DONE;
+}

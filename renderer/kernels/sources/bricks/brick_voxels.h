@@ -1,0 +1,62 @@
+// Bricks of voxels and what is around them (renderer/bricks/layout.py).
+#pragma once
+#include "bricks/kernels.h"
+#include "volume/voxels.h"
+
+constexpr int64_t BRICK_LEVELS = 4, BRICK_SIZE = 1 << BRICK_LEVELS, HALO = 1, PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO;
+
+namespace {
+
+using Field = Array<double, 3>;
+
+// Memory for a field.
+struct Cube : Buffer<double> {
+    Field field;
+    explicit Cube(int64_t side) : Buffer(side * side * side), field{data, {side, side, side}} {}
+};
+
+// Whether all cells [n, 3] are those of bricks of the volume, and each bit pattern has a scalar.
+inline bool fit_together(const Voxels& voxels, const Array<const int32_t, 2>& cells) {
+    if (cells.shape[1] != 3 || !fits(voxels.scalars, voxels.raw)) return false;
+    for (int64_t i = 0; i < cells.shape[0]; i++)
+        for (int axis = 0; axis < 3; axis++)
+            if (cells(i, axis) < 0 || BRICK_SIZE * cells(i, axis) >= voxels.raw.shape[2 - axis]) return false;
+    return true;
+}
+
+// Write the scalars of a brick and what is around it to `out` [n, n, n]. Beyond the volume's border the nearest voxel is
+// repeated. cell: [3] (x, y, z).
+inline void load_brick(const Voxels& voxels, const Array<const int32_t, 1>& cell, const Field& out) {
+    int64_t side = out.shape[0], margin = (side - BRICK_SIZE) / 2;
+    int64_t first[3];
+    for (int axis = 0; axis < 3; axis++) first[axis] = BRICK_SIZE * cell[axis] - margin;
+    load_scalars(voxels.raw, voxels.scalars, box_of(voxels.raw), first, side, out.data);
+}
+
+// Make 0, no label, of what is beyond the volume's border in a field from `load_brick`: lit labels end there, as the light
+// on them does.
+inline void clear_beyond_border(const Voxels& voxels, const Array<const int32_t, 1>& cell, const Field& field) {
+    auto is_beyond = [&](int axis, int64_t at) {
+        int64_t voxel = BRICK_SIZE * cell[axis] - (field.shape[0] - BRICK_SIZE) / 2 + at;
+        return voxel < 0 || voxel >= voxels.raw.shape[2 - axis];
+    };
+    for (int64_t z = 0; z < field.shape[0]; z++)
+        for (int64_t y = 0; y < field.shape[1]; y++)
+            for (int64_t x = 0; x < field.shape[2]; x++)
+                if (is_beyond(2, z) || is_beyond(1, y) || is_beyond(0, x)) field(z, y, x) = 0;
+}
+
+struct Range {
+    double low, high;
+};
+
+// The smallest and the largest number of a field; infinity and minus infinity if all are NaN.
+inline Range range_of(const Field& field) {
+    Range range = {INFINITE, -INFINITE};
+    for (int64_t k = 0; k < field.size(); k++)
+        // NaN, being neither smaller nor larger, does not count as the second of two.
+        range = {least(range.low, field.data[k]), most(range.high, field.data[k])};
+    return range;
+}
+
+}  // namespace

@@ -1,0 +1,252 @@
+// Find the most extreme scalar along rays through bricks: LANES rays in step, from cell to cell.
+//
+// Between eight voxels the field along a ray is a cubic, whose extremes are known: nothing falls between samples. The
+// scalar is turned so that its maximum is sought. A pixel keeps the largest number that was found; what lies below it
+// is passed over, brick by brick and cell by cell. Bricks come with the largest bound first, and a tile ends when no
+// brick that is left can change it. By depth they come front to back, and the first maximum counts.
+//
+// Where some of the eight voxels have no data, the way through a cell is divided where another voxel becomes the
+// nearest.
+#include "draw/kernels.h"
+#include "base/stopping.h"
+#include "draw/sample.h"
+#include "draw/spans.h"
+
+namespace {
+
+// A ray through a brick and half of its halo crosses at most 17 faces along each axis.
+constexpr int MAX_CELLS = 3 * (PADDED_BRICK_SIZE - 1) + 1;
+constexpr int32_t LAST_CELL_OF_ROW = PADDED_BRICK_SIZE - 2;
+// Rays that move less along an axis, in texels of a brick, do not cross it.
+constexpr float MIN_EXTENT = 1e-12;
+// Bricks of a tile between two looks at what its pixels have found.
+constexpr int BRICKS_BETWEEN_LOOKS = 4;
+
+// The least number that the pixels in a window have found.
+float least_found(Window window, const Tile& tile) {
+    float found = NEVER;
+    for (int64_t row = 0; row < window.bottom - window.top; row++)
+        for (int64_t column = 0; column < window.right - window.left; column++)
+            found = least(found, tile.found[row * tile.side + column]);
+    return found;
+}
+
+// Spans of rays inside a brick: where they begin [3] and their extents [3], in texels of the brick; 0; about how many
+// cells they cross.
+INLINE Span span_of(const Box& box, const Along (&along)[3], Range range, ClippedMask hit) {
+    ClippedFloats begin[3], extent[3], zero = 0.0f;
+    for (int axis = 0; axis < 3; axis++)
+        first_and_step(along[axis], range.enter, range.leave, in_all<Doubles>(1.0), box.corner[axis], box.scale,
+                       begin[axis], extent[axis]);
+    ClippedFloats faces = magnitude(extent[0]) + magnitude(extent[1]) + magnitude(extent[2]);
+    ClippedFloats num_cells = __builtin_convertvector(__builtin_convertvector(faces, ClippedInts), ClippedFloats);
+    return {{begin[0], begin[1], begin[2], extent[0]}, {extent[1], extent[2], zero, where(hit, num_cells, zero)}};
+}
+
+// The largest number on ways through cells, and where it is, as a share of the way.
+struct Largest {
+    Floats number, share;
+};
+
+// a / b clamped to [0, 1], and 0 where b is 0.
+INLINE Floats quotient(Floats a, Floats b) {
+    Floats zero = in_all<Floats>(0.0f), one = in_all<Floats>(1.0f);
+    return min_of(max_of(a / where(mask_of(b == 0.0f), one, b), zero), one);
+}
+
+// The largest number along `entry + extent q`, q in [0, 1], inside cells, and its q.
+//
+// The trilinear field is a + q (b + q (c + q d)) there. Its extremes are at the ends or where its slope is 0.
+INLINE Largest largest_in_cell(const Corners& corners, const Three& entry, const Three& extent) {
+    const auto& [c000, c100, c010, c110, c001, c101, c011, c111] = corners;
+    const auto& [u, v, w] = entry;
+    const auto& [du, dv, dw] = extent;
+    Floats zero = in_all<Floats>(0.0f), one = in_all<Floats>(1.0f);
+    Floats x00 = c100 - c000, x10 = c110 - c010, x01 = c101 - c001, x11 = c111 - c011;
+    Floats y00 = fma(u, x00, c000), y10 = fma(u, x10, c010), y01 = fma(u, x01, c001), y11 = fma(u, x11, c011);
+    Floats rise0 = y10 - y00, rise1 = y11 - y01, twist0 = x10 - x00, twist1 = x11 - x01;
+    Floats z0 = fma(v, rise0, y00), z1 = fma(v, rise1, y01);
+    Floats slope0 = fma(dv, rise0, du * fma(v, twist0, x00)), slope1 = fma(dv, rise1, du * fma(v, twist1, x01));
+    Floats bend0 = du * dv * twist0, bend1 = du * dv * twist1;
+    Floats a = fma(w, z1 - z0, z0);
+    Floats b = fma(dw, z1 - z0, fma(w, slope1 - slope0, slope0));
+    Floats c = fma(dw, slope1 - slope0, fma(w, bend1 - bend0, bend0));
+    Floats d = dw * (bend1 - bend0);
+    Floats end = a + (b + (c + d)), share = where(mask_of(end > a), one, zero), best = max_of(end, a);
+    // b + 2 c q + 3 d q^2 = 0, without cancellation; any q in [0, 1] gives a number of the field.
+    Floats triple = 3.0f * d, discriminant = root(max_of(fma(c, c, -(triple * b)), zero));
+    Floats sum = -(c + where(mask_of(c < 0.0f), -discriminant, discriminant));
+    const Floats turns[2] = {quotient(sum, triple), quotient(b, sum)};
+    for (Floats q : turns) {
+        Floats number = fma(q, fma(q, fma(q, d, c), b), a);
+        share = where(mask_of(number > best), q, share), best = max_of(number, best);
+    }
+    return {best, share};
+}
+
+INLINE Mask is_flat(Floats extent) { return mask_of(magnitude(extent) < MIN_EXTENT); }
+
+// Where a ray passes the plane in the middle of a cell, as a share of its way through; 0 or 1 beyond.
+INLINE Floats middle(Floats entry, Floats extent) {
+    Floats zero = in_all<Floats>(0.0f), one = in_all<Floats>(1.0f);
+    Mask flat = is_flat(extent);
+    return min_of(max_of(where(flat, zero, (0.5f - entry) / where(flat, one, extent)), zero), one);
+}
+
+// What `largest_in_cell` gives, of the places whose nearest voxel has data; minus infinity if there is none.
+// found: what it does give, which stays where all eight have data.
+INLINE Largest largest_of_data(const Texels& texels, Ints at, const Corners& corners, const Three& entry,
+                               const Three& extent, Largest found) {
+    Mask is_whole = are_all_present(load_corners(texels, at));
+    if (!any_of(~is_whole)) return found;
+    Floats zero = in_all<Floats>(0.0f), one = in_all<Floats>(1.0f);
+    Floats x = middle(entry.x, extent.x), y = middle(entry.y, extent.y), z = middle(entry.z, extent.z);
+    Floats low = min_of(x, y), high = max_of(x, y);
+    const Floats ends[5] = {zero, min_of(low, z), max_of(low, min_of(high, z)), max_of(high, z), one};
+    Floats best = where(is_whole, found.number, in_all<Floats>(-NEVER));
+    Floats place = where(is_whole, found.share, zero);
+    auto along = [&](Floats share) -> Three {
+        return {fma(share, extent.x, entry.x), fma(share, extent.y, entry.y), fma(share, extent.z, entry.z)};
+    };
+    for (int part = 0; part < 4; part++) {
+        Floats begin = ends[part], width = ends[part + 1] - begin, half = (begin + ends[part + 1]) * 0.5f;
+        Largest here =
+            largest_in_cell(corners, along(begin), {width * extent.x, width * extent.y, width * extent.z});
+        Mask counts = mask_of(width > 0.0f) & are_present(texels, at, along(half)) & ~is_whole;
+        counts &= mask_of(here.number > best);
+        best = where(counts, here.number, best);
+        place = where(counts, fma(here.share, width, begin), place);
+    }
+    return {best, place};
+}
+
+// The cells of rays along an axis of a brick.
+struct Axis {
+    Floats first, extent;
+    Ints cell;
+
+    INLINE Floats at(Floats share) const { return fma(share, extent, first); }
+    INLINE Floats in_cell(Floats share) const { return at(share) - to_float32(cell); }
+    INLINE void clamp() { cell = min_of(max_of(cell, in_all<Ints>(0)), in_all<Ints>(LAST_CELL_OF_ROW)); }
+
+    // Where rays leave their cells, as a share of the span; 2 where never.
+    INLINE Floats leave() const {
+        Floats one = in_all<Floats>(1.0f);
+        Floats face = to_float32(cell) + where(mask_of(extent > 0.0f), one, in_all<Floats>(0.0f));
+        Mask flat = is_flat(extent);
+        return where(flat, in_all<Floats>(2.0f), (face - first) / where(flat, one, extent));
+    }
+
+    INLINE void move(Mask has_left) {
+        Ints step = where(mask_of(extent > 0.0f), in_all<Ints>(1), in_all<Ints>(-1));
+        cell = where(has_left, cell + step, cell);
+    }
+};
+
+// Search the cells of spans for larger numbers than those of their pixels.
+// texels: of the brick, and what follows. nearness: at its texel 0. pixels: of the image.
+void search_spans(const Texels& texels, const DrawExtremes& search, double nearness, int64_t num, const Tile& tile,
+                  const Array<float, 1>& pixels) {
+    const float offset = search.offset, slope = search.slope, slack = search.slack, min_rise = search.min_rise;
+    const float ceiling = search.ceiling;
+    const double* forward = search.forward;
+    Floats zero = in_all<Floats>(0.0f);
+    for (int64_t first = 0; first < num; first += LANES) {
+        Ints order = load<Ints>(tile.order, first);
+        auto [begin_x, begin_y, begin_z, extent_x] = load_four(tile.spans, order * SPAN_FLOATS);
+        auto [extent_y, extent_z, unused, num_cells] = load_four(rest_of(tile.spans, 4), order * SPAN_FLOATS);
+        Axis x = {begin_x, extent_x, to_int32(begin_x)}, y = {begin_y, extent_y, to_int32(begin_y)};
+        Axis z = {begin_z, extent_z, to_int32(begin_z)};
+        Floats best = gather(tile.found, gather(tile.pixels, order)), near = zero, t = zero;
+        Mask active = mask_of(lane_numbers<Ints>() < (int32_t)least(num - first, (int64_t)LANES));
+        for (int cells = 0; cells < MAX_CELLS; cells++) {
+            x.clamp(), y.clamp(), z.clamp();
+            Floats leave_x = x.leave(), leave_y = y.leave(), leave_z = z.leave();
+            Floats out = min_of(min_of(leave_x, leave_y), min_of(leave_z, in_all<Floats>(1.0f)));
+            Ints at = (z.cell * PADDED_BRICK_SIZE + y.cell) * PADDED_BRICK_SIZE + x.cell;
+            auto [a, b, c, d, e, f, g, h] = load_corners(texels, at);
+            auto turned = [&](Floats scalar) { return fma(scalar, in_all<Floats>(slope), in_all<Floats>(offset)); };
+            Corners corners = {turned(a), turned(b), turned(c), turned(d), turned(e), turned(f), turned(g), turned(h)};
+            Floats below = max_of(max_of(corners.a, corners.b), max_of(corners.c, corners.d));
+            Floats above = max_of(max_of(corners.e, corners.f), max_of(corners.g, corners.h));
+            Mask may_rise = active & mask_of(max_of(below, above) > best + slack);
+            if (any_of(may_rise)) {
+                Floats length = max_of(out - t, zero);
+                Three entry = {x.in_cell(t), y.in_cell(t), z.in_cell(t)};
+                Three extent = {length * x.extent, length * y.extent, length * z.extent};
+                Largest largest = largest_in_cell(corners, entry, extent);
+                if (search.has_absent) largest = largest_of_data(texels, at, corners, entry, extent, largest);
+                Mask is_larger = may_rise & mask_of(largest.number > best + min_rise);
+                best = where(is_larger, largest.number, best);
+                Floats place = fma(largest.share, length, t);
+                Floats here = fma(z.at(place), in_all<Floats>((float)forward[2]), in_all<Floats>((float)nearness));
+                here = fma(y.at(place), in_all<Floats>((float)forward[1]), here);
+                near = where(is_larger, fma(x.at(place), in_all<Floats>((float)forward[0]), here), near);
+                active &= mask_of(best < ceiling);
+            }
+            active &= mask_of(out < 1.0f);
+            if (!any_of(active)) break;
+            x.move(mask_of(leave_x <= out)), y.move(mask_of(leave_y <= out)), z.move(mask_of(leave_z <= out));
+            t = out;
+        }
+        for (int lane = 0; lane < least(num - first, (int64_t)LANES); lane++) {
+            int32_t pixel = tile.pixels[tile.order[first + lane]];
+            if (best[lane] > tile.found[pixel]) {
+                float number = least(best[lane], ceiling);
+                tile.found[pixel] = number;
+                pixels[tile.places[pixel]] = number, pixels[tile.places[pixel] + 1] = near[lane];
+            }
+        }
+    }
+}
+
+// Search the bricks over a tile. Return whether it was finished.
+bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
+    const Grid& grid = search.grid;
+    const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
+    const double* forward = search.forward;
+    bool by_depth = forward[0] != 0.0 || forward[1] != 0.0 || forward[2] != 0.0;
+    Window window = window_of(grid, number);
+    set_up_rays(grid, search.rays, window, tile, 0);
+    for (int64_t k = grid.starts[number]; k < grid.starts[number + 1]; k++) {
+        if (is_stopped()) return false;
+        int64_t brick = grid.numbers[k];
+        if (search.texel_offsets[brick] < 0) continue;
+        float limit = least((float)search.tops[brick] - search.slack, search.ceiling);
+        bool is_look = search.is_sorted && (k - grid.starts[number]) % BRICKS_BETWEEN_LOOKS == 0;
+        if (is_look && least_found(window, tile) >= limit) break;
+        Box box = box_of(search.boxes, brick);
+        double nearer = 0.0;
+        for (int axis = 0; axis < 3; axis++) nearer += forward[axis] * (box.corner[axis] - TEXEL_OFFSET);
+        double nearness = by_depth ? 0.5 + nearer : 0.0;
+        Texels texels = rest_of(search.scalars, search.texel_offsets[brick]);
+        for_spans(
+            box, search.rays, covered_by(grid, brick, window), tile,
+            [&](ClippedFloats found) { return mask_of(found < limit); },
+            [&](const auto& along, Range range, ClippedMask hit, int64_t) __attribute__((always_inline)) {
+                return span_of(box, along, range, hit);
+            },
+            [&](int64_t num) { search_spans(texels, search, nearness, num, tile, pixels); });
+    }
+    return true;
+}
+
+}  // namespace
+
+// Draw bricks into some tiles of the image. It has in its first channel the number, in its second how near it is, from
+// 0 at the farthest point of the ball around the volume to 1, and 0 in the others.
+Status draw_extremes(const DrawExtremes* arguments) {
+    const Grid& grid = arguments->grid;
+    const auto& tiles = arguments->tiles;
+    if (!is_consistent(grid, tiles) || !match(arguments->tops, grid.rectangles, arguments->boxes, arguments->texel_offsets))
+        return OUT_OF_BOUNDS;
+    for (int64_t brick = 0; brick < arguments->boxes.shape[0]; brick++) {
+        int64_t begin = arguments->texel_offsets[brick];
+        if (begin > arguments->scalars.shape[0] - TEXELS_PER_BRICK) return OUT_OF_BOUNDS;
+    }
+    const Tile tile(grid, arguments->rays, MAX_CELLS);
+    if (!tile) return NO_MEMORY;
+    for (int64_t k = 0; k < tiles.shape[0]; k++)
+        if (!draw_tile(*arguments, tile, tiles[k])) return STOPPED;
+    return DONE;
+}

@@ -1,0 +1,60 @@
+// Light the faces that clip planes and boxes cut, as `cut_faces` of ShadingSpec says: a sample in each lane.
+#pragma once
+#include "draw/light.h"
+
+// The faces near a brick. per_length: 1 over how far their light reaches.
+struct Faces {
+    const ClipRegion* clip;
+    double per_length;
+};
+
+// Call `take(weight, normal)` for each set that clipping removes and that is near a sample. normal: towards the set, in
+// the world, of any length. at: places in index space, from the volume's centre.
+template <class Take>
+INLINE void for_faces(const Faces& faces, const Three& at, Take take) {
+    Floats zero = in_all<Floats>(0.0f);
+    auto scaled = [&](double x) { return (float)(x * faces.per_length); };
+    auto height = [&](const auto& slab) {
+        return fma(scaled(slab[0]), at.x, fma(scaled(slab[1]), at.y, scaled(slab[2]) * at.z));
+    };
+    auto along = [&](const auto& slab, Floats length) {
+        return Three{length * (float)slab[5], length * (float)slab[6], length * (float)slab[7]};
+    };
+    auto take_near = [&](Floats squared_distance, const Three& normal) {
+        Floats rest = max_of(zero, 1.0f - squared_distance);
+        if (any_of(mask_of(rest > 0.0f))) take(rest * rest * rest, normal);
+    };
+    for (int64_t k = 0; k < faces.clip->slabs.shape[0]; k++) {
+        auto slab = faces.clip->slabs[k];
+        Floats of_slab = height(slab), one = zero + 1.0f;
+        for (int end = 0; end < 2; end++) {
+            if (__builtin_isinf(slab[3 + end])) continue;
+            Floats inside = max_of(zero, (of_slab - scaled(slab[3 + end])) * (end ? -1.0f : 1.0f));
+            take_near(inside * inside, along(slab, end ? one : -one));
+        }
+    }
+    for (int64_t box = 0; box < faces.clip->boxes.shape[0]; box++) {
+        Three toward = {zero, zero, zero};
+        for (int axis = 0; axis < 3; axis++) {
+            auto slab = faces.clip->boxes[box][axis];
+            Floats of_slab = height(slab), outside = max_of(zero, scaled(slab[3]) - of_slab);
+            auto [x, y, z] = along(slab, outside - max_of(zero, of_slab - scaled(slab[4])));
+            toward = {toward.x + x, toward.y + y, toward.z + z};
+        }
+        take_near(dot(toward, toward), toward);
+    }
+}
+
+// The light by the gradient at samples, and by the faces that are near. lit_of: returns it for a gradient.
+template <class LitOf>
+INLINE Lit lit_with_faces(const Faces& faces, const Three& at, const Three& gradient, LitOf lit_of) {
+    Lit lit = lit_of(gradient);
+    Floats zero = in_all<Floats>(0.0f), rest = zero + 1.0f, sum = zero, factors = zero, shine = zero;
+    for_faces(faces, at, [&](Floats weight, const Three& normal) {
+        Lit of_face = lit_of({-normal.x, -normal.y, -normal.z});
+        factors = fma(weight, of_face.factor, factors), shine = fma(weight, of_face.shine, shine);
+        rest *= 1.0f - weight, sum += weight;
+    });
+    Floats share = where(mask_of(sum > 0.0f), (1.0f - rest) / sum, zero);
+    return {fma(rest, lit.factor, share * factors), fma(rest, lit.shine, share * shine), lit.length};
+}

@@ -1,0 +1,253 @@
+// Sample the fields of layers in a brick, and classify and light the samples: in each lane a sample of its own.
+#pragma once
+#include "draw/faces.h"
+#include "draw/mask.h"
+
+// Floats behind the last texel that loads of whole rows touch.
+constexpr int READ_BEHIND = 2;
+
+// What the texels of a brick are, and how it is lit: means need no classification. SEVERAL: those of several layers.
+enum Kind { MEANS, UNLIT, LAMBERT, LIT, SEVERAL };
+
+// Where samples are in a brick: the texel at or below, and how far they are from it; their numbers, of which
+// `begin + number * step` are their texels; how many steps long each is; which of them count.
+struct Places {
+    Ints at;
+    Three shares;
+    Floats number;
+    Three begin, step;
+    Floats width;
+    Mask active;
+};
+
+// What the light of a field has in common along rays through a brick. faces: null where none is near.
+struct Lighting {
+    const Faces* faces;
+    Ways ways;
+    float origin[3];
+};
+
+// direction: of rays, in index space, of any length.
+INLINE Lighting lighting_of(const Light& light, const Box& box, const Three& direction, const Faces* faces) {
+    return {faces, aim(light, direction),
+            {place_brick(light, box, 0), place_brick(light, box, 1), place_brick(light, box, 2)}};
+}
+
+// Samples, a factor on their colours, and which of them show anything.
+struct Classified {
+    Sample sample;
+    Floats light;
+    Mask visible;
+};
+
+// texels: of the brick, and what follows.
+template <Kind KIND>
+INLINE Classified sample_field(const Field& field, const LaneTable& table, const Texels& texels, const Places& places,
+                               const Lighting& lighting, const Box& box, bool is_cut) {
+    const auto& [at, shares, number, begin, step, width, are_placed] = places;
+    auto texel = [&] {
+        return Three{fma(number, step.x, begin.x), fma(number, step.y, begin.y), fma(number, step.z, begin.z)};
+    };
+    Mask active = is_cut ? are_in_mask(field.mask.value.grid, box, texel(), are_placed) : are_placed;
+    Classified found = {{}, in_all<Floats>(1.0f), active};
+    if (is_cut && !any_of(active)) return found;
+    if constexpr (KIND == MEANS) {
+        found.sample = sample_rgba(texels, at, shares);
+        found.visible = active & mask_of(found.sample.tau > 0.0f);
+        return found;
+    }
+    Corners corners = load_corners(texels, at);
+    Floats scalar = field.is_labels ? labels_at(texels, at, shares, corners, active) : interpolate(corners, shares);
+    found.visible = active & mask_of(scalar >= field.pieces.lowest_visible);
+    if (!any_of(found.visible)) return found;
+    found.sample = classify(table, scalar);
+    found.visible = active & mask_of(found.sample.tau > 0.0f);
+    Mask are_divided = found.visible & ~are_all_present(corners);
+    if (field.has_absent && any_of(are_divided)) {
+        found.sample.tau *= share_of_data(texels, are_divided, places.number, begin, step, width);
+        found.visible &= mask_of(found.sample.tau > 0.0f);
+    }
+    if (!any_of(found.visible)) return found;
+    auto lit = [&](auto lit_of) {
+        Three gradient = sample_gradient(texels, at, shares);
+        if (lighting.faces == nullptr) return lit_of(gradient);
+        auto [x, y, z] = texel();
+        auto origin = [&](int axis) { return (float)(box.corner[axis] - TEXEL_OFFSET); };
+        return lit_with_faces(*lighting.faces, {x + origin(0), y + origin(1), z + origin(2)}, gradient, lit_of);
+    };
+    if constexpr (KIND == LAMBERT) {
+        Floats zero = in_all<Floats>(0.0f);
+        auto lit_of = [&](const Three& slope) { return Lit{light_factor(slope, field.lambert), zero, zero}; };
+        found.light = lit(lit_of).factor;
+    }
+    if constexpr (KIND == LIT) {
+        const Light& light = field.light.value;
+        Arriving arriving = arriving_shares(light, texel(), lighting.origin);
+        auto lit_of = [&](const Three& slope) { return lit_at(slope, lighting.ways, arriving, light.shading); };
+        found.sample = illuminate(found.sample, lit(lit_of), light);
+    }
+    return found;
+}
+
+// The layers that show anything in a brick: `num` of them, and of these the fields and their tables.
+//
+// tables: of all layers. Memory is the caller's.
+struct ShownLayers {
+    const LayerBricks* bricks;
+    LaneTable* tables;
+    const Field** fields;
+    const LaneTable** of_fields;
+    int64_t num;
+    bool is_mean;
+
+    // Whether the texels of a layer are (tau c, tau): means, or voxels that are colours.
+    INLINE bool has_means(int64_t number) const { return is_mean || fields[number]->has_colors; }
+
+    // Choose those in a brick. Means are those of all layers, in the first field.
+    INLINE void choose(int64_t brick) {
+        is_mean = bricks->is_mean[brick], num = 0;
+        for (int64_t number = 0; number < (is_mean ? 1 : bricks->fields.shape[0]); number++) {
+            if (bricks->fields[number].texel_offsets[brick] < 0) continue;
+            fields[num] = &bricks->fields[number], of_fields[num] = &tables[number];
+            num++;
+        }
+    }
+
+    INLINE Texels texels(int64_t number, int64_t brick) const {
+        const Field& field = *fields[number];
+        return rest_of(is_mean ? field.means : field.scalars, field.texel_offsets[brick]);
+    }
+
+    // From a sample's extinction to what it is in a model unit.
+    INLINE float scale(int64_t number) const {
+        return is_mean ? bricks->spacings_per_model_unit : bricks->spacings_per_model_unit * fields[number]->weight;
+    }
+
+    INLINE Kind kind(int64_t number) const {
+        const Field& field = *fields[number];
+        return has_means(number) ? MEANS : field.light.exists ? LIT : field.is_lit ? LAMBERT : UNLIT;
+    }
+
+    // Whether a mask cuts what a layer shows in a brick; means are those of what is in the mask.
+    INLINE bool is_cut(int64_t number, int64_t brick) const {
+        const auto& mask = fields[number]->mask;
+        return mask.exists && mask.value.are_cut[brick];
+    }
+
+    INLINE Faces all_faces() const { return {&bricks->rays.clip.value, 1.0 / bricks->face_depth}; }
+
+    // Of `all_faces`, those that light a layer in a brick, or null.
+    INLINE const Faces* faces(int64_t number, int64_t brick, const Faces& all) const {
+        return bricks->have_faces[brick] && fields[number]->lights_faces ? &all : nullptr;
+    }
+
+    // Whether all of them are classified, and not lit.
+    INLINE bool are_plain() const {
+        for (int64_t number = 0; number < num; number++)
+            if (kind(number) != UNLIT) return false;
+        return true;
+    }
+};
+
+// Memory for the layers of some groups of bricks. False where there is none.
+struct ShownGroups {
+    Buffer<LaneTable> tables;
+    Buffer<const Field*> fields;
+    Buffer<const LaneTable*> of_fields;
+    Buffer<ShownLayers> groups;
+
+    explicit ShownGroups(const Array<const LayerBricks, 1>& all)
+        : tables(num_fields(all)), fields(tables.shape[0]), of_fields(tables.shape[0]), groups(all.shape[0]) {
+        if (!*this) return;
+        int64_t first = 0;
+        for (int64_t number = 0; number < all.shape[0]; number++) {
+            const auto& layers = all[number].fields;
+            groups[number] = {&all[number], &tables.data[first], &fields.data[first], &of_fields.data[first], 0, false};
+            for (int64_t k = 0; k < layers.shape[0]; k++) tables[first + k] = LaneTable(layers[k].pieces);
+            first += layers.shape[0];
+        }
+    }
+
+    explicit operator bool() const { return tables && fields && of_fields && groups; }
+
+    static int64_t num_fields(const Array<const LayerBricks, 1>& all) {
+        int64_t num = 0;
+        for (int64_t number = 0; number < all.shape[0]; number++) num += all[number].fields.shape[0];
+        return num;
+    }
+};
+
+// Add what a layer has at samples to the sums of all layers' extinctions, and of extinctions times colours.
+INLINE void add_sample(Sample& sum, const Classified& found, float scale, bool is_mean) {
+    Floats zero = in_all<Floats>(0.0f), tau = where(found.visible, found.sample.tau * scale, zero);
+    Floats weight = is_mean ? where(found.visible, in_all<Floats>(scale), zero) : tau * found.light;
+    sum.tau += tau;
+    sum.r = fma(weight, found.sample.r, sum.r), sum.g = fma(weight, found.sample.g, sum.g);
+    sum.b = fma(weight, found.sample.b, sum.b);
+}
+
+// The sums of all layers' extinctions, and of extinctions times colours, at samples.
+//
+// NUM: of layers, all of them plain; 0 for any. With their number known, tables stay in registers: two layers take 1.4
+// of the time of one, and else 2.2.
+template <int NUM>
+INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& box,
+                            const Places& places, [[maybe_unused]] const Three& direction) {
+    Floats zero = in_all<Floats>(0.0f);
+    Sample sum = {zero, zero, zero, zero};
+    if constexpr (NUM > 0) {
+#pragma clang loop unroll(full)
+        for (int k = 0; k < NUM; k++)
+            add_sample(sum, sample_field<UNLIT>(*shown.fields[k], *shown.of_fields[k], shown.texels(k, brick), places, {}, box, shown.is_cut(k, brick)),
+                       shown.scale(k), false);
+        return sum;
+    }
+    for (int64_t k = 0; k < shown.num; k++) {
+        const Field& field = *shown.fields[k];
+        const LaneTable& table = *shown.of_fields[k];
+        Texels texels = shown.texels(k, brick);
+        Kind kind = shown.kind(k);
+        bool is_cut = shown.is_cut(k, brick);
+        const Faces all = shown.all_faces(), *faces = shown.faces(k, brick, all);
+        Classified found = kind == MEANS ? sample_field<MEANS>(field, table, texels, places, {}, box, is_cut)
+            : kind == UNLIT              ? sample_field<UNLIT>(field, table, texels, places, {}, box, is_cut)
+            : kind == LAMBERT            ? sample_field<LAMBERT>(field, table, texels, places, {faces, {}, {}}, box, is_cut)
+                                         : sample_field<LIT>(field, table, texels, places,
+                                                             lighting_of(field.light.value, box, direction, faces), box, is_cut);
+        if (any_of(found.visible)) add_sample(sum, found, shown.scale(k), kind == MEANS);
+    }
+    return sum;
+}
+
+// Whether all bricks have texels, each scalar a piece of the table, and the light grid all its cells.
+inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean) {
+    if (!match(field.texel_offsets, is_mean)) return false;
+    for (int64_t brick = 0; brick < is_mean.shape[0]; brick++) {
+        int64_t size = (is_mean[brick] ? field.means : field.scalars).shape[0], offset = field.texel_offsets[brick];
+        if (offset < 0) continue;  // where it shows nothing
+        bool has_channels = is_mean[brick] || field.has_colors || field.light.exists || field.is_lit;
+        int64_t num = (has_channels ? 4 : 1) * TEXELS_PER_BRICK + (has_channels || field.is_labels) * READ_BEHIND;
+        if (offset > size - num) return false;
+    }
+    const auto& [rows, guide, lowest_visible] = field.pieces;
+    int64_t num = rows.shape[0];
+    if (num < 1 || rows.shape[1] != PIECE_FLOATS || guide.shape[0] != GUIDE_SIZE) return false;
+    if (rows(num - 1, 0) < INFINITE) return false;
+    for (int64_t bucket = 0; bucket < GUIDE_SIZE; bucket++)
+        if (guide[bucket] < 0 || guide[bucket] >= num) return false;
+    if (field.mask.exists && !(field.mask.value.grid.planes.size() > 0 && match(field.mask.value.are_cut, is_mean)))
+        return false;
+    if (!field.light.exists) return true;
+    const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = field.light.value.grid;
+    int64_t num_corners = 2;  // of the cells, each of which has two for a grid, and behind the last one
+    if ((float)occlusion_strength > 0.0f) num_corners += 2 * occlusion.size();
+    if ((float)shadow_strength > 0.0f) num_corners += 2 * shadow.size();
+    return corners.shape[0] == 0 || corners.shape[0] >= num_corners;
+}
+
+inline bool is_complete(const LayerBricks& bricks) {
+    if (bricks.fields.shape[0] < 1 || !match(bricks.is_mean, bricks.boxes, bricks.have_faces)) return false;
+    for (int64_t number = 0; number < bricks.fields.shape[0]; number++)
+        if (!is_complete(bricks.fields[number], bricks.is_mean)) return false;
+    return true;
+}

@@ -1,0 +1,140 @@
+// The tiles of a pixel grid, and spans: the parts of the rays of a tile that are inside a brick.
+#pragma once
+#include "draw/rays.h"
+
+constexpr int BRICK_SIZE = 16, HALO = 1, PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO;
+// From cells of a brick to the index of the texel at or below.
+constexpr double TEXEL_OFFSET = HALO - 0.5;
+// Where samples are: between the centres of the first and the last texel of a brick, because those beyond are another
+// brick's. The rounding of rays in extremely wide views is larger.
+constexpr double MIN_TEXEL = -0.25 + TEXEL_OFFSET, MAX_TEXEL = BRICK_SIZE + 0.25 + TEXEL_OFFSET;
+constexpr int LAST = 7;  // the last number of a span, by which spans are sorted
+
+// A box as in BrickView.
+struct Box {
+    double low[3], high[3], corner[3], scale, step;
+};
+
+INLINE Box box_of(const Array<const double, 2>& boxes, int64_t brick) {
+    Box box;
+    __builtin_memcpy(&box, boxes[brick].data, sizeof box);
+    return box;
+}
+
+INLINE int64_t tiles_along(const Grid& grid, int axis) {
+    return (grid.is_drawn.shape[axis] + grid.side - 1) / grid.side;
+}
+
+// Whether shapes fit together, and all numbers are of tiles and of bricks.
+inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles) {
+    const auto& [side, stride, rectangles, starts, numbers, is_drawn, image] = grid;
+    if (side < 1 || stride < 1 || !match(is_drawn, image)) return false;
+    int64_t num_tiles = tiles_along(grid, 0) * tiles_along(grid, 1);
+    if (starts.shape[0] != num_tiles + 1) return false;
+    for (int64_t k = 0; k < tiles.shape[0]; k++) {
+        if (tiles[k] < 0 || tiles[k] >= num_tiles) return false;
+        int64_t begin = starts[tiles[k]], end = starts[tiles[k] + 1];
+        if (begin < 0 || end > numbers.shape[0]) return false;
+        for (int64_t at = begin; at < end; at++)
+            if (numbers[at] < 0 || numbers[at] >= rectangles.shape[0]) return false;
+    }
+    return true;
+}
+
+// The pixels of a tile.
+INLINE Window window_of(const Grid& grid, int64_t number) {
+    int64_t side = grid.side, in_row = tiles_along(grid, 1);
+    int64_t top = number / in_row * side, left = number % in_row * side;
+    return {left, top, least(left + side, grid.is_drawn.shape[1]), least(top + side, grid.is_drawn.shape[0])};
+}
+
+// The pixels of a tile, counted from its first, that a brick may cover.
+INLINE Window covered_by(const Grid& grid, int64_t brick, Window tile) {
+    auto rectangle = grid.rectangles[brick];
+    return {most(tile.left, rectangle[0]) - tile.left, most(tile.top, rectangle[1]) - tile.top,
+            least(tile.right, rectangle[2]) - tile.left, least(tile.bottom, rectangle[3]) - tile.top};
+}
+
+// The first sample along an axis, in texels of the brick, and the step to the next one. begin, end: where the first and
+// the last sample are along the ray. per_interval: 1 / the number of intervals between samples.
+INLINE void first_and_step(const Along& ray, Doubles begin, Doubles end, Doubles per_interval, double corner,
+                           double scale, ClippedFloats& first, ClippedFloats& step) {
+    auto texel_at = [&](Doubles way) {  // clamped to where a brick has texels; NaN becomes the lowest one
+        Doubles texel = (ray.origin + way * ray.direction - corner) * scale + TEXEL_OFFSET;
+        return min_of(max_of(in_all<Doubles>(MIN_TEXEL), texel), in_all<Doubles>(MAX_TEXEL));
+    };
+    Doubles one = texel_at(begin), other = texel_at(end);
+    first = __builtin_convertvector(one, ClippedFloats);
+    step = __builtin_convertvector((other - one) * per_interval, ClippedFloats);
+}
+
+// The numbers of spans, one in each lane.
+struct Span {
+    Four<ClippedFloats> low, high;
+};
+
+// Append a span for each ray that hits, and return how many spans there are then; there is room for one more.
+template <int... LANE>
+INLINE int64_t append(const Tile& tile, int64_t num, ClippedMask hit, int64_t pixel, const Span& span, Lanes<LANE...>) {
+    const auto& [low, high] = span;
+    auto low_rows = transpose(low.a, low.b, low.c, low.d), high_rows = transpose(high.a, high.b, high.c, high.d);
+    auto append_lane = [&]<int NUMBER>() {
+        tile.pixels[num] = (int32_t)pixel + NUMBER;
+        store(tile.spans, SPAN_FLOATS * num, join(row_of<NUMBER>(low_rows), row_of<NUMBER>(high_rows)));
+        num += hit[NUMBER];
+    };
+    (append_lane.template operator()<LANE>(), ...);
+    return num;
+}
+
+// Sort spans by their last numbers, so that those that are marched in step end together.
+inline void sort_spans(const Tile& tile, int64_t num) {
+    const Array<int64_t, 1> starts = tile.counts;
+    const Array<int32_t, 1> order = tile.order;
+    if (num <= LANES) {
+        for (int32_t k = 0; k < num; k++) order[k] = k;
+        return;
+    }
+    auto last = [spans = (Array<float, 1>)tile.spans](int64_t k) { return (int64_t)spans[SPAN_FLOATS * k + LAST]; };
+    int64_t largest = 0;
+    for (int64_t k = 0; k < num; k++) largest = most(largest, last(k));
+    for (int64_t count = 0; count < largest + 2; count++) starts[count] = 0;
+    for (int64_t k = 0; k < num; k++) starts[last(k) + 1]++;
+    for (int64_t count = 1; count <= largest; count++) starts[count] += starts[count - 1];
+    for (int32_t k = 0; k < num; k++) order[starts[last(k)]++] = k;
+}
+
+// Find the spans inside a brick of the rays that go on, in a window of a tile, and call `draw` with the number of them,
+// sorted. Where rays are clipped, a span ends where a removed box begins; then it is called again with what is behind that box.
+// goes_on: of what was found so far. span_of: makes a span of where rays that hit enter and leave the brick.
+template <class GoesOn, class SpanOf, class Draw>
+INLINE void for_spans(const Box& box, const RaySetup& rays, Window window, const Tile& tile, GoesOn goes_on,
+                      SpanOf span_of, Draw draw) {
+    for (bool has_more = true; has_more;) {
+        int64_t num = 0;
+        has_more = false;
+        for (int64_t row = window.top; row < window.bottom; row++) {
+            for (int64_t column = window.left; column < window.right; column += CLIPPED) {
+                int64_t pixel = row * tile.side + column;
+                ClippedMask hit = mask_of(lane_numbers<ClippedInts>() < (int32_t)(window.right - column));
+                hit &= goes_on(load<ClippedFloats>(tile.found, pixel));
+                if (!any_of(hit)) continue;
+                const Along along[] = {ray_along(tile, pixel, 0), ray_along(tile, pixel, 1), ray_along(tile, pixel, 2)};
+                Range range = {in_all<Doubles>(rays.start), in_all<Doubles>(INFINITE)};
+                for (int axis = 0; axis < 3; axis++)
+                    range = clip_slab(range, along[axis].origin, along[axis].inverse, box.low[axis], box.high[axis]);
+                if (rays.clip.exists) {
+                    ClippedMask have_more;
+                    range = take_part(tile, range, hit, pixel, have_more);
+                    has_more |= any_of(have_more);
+                }
+                hit &= mask_of(range.leave > range.enter);
+                if (!any_of(hit)) continue;
+                num = append(tile, num, hit, pixel, span_of(along, range, hit, pixel), UpTo<CLIPPED>());
+            }
+        }
+        if (num == 0) continue;
+        sort_spans(tile, num);
+        draw(num);
+    }
+}

@@ -1,0 +1,78 @@
+// Find the blocks of voxels that show nothing, which are left out.
+//
+// Voxels with a table are looked up until one is visible. Wider voxels take the min-max test, so that a block may count
+// as visible although no voxel in it is.
+#pragma once
+#include "base/lanes.h"
+#include "volume/voxels.h"
+#include "transfer/transfer.h"
+
+namespace {
+
+class VisibilityTest {
+    static constexpr int64_t SIDE = 8;
+    const AnyArray<3>& raw;
+    const Classifier& classifier;
+    Buffer<bool> is_visible;  // by pattern
+
+    template <class T>
+    bool has_visible_voxel(const Array<const T, 3>& patterns, const Box& box) const {
+        const auto& [first, extent] = box;
+        for (int64_t z = 0; z < extent[2]; z++)
+            for (int64_t y = 0; y < extent[1]; y++) {
+                const T* row = &patterns(first[2] + z, first[1] + y, first[0]);
+                bool found = false;
+                if (extent[0] == SIDE)  // a fixed number, which the compiler unrolls
+                    for (int64_t x = 0; x < SIDE; x++) found |= is_visible[row[x]];
+                else
+                    for (int64_t x = 0; x < extent[0]; x++) found |= is_visible[row[x]];
+                if (found) return true;
+            }
+        return false;
+    }
+
+    template <class T>
+    bool has_visible_range(const Array<const T, 3>& voxels, const Box& box) const {
+        using Row = Vector<T, SIDE>;
+        const auto& [first, extent] = box;
+        T one = voxels(first[2], first[1], first[0]);
+        if (is_range_visible(classifier.breakpoints, (double)one, (double)one)) return true;
+        Row low = in_all<Row>(one == one ? one : (T)__builtin_inf()), high = one == one ? low : -low;
+        for (int64_t z = 0; z < extent[2]; z++)
+            for (int64_t y = 0; y < extent[1]; y++) {
+                const T* row = &voxels(first[2] + z, first[1] + y, first[0]);
+                Row values;
+                if (extent[0] == SIDE) values = load<Row>(row, 0);
+                else
+                    for (int64_t x = 0; x < SIDE; x++) values[x] = row[least(x, extent[0] - 1)];
+                low = min_of(low, values), high = max_of(high, values);  // of a second number NaN, the first
+            }
+        T lowest = low[0], highest = high[0];
+        for (int lane = 1; lane < SIDE; lane++) lowest = least(lowest, low[lane]), highest = most(highest, high[lane]);
+        return lowest <= highest && is_range_visible(classifier.breakpoints, (double)lowest, (double)highest);
+    }
+
+  public:
+    VisibilityTest(const AnyArray<3>& voxels, const Classifier& by)
+        : raw(voxels), classifier(by), is_visible(by.table.value.shape[0]) {
+        if (is_visible)
+            for (int64_t pattern = 0; pattern < is_visible.shape[0]; pattern++)
+                is_visible[pattern] = by.table.value(pattern, 3) > 0;
+    }
+
+    // False where there was no memory.
+    explicit operator bool() const { return (bool)is_visible; }
+
+    // Whether a block of at most SIDE voxels along each axis may show something.
+    bool operator()(const Box& box) const {
+        bool found = false;
+        with_array(raw, [&]<class T>(const Array<const T, 3>& voxels) {
+            if constexpr (sizeof(T) <= 2) found = has_visible_voxel(voxels, box);
+            else found = has_visible_range(voxels, box);
+            return DONE;
+        });
+        return found;
+    }
+};
+
+}  // namespace

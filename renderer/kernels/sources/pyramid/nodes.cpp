@@ -1,0 +1,423 @@
+// Turn voxels into nodes, merge nodes, and list the visible ones.
+//
+// Two neighbours a and b, where b holds the share h of their voxels, are merged into
+//
+//     mean = a + h (b - a)        variance = va + h (vb - va) + h (1 - h) (b - a)^2
+//
+// along x, then y, then z. This is the merge of Chan, Golub, LeVeque 1979 ("Updating formulae and a pairwise algorithm
+// for computing sample variances") divided by the count. It takes no difference of large squares, so a variance is
+// never negative, holds for large offsets, and is exactly 0 for equal voxels. Inside the volume h is 1/2. Where the
+// border cuts a node, the shares of real voxels along the three axes differ; where b has no voxels, h is 0.
+//
+// Nodes come in groups: 64 of them, their 8 parents, and the root of those. The levels 1, 2, 3 of a block of 8^3 voxels
+// are a group; the roots of up to 64 groups make the next one. On each level of a group, and among the 512 voxels, the
+// child k = x + 2 y + 4 z of node i is at k n + i, with n the number of nodes: children are merged as eight contiguous
+// rows, which becomes vector code. The 64 are then in Morton order with the two octal digits exchanged, the 8 in Morton
+// order. The channels of a node lie together; each has its own variance.
+#include "pyramid/kernels.h"
+#include "base/stopping.h"
+#include "transfer/classify.h"
+#include "pyramid/empty_space.h"
+
+namespace {
+
+constexpr int64_t BLOCK_SIZE = 8, BLOCK_VOXELS = 512, NUM_LEVELS = 3;
+// By level of a group: the number of nodes, and that of all nodes on the levels below.
+constexpr int64_t NUM_NODES[NUM_LEVELS] = {64, 8, 1}, FIRST_NODE[NUM_LEVELS] = {0, 64, 72}, NODES_OF_GROUP = 73;
+
+// Channels are float32, scalars, of which a node has one, float64.
+template <class T>
+constexpr int64_t NUM_CHANNELS = sizeof(T) == sizeof(float) ? 4 : 1;
+
+// Where a coordinate of a voxel in its block puts it among 8 x 64 children: the lowest bit is that of the child, the
+// highest that of the largest parent.
+INLINE int64_t voxel_offset(int64_t x) { return 64 * (x & 1) + 8 * (x >> 1 & 1) + (x >> 2); }
+
+INLINE int64_t voxel_offset(int64_t x, int64_t y, int64_t z) {
+    return voxel_offset(x) + 2 * voxel_offset(y) + 4 * voxel_offset(z);
+}
+
+// The index on its level of the node that is n-th in Morton order.
+INLINE int64_t node_in_order(int64_t n, int64_t num_nodes) { return num_nodes == 64 ? (n & 7) << 3 | n >> 3 : n; }
+
+template <class T>
+struct Moments {
+    T mean, variance;
+};
+
+template <class T>
+INLINE Moments<T> merge_two(Moments<T> a, Moments<T> b, T h) {
+    T d = b.mean - a.mean;
+    return {a.mean + h * d, a.variance + h * (b.variance - a.variance) + (h - h * h) * (d * d)};
+}
+
+// The shares of n nodes of a group along x, y, z, of each channel.
+template <class T, int64_t NUM>
+struct Shares {
+    static constexpr int64_t WIDTH = NUM * NUM_CHANNELS<T>;
+    T along[3][WIDTH];
+
+    // extent: the real voxels of the group along x, y, z. child: the width of the nodes' children, in voxels.
+    void set(const int64_t* extent, int64_t child) {
+        for (int64_t axis = 0; axis < 3; axis++)
+            for (int64_t j = 0; j < WIDTH; j++) {
+                int64_t node = j / NUM_CHANNELS<T>, first = node >> axis & 1;
+                if (NUM == 64) first = first << 1 | (node >> (3 + axis) & 1);  // the lower is the larger parent's
+                int64_t rest = extent[axis] - first * 2 * child;
+                int64_t low = least(most(rest, (int64_t)0), child), high = least(most(rest - child, (int64_t)0), child);
+                along[axis][j] = (T)((double)high / (double)most(low + high, (int64_t)1));
+            }
+    }
+};
+
+// Write n nodes of one level. pair(k, j, h): the children 2 k and 2 k + 1 of node and channel j, merged.
+template <class T, int64_t NUM, class Pair>
+INLINE void merge_rows(const Shares<T, NUM>& shares, T* __restrict mean, T* __restrict variance, Pair pair) {
+    const auto& [along_x, along_y, along_z] = shares.along;
+    for (int64_t j = 0; j < shares.WIDTH; j++) {
+        T h = along_x[j];
+        Moments<T> low = merge_two(pair(0, j, h), pair(1, j, h), along_y[j]);
+        Moments<T> high = merge_two(pair(2, j, h), pair(3, j, h), along_y[j]);
+        Moments<T> whole = merge_two(low, high, along_z[j]);
+        mean[j] = whole.mean, variance[j] = whole.variance;
+    }
+}
+
+// One group after the other, of channels or of scalars, where T is double.
+template <class T>
+class Group {
+    static constexpr int64_t C = NUM_CHANNELS<T>;
+    Shares<T, 64> node_shares;
+    Shares<T, 8> parent_shares;
+    Shares<T, 1> root_shares;
+    int64_t cut[3] = {};
+
+    template <int64_t NUM>
+    INLINE void merge_level(const Shares<T, NUM>& shares, int64_t level) {
+        constexpr int64_t width = NUM * C;
+        const T *mean = means + FIRST_NODE[level - 1] * C, *variance = variances + FIRST_NODE[level - 1] * C;
+        merge_rows(shares, means + FIRST_NODE[level] * C, variances + FIRST_NODE[level] * C,
+                   [=](int64_t k, int64_t j, T h) {
+                       int64_t one = 2 * k * width + j, other = one + width;
+                       return merge_two(Moments<T>{mean[one], variance[one]}, {mean[other], variance[other]}, h);
+                   });
+    }
+
+  public:
+    alignas(64) T means[NODES_OF_GROUP * C], variances[NODES_OF_GROUP * C];
+    alignas(64) T voxels[BLOCK_VOXELS * C];
+
+    // Begin a group of nodes `side` voxels wide, of which `extent` voxels along x, y, z are real.
+    void begin(const int64_t* extent, int64_t side) {
+        if (extent[0] == cut[0] && extent[1] == cut[1] && extent[2] == cut[2]) return;
+        node_shares.set(extent, side / 2), parent_shares.set(extent, side), root_shares.set(extent, 2 * side);
+        for (int axis = 0; axis < 3; axis++) cut[axis] = extent[axis];
+        for (T& each : voxels) each = 0;  // those outside the volume stay 0
+    }
+
+    // From voxels to the root.
+    void merge_voxels() {
+        constexpr int64_t width = 64 * C;
+        merge_rows(node_shares, means, variances, [this](int64_t k, int64_t j, T h) {
+            T a = voxels[2 * k * width + j], d = voxels[(2 * k + 1) * width + j] - a;
+            return Moments<T>{a + h * d, (h - h * h) * (d * d)};
+        });
+        merge_nodes();
+    }
+
+    void merge_nodes() {
+        merge_level(parent_shares, 1);
+        merge_level(root_shares, 2);
+    }
+
+    // The sum over the channels.
+    INLINE T total_variance(int64_t level, int64_t node) const {
+        const T* first = variances + (FIRST_NODE[level] + node) * C;
+        T sum = first[0];
+        for (int64_t channel = 1; channel < C; channel++) sum += first[channel];
+        return sum;
+    }
+};
+
+// The last channel of a node.
+INLINE float& visibility(Group<float>& group, int64_t level, int64_t node) {
+    return group.means[(FIRST_NODE[level] + node) * 4 + 3];
+}
+
+// Negate the visibility of the nodes, and of their parents, below a leaf of every cut. They are not stored.
+//
+// Such a leaf has a total variance below the limit of its level.
+template <class T>
+void hide_below_leaves(Group<float>& group, const Group<T>& errors, const double* limits) {
+    bool is_root_leaf = errors.total_variance(2, 0) < limits[1];
+    for (int64_t parent = 0; parent < 8; parent++) {
+        if (is_root_leaf) visibility(group, 1, parent) *= -1.0f;
+        if (is_root_leaf || errors.total_variance(1, parent) < limits[0])
+            for (int64_t k = 0; k < 8; k++) visibility(group, 0, 8 * k + parent) *= -1.0f;
+    }
+}
+
+// Writes the visible nodes of groups.
+class Writer {
+    const VisibleNodes out;
+    int64_t num_groups, most_groups, counts[NUM_LEVELS];
+
+  public:
+    explicit Writer(const VisibleNodes& nodes)
+        : out(nodes), num_groups(0), most_groups(nodes.root_means.shape[0]), counts{} {}
+
+    template <class T>
+    bool fits(int64_t num) const {
+        int64_t num_nodes = NODES_OF_GROUP * most_groups, num_channels = NUM_CHANNELS<T>;
+        return num <= most_groups && has_shape(out.means, num_nodes, 4) && has_shape(out.deviations, num_nodes) &&
+               has_shape(out.masks, num_nodes) && has_shape(out.cells, out.sizes.shape[0], 3) &&
+               (out.sizes.shape[0] == 0 || out.sizes.shape[0] == num_nodes) && has_shape(out.counts, NUM_LEVELS) &&
+               has_shape(out.root_means, most_groups, 4) &&
+               has_shape(out.root_error_means, most_groups, num_channels) &&
+               has_shape(out.root_variances, most_groups, num_channels);
+    }
+
+    // Write the visible nodes of a level, in Morton order. take(x, y, z, place): called for each of these, at x, y, z in
+    // the group, which is written to `place`, and for those below a leaf of every cut, which are not.
+    template <class T, class Take>
+    INLINE void append(Group<float>& group, const Group<T>& errors, int64_t level, Take take) {
+        int64_t num_nodes = NUM_NODES[level], place = FIRST_NODE[level] * most_groups + counts[level];
+        for (int64_t n = 0; n < num_nodes; n++) {
+            int64_t node = node_in_order(n, num_nodes);
+            float shown = visibility(group, level, node);
+            if (shown == 0) continue;
+            take((n & 1) | (n >> 2 & 2), (n >> 1 & 1) | (n >> 3 & 2), (n >> 2 & 1) | (n >> 4 & 2), place);
+            if (!(shown > 0)) continue;
+            store(&out.means(place, 0), 0, load<FourChannels>(&visibility(group, level, node) - 3, 0));
+            // The root is taken before rounding to float32, which might not hold the square.
+            out.deviations[place] = (float)__builtin_sqrt((double)errors.total_variance(level, node));
+            if (level > 0) {
+                int mask = 0;
+                for (int64_t k = 0; k < 8; k++) mask |= (visibility(group, level - 1, k * num_nodes + node) > 0) << k;
+                out.masks[place] = (uint8_t)mask;
+            }
+            place++;
+        }
+        counts[level] = place - FIRST_NODE[level] * most_groups;
+    }
+
+    // Write the root of a group for the next tier, whether it is visible or not.
+    template <class T>
+    void append_root(Group<float>& group, const Group<T>& errors) {
+        for (int64_t channel = 0; channel < 4; channel++)
+            out.root_means(num_groups, channel) = group.means[FIRST_NODE[2] * 4 + channel];
+        for (int64_t channel = 0; channel < NUM_CHANNELS<T>; channel++) {
+            out.root_error_means(num_groups, channel) = errors.means[FIRST_NODE[2] * NUM_CHANNELS<T> + channel];
+            out.root_variances(num_groups, channel) = errors.variances[FIRST_NODE[2] * NUM_CHANNELS<T> + channel];
+        }
+        num_groups++;
+    }
+
+    void finish() const {
+        for (int64_t level = 0; level < NUM_LEVELS; level++) out.counts[level] = counts[level];
+    }
+};
+
+// Build the nodes of a block from the channels of voxels.
+void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Group<float>& group) {
+    group.begin(box.extent, 2);
+    classify_box<BLOCK_SIZE>(raw, classifier, box, [&](int64_t x, int64_t y, int64_t z, FourChannels channels) {
+        store(group.voxels, 4 * voxel_offset(x, y, z), channels);
+    });
+    group.merge_voxels();
+}
+
+// Build the nodes of a block from the scalars of voxels, normalized; 0 without data.
+void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Array<const double, 1>& normalization,
+                 const Box& box, Group<double>& group) {
+    double scalars[BLOCK_VOXELS];
+    group.begin(box.extent, 2);
+    load_scalars(raw, classifier.scalars, box, box.first, BLOCK_SIZE, scalars);
+    for_voxels<BLOCK_SIZE>(box, [&](int64_t x, int64_t y, int64_t z) {
+        double scalar = scalars[(z * BLOCK_SIZE + y) * BLOCK_SIZE + x];
+        group.voxels[voxel_offset(x, y, z)] = is_nan(scalar) ? 0.0 : (scalar - normalization[0]) * normalization[1];
+    });
+    group.merge_voxels();
+}
+
+INLINE Box box_at(const Array<const int64_t, 2>& starts, const Array<const int64_t, 2>& extents, int64_t g) {
+    return {{starts(g, 0), starts(g, 1), starts(g, 2)}, {extents(g, 0), extents(g, 1), extents(g, 2)}};
+}
+
+// errors: of what errors are measured, which may be `group` itself. build_errors(box): builds them, if they are not.
+template <class T, class Build>
+Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& errors, Build build_errors) {
+    const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, starts, extents,
+                 visible, nodes] = arguments;
+    const bool is_listed = nodes.sizes.shape[0] > 0;
+    Writer writer(nodes);
+    VisibilityTest test(raw, classifier);
+    if (!writer.fits<T>(starts.shape[0])) return OUT_OF_BOUNDS;
+    if (!test) return NO_MEMORY;
+    for (int64_t g = 0; g < starts.shape[0]; g++) {
+        if (is_stopped()) return STOPPED;
+        Box box = box_at(starts, extents, g);
+        // Scalars count for their errors where they are invisible, too.
+        visible[g] = normalization.exists || test(box);
+        if (!visible[g]) continue;
+        build_block(raw, classifier, box, group);
+        build_errors(box);
+        hide_below_leaves(group, errors, limits);
+        for (int64_t level = 0; level < NUM_LEVELS; level++) {
+            int64_t width = 2 << level;
+            bool is_marked = level == least(occupied_level, NUM_LEVELS) - 1;
+            writer.append(group, errors, level, [&](int64_t x, int64_t y, int64_t z, int64_t place) {
+                const int64_t first[3] = {x * width, y * width, z * width};
+                if (is_marked) {
+                    auto cell = [&](int axis) { return (box.first[axis] + first[axis]) >> occupied_level; };
+                    occupied(cell(2), cell(1), cell(0)) = true;
+                }
+                if (!is_listed) return;
+                nodes.sizes[place] = 1;
+                for (int axis = 0; axis < 3; axis++) {
+                    nodes.cells(place, axis) = (int32_t)((box.first[axis] + first[axis]) / width);
+                    nodes.sizes[place] *= least(box.extent[axis] - first[axis], width);
+                }
+            });
+        }
+        writer.append_root(group, errors);
+    }
+    writer.finish();
+    return DONE;
+}
+
+// errors: as in `build_all`, but always built.
+template <class T>
+Status merge_all(const MergeTier& arguments) {
+    const auto& [means, error_means, variances, places, extents, side, nodes] = arguments;
+    constexpr int64_t num_channels = NUM_CHANNELS<T>;
+    Group<float> group;
+    Group<T> errors;
+    Writer writer(nodes);
+    int64_t num = means.shape[0], i = 0;
+    if (!writer.fits<T>(extents.shape[0]) || extents.shape[1] != 3 || !has_shape(means, num, 4) ||
+        !has_shape(places, num) || !has_shape(error_means, num, num_channels) ||
+        !has_shape(variances, num, num_channels))
+        return OUT_OF_BOUNDS;
+    for (int64_t g = 0; g < extents.shape[0]; g++) {
+        group.begin(&extents(g, 0), side), errors.begin(&extents(g, 0), side);
+        for (float& each : group.means) each = 0;
+        for (float& each : group.variances) each = 0;
+        for (T& each : errors.means) each = 0;
+        for (T& each : errors.variances) each = 0;
+        for (; i < num && places[i] < NUM_NODES[0] * (g + 1); i++) {
+            int64_t node = places[i] - NUM_NODES[0] * g;
+            if (node < 0) return OUT_OF_BOUNDS;
+            for (int64_t channel = 0; channel < 4; channel++) group.means[node * 4 + channel] = means(i, channel);
+            for (int64_t channel = 0; channel < num_channels; channel++) {
+                errors.means[node * num_channels + channel] = (T)error_means(i, channel);
+                errors.variances[node * num_channels + channel] = (T)variances(i, channel);
+            }
+        }
+        group.merge_nodes(), errors.merge_nodes();
+        for (int64_t level = 1; level < NUM_LEVELS; level++)
+            writer.append(group, errors, level, [](int64_t, int64_t, int64_t, int64_t) {});
+        writer.append_root(group, errors);
+    }
+    writer.finish();
+    return DONE;
+}
+
+}  // namespace
+
+// Build the nodes of the blocks that may show something, of those at voxels `starts`, `extents` (x, y, z) of which are
+// real, and write which they are. Mark visible nodes in the grid `occupied` of cells of that level.
+Status build_blocks(const BuildBlocks* arguments) {
+    const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, starts, extents,
+                 visible, nodes] = *arguments;
+    int64_t num = starts.shape[0];
+    if (!fits(classifier, raw) || (error_classifier.exists && !fits(error_classifier.value, raw)) ||
+        (normalization.exists && !has_shape(normalization.value, 2)) || !has_shape(starts, num, 3) ||
+        !has_shape(extents, num, 3) || !has_shape(visible, num))
+        return OUT_OF_BOUNDS;
+    Group<float> group;
+    if (normalization.exists) {
+        Group<double> errors;
+        return build_all(*arguments, group, errors, [&](const Box& box) {
+            build_block(raw, classifier, normalization.value, box, errors);
+        });
+    }
+    if (error_classifier.exists) {
+        Group<float> errors;
+        return build_all(*arguments, group, errors,
+                         [&](const Box& box) { build_block(raw, error_classifier.value, box, errors); });
+    }
+    return build_all(*arguments, group, group, [](const Box&) {});
+}
+
+// Merge the roots of groups, `side` voxels wide, in larger groups of which `extents` (x, y, z) are real voxels.
+//
+// places: 64 times the number of a root's group, and its index there; ascending by group.
+Status merge_tier(const MergeTier* arguments) {
+    return arguments->variances.shape[1] == 1 ? merge_all<double>(*arguments) : merge_all<float>(*arguments);
+}
+
+// Write the means of cells of level 1 or 2, or the voxels of level 0, (x, y, z) from each of `corners` [n, 3] on to `means` [n, z, y, x, 4], which
+// are 0 where nothing is visible.
+Status average_cells(const AverageCells* arguments) {
+    const auto& [raw, classifier, level, corners, means] = *arguments;
+    int64_t num = corners.shape[0], side = BLOCK_SIZE >> level;
+    if (!fits(classifier, raw) || corners.shape[1] != 3 || means.shape[0] != num || means.shape[4] != 4 ||
+        level < 0 || level > 2)
+        return OUT_OF_BOUNDS;
+    Group<float> group;
+    VisibilityTest test(raw, classifier);
+    if (!test) return NO_MEMORY;
+    const float* found = group.means + FIRST_NODE[most(level - 1, (int64_t)0)] * 4;
+    // Where nodes lie along an axis: 64 of them have their two octal digits exchanged.
+    auto offset = [&](int64_t at) { return level == 1 ? 8 * (at & 1) + (at >> 1) : at; };
+    for (int64_t i = 0; i < num; i++) {
+        int64_t begin[3], end[3];
+        for (int axis = 0; axis < 3; axis++) {
+            begin[axis] = most(corners(i, axis), (int64_t)0) << level;
+            end[axis] = least((corners(i, axis) + means.shape[3 - axis]) << level, raw.shape[2 - axis]);
+        }
+        auto add_block = [&](const Box& box) {
+            if (!test(box)) return;
+            int64_t first[3];
+            for (int axis = 0; axis < 3; axis++) first[axis] = (box.first[axis] >> level) - corners(i, axis);
+            if (level == 0)
+                return classify_box<BLOCK_SIZE>(
+                    raw, classifier, box, [&](int64_t x, int64_t y, int64_t z, FourChannels channels) {
+                        store(&means(i, first[2] + z, first[1] + y, first[0] + x, 0), 0, channels);
+                    });
+            build_block(raw, classifier, box, group);
+            for (int64_t z = 0; z < least(side, means.shape[1] - first[2]); z++)
+                for (int64_t y = 0; y < least(side, means.shape[2] - first[1]); y++)
+                    for (int64_t x = 0; x < least(side, means.shape[3] - first[0]); x++) {
+                        int64_t node = offset(x) + 2 * offset(y) + 4 * offset(z);
+                        float* out = &means(i, first[2] + z, first[1] + y, first[0] + x, 0);
+                        store(out, 0, load<FourChannels>(found, 4 * node));
+                    }
+        };
+        auto extent = [&](int axis, int64_t at) { return least(end[axis] - at, BLOCK_SIZE); };
+        for (int64_t z = begin[2]; z < end[2]; z += BLOCK_SIZE)
+            for (int64_t y = begin[1]; y < end[1]; y += BLOCK_SIZE)
+                for (int64_t x = begin[0]; x < end[0]; x += BLOCK_SIZE)
+                    add_block({{x, y, z}, {extent(0, x), extent(1, y), extent(2, z)}});
+    }
+    return DONE;
+}
+
+// Write the float16 bits of `values * factor` (a power of two; products from 0 to 2^15), rounded to nearest.
+//
+// Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for extending
+// the available precision"); then only the bias of the exponent differs. Below 2^-14 the unit of float16 is 2^-24, as is
+// that of the mantissa of float32 in [1/2, 1).
+Status store_float16(const StoreFloat16* arguments) {
+    const auto [values, factor, out] = *arguments;
+    if (out.shape[0] != values.shape[0]) return OUT_OF_BOUNDS;
+    for (int64_t i = 0; i < values.shape[0]; i++) {
+        float value = values[i] * factor, scaled = value * (float)((1 << 13) + 1);
+        float rounded = scaled - (scaled - value);
+        uint32_t normal = (__builtin_bit_cast(uint32_t, rounded) >> 13) - ((127 - 15) << 10);
+        uint32_t tiny = __builtin_bit_cast(uint32_t, value + 0.5f);
+        out[i] = (uint16_t)(value >= 0x1p-14f ? normal : tiny);
+    }
+    return DONE;
+}

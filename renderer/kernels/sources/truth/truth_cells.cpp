@@ -1,0 +1,119 @@
+// Read voxels for exact rays (truth_cells.h), in any of the dtypes of volumes.
+#include "truth/truth_cells.h"
+
+namespace truth {
+namespace {
+
+// In place of an axis: the voxel itself, and not a difference.
+constexpr int VALUE = -1;
+
+// The voxels at the corners of a cell, and those around them up to a margin.
+struct Surroundings {
+    Cell size, cell, first;
+    int64_t side;
+    double numbers[6 * 6 * 6];
+
+    Surroundings(const AnyArray<3>& values, Cell at, int64_t margin)
+        : size(size_of(values)), cell(at), first(at - margin), side(2 + 2 * margin) {
+        load_cube(values, first, side, numbers);
+    }
+
+    INLINE const double* address(Cell voxel) const {
+        auto [x, y, z] = voxel - first;
+        return numbers + (z * side + y) * side + x;
+    }
+
+    // The scaled value of a voxel that has data, or the difference at it along an axis.
+    INLINE double term(Cell voxel, int axis, double scale) const {
+        const double* here = address(voxel);
+        if (axis == VALUE) return *here * scale;
+        int64_t step = axis == 0 ? 1 : axis == 1 ? side : side * side;
+        int64_t before = voxel[axis] > 0 && !is_nan(here[-step]);
+        int64_t after = voxel[axis] < size[axis] - 1 && !is_nan(here[step]);
+        if (before + after == 0) return 0.0;
+        return (here[after * step] * scale - here[-before * step] * scale) / (double)(before + after);
+    }
+
+    // The mean term of the nearest voxels with data, of 26 neighbours inside the volume; NaN for none.
+    double nearest_term(Cell voxel, int axis, double scale) const {
+        auto [x, y, z] = voxel;
+        int64_t nearest = 4;  // the squared distance
+        double total = 0.0, num = 0.0;
+        for (int64_t k = most<int64_t>(z - 1, 0); k < least(z + 2, size.z); k++)
+            for (int64_t j = most<int64_t>(y - 1, 0); j < least(y + 2, size.y); j++)
+                for (int64_t i = most<int64_t>(x - 1, 0); i < least(x + 2, size.x); i++) {
+                    int64_t distance = (k - z) * (k - z) + (j - y) * (j - y) + (i - x) * (i - x);
+                    if (distance > nearest || is_nan(*address({i, j, k}))) continue;
+                    if (distance < nearest) nearest = distance, total = num = 0.0;
+                    total += term({i, j, k}, axis, scale), num += 1.0;
+                }
+        return total / num;
+    }
+
+    // The term of the voxel at a corner, or of the nearest ones where it is one of those without data.
+    INLINE double corner_term(int k, int absent, int axis, double scale) const {
+        Cell at = cell + Cell{k & 1, k >> 1 & 1, k >> 2};
+        for (int j = 0; j < 3; j++) at[j] = least(most<int64_t>(at[j], 0), size[j] - 1);
+        return absent >> k & 1 ? nearest_term(at, axis, scale) : term(at, axis, scale);
+    }
+};
+
+}  // namespace
+
+void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out) {
+    int64_t places[3][LARGEST_CUBE];
+    for (int axis = 0; axis < 3; axis++)
+        for (int64_t k = 0; k < side; k++)
+            places[axis][k] = least(most<int64_t>(first[axis] + k, 0), values.shape[2 - axis] - 1);
+    with_array(values, [&](const auto& voxels) {
+        for (int64_t z = 0; z < side; z++)
+            for (int64_t y = 0; y < side; y++)
+                for (int64_t x = 0; x < side; x++) *out++ = (double)voxels(places[2][z], places[1][y], places[0][x]);
+        return DONE;
+    });
+}
+
+int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners) {
+    auto [x, y, z] = cell;
+    int64_t xs[2] = {most<int64_t>(x, 0), least(x + 1, values.shape[2] - 1)};
+    int64_t ys[2] = {most<int64_t>(y, 0), least(y + 1, values.shape[1] - 1)};
+    int64_t zs[2] = {most<int64_t>(z, 0), least(z + 1, values.shape[0] - 1)};
+    with_array(values, [&](const auto& voxels) {
+        for (int k = 0; k < 8; k++) corners[k] = (double)voxels(zs[k >> 2], ys[k >> 1 & 1], xs[k & 1]);
+        return DONE;
+    });
+    int absent = 0;
+    for (int k = 0; k < 8; k++) absent |= is_nan(corners[k]) << k;
+    if (absent == 0) {
+        for (int k = 0; k < 8; k++) corners[k] *= scale;
+    } else if (absent != ALL_ABSENT) {
+        const Surroundings around(values, cell, 1);
+        for (int k = 0; k < 8; k++) corners[k] = around.corner_term(k, absent, VALUE, scale);
+    }
+    return absent;
+}
+
+void load_differences(const AnyArray<3>& values, Cell cell, int absent, double scale, double (*corners)[8]) {
+    const Surroundings around(values, cell, absent == 0 ? 1 : 2);
+    for (int k = 0; k < 8; k++)
+        for (int axis = 0; axis < 3; axis++) corners[axis][k] = around.corner_term(k, absent, axis, scale);
+}
+
+Range macrocell_range(const AnyArray<3>& values, Cell macrocell) {
+    double numbers[LARGEST_CUBE * LARGEST_CUBE * LARGEST_CUBE];
+    bool has_absent = false;
+    auto range_around = [&](int64_t margin) {
+        int64_t side = MACROCELL_SIZE + 1 + 2 * margin;
+        load_cube(values, MACROCELL_SIZE * macrocell - 1 - margin, side, numbers);
+        Range found = {INFINITE, -INFINITE};
+        for (int64_t k = 0; k < side * side * side; k++) {
+            has_absent |= is_nan(numbers[k]);
+            found = {least(found.low, numbers[k]), most(found.high, numbers[k])};  // which NaN leaves
+        }
+        return found;
+    };
+    Range found = range_around(0);
+    return has_absent ? range_around(1) : found;
+}
+
+}  // namespace truth

@@ -1,0 +1,299 @@
+// Divide a ray through one layer into *pieces*, on which colour and extinction are polynomials.
+//
+// Along a ray inside one cell, the trilinear field is a cubic polynomial in the fraction t in [0, 1] of the segment.
+// The cubic is split where it crosses a control value of the transfer function (and where the light grazes the
+// surface). No thin shell can be missed, because crossings are computed and not sampled. The number of labels is
+// constant between the places where another one wins (truth_labels.h). Of voxels that are colours, extinction and its
+// products with colour are such cubics themselves, between lit voxels.
+//
+// Most cells show nothing, which is found out once for each macrocell, when the first ray meets it.
+#pragma once
+#include "truth/truth_labels.h"
+#include "truth/truth_light.h"
+
+namespace truth {
+
+// The states of a macrocell.
+enum : uint8_t { UNKNOWN, EMPTY, VISIBLE };
+
+// Red, green, blue.
+using Color = Point;
+
+// An interval of the transfer function: a row of Intervals.
+struct Interval {
+    Array<const double, 1> row;
+
+    INLINE double origin() const { return row[8]; }
+    INLINE double base() const { return row[3]; }
+    INLINE double slope() const { return row[7]; }
+    INLINE double num_opaque_below() const { return row[9]; }
+
+    INLINE Color color(double value, double lit) const {
+        return (point_of(&row[0]) + point_of(&row[4]) * (value - origin())) * lit;
+    }
+
+    INLINE bool has_extinction(double value) const { return base() + slope() * (value - origin()) > 0.0; }
+};
+
+// A piece of a cell, from `start` over `extent` in t, as functions of x in [0, 1].
+//
+// number: of the interval that has its values. value: the scalar. tau: optical depth per unit of x.
+struct Piece {
+    Interval interval;
+    int64_t number;
+    double start, extent, length_voxels;
+    Cubic value, tau;
+
+    INLINE Piece part(double from, double to) const {
+        if (from == 0.0 && to == 1.0) return *this;
+        double width = to - from;
+        return {
+            interval, number, start + from * extent, width * extent, width * length_voxels,
+            restrict_cubic(value, from, width), restrict_cubic(tau, from, width) * width,
+        };
+    }
+
+    // The largest Bernstein coefficient of the optical depth, which bounds it from above.
+    INLINE double depth_bound() const {
+        auto [t0, t1, t2, t3] = tau;
+        return most(most(most(t0, t0 + t1 / 3.0), t0 + (2.0 * t1 + t2) / 3.0), t0 + t1 + t2 + t3);
+    }
+};
+
+// A cubic on x in [0, 1] that should lie in [low, high], or a constant if it strays too far.
+//
+// It strays if the interval, and so the piece, is narrower than the rounding of the cubic: between such knots,
+// extinction would be extrapolated without bounds.
+inline Cubic clamp_cubic(Cubic f, double low, double high) {
+    auto [a, b, c, d] = f;
+    // The other Bernstein coefficients.
+    double one = a + b / 3.0, two = a + (2.0 * b + c) / 3.0, three = a + b + c + d, room = high - low;
+    if (least(least(least(a, one), two), three) >= low - room && most(most(most(a, one), two), three) <= high + room)
+        return f;
+    return {least(most(0.5 * (a + three), low), high), 0.0, 0.0, 0.0};
+}
+
+// The most splits of a cell. A cubic passes a knot at most three times, and so do the cosines of the light and of the view.
+// Another voxel becomes the nearest at most three times. Labels pass no knots, but change.
+inline int64_t num_splits_of(const LayerOptics& layer) {
+    return 3 * (layer.intervals.rows.shape[0] + 2) + MAX_LABEL_CHANGES;
+}
+
+inline bool fit(const LayerOptics& layer, const IndexRays& rays, int64_t num_rays) {
+    const auto& [depth, height, width] = layer.values.shape;
+    return rays.parts.shape[0] == num_rays && fit(rays) && fits_macrocells(layer.macrocells, layer.values) &&
+        has_shape(layer.intervals.rows, layer.intervals.knots.shape[0] + 1, 10) &&
+        (!layer.colors.exists || has_shape(layer.colors.value, depth, height, width, 3)) &&
+        (!layer.label_opacities.exists || layer.label_opacities.value.shape[0] > 0) &&
+        (!layer.shading.exists || layer.shading.value.factors.shape[1] == 3);
+}
+
+inline Cubic combination(Point weights, const Gradient& gradient) {
+    return weights.x * gradient.x + weights.y * gradient.y + weights.z * gradient.z;
+}
+
+// A ray through a layer: one piece at a time, from `begin` to `end`, lengths along the ray.
+//
+// reached: the length up to which it has been integrated, infinite behind the last piece; done: the x there. part: the
+// one that is integrated next, and depth: that of a step through it. next: of the layers that have a piece there.
+struct LayerRay : LayerOptics {
+    // Of all rays. splits: scratch space. first_interval: the place of the layer's first one in what is gathered.
+    const IndexRays* rays;
+    Array<double, 1> splits;
+    int64_t first_interval;
+    // Of a ray.
+    Array<const double, 2> parts;
+    int64_t num_begun;
+    CellWalk walk;
+    Light light;
+    // Of a cell. is_mixed: whether it has several labels, which are then in `labels`. num_taken: of its pieces, which
+    // end at the splits and at 1.
+    Segment segment;
+    Cubic cubic;
+    Gradient gradient;
+    Cubic channels[4];  // (tau c, tau) of voxels that are colours
+    int absent;
+    bool is_mixed;
+    LabelSegment labels;
+    int64_t num_splits, num_taken;
+    double taken, length_voxels;
+    Piece piece, part;
+    double begin, end, reached, done, depth;
+    LayerRay* next;
+
+    void prepare(const LayerOptics& optics, const IndexRays& of_layer, const Array<double, 1>& scratch, int64_t first) {
+        (LayerOptics&)*this = optics;
+        rays = &of_layer, splits = scratch, first_interval = first;
+    }
+
+    // Take the first piece of a ray.
+    void start(int64_t ray) {
+        walk.origin = point_of(&rays->origins(ray, 0)), walk.direction = point_of(&rays->directions(ray, 0));
+        parts = rays->parts[ray], num_begun = 0, walk.s = INFINITE;
+        if (shading.exists) light = {shading.value, walk.direction}, light.removed = rays->removed;
+        num_splits = -1, num_taken = 0;
+        take_next();
+    }
+
+    INLINE Interval interval(int64_t k) const { return {intervals.rows[k]}; }
+
+    // Whether any value in [low, high] has extinction.
+    bool is_visible(double low, double high) const {
+        Interval first = interval(num_below(intervals.knots, low)), last = interval(num_below(intervals.knots, high));
+        return last.num_opaque_below() > first.num_opaque_below() || first.has_extinction(low) ||
+            last.has_extinction(high);
+    }
+
+    uint8_t classify(Cell macrocell) const {
+        auto [low, high] = macrocell_range(values, macrocell);
+        return low <= high && is_visible(low * intervals.scale, high * intervals.scale) ? VISIBLE : EMPTY;
+    }
+
+    // The gradient per world unit along the ray inside the cell.
+    INLINE Gradient world_gradient() const {
+        double corners[3][8];
+        if (label_opacities.exists) load_label_differences(values, segment.cell, label_opacities.value, corners);
+        else load_differences(values, segment.cell, absent, intervals.scale, corners);
+        auto along = [&](int axis) { return cubic_in_cell(corners[axis], segment.entry, segment.extent); };
+        Gradient in_index = {along(0), along(1), along(2)};
+        auto row = [&](int number) { return point_of(&shading.value.world_from_gradient[3 * number]); };
+        Gradient found = {combination(row(0), in_index), combination(row(1), in_index), combination(row(2), in_index)};
+        if (label_opacities.exists && !shading.value.is_camera) {
+            double largest = 0.0;
+            for (double each : shading.value.world_from_gradient) largest = most(largest, __builtin_fabs(each));
+            Point tilt = LABEL_TILT * largest * light.light;
+            found.x[0] -= tilt.x, found.y[0] -= tilt.y, found.z[0] -= tilt.z;
+        }
+        return found;
+    }
+
+    // Classify and light the voxels at the corners of the cell, which are colours. scalars: theirs.
+    void load_channels(const double* scalars) {
+        double corners[4][8] = {}, differences[3][8];
+        if (shading.exists) load_differences(values, segment.cell, absent, intervals.scale, differences);
+        for (int k = 0; k < 8; k++) {
+            if (absent >> k & 1) continue;
+            Cell at = nearest_inside(segment.cell + Cell{k & 1, k >> 1 & 1, k >> 2}, size_of(values));
+            Interval in = interval(num_below(intervals.knots, scalars[k]));
+            double lit = shading.exists ? lit_at(at, {differences[0][k], differences[1][k], differences[2][k]}) : 1.0;
+            double tau = in.base() + in.slope() * (scalars[k] - in.origin());
+            Color color = in.color(scalars[k], lit);
+            for (int channel = 0; channel < 3; channel++)
+                corners[channel][k] = tau * color[channel] * colors.value(at.z, at.y, at.x, channel) / 255.0;
+            corners[3][k] = tau;
+        }
+        for (int channel = 0; channel < 4; channel++)
+            channels[channel] = cubic_in_cell(corners[channel], segment.entry, segment.extent);
+    }
+
+    // The factor on the colour of a voxel with this gradient along the index axes.
+    double lit_at(Cell voxel, Point in_index) {
+        auto along = [&](int row) {
+            return Cubic{dot(point_of(&shading.value.world_from_gradient[3 * row]), in_index), 0.0, 0.0, 0.0};
+        };
+        light.begin = __builtin_convertvector(voxel, Point), light.extent = {};
+        return light.factors_at({along(0), along(1), along(2)}, 0.0).lit;
+    }
+
+    // The colour at t along the cell, of voxels that are colours.
+    INLINE Color own_color(double t) const {
+        double tau = value_at(channels[3], t);
+        if (!(tau > 0.0)) return {};
+        return Color{value_at(channels[0], t), value_at(channels[1], t), value_at(channels[2], t)} / tau;
+    }
+
+    // Prepare to take the pieces of the cell; return whether it shows anything.
+    INLINE bool enter() {
+        const auto& [cell, macrocell, s, s_exit, entry, extent] = segment;
+        double corners[8];
+        absent = load_corners(values, cell, intervals.scale, corners);
+        if (absent == ALL_ABSENT) return false;
+        double low = corners[0], high = corners[0];
+        for (double corner : corners) low = least(low, corner), high = most(high, corner);
+        if (!is_visible(low, high)) return false;
+        num_taken = 0, taken = 0.0, length_voxels = __builtin_sqrt(dot(extent, extent));
+        is_mixed = label_opacities.exists && low != high;
+        cubic = cubic_in_cell(corners, entry, extent);
+        if (colors.exists) {
+            load_channels(corners);
+            num_splits = absent = 0;  // a voxel without data has no extinction, but no edge
+            return true;
+        }
+        num_splits = is_mixed ? labels.load(values, segment, splits) : add_crossings(cubic, intervals.knots, splits, 0);
+        if (absent != 0) num_splits = add_middles(entry, extent, splits, num_splits);
+        if (shading.exists) {
+            light.begin = __builtin_convertvector(cell, Point) + entry, light.extent = extent;
+            gradient = world_gradient();
+            const double zero = 0.0;
+            num_splits = add_crossings(combination(light.light, gradient), {&zero, {1}}, splits, num_splits);
+            if (shading.value.silhouette > 0.0 && !shading.value.is_camera)
+                num_splits = add_crossings(combination(light.viewer, gradient), {&zero, {1}}, splits, num_splits);
+        }
+        return true;
+    }
+
+    // Enter the next cell that shows anything, and return whether there is one.
+    bool enter_next() {
+        for (;; num_begun++) {
+            CellWalk ahead = walk;  // in registers, as the next one
+            const Array<uint8_t, 3> states = macrocells;
+            for (Segment met; ahead.next(met);) {
+                if (!(met.end > met.start)) continue;
+                auto [x, y, z] = met.macrocell;
+                uint8_t& state = states(z, y, x);
+                if (state == UNKNOWN) state = classify(met.macrocell);  // the same value on all threads
+                if (state == EMPTY) continue;
+                segment = met;
+                if (!enter()) continue;
+                walk = ahead;
+                return true;
+            }
+            if (num_begun == parts.shape[0]) return false;
+            walk = {size_of(values), walk.origin, walk.direction, parts(num_begun, 0), parts(num_begun, 1)};
+        }
+    }
+
+    // Make the part of a cell from t = `from` to `to`, which lies in one interval, the piece; return whether it shows
+    // anything.
+    INLINE bool take(double from, double to) {
+        const auto& knots = intervals.knots;
+        if (is_mixed) cubic = {labels.winner_at(0.5 * (from + to)).number * intervals.scale, 0.0, 0.0, 0.0};
+        int64_t k = num_below(knots, value_at(cubic, 0.5 * (from + to)));
+        Interval in = interval(k);
+        double base = in.base(), slope = in.slope(), scale = (to - from) * (segment.end - segment.start) * weight;
+        if (base == 0.0 && slope == 0.0 && !colors.exists) return false;
+        Cubic value = restrict_cubic(cubic, from, to - from);
+        if (0 < k && k < knots.shape[0]) value = clamp_cubic(value, knots[k - 1], knots[k]);
+        // The optical depth is a cubic, too.
+        Cubic tau = slope * value * scale;
+        tau[0] = (base + slope * (value[0] - in.origin())) * scale;
+        if (colors.exists) tau = restrict_cubic(channels[3], from, to - from) * scale;
+        piece = {in, k, from, to - from, (to - from) * length_voxels, value, tau};
+        begin = reached = lerp(segment.start, segment.end, from), end = lerp(segment.start, segment.end, to);
+        done = 0.0;
+        return true;
+    }
+
+    // Make the next part of the ray that shows anything the piece.
+    void take_next() {
+        do {
+            while (num_taken <= num_splits) {
+                double from = taken, to = num_taken < num_splits ? splits[num_taken] : 1.0;
+                num_taken++, taken = to;
+                if (to > from && !is_octant_absent(absent, segment.entry, segment.extent, 0.5 * (from + to)) &&
+                    take(from, to))
+                    return;
+            }
+        } while (enter_next());
+        reached = INFINITE;
+    }
+
+    // Make the piece up to a length the part.
+    INLINE void reach(double length) {
+        double to = length < end ? most(done, (length - begin) / (end - begin)) : 1.0;
+        part = piece.part(done, to);
+        done = to, reached = length;
+    }
+};
+
+}  // namespace truth

@@ -1,0 +1,82 @@
+// Sort splats by depth, and nodes of the octree as boxes, back to front.
+#include "view/kernels.h"
+
+namespace {
+
+template <class Key>
+struct Numbered {
+    Key key;
+    uint32_t number;
+};
+
+// Write the numbers of 0 to n - 1 by ascending keys, equal ones by ascending number. A radix sort: it goes from the
+// lowest digits of the keys to the highest, and each pass keeps the order of what has the same digit.
+template <class Key, class KeyOf>
+Status sort_by_key(int num_bits, const Array<uint32_t, 1>& order, KeyOf key_of) {
+    constexpr int digit_bits = 8, num_digits = 1 << digit_bits;
+    const int64_t num = order.shape[0];
+    Buffer<Numbered<Key>> one(num), other(num);
+    if (!one || !other) return NO_MEMORY;
+    for (int64_t i = 0; i < num; i++) one[i] = {key_of(i), (uint32_t)i};
+    Buffer<Numbered<Key>>*from = &one, *to = &other;
+    for (int shift = 0; shift < num_bits; shift += digit_bits) {
+        auto digit_of = [&](int64_t i) { return (*from)[i].key >> shift & (num_digits - 1); };
+        int64_t starts[num_digits + 1] = {};
+        for (int64_t i = 0; i < num; i++) starts[digit_of(i) + 1]++;
+        for (int digit = 1; digit < num_digits; digit++) starts[digit] += starts[digit - 1];
+        for (int64_t i = 0; i < num; i++) (*to)[starts[digit_of(i)]++] = (*from)[i];
+        auto* sorted = to;
+        to = from, from = sorted;
+    }
+    for (int64_t i = 0; i < num; i++) order[i] = (*from)[i].number;
+    return DONE;
+}
+
+// Write the digits by index along an axis, two bits a level: 1 where the level's split hides the index from the eye.
+void fill_digits(double eye, int64_t num, int num_levels, uint64_t* digits) {
+    for (int64_t index = 0; index < num; index++)
+        for (int level = 0; level < num_levels; level++) {
+            double plane = (double)((index >> (level + 1) << (level + 1)) + ((int64_t)1 << level)) - 0.5;
+            bool is_upper = index >> level & 1;
+            if (is_upper ? eye < plane : eye > plane) digits[index] |= (uint64_t)1 << 2 * level;
+        }
+}
+
+}  // namespace
+
+// order: of descending depths (no NaN), equal ones by ascending index.
+Status depth_order(const DepthOrder* arguments) {
+    const auto [depths, order] = *arguments;
+    if (order.shape[0] != depths.shape[0]) return OUT_OF_BOUNDS;
+    return sort_by_key<uint32_t>(32, order, [&](int64_t i) {
+        // Bits of positive numbers ascend with the number, of negative ones descend, and the two zeros are equal.
+        constexpr uint32_t sign = (uint32_t)1 << 31;
+        uint32_t bits = __builtin_bit_cast(uint32_t, depths[i]);
+        return bits > sign ? bits : sign - 1 - (bits & ~sign);
+    });
+}
+
+// order: of nodes of the octree, back to front as boxes (Laur and Hanrahan 1991). levels: [n]. cells: [n, 3], x, y, z
+// in units of the node's own width. eye: in voxel indices.
+//
+// A child of a node may hide another child only if fewer of the node's three splitting planes lie between it and the
+// eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's first. It is a sum over the axes, so that
+// three tables by coordinate give every key. The digits of splits inside the cell are cleared.
+Status box_order(const BoxOrder* arguments) {
+    const auto [levels, cells, eye, shape, order] = *arguments;
+    const int64_t num = order.shape[0];
+    if (levels.shape[0] != num || cells.shape[0] != num || cells.shape[1] != 3) return OUT_OF_BOUNDS;
+    int num_levels = 1;
+    while ((int64_t)1 << num_levels < most(most(shape[0], shape[1]), shape[2])) num_levels++;
+    Buffer<uint64_t> x(shape[0]), y(shape[1]), z(shape[2]);
+    if (!x || !y || !z) return NO_MEMORY;
+    fill_digits(eye[0], shape[0], num_levels, x.data);
+    fill_digits(eye[1], shape[1], num_levels, y.data);
+    fill_digits(eye[2], shape[2], num_levels, z.data);
+    return sort_by_key<uint64_t>(2 * num_levels, order, [&](int64_t i) {
+        const int level = levels[i];
+        auto first = [&](int axis) { return (int64_t)cells(i, axis) << level; };
+        uint64_t key = x[first(0)] + y[first(1)] + z[first(2)], inside = ((uint64_t)1 << 2 * level) - 1;
+        return ~(key & ~inside);
+    });
+}

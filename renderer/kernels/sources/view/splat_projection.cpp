@@ -1,0 +1,35 @@
+// Find the splats that a view sees, and their depths.
+#include "view/kernels.h"
+
+// depths: of every centre along a direction, from the model's origin; those from a distant eye would lose their order
+// to float32. is_visible: whether its footprint can meet the image (conservative). A splat that the near plane clips is
+// not drawn where its centre is: it counts as in the image.
+Status cull_splats(const CullSplats* arguments) {
+    const auto [vertices, sigmas, cutoff, min_sigma_px, clipped_sigmas, culled_sigmas, camera, along, depths,
+                is_visible] = *arguments;
+    const int64_t num = vertices.shape[0];
+    if (!match(depths, is_visible, vertices)) return OUT_OF_BOUNDS;
+    const auto& r = camera.view_from_model;
+    const double scale = camera.scale_px, reach_px = cutoff * min_sigma_px + 1.0;
+    const double half_width = 0.5 * camera.size[0] + reach_px, half_height = 0.5 * camera.size[1] + reach_px;
+    // Pixels times depth that a ball of radius 1 reaches, its image being linearised at no more than the slope limit.
+    const double side = scale * __builtin_sqrt(1.0 + camera.slope_limit[0] * camera.slope_limit[0]);
+    const double top = scale * __builtin_sqrt(1.0 + camera.slope_limit[1] * camera.slope_limit[1]);
+    // The compiler's own vectors would gather, which takes longer.
+#pragma clang loop vectorize(disable)
+    for (int64_t i = 0; i < num; i++) {
+        double cx = vertices(i, 0), cy = vertices(i, 1), cz = vertices(i, 2);
+        double x = __builtin_fabs(r[0] * cx + r[1] * cy + r[2] * cz + r[3]);
+        double y = __builtin_fabs(r[4] * cx + r[5] * cy + r[6] * cz + r[7]);
+        double depth = -(r[8] * cx + r[9] * cy + r[10] * cz) - r[11];
+        double sigma = sigmas[(int64_t)vertices(i, 7)], radius = cutoff * sigma;
+        bool is_inside =
+            camera.perspective
+                ? (x * scale - depth * half_width <= radius * side) & (y * scale - depth * half_height <= radius * top)
+                : ((x - radius) * scale <= half_width) & ((y - radius) * scale <= half_height);
+        bool is_cut = depth - clipped_sigmas * sigma < camera.near;
+        depths[i] = (float)(along[0] * cx + along[1] * cy + along[2] * cz);
+        is_visible[i] = (is_inside | is_cut) & (depth + culled_sigmas * sigma > camera.near);
+    }
+    return DONE;
+}
