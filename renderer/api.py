@@ -30,7 +30,7 @@ from renderer.api_scenes import (
 )
 from renderer.errors import InputError
 from renderer.film import encode_png, frame_path
-from renderer.frame import LODCostEstimator, Stage, prepare_stage
+from renderer.frame import FilmStage, LODCostEstimator, prepare_stage
 from renderer.job import (
     FilmJob,
     JobEvents,
@@ -46,7 +46,7 @@ from renderer.job import (
 from renderer.readers import is_volume_name
 from renderer.record import FilmAccuracy, FilmVisibility, accuracy_text
 from renderer.scene import (
-    Scene,
+    FilmScene,
     accuracy_of,
     format_of,
     load_scene as load_scene_file,
@@ -117,7 +117,7 @@ class Page:
         return f'<iframe sandbox="allow-scripts" srcdoc="{content}" width="100%" height="640"></iframe>'
 
 
-def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -> Scene:
+def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -> FilmScene:
     """Read and check a scene file.
 
     Parameters
@@ -150,7 +150,7 @@ def suggest_scene(
     background: str | Sequence[float] | None = None,
     tolerance: float | None = None,
     output: str | os.PathLike[str] | None = None,
-) -> Scene:
+) -> FilmScene:
     """Make a scene that shows a volume: a turntable, with a transfer function that suits the values.
 
     Parameters
@@ -221,7 +221,7 @@ def render_frame(
         from renderer.accuracy import open_prober
 
         # Annotation may tell the accuracy, which nothing else needs here.
-        prober = open_prober(stage, num_cores()) if made.annotation.shows_anything else None
+        prober = open_prober(stage, num_cores()) if made.at(0).annotation.shows_anything else None
         (drawn,) = draw_frames(plan.stage, numbers, executor.rasterizer, plan.controller, prober, is_overlapped=False)
     image: FrameImage = drawn.pictures[0].pixels.view(FrameImage)
     return image
@@ -333,5 +333,5 @@ def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     return truth.picture.astype(np.float32)
 
 
-def _open_stage(scene: Scene) -> Stage:
+def _open_stage(scene: FilmScene) -> FilmStage:
     return prepare_stage(scene, clock=perf_counter, num_threads=num_cores())

@@ -77,7 +77,7 @@ def verify(
     options = RayOptions(num_cores(), seed, precision)
     try:
         with (
-            FilmEvents(reporter, job.scene.splat.primitive_name) as events,
+            FilmEvents(reporter, job.scene.primitive_name) as events,
             open_job_stage(job, read_film_volumes(job.scene)) as stage,
         ):
             pictures = verify_pictures(original, stage, files, options, events)

@@ -14,7 +14,7 @@ from renderer.annotation.sketch import draw_annotation
 from renderer.annotation.stage_facts import film_facts, frame_facts, length_unit
 from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
-from renderer.frame import Stage, view_of
+from renderer.frame import FilmStage, Stage, view_of
 from renderer.scene import PictureKind, raise_problems
 from renderer.volume import Bools, Float32
 
@@ -27,11 +27,11 @@ _WIDEST_PSNR = 100.0
 class FilmAnnotation:
     """The annotation of a film, drawn over pictures of its frames, whatever moves. film: its stage."""
 
-    def __init__(self, film: Stage) -> None:
+    def __init__(self, film: FilmStage) -> None:
         self._film, self._output = film, film.scene.output
         # An annotator keeps the drawings that do not change from frame to frame.
         self._annotator = lru_cache(len(self._output.kinds))(Annotator)
-        self._facts: tuple[Stage, dict[PictureKind, AnnotationFacts]] = film, {}
+        self._facts: tuple[FilmStage, dict[PictureKind, AnnotationFacts]] = film, {}
 
     def draw(self, image: Float32, kind: PictureKind, stage: Stage, frame: int, psnr: float | None) -> None:
         """Draw over a picture of a kind, float32 [h, w, 4].
@@ -48,7 +48,7 @@ class FilmAnnotation:
 
     def covered(self, frame: int, psnr: float | None) -> Bools | None:
         """Return the pixels of a frame's first picture that are drawn over, bool [h, w]; None where there are none."""
-        stage, kind = self._film.at(frame), self._output.kind
+        stage, kind = self._film.at(frame), self._output.kind.at(frame)
         if not stage.scene.annotation.shows_anything:
             return None
         canvas = np.zeros((*kind.shape[:2], 4), np.float32)
@@ -59,9 +59,10 @@ class FilmAnnotation:
         return canvas[..., 3] > 0
 
 
-def require_annotation(film: Stage, frames: Sequence[int]) -> None:
+def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
     """Raise SceneError where some of the frames cannot have their annotation, in pictures of any kind."""
-    if not film.scene.annotation.entries:
+    annotation = film.scene.at(0).annotation
+    if not annotation.entries:
         return
     # Imported here: exact rays, which are in the same room, take a while to load.
     from renderer.accuracy import spread_evenly
@@ -72,15 +73,15 @@ def require_annotation(film: Stage, frames: Sequence[int]) -> None:
         for frame in spread_evenly(frames, _MOST_TRIED, is_loop=False):
             # With the layers of the first frame: those of others take a while to make.
             scene = film.scene.at(frame)
-            stage = replace(film, scene=scene, distance=scene.camera.distance or film.distance, maker=None)
+            stage = replace(film.first, scene=scene, distance=scene.camera.distance or film.distance)
             shown.append(frame_facts(film.scene, stage, frame, kind, _WIDEST_PSNR))
-        problems += annotation_problems(film.scene.at(0).annotation, film_facts(film, kind), shown)
+        problems += annotation_problems(annotation, film_facts(film.first, kind.at(0)), shown)
     raise_problems(problems)
 
 
-def annotation_notes(stage: Stage) -> Iterator[str]:
+def annotation_notes(stage: FilmStage) -> Iterator[str]:
     """Yield notes for the user on a film's annotation."""
-    annotation = stage.scene.annotation
+    annotation = stage.scene.at(0).annotation
     if annotation.scale_bar is not None and not length_unit(stage):
         yield "the unit of lengths is not known: the scale bar counts voxels; volume.unit names it"
     if annotation.shows_anything and stage.scene.error.probes != 0:

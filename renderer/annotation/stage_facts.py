@@ -7,16 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 
 from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts
-from renderer.frame import Stage, view_of
-from renderer.scene import PictureKind, Scene, moving_numbers, moving_values
+from renderer.frame import FilmStage, Stage, view_of
+from renderer.scene import FilmScene, PictureKind, moving_numbers, moving_values
 
 # Samples of a transfer function along a bar of its colours.
 _NUM_BAR_SAMPLES = 256
 
 
 def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
-    """Return the facts that an annotation shows of a stage, on pictures of a kind."""
-    background, volumes = kind.background, [layer.volume for layer in stage.layers]
+    """Return the facts that an annotation shows of a stage, on pictures of a kind whose background does not move."""
+    background, volumes = kind.background_at(0), [layer.volume for layer in stage.layers]
     axes = {volume.world_axes for volume in volumes}
     return AnnotationFacts(
         size=kind.size,
@@ -29,7 +29,7 @@ def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
     )
 
 
-def frame_facts(film: Scene, stage: Stage, frame: int, kind: PictureKind, psnr: float | None) -> FrameFacts:
+def frame_facts(film: FilmScene, stage: Stage, frame: int, kind: PictureKind, psnr: float | None) -> FrameFacts:
     """Return the facts that an annotation shows of a frame.
 
     film: the scene with all that moves. stage: of the frame. psnr: of its picture, in decibels, where it was measured.
@@ -52,7 +52,7 @@ def frame_facts(film: Scene, stage: Stage, frame: int, kind: PictureKind, psnr: 
     )
 
 
-def length_unit(stage: Stage) -> str:
+def length_unit(stage: FilmStage) -> str:
     """Return the unit of world lengths, if all volumes have the same."""
     units = {layer.volume.length_unit for layer in stage.layers}
     return units.pop() if len(units) == 1 else ""

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.scene import FRAME_FIELD, OutputFile, Scene
+from renderer.scene import FRAME_FIELD, FilmScene, OutputFile
 
 # The suffix of the folders for unfinished work.
 UNFINISHED_SUFFIX = ".unfinished"
@@ -25,7 +25,7 @@ def frame_path(template: Path, frame: int) -> Path:
     return Path(FRAME_FIELD.sub(lambda field: field.group().format(frame=frame), str(template)))
 
 
-def sidecar_path(scene: Scene, frames: Sequence[int]) -> Path:
+def sidecar_path(scene: FilmScene, frames: Sequence[int]) -> Path:
     """Return the path of the sidecar, the JSON file beside the output, for some frames of a scene."""
     return sidecar_path_of_file(scene.output.file, frames, scene.num_frames)
 

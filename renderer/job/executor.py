@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Protocol
 
 from renderer.draw import BrickMemory, Rasterizer, open_rasterizer
 from renderer.film import Picture
-from renderer.frame import Frame, Stage, Stopwatch, ToleranceController, render_frames
+from renderer.frame import FilmStage, Frame, Stopwatch, ToleranceController, render_frames
 from renderer.job.picture_maker import PictureMaker
 from renderer.job.plan import FilmPlan
 from renderer.record import FrameRecord, frame_accuracy, make_frame_record, round_share
-from renderer.scene import Scene
+from renderer.scene import FilmScene
 from renderer.system import MemoryShare, num_cores, overlap
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class LocalExecutor:
 
 
 @contextlib.contextmanager
-def open_local_executor(scene: Scene, memory: MemoryShare | None = None) -> Iterator[LocalExecutor]:
+def open_local_executor(scene: FilmScene, memory: MemoryShare | None = None) -> Iterator[LocalExecutor]:
     """Open an executor of this process for a scene. Raises RenderError where it needs OpenGL and there is none.
 
     memory: as of `open_rasterizer`.
@@ -109,7 +109,7 @@ def open_local_executor(scene: Scene, memory: MemoryShare | None = None) -> Iter
 
 
 def draw_frames(
-    stage: Stage,
+    stage: FilmStage,
     numbers: Sequence[int],
     rasterizer: Rasterizer,
     controller: ToleranceController,
@@ -130,7 +130,7 @@ def draw_frames(
 class _FrameFinisher:
     """Measures the accuracy of frames that are drawn, then makes their pictures, over which annotation may be drawn."""
 
-    def __init__(self, film: Stage, prober: FrameProber | None) -> None:
+    def __init__(self, film: FilmStage, prober: FrameProber | None) -> None:
         self._film, self._prober, self._maker = film, prober, PictureMaker(film)
 
     def finish(self, frame: Frame) -> DrawnFrame:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from renderer.film import WrittenFiles, film_files, require_no_input, sidecar_path
 from renderer.job.inputs import require_no_new_slices, scene_files
-from renderer.scene import ErrorSpec, Scene, is_same_file
+from renderer.scene import ErrorSpec, FilmScene, is_same_file
 
 if TYPE_CHECKING:  # records take a while to load, and the job of a scene needs none before it draws
     from renderer.record import FinishedFilm
@@ -29,7 +29,7 @@ class FilmJob:
     repeats: the results of the original that are expected again.
     """
 
-    scene: Scene
+    scene: FilmScene
     frames: Sequence[int]
     requested: ErrorSpec
     original: FinishedFilm | None = None

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from renderer.annotation import FilmAnnotation
 from renderer.film import Picture, quantize, reduce_radiance
-from renderer.frame import Frame, Stage
-from renderer.scene import PictureKind, values_at
+from renderer.frame import FilmStage, Frame
 
 
 class PictureMaker:
     """A maker of the pictures of a film's frames, with their annotation. film: its stage."""
 
-    def __init__(self, film: Stage) -> None:
+    def __init__(self, film: FilmStage) -> None:
         self._output, self._annotation = film.scene.output, FilmAnnotation(film)
 
     def pictures(self, frame: Frame, psnr: float | None) -> dict[int, Picture]:
@@ -26,10 +25,10 @@ class PictureMaker:
             if number == 0 and not spec.shows_anything:
                 found[0] = Picture(frame.image)
                 continue
-            kind = PictureKind(*values_at(kinds[number], frame.number))
+            kind = kinds[number].at(frame.number)
             image = reduce_radiance(radiance, self._output.size[0] // kind.size[0])
             if spec.entries:
                 image = image.copy() if image is frame.radiance else image
                 self._annotation.draw(image, kind, frame.stage, frame.number, psnr)
-            found[number] = Picture(quantize(image, kind.background, kind.depth))
+            found[number] = Picture(quantize(image, kind.background_at(frame.number), kind.depth))
         return found

@@ -31,7 +31,7 @@ from renderer.readers.voxel_limits import (
     describe_shape,
     stays_mapped,
 )
-from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text, values_at
+from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
 # Reads the voxels of a volume.
@@ -45,15 +45,14 @@ _DICOM_IMAGES = RecentImages(most_bytes=256 << 20)
 def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
     """Return the volume that `spec` describes, cropped, checked and read-only; a mixture for a time between two steps.
 
-    `time: auto` reads the first step, and a motion the step of frame 0. A crop moves the affine along, so that voxels
-    keep their place in the world. `component: all` reads the first component, without a note on the others if each is
-    light of its own or part of a colour.
+    `time: auto` reads the first step. A crop moves the affine along, so that voxels keep their place in the world.
+    `component: all` reads the first component, without a note on the others if each is light of its own or part of a
+    colour.
 
     like: another step, which must have the same shape and kind of voxels. Raises InputError for every problem with a
     file or with the requested part of it, lack of memory included. A large file that becomes shorter, now or later,
     raises such an error, too; no signal ends the process.
     """
-    spec = values_at(spec, 0)
     time = 0 if spec.time == "auto" else spec.time
     step = None if time is None else math.floor(time)
     volume = _read_step(spec, step)

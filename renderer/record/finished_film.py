@@ -15,9 +15,9 @@ from renderer.scene import (
     CAMERA_FIELD,
     FRAME_FIELD,
     MAX_SIDECAR_BYTES,
+    FilmScene,
     OutputFile,
     OutputSpec,
-    Scene,
     first_output,
     read_json_object,
     schema,
@@ -64,7 +64,7 @@ class FinishedFilm:
         sources = self.record.fingerprint and self.record.fingerprint.depends_on.get("sources")
         return found | ({"sources": sources} if isinstance(sources, str) else {})
 
-    def has_tolerances_of(self, scene: Scene) -> bool:
+    def has_tolerances_of(self, scene: FilmScene) -> bool:
         """Return whether its frames were drawn at the tolerances of this scene: nobody has changed the recorded one."""
         return scene.error.goal is None and all(
             tolerance_at(scene.error, frame.frame) == frame.tolerance for frame in self.record.frames

@@ -12,8 +12,8 @@ from renderer.record.accuracy_records import accuracy_text, film_accuracy
 from renderer.record.film_record import FilmRecord, FrameRecord, min_max
 from renderer.scene import (
     ErrorSpec,
+    FilmScene,
     MetricTarget,
-    Scene,
     SplatBudget,
     TimeBudget,
     counted,
@@ -21,7 +21,7 @@ from renderer.scene import (
     format_value,
     pluralize_range,
     schedule_to_dict,
-    values_at,
+    value_at,
 )
 
 BEST_EFFORT_HINT = "with --best-effort it is good enough"
@@ -103,8 +103,7 @@ def _drawing_seconds(frame: FrameRecord) -> float:
 
 
 def _budget(goal: TimeBudget, frame: FrameRecord) -> float:
-    seconds: float = values_at(goal.value, frame.frame)
-    return seconds
+    return value_at(goal.value, frame.frame)
 
 
 def _predicted(frame: FrameRecord) -> float:
@@ -118,7 +117,7 @@ def _is_in_time(goal: TimeBudget, frame: FrameRecord) -> bool:
     return abs(share - 1) <= _TIME_MARGIN or (share < 1 and frame.tolerance == 0)
 
 
-def summary_parts(scene: Scene, record: FilmRecord, num_resumed: int) -> Iterator[str]:
+def summary_parts(scene: FilmScene, record: FilmRecord, num_resumed: int) -> Iterator[str]:
     """Yield `120 frames in 25.1 s`, how exact they are, `190 bricks a frame`, and how a goal was met.
 
     scene: with its goal. num_resumed: how many of the frames earlier jobs drew.
@@ -128,7 +127,7 @@ def summary_parts(scene: Scene, record: FilmRecord, num_resumed: int) -> Iterato
     yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_resumed} drawn before)" if num_resumed else "")
     if record.accuracy is not None:
         yield accuracy_text(record.accuracy)
-    yield f"{pluralize_range([frame.primitives for frame in frames], scene.splat.primitive_name)} a frame"
+    yield f"{pluralize_range([frame.primitives for frame in frames], scene.primitive_name)} a frame"
     if goal is not None:
         yield f"tolerance {range_text([frame.tolerance for frame in frames])}"
     if isinstance(goal, TimeBudget):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from renderer.accuracy import NOTHING_VISIBLE, scalar_ranges
-from renderer.frame import Frame, Stage, finest_level_at
+from renderer.frame import FilmStage, Frame, finest_level_at
 from renderer.record.accuracy_records import film_accuracy
 from renderer.record.film_record import (
     CameraRecord,
@@ -36,7 +36,7 @@ from renderer.volume import Volume
 _MIN_VISIBLE_OPACITY = 0.5 / 255
 
 
-def make_frame_record(frame: Frame, film: Stage) -> FrameRecord:
+def make_frame_record(frame: Frame, film: FilmStage) -> FrameRecord:
     """Return the record of a frame of a film that was drawn; it has no digest yet."""
     return FrameRecord(
         frame=frame.number,
@@ -51,7 +51,7 @@ def make_frame_record(frame: Frame, film: Stage) -> FrameRecord:
 
 
 def make_film_record(
-    stage: Stage,
+    stage: FilmStage,
     frames: Sequence[FrameRecord],
     schedule: ScheduleRecord,
     *,
@@ -66,7 +66,7 @@ def make_film_record(
     """
     scene, volumes = stage.scene, [layer.volume for layer in stage.layers]
     levels = [
-        finest_level_at(stage, frame.tolerance, number) for frame in frames for number in range(len(stage.groups))
+        finest_level_at(stage.first, frame.tolerance, number) for frame in frames for number in range(len(stage.groups))
     ]
     if scene.error.goal is not None:
         scene = with_tolerances(scene, {frame.frame: frame.tolerance for frame in frames})

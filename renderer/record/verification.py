@@ -8,14 +8,14 @@ from itertools import chain
 
 from renderer.errors import HsplatError, InputError, Problem
 from renderer.film import Picture, data_digest, decode_known_film, file_matches_digest, frame_path
-from renderer.frame import Stage
+from renderer.frame import FilmStage
 from renderer.record.film_record import FrameRecord
 from renderer.record.fingerprint import describe_mismatch, film_fingerprint
 from renderer.record.finished_film import FinishedFilm
 from renderer.record.picture_files import FrameFile, picture_problems
 from renderer.record.record_making import changed_tools
 from renderer.record.verified_accuracy import MOST_RAYS, FreshAccuracy, RayOptions, RayProgress, measure_pictures
-from renderer.scene import ErrorSpec, OutputFile, OutputSpec, Scene, accuracy_of, counted
+from renderer.scene import ErrorSpec, FilmScene, OutputFile, OutputSpec, accuracy_of, counted
 from renderer.system import package_versions, sources_digest
 
 # The problem of a file whose pictures can be measured all the same.
@@ -98,7 +98,7 @@ def _has_picture(frame: FrameRecord, output: OutputSpec) -> bool:
 
 
 def verify_pictures(
-    film: FinishedFilm, stage: Stage, files: FilesCheck, options: RayOptions, progress: RayProgress
+    film: FinishedFilm, stage: FilmStage, files: FilesCheck, options: RayOptions, progress: RayProgress
 ) -> PicturesCheck:
     """Compare a film with its scene, and measure its pictures.
 
@@ -115,7 +115,7 @@ def verify_pictures(
         notes += [f"{each.what}: {each.got}" for each in problems]
         problems = []
     measured = None
-    if scene.annotation.octree:
+    if scene.at(0).annotation.octree:
         notes.append("the lines along cells cover the pictures, which are not measured")
     elif files.readable:
         measured = measure_pictures(stage, files.readable, options, progress)
@@ -125,7 +125,7 @@ def verify_pictures(
     return PicturesCheck(problems, notes, measured)
 
 
-def _scene_problems(film: FinishedFilm, scene: Scene, requested: ErrorSpec) -> Iterator[Problem]:
+def _scene_problems(film: FinishedFilm, scene: FilmScene, requested: ErrorSpec) -> Iterator[Problem]:
     """Yield a problem where the scene is not the one whose fingerprint was recorded. requested: its accuracy."""
     recorded, record = film.record.fingerprint, film.record
     if recorded is None:

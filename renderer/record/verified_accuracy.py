@@ -17,7 +17,7 @@ from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, spread
 from renderer.annotation import FilmAnnotation
 from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path
-from renderer.frame import Stage
+from renderer.frame import FilmStage
 from renderer.record.accuracy_records import film_accuracy, frame_accuracy
 from renderer.record.film_record import FilmAccuracy, FrameAccuracy, FrameRecord
 from renderer.scene import OutputFile
@@ -75,14 +75,12 @@ class FreshAccuracy:
 
 
 def measure_pictures(
-    stage: Stage, frames: Sequence[FrameRecord], options: RayOptions, progress: RayProgress
+    stage: FilmStage, frames: Sequence[FrameRecord], options: RayOptions, progress: RayProgress
 ) -> FreshAccuracy:
     """Measure the first output's pictures of these frames; of a long film, of some that are evenly spread."""
     output = stage.scene.output
-    rays, chosen = (
-        _Rays(stage, output, frames, options.num_threads, progress),
-        spread_evenly(frames, _MOST_FRAMES, is_loop=True),
-    )
+    rays = _Rays(stage, output, frames, options.num_threads, progress)
+    chosen = spread_evenly(frames, _MOST_FRAMES, is_loop=True)
     num_rays, width = _FEWEST_RAYS, math.inf
     while True:
         measured = rays.measure(chosen, num_rays, options.seed)
@@ -108,7 +106,7 @@ def measure_pictures(
 class _Rays:
     """Exact rays through the pictures of a film. frames: all that have pictures, in their order."""
 
-    stage: Stage
+    stage: FilmStage
     output: OutputFile
     frames: Sequence[FrameRecord]
     num_threads: int
@@ -118,7 +116,7 @@ class _Rays:
         """Return the records of chosen frames with the accuracy that so many rays through each find."""
         if not chosen:
             return []
-        prober = FrameProber(self.stage, num_rays, seed=seed, num_threads=self.num_threads)
+        prober = FrameProber(self.stage.first, num_rays, seed=seed, num_threads=self.num_threads)
         found, annotation = list[FrameRecord](), FilmAnnotation(self.stage)
         self.progress.started(f"{num_rays} rays a frame", len(chosen))
         for frame, image in self._pictures({frame.frame for frame in chosen}):
