@@ -49,9 +49,9 @@ def test_work_that_fails_gets_no_further_item() -> None:
     def work(number: int) -> None:
         worked.append(number)
         if number == 1:
-            raise ValueError
+            raise ValueError("of the second item")
 
-    with pytest.raises(ValueError, match="^$"):
+    with pytest.raises(ValueError, match="of the second item"):
         [*overlap(range(NUM), work)]
     assert worked == [0, 1]
 
