@@ -4,6 +4,8 @@ In: arrays and numbers. Out: the same arrays, filled. Kernels run without the in
 
 - `binding.py`: `kernels()`, whose attributes are the kernels.
 - `header.py`: what they take, read from the files `kernels.h` of `sources/`.
+- `records.py`: the structs that are members of others, as records; and `signatures.pyi`, for mypy, what each kernel
+  takes. Both are made from the headers.
 - `library.py`: the library for this processor, found, verified and loaded.
 - `build.py`: compiles the libraries.
 - `bus_errors.py`: reads of mapped files that have become shorter give zeros.

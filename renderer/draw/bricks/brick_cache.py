@@ -28,9 +28,9 @@ from renderer.bricks import (
     mean_texels,
     scalar_texels,
 )
-from renderer.kernels import ThreadPool
+from renderer.kernels import RaySetup, ThreadPool
 from renderer.transfer import toward_light
-from renderer.view import RaySetup, View, are_near_faces, ray_setup, screen_rectangles
+from renderer.view import View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
 
 # Most bricks whose texels a thread makes at a time before they are written.

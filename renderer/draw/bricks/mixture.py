@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.draw.bricks.brick_cache import BrickView
-from renderer.view import RaySetup, ray_setup
+from renderer.kernels import RaySetup
+from renderer.view import ray_setup
 from renderer.volume import Float64, Int64
 
 

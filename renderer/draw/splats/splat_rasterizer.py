@@ -26,10 +26,10 @@ from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.splats.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
 from renderer.draw.splats.programs import MAX_SHAPES, MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
 from renderer.errors import ContextLostError, RenderError
+from renderer.kernels import ModelView
 from renderer.splats import SplatBatch
 from renderer.view import (
     CLIPPED_SIGMAS,
-    ModelView,
     Region,
     View,
     covered_region,
