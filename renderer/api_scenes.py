@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from renderer.errors import InputError, SceneError
 from renderer.readers import is_volume_name, read_volume
+from renderer.resolve import resolve_scene
 from renderer.scene import (
     MAX_DEPTH,
     ArraySource,
@@ -30,7 +31,7 @@ from renderer.scene import (
     short_text,
     spec_to_dict,
 )
-from renderer.suggest import FilmOptions, Wish, resolve_scene
+from renderer.suggest import FilmOptions, Wish
 
 SceneLike: TypeAlias = "Scene | str | os.PathLike[str] | npt.ArrayLike"
 TransferLike: TypeAlias = "str | Sequence[Any] | Mapping[str, Any] | TransferSpec"

@@ -1,4 +1,4 @@
-"""Run `hsplat check SCENE`: list what is wrong with a scene, or say what it would make."""
+"""Run `hsplat check SCENE`: list the mistakes in a scene, or describe the film that it makes."""
 
 from __future__ import annotations
 
@@ -47,23 +47,23 @@ if TYPE_CHECKING:  # it loads kernels
     from renderer.draw import BrickMemory
     from renderer.job import Forecast
 
-# The number of values of a schedule that are listed.
+# Most values of a schedule that are listed; of a schedule with more, the lowest and the highest.
 _MAX_TURNS = 4
 
 
 @click.command()
 @takes_scene("As for render.")
 @click.option("--output", metavar="FILE", help="As for render.")
-@click.option("--no-cost", is_flag=True, help="Read and draw nothing to predict what the film costs.")
+@click.option("--no-cost", is_flag=True, help="Do not predict the cost of the film, which needs the volume.")
 @memory_option
 def check(request: SceneRequest, *, output: str | None, no_cost: bool, memory: int | None) -> None:
     """Check a scene file and list everything that is wrong with it.
 
-    SCENE is a YAML file, or the JSON file beside a film. Finds all that render refuses before it loads a library to
-    read voxels, to draw or to encode. Nothing is written. Of a scene that is right, some frames are drawn and encoded,
-    which tells what the film costs here, and numbers that do not fit the volumes are errors, too; with --no-cost, only
-    the first bytes of the volume are read, and labels that the scene names. Where nothing can be drawn, a note says
-    why: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg.
+    SCENE is a YAML file, or the JSON file beside a film. check finds every mistake that render refuses before it loads
+    a library to read voxels, to draw or to encode. Nothing is written. If the scene is right, some frames are drawn and
+    encoded to predict the cost of the film on this machine; numbers that do not fit the volumes are errors, too. With
+    --no-cost, only the first bytes of the volume and the labels that the scene names are read. Where nothing can be
+    drawn, a note says why: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg.
     """
     request = replace(request, output=output)
     job = load_job(request, reads="nothing")
@@ -86,7 +86,7 @@ def check(request: SceneRequest, *, output: str | None, no_cost: bool, memory: i
 
 
 def _label_notes(request: SceneRequest, scene: Scene) -> list[tuple[str, str]]:
-    """Look for the labels that a scene names, and return a row on why some could not be looked for.
+    """Look for the labels that a scene names; return a row with the reason where a volume cannot be read for them.
 
     Raises SceneError for labels that a volume does not have.
     """
@@ -106,7 +106,7 @@ def _first_line(error: HsplatError) -> str:
 
 
 def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, str]], Forecast | None]:
-    """Return rows on the cost of a film that this process draws, and its forecast; or a row on why it is not known."""
+    """Return rows on the cost of a film in this process, and its forecast; or a row with the reason for no forecast."""
     # Imported here: they load kernels.
     from hsplat_cli.terminal import FilmEvents
     from renderer.job import forecast_film, open_local_executor
@@ -127,13 +127,13 @@ def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, 
 
 
 def _memory_text(memory: BrickMemory) -> str:
-    """Return how much memory bricks need, and the consequence where they may take less."""
+    """Return how much memory bricks need, and what happens where the limit is lower."""
     from hsplat_cli.reports import bytes_text  # loads numpy
 
     needed = f"{bytes_text(memory.needed)} for bricks"
     if memory.needed <= memory.limit:
         return needed
-    return f"{needed}, of which {bytes_text(memory.limit)} may be kept: others are made again for each frame (--memory)"
+    return f"{needed}, but at most {bytes_text(memory.limit)} are kept: others are made again for each frame (--memory)"
 
 
 def _summary(scene: Scene, num_frames: int, costs: Forecast | None) -> list[tuple[str, str]]:
@@ -162,7 +162,7 @@ def _output_text(output: OutputFile, num_frames: int, costs: Forecast | None) ->
 
 
 def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield what moves, and on which frames layers are made again for it."""
+    """Yield a row with the values that move, and a row for each layer with the frames on which it is made again."""
     in_time = ["all steps in time"] * any(layer.volume.time == "auto" for layer in scene.layers)
     if scene.moves or in_time:
         yield "motion", join_some([*in_time, *moving_values(scene, 0)])
@@ -178,7 +178,7 @@ def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
 
 
 def _volumes(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield a row for each volume; where they are listed, with name and weight, and how they are blended."""
+    """Yield a row for each volume; for a scene with a list of volumes also their names, weights and blending."""
     for layer in scene.layers:
         name = f"{layer.name}: " * bool(layer.name)
         for key, volume in layer.volumes.items():
@@ -189,7 +189,7 @@ def _volumes(scene: Scene) -> Iterator[tuple[str, str]]:
 
 
 def _advice(scene: Scene) -> str | None:
-    """Return what to say where the scene asks for far more than the format of its film keeps."""
+    """Return a note where the scene asks for a far higher accuracy than the format of its film keeps."""
     goal = scene.error.goal
     if scene.splat.footprint != "integrated" or isinstance(goal, (SplatBudget, TimeBudget)):
         return None
@@ -224,7 +224,10 @@ def _schedule(scene: Scene) -> str:
 
 
 def _schedule_text(scheduled: float) -> str:
-    """Return `2 to 0.02 to 2`: the first value, those where a schedule turns, and the last; the range of many turns."""
+    """Return `2 to 0.02 to 2`: the first value of a schedule, its turning points and its last value.
+
+    For a schedule with many turning points, return its range.
+    """
     motion, turns = motion_of(scheduled), list[float]()
     for value in motion.values if motion else [scheduled]:
         if len(turns) > 1 and min(turns[-2], value) <= turns[-1] <= max(turns[-2], value):

@@ -17,10 +17,10 @@ from renderer.errors import InputError
 from renderer.film import WrittenFiles
 from renderer.scene import AnnotationSpec
 
-# Options of a sweep and its report, which a search for one tolerance does not have.
+# Options of a sweep and its report; a search for one tolerance (--want) refuses them.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats")
-_WANT_HINT = "--want searches with the scene's own footprint and error measure; change those with --set"
-# What needs whole exact pictures and several passes.
+_WANT_HINT = "--want searches with the scene's own footprint and error measure; change them with --set"
+# Options that need whole exact pictures and several passes (--thorough).
 _THOROUGH_OPTIONS = ("footprints", "measures", "corrections", "repeats")
 _THOROUGH_HINT = (
     "add --thorough; without it the scene's own footprint and error measure are drawn once, and judged by rays"
@@ -44,7 +44,7 @@ _THOROUGH_HINT = (
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
     default=1e-5,
     show_default=True,
-    help="How well the truth converges.",
+    help="Integrate the truth until no channel of a pixel changes by more.",
 )
 @click.option("--thorough", is_flag=True, help="Compare with whole exact pictures, and not with a few exact rays.")
 @click.option("--want", metavar="METRIC=VALUE", help="Only find the tolerance for psnr=38 (or rmse, ssim, flip).")
@@ -60,7 +60,7 @@ def measure(
     reporter: Reporter,
     **sweep_options: Any,
 ) -> None:
-    """Measure what a scene costs and how near to the truth it comes.
+    """Measure the cost and the accuracy of a scene.
 
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
@@ -90,7 +90,7 @@ def measure(
 
 
 def _reject_options(why: str, names: Sequence[str], hint: str) -> None:
-    """Raise InputError for an option that would have no effect."""
+    """Raise InputError where one of these options, which would have no effect, is given."""
     source = click.get_current_context().get_parameter_source
     given = [name for name in names if source(name) == click.core.ParameterSource.COMMANDLINE]
     if given:

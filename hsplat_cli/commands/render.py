@@ -20,9 +20,9 @@ from renderer.errors import InputError
 @click.option("--output", metavar="FILE", help="Write to this film, {frame}.png or, for one, .png.")
 @click.option("--progressive", is_flag=True, help="Draw a coarse film first, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
-@click.option("--best-effort", is_flag=True, help="Exit with 0 even if less than what was requested is reached.")
+@click.option("--best-effort", is_flag=True, help="Exit with 0 even if the requested accuracy is not reached.")
 @executor_options
-@click.option("--force", is_flag=True, help="Draw again what is finished.")
+@click.option("--force", is_flag=True, help="Draw again, even if frames or the film are finished.")
 @quiet_option()
 def render(
     request: SceneRequest,

@@ -1,6 +1,6 @@
 """Run `hsplat verify FILM`: verify a finished film by its files, its sidecar and fresh exact rays.
 
-Exit codes: 0 all is right, 1 something differs, 2 it could not be verified (see `main.run`).
+Exit codes: 0 where all is right, 1 where something differs, 2 where the film could not be verified (see `main.run`).
 """
 
 from __future__ import annotations
@@ -22,13 +22,15 @@ from renderer.system import join_lines
 if TYPE_CHECKING:
     from renderer.job import FilmFiles, FilmJob, VerifiedFilm
 
+# The name that stands for the standard output.
 _STDOUT = Path("-")
+# Most problems that the text lists; JSON has all of them.
 _MAX_LINES = 20
 
 
 @click.command()
 @click.argument("film", type=FILE)
-@click.option("--volume", type=FILE, metavar="FILE", help="Where the volume is now, if it was moved.")
+@click.option("--volume", type=FILE, metavar="FILE", help="Take the volume from this file, if it was moved.")
 @click.option(
     "--precision",
     type=click.FloatRange(0.01, 100),
@@ -42,7 +44,7 @@ _MAX_LINES = 20
     type=click.IntRange(1),
     default=1,
     show_default=True,
-    help="Of the choice of pixels; another one gives other rays.",
+    help="Choose other pixels for the exact rays by another number.",
 )
 @click.option(
     "--json",
@@ -57,9 +59,9 @@ def verify(
 ) -> None:
     """Verify a film by its sidecar; exit with 1 where it differs.
 
-    FILM is a film, the template of its numbered frames such as frames/{frame:04}.png, or the JSON file beside them. It
-    is compared with that file: whether all of it is there and unchanged, whether it is of this volume, and how exact it
-    is by fresh exact rays. Nothing is drawn, and no other file than that of --json is written.
+    FILM is a film, the template of its numbered frames such as frames/{frame:04}.png, or the JSON file beside them.
+    verify tests whether all files that the JSON file records are there and unchanged, whether the volume is the one it
+    records, and how exact the film is by fresh exact rays. Nothing is drawn, and only the file of --json is written.
     """
     # Imported here to keep --help fast.
     from renderer.job import RayOptions, verify_files, verify_film
@@ -103,7 +105,7 @@ def _summary(job: FilmJob, files: FilmFiles, verified: VerifiedFilm) -> Iterator
 
 
 def _problem_lines(problems: Sequence[Problem]) -> str:
-    """Return a line for each problem, of many the first ones."""
+    """Return a line for each of the first _MAX_LINES problems, and the number of the others."""
     lines = [
         ": ".join(filter(None, (each.location, each.what, each.got)))
         + (f" (expected: {each.expected})" if each.expected else "")
@@ -117,7 +119,7 @@ def _problem_lines(problems: Sequence[Problem]) -> str:
 
 
 def _prepare_report(path: Path | None, job: FilmJob) -> None:
-    """Refuse a name that is not that of a report, or of what is read, before the work begins."""
+    """Refuse, before the work begins, a name that no report may have, or that a file of the film or its inputs has."""
     if path is None or path == _STDOUT:
         return
     from hsplat_cli.compare import ReportFiles
@@ -138,7 +140,7 @@ def _write_report(path: Path | None, facts: dict[str, Any], reporter: Reporter) 
 
 
 def _facts(job: FilmJob, problems: Sequence[Problem]) -> dict[str, Any]:
-    """Return what is known without the volume, as plain data."""
+    """Return the facts that are known without the volume, as plain data."""
     assert job.original is not None
     return {
         "passes": not problems,

@@ -9,3 +9,46 @@ from .strictness import (
     exceeded_limits as exceeded_limits,
     severity as severity,
 )
+
+# isort: split
+# For tests alone: steps and constants that no other room uses.
+from .comparison import require_match as require_match
+from .comparison_html import (
+    CROP_PX as CROP_PX,
+    NUM_PASSING_SHOWN as NUM_PASSING_SHOWN,
+    PICTURE_PX as PICTURE_PX,
+    Gallery as Gallery,
+    GalleryFrame as GalleryFrame,
+    comparison_page as comparison_page,
+    plot_errors as plot_errors,
+)
+from .file_pairs import open_pairs as open_pairs
+from .frame_difference import WINDOW_PX as WINDOW_PX
+from .golden.provenance import (
+    MAX_PROVENANCE_BYTES as MAX_PROVENANCE_BYTES,
+    PROVENANCE_FILE as PROVENANCE_FILE,
+    Golden as Golden,
+    Provenance as Provenance,
+    describe_changes as describe_changes,
+    golden_file_name as golden_file_name,
+    origin_from_record as origin_from_record,
+    provenance_bytes as provenance_bytes,
+    read_provenance as read_provenance,
+)
+from .golden.update import GoldenUpdate as GoldenUpdate, describe_update as describe_update, plan_update as plan_update
+from .outcome import (
+    Comparison as Comparison,
+    Outcome as Outcome,
+    Pair as Pair,
+    Status as Status,
+    compare_pair as compare_pair,
+    figure_text as figure_text,
+    limit_text as limit_text,
+    limits_text as limits_text,
+    share_text as share_text,
+    signed_text as signed_text,
+    value_text as value_text,
+)
+from .picture_file import read_picture as read_picture
+from .report_files import MAX_ROWS as MAX_ROWS, comparison_json as comparison_json, comparison_junit as comparison_junit
+from .rules import Rules as Rules, load_rules as load_rules

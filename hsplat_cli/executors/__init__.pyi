@@ -6,3 +6,14 @@ from .drawing_options import (
     require_untimed as require_untimed,
 )
 from .scheduler import open_executor as open_executor
+
+# isort: split
+# For tests alone: steps and constants that no other room uses.
+from .cluster.cluster_drawing import ClusterDrawing as ClusterDrawing, draw_ahead as draw_ahead
+from .cluster.connection import connect as connect
+from .cluster.registry import WorkerRegistry as WorkerRegistry
+from .cluster.worker import (
+    SerializedStage as SerializedStage,
+    describe_worker as describe_worker,
+    draw_on_worker as draw_on_worker,
+)

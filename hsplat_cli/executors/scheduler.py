@@ -36,18 +36,18 @@ def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: Scene) -> Itera
     with contextlib.ExitStack() as stack:
         client = stack.enter_context(connect(spec.scheduler))
         executor = SchedulerExecutor(client, spec, scene, stack, reporter)
-        if isinstance(scene.error.goal, MetricTarget):  # the search runs here: it fails early where it cannot
+        if isinstance(scene.error.goal, MetricTarget):  # its search draws in this process: fail now, if it cannot
             _ = executor.rasterizer
         yield executor
 
 
 class SchedulerExecutor:
-    """An executor that draws with the workers of a scheduler; their devices are known once they have drawn.
+    """Draws with the workers of a scheduler.
 
-    brick_memory: not known here.
+    device: a placeholder; records of frames have the devices of the workers. brick_memory: not known in this process.
     """
 
-    device = "that of a cluster's workers"
+    device = "the devices of a cluster's workers"
     brick_memory = None
 
     def __init__(
@@ -59,7 +59,7 @@ class SchedulerExecutor:
 
     @property
     def notes(self) -> Sequence[str]:
-        """Return what the user should know about the drawing so far."""
+        """Return notes for the user on all drawings so far."""
         return [note for drawing in self._drawings for note in drawing.notes]
 
     @cached_property
@@ -69,7 +69,7 @@ class SchedulerExecutor:
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Yield these frames, in this order; may be closed before its end."""
-        assert not plan.is_timing_dependent, "the time of this machine says nothing about others"
+        assert not plan.is_timing_dependent, "frames on a budget of time are drawn by one process"
         from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
 
         where = f"--scheduler {self._spec.scheduler}"

@@ -1,4 +1,4 @@
-"""Make the page: draw each of its parts, and render them."""
+"""Makes the preview page: draws each of its parts, and renders them to HTML."""
 
 from __future__ import annotations
 
@@ -25,22 +25,36 @@ from renderer.job import (
 from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tolerance, with_tolerance
 from renderer.system import num_cores, start_threads
 
-# Of the calls of `advance`.
+# Number of calls of `advance`.
 NUM_PARTS = 4
-# Numbers of pictures, and the lengths of their longer sides; annotation is drawn in larger ones, which are reduced.
-_NUM_FRAMES, _FRAME_PX, _ANNOTATED_PX = 12, 192, 512
-_NUM_TURNED, _TURN_COLUMNS, _TURN_PX = 24, 6, 192
+# Frames of the film on the page.
+_NUM_FRAMES = 12
+# Longer side of a frame, in pixels.
+_FRAME_PX = 192
+# Longer side of a frame with annotation, which is reduced to _FRAME_PX after drawing.
+_ANNOTATED_PX = 512
+# Pictures of the turning object.
+_NUM_TURNED = 24
+# Turning pictures in a row.
+_TURN_COLUMNS = 6
+# Longer side of a turning picture, in pixels.
+_TURN_PX = 192
+# Longer side of the pictures of variants, in pixels.
 _OTHERS_PX = 256
-# The tolerance of turning pictures, unless the scene's is larger, and their elevation, unless the film is a turntable.
-_TURN_TOLERANCE, _ELEVATION = 0.3, 20.0
+# Tolerance of turning pictures, unless the scene's tolerance is larger.
+_TURN_TOLERANCE = 0.3
+# Elevation of turning pictures in degrees, unless the film is a turntable.
+_ELEVATION = 20.0
+# Exact rays of each frame, which find the visible values.
 _RAYS_A_FRAME = 96
+# Most layers that have a chart.
 _MOST_CHARTS = 8
 
 
 def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> tuple[str, Sequence[Glance]]:
     """Return the page of a film, and the faults of its pictures.
 
-    advance: takes the name of each part that is done. Raises InputError, SceneError, and RenderError where a scene with
+    advance: gets the name of each finished part. Raises InputError, SceneError, and RenderError where a scene with
     splats finds no OpenGL.
     """
     film = job.scene
@@ -48,7 +62,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
     with open_rasterizer(film) as rasterizer, start_threads(1) as beside:
         studio, still = Studio(rasterizer), small_scene(film.at(frame), _OTHERS_PX)
         with studio.stage(still) as stage:
-            looks = beside.submit(suggest_looks, stage)  # these take one processor
+            looks = beside.submit(suggest_looks, stage)  # in one thread, while others draw
             sheet, visibility, glances = _sheet(studio, job)
             advance("frames")
             shown = [*enumerate(stage.layers[:_MOST_CHARTS])]
@@ -78,7 +92,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
 
 
 def _facts(job: FilmJob) -> list[tuple[str, str]]:
-    """Return what the film will be, for the head of the page."""
+    """Return the facts about the film for the head of the page."""
     output = job.scene.output
     seconds = len(job.frames) / output.frames_per_second
     size = f"{output.size[0]} × {output.size[1]} pixels"
@@ -87,7 +101,7 @@ def _facts(job: FilmJob) -> list[tuple[str, str]]:
 
 def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None, Sequence[Glance]]:
     """Draw some frames of the film with their annotation; find the visible values, and the faults of pictures."""
-    has_text = bool(job.scene.annotation.entries)  # which is made for larger pictures
+    has_text = bool(job.scene.annotation.entries)  # it is laid out for larger pictures
     scene = small_scene(job.scene, _ANNOTATED_PX if has_text else _FRAME_PX, is_annotated=True)
     frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.camera.path))
     with studio.stage(scene) as stage:
@@ -103,7 +117,7 @@ def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | N
 
 
 def _of_layer(visibility: FilmVisibility | None, number: int) -> list[VisibleRange]:
-    """Return the ranges of one volume."""
+    """Return the visible ranges of the layer with this number."""
     return [each for each in visibility.ranges if each.layer in (None, number)] if visibility is not None else []
 
 

@@ -18,3 +18,7 @@ from .volume_arguments import (
     volume_spec as volume_spec,
 )
 from .volume_names import base_name as base_name, expand_volumes as expand_volumes, name_volumes as name_volumes
+
+# isort: split
+# For tests alone: steps and constants that no other room uses.
+from .scene_text import compose_scene as compose_scene, yaml_string as yaml_string

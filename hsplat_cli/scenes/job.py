@@ -1,4 +1,4 @@
-"""Loads what a command draws: a scene, and which frames of it."""
+"""Loads the job of a command: a scene, and the frames of it that are drawn."""
 
 from __future__ import annotations
 
@@ -31,22 +31,24 @@ from renderer.scene import (
 if TYPE_CHECKING:
     from renderer.job import FilmRecord
 
-# What names a volume that is not found. These keys say where the voxels are, and change no film.
+# The option that names a volume which is not found, by the key of its file.
 _VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.raw.file=FILE"}
-# Nor does the place of the film.
+# Keys of places of files, which change no pixel of a film.
 _PLACE_KEYS = ("output.file", *_VOLUME_OPTIONS)
 
-# What is read of volumes: what a scene leaves open, such as channels and labels; labels that it names; or nothing.
+# How much of the volumes is read: everything that the scene leaves open, such as channels; the labels that it names; or
+# nothing.
 Reads = Literal["all", "labels", "nothing"]
-# What appears under the name of the output: the film at once, or coarser passes first.
+# The files that appear under the name of the output: the film at once, coarser passes first, or none.
 Draws = Literal["film", "passes", "nothing"]
 
 
 @dataclass(frozen=True)
 class SceneRequest:
-    """A scene that a command line names: the file of a scene or a sidecar, and what options change in it.
+    """Holds the scene that a command line names: the file of a scene or a sidecar, and the changes by options.
 
-    overrides: of `--set`. frames: a Python slice, as text. content: of a file that need not exist.
+    overrides: the values of `--set`. frames: a Python slice, as text. content: the content of the file, if it is known;
+    the file need not exist then.
     """
 
     path: Path
@@ -60,8 +62,8 @@ class SceneRequest:
 def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all") -> FilmJob:
     """Load the job of a scene file or a sidecar, with the changes of the command line's options.
 
-    The job of a sidecar makes its film again, or another one elsewhere. Raises InputError, and SceneError as
-    `load_scene`.
+    The job of a sidecar makes the recorded film again, or another film in another place. Raises InputError, and
+    SceneError as `load_scene`.
     """
     content = read_content(request.path) if request.content is None else request.content
     if may_be_json(content):
@@ -84,14 +86,14 @@ def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all")
 
 
 def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
-    """Return a scene in which what depends on voxels is chosen, as by `resolve_scene`; for that, files are read.
+    """Return the scene with all values that depend on voxels, found by `resolve_scene`, which reads the volumes.
 
-    editor: from which the scene is; it knows where problems are.
+    editor: the editor that parsed the scene; it knows the lines of problems.
     """
     if not any(layer.depends_on_voxels for layer in scene.layers):
         return scene
     from renderer.readers import read_volume
-    from renderer.suggest import resolve_scene
+    from renderer.resolve import resolve_scene
 
     try:
         return resolve_scene(scene, read_volume)
@@ -100,24 +102,25 @@ def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
 
 
 def _require_labels(scene: Scene, editor: TreeEditor) -> None:
-    """Raise SceneError for labels that a scene names and its files have not; for that, volumes of labels are read."""
+    """Read the volumes of labels; raise SceneError for labels that the scene names and that no voxel has."""
     from renderer.readers import read_volume
-    from renderer.suggest import label_problems
+    from renderer.resolve import label_problems
 
     raise_problems(editor.located_problems(label_problems(scene, read_volume)))
 
 
 def load_film(film: Path, volume: Path | None) -> FilmJob:
-    """Load the job that has made a film: a file, a template of numbered frames, or the sidecar.
+    """Load the job that made a film.
 
-    volume: where its volume is now, if it was moved. Raises InputError where there is no sidecar, and SceneError.
+    film: its file, the template of its numbered frames, or its sidecar. volume: the new place of its volume, if it was
+    moved. Raises InputError where there is no sidecar, and SceneError.
     """
     path, record = read_film_record(film)
     return _load_original(record, SceneRequest(path, volume=volume), "nothing")
 
 
 def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
-    """Return the sidecar of a film and the record in it; `film`, and what is raised, as in `load_film`."""
+    """Return the sidecar of a film and the record in it. The parameter and the errors are as in `load_film`."""
     from renderer.job import parse_film_record
 
     is_sidecar = output_suffix(film) == ".json"
@@ -174,12 +177,12 @@ def _has_whole_schedule(record: FilmRecord, editor: TreeEditor) -> bool:
 
 
 def _editor(record: FilmRecord, path: Path) -> TreeEditor:
-    """Return an editor of the recorded scene; its output is the film beside the sidecar, wherever they are now."""
+    """Return an editor of the recorded scene, whose output is the film beside the sidecar, even if both were moved."""
     scene, (first, *others) = {**record.scene}, outputs_of(record.scene)
     if isinstance(first.get("file"), str):
         first = {**first, "file": str(film_path_of_sidecar(path, Path(first["file"])))}
         others = [{**each, "file": found_path(str(each.get("file")), path.parent)} for each in others]
         scene["output"] = [first, *others] if others else first
-    options = {**_VOLUME_OPTIONS, "volume.file.0": "--volume"}  # of a list, the first of the files that are missing
+    options = {**_VOLUME_OPTIONS, "volume.file.0": "--volume"}  # the first missing file of a list of files
     hints = {key: f"if it was moved, {option} names it" for key, option in options.items()}
     return TreeEditor(YamlTree(scene), path, path_prefix="scene", hints=hints)

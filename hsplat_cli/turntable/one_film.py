@@ -172,7 +172,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     # Imported here to keep --help fast.
     from hsplat_cli.executors import open_executor
     from renderer.readers import read_volume
-    from renderer.suggest import resolve_scene
+    from renderer.resolve import resolve_scene
 
     with request.look.located() if request.look else nullcontext():
         scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job

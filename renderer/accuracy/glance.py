@@ -17,7 +17,7 @@ from renderer.film import over_background
 from renderer.frame import Stage, StageMaker, prepare_stage, view_of
 from renderer.layers import Layer
 from renderer.scene import LayerSpec, Scene
-from renderer.suggest import drawn_background
+from renderer.statistics import background_value
 from renderer.truth import SceneRays, chord_lengths
 from renderer.view import View
 from renderer.volume import Bools, Float64, Int64, Volume, sampled_volume
@@ -154,7 +154,8 @@ def _is_box(layer: Layer, view: View, pixels: Int64, opacities: Float64) -> bool
 
 def _box_glances(layer: Layer) -> Iterator[Glance]:
     """Yield the glance of a layer that looks like its box, unless it is a block that fills it."""
-    if (value := drawn_background(layer.volume, layer.transfer)) is not None:
+    value = background_value(layer.volume)
+    if value is not None and float(layer.transfer.classify(np.array([value]))[1][0]) > 0:
         name = Path(layer.volume.name).name
         why = f"its background, near {value:.4g}, is visible"
         yield Glance("its box", f"the picture shows the box of {name}: {why}; `hsplat info` suggests other opacities")

@@ -6,8 +6,11 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
 
 - `volume_reading.py` chooses the reader, crops and checks; `recent_images.py` keeps steps of DICOM; `nodata.py`: which
   voxels have no data; `sniff.py` finds formats and volumes in folders; `foreign.py` names files that are not read, by
-  `foreign.tsv`; `headerless.py`: what the name of a file without a header tells of its voxels; `common.py`: the checks
-  that hold for all formats; `voxel_colors.py` joins the components of colours, and `segments.py` segments that overlap.
+  `foreign.tsv`; `headerless.py`: what the name of a file without a header tells of its voxels; `voxel_colors.py` joins
+  the components of colours, and `segments.py` segments that overlap.
+- `image.py` is what every reader returns; `components.py`: which step in time and component are read, and which are
+  light or colours; `affines.py`: places of voxels in the world; `voxel_limits.py`: checks of sizes and types;
+  `scaled_values.py`: values of stored numbers; `file_errors.py`: files that cannot be read.
 - `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `mgh.py`, `mrc.py`, `numpy_arrays.py` (.npy, .npz, raw), `cube.py`:
   parsed in Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and
   decompresses voxels.

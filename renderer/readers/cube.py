@@ -15,7 +15,9 @@ from typing import IO
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import MAX_LISTED, Image, affine, choose
+from renderer.readers.affines import affine
+from renderer.readers.components import MAX_LISTED, choose
+from renderer.readers.image import Image
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field

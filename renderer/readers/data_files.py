@@ -8,8 +8,9 @@ import re
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.readers.common import describe_count, describe_shape, require_exists
+from renderer.readers.file_errors import require_exists
 from renderer.readers.foreign import refuse_pointer
+from renderer.readers.voxel_limits import describe_count, describe_shape
 from renderer.scene import short_text
 
 # Numbered data files: `slice%03d.raw 1 60 1`, first, last and step, of which MetaImage may leave out some. No other

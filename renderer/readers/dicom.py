@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Chosen, Image, affine, choose
+from renderer.readers.affines import affine
+from renderer.readers.components import Chosen, choose
 from renderer.readers.dicom_dimensions import Sorted, sort_frames, times_of
 from renderer.readers.dicom_folder import describe_left_out, find_series, one_of_a_series
 from renderer.readers.dicom_frames import Frame, frames_of
@@ -30,6 +31,7 @@ from renderer.readers.dicom_segments import (
     segments_of,
 )
 from renderer.readers.dicom_statements import note_on
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.volume import Array, Label
 

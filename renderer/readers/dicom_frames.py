@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import GUESSED_LENGTHS
+from renderer.readers.affines import GUESSED_LENGTHS
 from renderer.readers.dicom_fields import (
     Dataset,
     Dimension,

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.looks import LookFile, make_labels, rgb_from_lab
-from renderer.readers.common import labels_or_note
 from renderer.readers.dicom_fields import Dataset, numbers_of, open_dicom, text_of
 from renderer.readers.dicom_frames import Frame
 from renderer.readers.dicom_pixels import stored_frames
+from renderer.readers.file_errors import labels_or_note
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.segments import join_segments, type_of_labels
 from renderer.volume import Array, Channel, Int64, Label

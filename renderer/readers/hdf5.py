@@ -15,13 +15,15 @@ import numpy as np
 
 from renderer.errors import InputError, require_package
 from renderer.readers import hdf5_bdv, hdf5_cf, hdf5_emd, hdf5_imaris, hdf5_nexus
-from renderer.readers.common import Chosen, Image, choose, describe_shape
+from renderer.readers.components import Chosen, choose
 from renderer.readers.hdf5_image import Candidate, StoredImage, letters_of, place_of
 from renderer.readers.hdf5_objects import check_dataset
 from renderer.readers.hdf5_values import Values
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.units import units_of
+from renderer.readers.voxel_limits import describe_shape
 from renderer.scene import did_you_mean, join_some, short_text
 from renderer.volume import Array
 

@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING
+from renderer.readers.affines import NO_SPACING
 from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
 from renderer.readers.hdf5_objects import Dataset, Group, dataset_at, open_inside
 from renderer.readers.hdf5_values import Values, plain_values

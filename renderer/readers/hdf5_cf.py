@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from renderer.readers.common import no_spacing
+from renderer.readers.affines import no_spacing
 from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
 from renderer.readers.hdf5_objects import Dataset, Group, dataset_at, groups_and_datasets, line_at, numbers, text, texts
 from renderer.readers.hdf5_values import Values, values_of

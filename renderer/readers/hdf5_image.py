@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, affine, even_steps
+from renderer.readers.affines import NO_SPACING, affine, even_steps
 from renderer.readers.hdf5_objects import Dataset
 from renderer.readers.hdf5_values import Values, unpacked_line
 from renderer.readers.numpy_arrays import axes_of_array

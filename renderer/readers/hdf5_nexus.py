@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from functools import partial
 
-from renderer.readers.common import even_steps
+from renderer.readers.affines import even_steps
 from renderer.readers.hdf5_cf import describe as describe_plain, values_with_labels
 from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
 from renderer.readers.hdf5_objects import (

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import describe_shape
+from renderer.readers.voxel_limits import describe_shape
 from renderer.scene import short_text
 from renderer.volume import Float64
 

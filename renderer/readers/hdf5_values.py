@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.readers.common import scaled_type
 from renderer.readers.hdf5_objects import Dataset, numbers, text
+from renderer.readers.scaled_values import scaled_type
 from renderer.volume import Array, Float64, Label
 
 # A value that is outside the valid ones by less than this part of their end is valid: attributes are rounded.

@@ -25,9 +25,11 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, RenderError
-from renderer.readers.common import Image, check_dtype, check_memory, check_size, errors_about
+from renderer.readers.file_errors import errors_about
+from renderer.readers.image import Image
 from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.units import units_of
+from renderer.readers.voxel_limits import check_dtype, check_memory, check_size
 from renderer.scene import short_text
 from renderer.system import ChildProcesses, describe_exit, open_anonymous_file
 from renderer.volume import Array, Channel, Label

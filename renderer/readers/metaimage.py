@@ -16,8 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, choose, scaled
+from renderer.readers.affines import NO_SPACING, affine
+from renderer.readers.components import choose
 from renderer.readers.data_files import find_data_files, unquoted
+from renderer.readers.image import Image
+from renderer.readers.scaled_values import scaled
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, add_field, header_lines

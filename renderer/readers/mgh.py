@@ -17,7 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, choose, in_lps
+from renderer.readers.affines import affine, in_lps
+from renderer.readers.components import choose
+from renderer.readers.image import Image
 from renderer.readers.sniff import read_start
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at

@@ -13,7 +13,9 @@ from typing import Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, choose
+from renderer.readers.affines import NO_SPACING, affine
+from renderer.readers.components import choose
+from renderer.readers.image import Image
 from renderer.readers.sniff import MRC_MARK, read_start
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.stored import Layout, StoredVoxels, read_stored

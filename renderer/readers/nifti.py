@@ -25,14 +25,19 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.looks import MAX_LOOK_BYTES, read_extension
-from renderer.readers import common
+from renderer.readers.affines import has_volume, in_lps
+from renderer.readers.components import choose
 from renderer.readers.data_files import named_file
+from renderer.readers.file_errors import errors_about, labels_or_note, require_exists, unreadable_error
 from renderer.readers.foreign import refuse_pointer
+from renderer.readers.image import Image
+from renderer.readers.scaled_values import scaled
 from renderer.readers.sniff import read_start
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Layout, StoredVoxels, check_deflated, read_stored
 from renderer.readers.units import Units, units_of
+from renderer.readers.voxel_limits import check_dtype, describe_shape
 from renderer.scene import short_text
 from renderer.volume import Float64, Label
 
@@ -125,7 +130,7 @@ _SILENT = logging.Logger(__name__, logging.CRITICAL + 1)
 _Header = Any
 
 
-def read_nifti(path: Path, time: int | None, component: int | None) -> common.Image:
+def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     """Read the volume in a NIfTI file, scaled by the header's slope and intercept, if any.
 
     Scaled values are float32 if the stored ones have at most 16 bits or are float32, else float64. Raises InputError
@@ -133,7 +138,7 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> common.Im
     """
     header_file, data_file = find_pair(path)
     start, is_compressed = read_start(header_file, _NIFTI_2_BYTES + 4)
-    with common.errors_about(header_file):
+    with errors_about(header_file):
         if is_compressed and data_file is not None:  # of a single file the voxels are checked
             check_deflated(header_file, len(start))
         header, notes = _header(start, header_file, is_single=data_file is None)
@@ -144,9 +149,9 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> common.Im
     dtype = header.get_data_dtype()
     fields = dtype.names  # RGB24 and RGBA32 are records of bytes
     if fields is None:
-        common.check_dtype(dtype)
+        check_dtype(dtype)
     if shape[5:].count(1) != len(shape[5:]):
-        got, expected = common.describe_shape(shape), "x, y, z, then time and component"
+        got, expected = describe_shape(shape), "x, y, z, then time and component"
         raise InputError("the volume has too many axes", got=got, expected=expected)
     offset = int(header["vox_offset"])
     part = StoredVoxels(data_file or header_file, 0, "deflate" if is_compressed else "raw", offset, has_rest=True)
@@ -154,27 +159,27 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> common.Im
     if not _is_analyze(header):
         intent = int(header["intent_code"])
         names = _ATLAS if len(names) == 4 and intent == _LABEL else names or tuple(_COMPONENTS.get(intent, "").split())
-    chosen = common.choose("ctsss", (len(names) or shape[4], *layout.shape[1:]), time, component, names)
+    chosen = choose("ctsss", (len(names) or shape[4], *layout.shape[1:]), time, component, names)
     values, left_over = read_stored(layout, chosen._replace(part=(0, *chosen.part[1:])) if fields else chosen)
     values = values[fields[chosen.component]] if fields else values
     try:
         ras_from_index, axes = _ras_from_index(header)
     except ValueError as error:  # the quaternion is not a rotation
-        raise common.unreadable_error(error) from error
+        raise unreadable_error(error) from error
     slope, intercept = header.get_slope_inter()
     if slope is not None:
-        values = common.scaled(values, slope, intercept or 0.0)
+        values = scaled(values, slope, intercept or 0.0)
     notes += [*[_ANALYZE] * _is_analyze(header), left_over, *chosen.notes, *_statements(header)]
     has_extensions = data_file is None and start[len(header.binaryblock) :][:1] not in (b"", b"\0")
-    labels, wrong = common.labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
-    world_from_index = common.in_lps(ras_from_index, (-1.0, -1.0, 1.0))
+    labels, wrong = labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
+    world_from_index = in_lps(ras_from_index, (-1.0, -1.0, 1.0))
     all_notes, steps = (*notes, wrong), _steps(header, shape[3])
     if _is_analyze(header):
         length, value = (header[name].item().decode("latin-1") for name in ("vox_units", "cal_units"))
         units = units_of(length or "mm", "", value)
     else:
         units = Units(_LENGTH_UNITS.get(int(header["xyzt_units"]) & 0b111, ""), axes)
-    return common.Image(values, world_from_index, all_notes, (), chosen.channels, labels, steps, units)
+    return Image(values, world_from_index, all_notes, (), chosen.channels, labels, steps, units)
 
 
 def _statements(header: _Header) -> Iterator[str | None]:
@@ -199,7 +204,7 @@ def _statements(header: _Header) -> Iterator[str | None]:
 def _places_differ(header: _Header) -> bool:
     """Return whether both affines are there, and place a corner of the volume in another voxel."""
     sform, qform = header.get_sform(), header.get_qform()
-    if not (common.has_volume(sform) and common.has_volume(qform)):
+    if not (has_volume(sform) and has_volume(qform)):
         return False
     corner = np.array([*header["dim"][1:4], 1.0])
     with np.errstate(over="ignore", invalid="ignore"):
@@ -243,12 +248,12 @@ def find_pair(path: Path) -> tuple[Path, Path | None]:
     start, name, end = pair[1], pair[2], pair[3] or ""
     names = (start + (each.upper() if name.isupper() else each) + end for each in ("hdr", "img"))
     header, data = (named_file(path, each) for each in names)
-    common.require_exists(header)
+    require_exists(header)
     if not data.is_file():
         raise InputError(
             "the data file that belongs to this header is not there", where=str(header), expected=f"a file {data}"
         )
-    refuse_pointer(common.require_exists(data))
+    refuse_pointer(require_exists(data))
     return header, data
 
 
@@ -294,7 +299,7 @@ def _mend_sizes(header: _Header) -> list[str | None]:
     axes = range(1, int(header["dim"][0]) + 1)
     voxels = [k for k in axes if header["dim"][k] == 0 and k > 1]
     header["dim"][voxels] = 1
-    has_sform = not _is_analyze(header) and header["sform_code"] > 0 and common.has_volume(header.get_sform())
+    has_sform = not _is_analyze(header) and header["sform_code"] > 0 and has_volume(header.get_sform())
     lengths = [k for k in axes if k < 4 and header["pixdim"][k] == 0 and not has_sform]
     found = (("number of voxels", voxels), ("voxel size", lengths))
     return [
@@ -335,7 +340,7 @@ def _ras_from_index(header: _Header) -> tuple[Float64, str]:
     if _is_analyze(header):  # around SPM's origin, or the middle of the volume
         return np.array(header.get_origin_affine(), np.float64), ""
     for code, affine in (("sform_code", header.get_sform), ("qform_code", header.get_qform)):
-        if header[code] > 0 and common.has_volume(affine()):
+        if header[code] > 0 and has_volume(affine()):
             return np.array(affine(), np.float64), "LPS"
     # Method 1 of the standard: x = pixdim[1] i and so on. nibabel, compatible with Analyze, would mirror it.
     sizes = np.ones(3)

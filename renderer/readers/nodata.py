@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import check_memory
+from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted
 from renderer.volume import Array, Bools, Float64, Int64, MappedFile, iter_slabs
 

@@ -16,14 +16,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers import common
+from renderer.readers.affines import NO_SPACING, affine, in_lps
+from renderer.readers.components import Chosen, choose
 from renderer.readers.data_files import find_data_files
+from renderer.readers.file_errors import labels_or_note
+from renderer.readers.image import Image
 from renderer.readers.segments import join_layers, labels_of_layer, segments_of_slicer
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
 from renderer.readers.units import Units, units_of
+from renderer.readers.voxel_limits import describe_count, describe_shape
 from renderer.scene import did_you_mean, format_value
 from renderer.volume import Array, Channel, Float64, Label
 
@@ -111,7 +115,7 @@ _CENTERS = ("cell", "node", *_UNKNOWN_KINDS)
 _VECTOR = re.compile(r"\(([^()]*)\)|none", re.IGNORECASE)
 
 
-def read_nrrd(path: Path, time: int | None, component: int | None) -> common.Image:
+def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     """Read one time step and component of a NRRD file, in LPS.
 
     Raises InputError for damaged, truncated and foreign files, and if `time` or `component` do not fit.
@@ -124,17 +128,17 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> common.Ima
     if axes == "ssst" and layout.shape[0] > 1 and time is None and not directions and {*kinds} <= {*_UNKNOWN_KINDS}:
         raise InputError(
             "this NRRD file does not say which of its four axes is time, or holds components",
-            got=common.describe_shape(layout.shape[::-1]),
+            got=describe_shape(layout.shape[::-1]),
             expected=f"`time: k` with k from 0 to {layout.shape[0] - 1} if the last one is time",
             hint="if the first one holds components, add a line `kinds: list domain domain domain`",
         )
     voxels = _read_voxels(path, fields, layout, axes, (time, component))
-    guessed = None if has_spacing else common.NO_SPACING
+    guessed = None if has_spacing else NO_SPACING
     left_handed = _LEFT_HANDED if "space" in fields and _is_left_handed(fields["space"]) else None
     notes = (guessed, left_handed, *voxels.notes, STATEMENTS.note(_unapplied(fields)))
     steps = _steps(fields, axes, layout.shape[::-1])
     units = _units(fields, axes, has_directions=bool(directions))
-    return common.Image(voxels.values, world_from_index, notes, (), voxels.channels, voxels.labels, steps, units)
+    return Image(voxels.values, world_from_index, notes, (), voxels.channels, voxels.labels, steps, units)
 
 
 class _Voxels(NamedTuple):
@@ -152,9 +156,9 @@ def _read_voxels(
     """Read one time step and component; of segments in several layers all, unless a component is wanted."""
     time, component = wanted
     num_layers = dict(zip(axes[::-1], layout.shape, strict=True)).get("c", 1)
-    segments, wrong = common.labels_or_note(lambda: segments_of_slicer(path, _segment_keys(fields), num_layers))
+    segments, wrong = labels_or_note(lambda: segments_of_slicer(path, _segment_keys(fields), num_layers))
     if segments and component is None and num_layers > 1:
-        chosen = common.choose(axes[::-1], layout.shape, time, 0)
+        chosen = choose(axes[::-1], layout.shape, time, 0)
         layers, left_over = _read_layers(layout, chosen, axes[::-1])
         values, about = join_layers(layers, segments)
         labels = tuple(each.label for each in segments)
@@ -162,7 +166,7 @@ def _read_voxels(
     skip = None if {"byteskip", "lineskip"} & fields.keys() else "byte skip: {}"
     if skip and layout.parts[0].encoding == "raw":
         skip = "byte skip: -1"
-    chosen = common.choose(axes[::-1], layout.shape, time, component, _component_names(fields, axes))
+    chosen = choose(axes[::-1], layout.shape, time, component, _component_names(fields, axes))
     values, left_over = read_stored(layout, chosen, skip)
     labels, others = labels_of_layer(segments, chosen.component)
     return _Voxels(values, chosen.channels, labels, (left_over, *chosen.notes, wrong, others))
@@ -249,7 +253,7 @@ def _segment_keys(fields: dict[str, Field]) -> dict[str, str]:
     return {name: field.text.strip() for name, field in fields.items() if name.startswith("Segment")}
 
 
-def _read_layers(layout: Layout, chosen: common.Chosen, axes: str) -> tuple[Array, str | None]:
+def _read_layers(layout: Layout, chosen: Chosen, axes: str) -> tuple[Array, str | None]:
     """Return all components of a step, [component, z, y, x], and the note on bytes that are no voxels."""
     part = tuple(slice(None) if letter == "c" else item for letter, item in zip(axes, chosen.part, strict=True))
     values, left_over = read_stored(layout, chosen._replace(part=part))
@@ -327,7 +331,7 @@ def _after_lines(file: Path, begin: int, num_lines: int) -> int:
                 raise InputError(
                     "the lines before the voxels do not end",
                     where=str(file),
-                    expected=f"{common.describe_count(num_lines)} lines in {MAX_HEADER_BYTES >> 20} MiB",
+                    expected=f"{describe_count(num_lines)} lines in {MAX_HEADER_BYTES >> 20} MiB",
                     hint="the line skip of the header is wrong, or the file is truncated",
                 )
         return opened.tell()
@@ -405,7 +409,7 @@ def _world_from_index(fields: dict[str, Field], axes: str, directions: list[Floa
     origin = first if origins[0] is None else origins[0]
     factors = _choice(fields["space"], _SPACES) if "space" in fields else (1.0, 1.0, 1.0)
     has_spacing = bool(directions) or "spacings" in fields or {"axismins", "axismaxs"} <= fields.keys()
-    return common.in_lps(common.affine(np.ones(3), origin, vectors), factors), has_spacing
+    return in_lps(affine(np.ones(3), origin, vectors), factors), has_spacing
 
 
 def _scalar_places(fields: dict[str, Field], space: list[int], num_axes: int) -> tuple[Float64, Float64]:

@@ -15,16 +15,10 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import (
-    GUESSED_LENGTHS,
-    NO_SPACING,
-    Image,
-    choose,
-    damaged_error,
-    errors_about,
-    require_exists,
-    select_index,
-)
+from renderer.readers.affines import GUESSED_LENGTHS, NO_SPACING
+from renderer.readers.components import choose, select_index
+from renderer.readers.file_errors import damaged_error, errors_about, require_exists
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.orientation import known_orientation, oriented
 from renderer.readers.slice_names import require_alike, sort_slices

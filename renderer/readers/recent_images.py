@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Hashable
 from pathlib import Path
 
-from renderer.readers.common import Image
+from renderer.readers.image import Image
 
 # Of each file its name, number, size and time.
 FileMarks = tuple[tuple[str, int, int, int], ...]

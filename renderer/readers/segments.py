@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.looks import LookFile, make_labels
-from renderer.readers.common import check_memory
+from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted, join_some, short_text
 from renderer.volume import Array, Int64, Label
 

@@ -19,8 +19,18 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers import common
+from renderer.readers.components import Chosen
+from renderer.readers.file_errors import errors_about
+from renderer.readers.scaled_values import bytes_of
 from renderer.readers.sniff import NIFTI_STARTS, read_start
+from renderer.readers.voxel_limits import (
+    check_memory,
+    check_size,
+    describe_count,
+    describe_shape,
+    fitting_shapes,
+    stays_mapped,
+)
 from renderer.scene import counted, short_text
 from renderer.volume import Array
 
@@ -85,7 +95,7 @@ class Layout:
         return (num_steps,) * (num_steps > 1) + self.shape[self.num_split :]
 
 
-def read_stored(layout: Layout, chosen: common.Chosen, skip: str | None = None) -> tuple[Array, str | None]:
+def read_stored(layout: Layout, chosen: Chosen, skip: str | None = None) -> tuple[Array, str | None]:
     """Return one time step and component of an array, and a note if bytes of its files are no voxels.
 
     The array has its axes in space, that of a plane is [1, y, x], and other axes only if `chosen` has all of them.
@@ -133,13 +143,13 @@ def _read_part(layout: Layout, index: tuple[int | slice, ...], *, in_time: bool)
     index: an item for each axis; slices are whole. Integers for the slowest axes save memory. in_time: other steps may
         be read next, for which what is decoded is kept.
     """
-    num_bytes = common.check_size(layout.shape[::-1], layout.dtype)
+    num_bytes = check_size(layout.shape[::-1], layout.dtype)
     num_left = 0
     for part in layout.parts:
-        with common.errors_about(part.file):
+        with errors_about(part.file):
             num_left += _check_length(part, layout.part_shape[::-1], layout.dtype)
     only = layout.parts[0]
-    if len(layout.parts) == 1 and only.encoding == "raw" and common.stays_mapped(num_bytes):
+    if len(layout.parts) == 1 and only.encoding == "raw" and stays_mapped(num_bytes):
         mapped: Array = np.memmap(only.file, layout.dtype, "r", only.offset + only.num_skipped, layout.shape)
         return mapped[index], num_left
     first, num_chosen = 0, 0
@@ -147,11 +157,11 @@ def _read_part(layout: Layout, index: tuple[int | slice, ...], *, in_time: bool)
         if not isinstance(item, int):
             break
         first, num_chosen = first * length + item, num_chosen + 1
-    common.check_memory(num_bytes // math.prod(layout.shape[:num_chosen]))
+    check_memory(num_bytes // math.prod(layout.shape[:num_chosen]))
     values = np.empty(layout.shape[num_chosen:], layout.dtype)
     begin = first * values.nbytes
     for part in layout.parts:
-        with common.errors_about(part.file):
+        with errors_about(part.file):
             num_left += _copy_part(part, values, begin, layout.part_shape[::-1], in_time=in_time)
         begin -= num_bytes // len(layout.parts)
     return values[index[num_chosen:]], num_left
@@ -166,7 +176,7 @@ def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[i
     low, high = max(begin, 0), min(begin + values.nbytes, num_bytes)
     if low >= high:
         return 0
-    target = common.bytes_of(values)[low - begin : high - begin]
+    target = bytes_of(values)[low - begin : high - begin]
     if part.encoding == "raw":
         with part.file.open("rb") as file:
             file.seek(part.offset + part.num_skipped + low)
@@ -228,7 +238,7 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
     if part.num_skipped > _MAX_SKIPPED:
         raise InputError(
             "there is too much before the voxels",
-            got=f"voxels from byte {common.describe_count(part.num_skipped)} on",
+            got=f"voxels from byte {describe_count(part.num_skipped)} on",
             expected=f"at most {_MAX_SKIPPED} bytes before them",
             hint="if nothing before them is that long, the header is damaged",
         )
@@ -240,7 +250,7 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
     }[part.encoding]
     if found < max(least, part.num_encoded or 0):
         encoded = "text" if part.encoding in ("text", "hex") else "compressed voxels"
-        expected = f"at least {least} bytes ({common.describe_shape(shape_xyz)} voxels)"
+        expected = f"at least {least} bytes ({describe_shape(shape_xyz)} voxels)"
         if part.num_encoded is not None:
             expected = f"{part.num_encoded} bytes of compressed voxels"
         raise _too_short(f"{max(found, 0)} bytes of {encoded}", expected)
@@ -254,18 +264,18 @@ def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...],
     """
     num_bytes = dtype.itemsize * math.prod(shape_xyz)
     is_raw = part.encoding == "raw"
-    expected = f"{num_bytes} bytes ({common.describe_shape(shape_xyz)} voxels)"
+    expected = f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)"
     if found < num_bytes:
         raise _too_short(f"{max(found, 0)} bytes" + " after decoding" * (not is_raw), expected)
     num_left = found - num_bytes
     if part.has_rest or num_left in _HEADERS or num_left < min(num_bytes // n for n in shape_xyz[:3]):
         return num_left
-    fits = common.fitting_shapes(shape_xyz, dtype.itemsize, found) if is_raw else []
+    fits = fitting_shapes(shape_xyz, dtype.itemsize, found) if is_raw else []
     raise InputError(
         "the file is longer than its header says",
         got=f"{found} bytes" if is_raw else f"{found} bytes or more after decoding",
         expected=expected,
-        hint=f"these would fit: {'; '.join(map(common.describe_shape, fits))}" if fits else "the header is wrong",
+        hint=f"these would fit: {'; '.join(map(describe_shape, fits))}" if fits else "the header is wrong",
     )
 
 

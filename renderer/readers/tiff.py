@@ -21,7 +21,9 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, choose, damaged_error, errors_about, require_exists, select_index
+from renderer.readers.components import choose, select_index
+from renderer.readers.file_errors import damaged_error, errors_about, require_exists
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.orientation import oriented
 from renderer.readers.slice_names import require_alike, sort_slices

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.readers.common import MAX_LISTED
+from renderer.readers.components import MAX_LISTED
 from renderer.readers.tiff_description import Layout, Page, is_imagej, is_ome, ome_elements
 from renderer.readers.tiff_statements import sample_names
 from renderer.system import attribute, number_in, unescaped

@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Any
 
 from renderer.errors import InputError
-from renderer.readers.common import GUESSED_LENGTHS, no_spacing
+from renderer.readers.affines import GUESSED_LENGTHS, no_spacing
 from renderer.readers.tiff_description import escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
 from renderer.readers.tiff_statements import records_of
 from renderer.readers.units import are_of_screen, one_spelling

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -13,7 +13,10 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers import common
+from renderer.readers.affines import GUESSED_LENGTHS, check_axes, check_lengths, spacing_of, with_spacing
+from renderer.readers.components import are_colors, are_light, choose, select_index
+from renderer.readers.file_errors import errors_about, require_exists, unreadable_error
+from renderer.readers.image import Image
 from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.recent_images import FileMarks, RecentImages, marks_of
@@ -21,9 +24,18 @@ from renderer.readers.sniff import find_format, find_volume
 from renderer.readers.steps_in_time import TimeSteps, some_steps
 from renderer.readers.units import units_of
 from renderer.readers.voxel_colors import join_colors
+from renderer.readers.voxel_limits import (
+    check_dtype,
+    check_integer_resolution,
+    check_memory,
+    describe_shape,
+    stays_mapped,
+)
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text, values_at
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
+# Reads the voxels of a volume.
+ReadVolume = Callable[[VolumeSpec], Volume]
 Ranges = Sequence[tuple[int, int]]
 # Steps of DICOM that are kept, for the suggested look and the film: to find one, all files of a series are parsed.
 _DICOM_IMAGES = RecentImages(most_bytes=256 << 20)
@@ -52,11 +64,11 @@ def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
 def _read_step(spec: VolumeSpec, time: int | None) -> Volume:
     name = _name(spec.source, time)
     # Numbers of headers may be infinite; what comes of them is refused, or has no data.
-    with common.errors_about(name), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+    with errors_about(name), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
             return _read_volume(spec, time, name)
         except OSError as error:
-            raise common.unreadable_error(error) from error
+            raise unreadable_error(error) from error
         except MemoryError as error:
             raise InputError(
                 "there is not enough memory for this volume", hint="`crop` it, or render on a larger machine"
@@ -67,8 +79,7 @@ def _check_alike(volume: Volume, like: Volume, *, by_kind: bool = True) -> None:
     """Raise InputError unless a step has the shape and, as far as no voxel is absent, the type of another one."""
     by_kind = by_kind and not volume.num_absent and not like.num_absent
     got, expected = (
-        f"{common.describe_shape(each.shape_xyz)} voxels{f' of {each.values.dtype.name}' * by_kind}"
-        for each in (volume, like)
+        f"{describe_shape(each.shape_xyz)} voxels{f' of {each.values.dtype.name}' * by_kind}" for each in (volume, like)
     )
     if got != expected:
         what = "the steps of this volume differ"
@@ -86,7 +97,7 @@ def mix_steps(before: Volume, after: Volume, share: float) -> Volume:
         got = f"first voxels at {', '.join(str(place[:3, 3].tolist()) for place in places)}"
         expected = f"the spacing, origin and directions of {before.name}"
         raise InputError("two steps on different grids are not mixed", where=after.name, got=got, expected=expected)
-    common.check_memory(4 * before.values.size)
+    check_memory(4 * before.values.size)
     values = np.empty(before.values.shape, np.float32)
     with np.errstate(over="ignore"):
         for plane, first, second in zip(values, before.values, after.values, strict=True):
@@ -111,13 +122,13 @@ def _between(before: Array, after: Array, share: float) -> Float64:
 
 def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     image = _load(spec, time)
-    common.check_dtype(image.values.dtype)
-    common.check_axes(image.world_from_index)
+    check_dtype(image.values.dtype)
+    check_axes(image.world_from_index)
     spacing, replaced = spec.source.spacing if isinstance(spec.source, FileSource) else None, None
     if spacing is not None:
-        replaced = common.spacing_of(image.world_from_index)
-        image = replace(image, world_from_index=common.with_spacing(image.world_from_index, spacing))
-    common.check_lengths(image.world_from_index)
+        replaced = spacing_of(image.world_from_index)
+        image = replace(image, world_from_index=with_spacing(image.world_from_index, spacing))
+    check_lengths(image.world_from_index)
     crop, lengths = spec.crop or (None, None, None), image.values.shape[::-1]
     ranges = tuple(pair or (0, length) for pair, length in zip(crop, lengths, strict=True))
     image, colors = crop_image(image, ranges), None
@@ -125,12 +136,12 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
         image, colors = join_colors(
             image, spec.component, lambda k: crop_image(_load(replace(spec, component=k), time), ranges)
         )
-    notes = [each for each in image.notes if each and (spacing is None or not each.startswith(common.GUESSED_LENGTHS))]
-    is_light = common.are_light(image)
-    if spec.component == "all" and (is_light or common.are_colors(image.values.dtype, image.channels)):
+    notes = [each for each in image.notes if each and (spacing is None or not each.startswith(GUESSED_LENGTHS))]
+    is_light = are_light(image)
+    if spec.component == "all" and (is_light or are_colors(image.values.dtype, image.channels)):
         notes = [each for each in notes if not each.startswith(f"{len(image.channels)} components")]
     first = tuple(begin for begin, _ in ranges)
-    mapped = backing_file(image.values) if common.stays_mapped(image.values.nbytes) else None
+    mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
     if mapped is not None:
         guard_mapping(mapped, image.values)
     image = replace(image, values=_native_contiguous(image.values))
@@ -140,12 +151,12 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     if mapped is not None:  # checked for copies, too
         mapped.require_unchanged()
     file = file if values is image.values else None
-    common.check_integer_resolution(values, file)
+    check_integer_resolution(values, file)
     made = make_volume(values, image.world_from_index, name, file, num_absent=num_absent, colors=colors)
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
     remarks = "; ".join([*notes, *filter(None, [note])]) or None
     named = replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
-    is_guessed = not image.has_lengths or any((each or "").startswith(common.GUESSED_LENGTHS) for each in image.notes)
+    is_guessed = not image.has_lengths or any((each or "").startswith(GUESSED_LENGTHS) for each in image.notes)
     named = replace(named, has_lengths=spacing is not None or not is_guessed)
     # Lengths of the scene may be in any unit.
     are_own = spacing is None or np.allclose(spacing, replaced or 0.0, rtol=1e-3, atol=0.0)
@@ -153,7 +164,7 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     return replace(named, **image.steps._asdict(), **units._asdict())
 
 
-def _fill_values_in_time(spec: VolumeSpec, image: common.Image) -> tuple[float, ...]:
+def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
     """Return the fill values of some steps of a volume in time: none of other volumes, and of bytes."""
     num_times, source = image.steps.num_times, spec.source
     if num_times == 1 or image.values.dtype.itemsize == 1 or not isinstance(source, FileSource):
@@ -194,13 +205,13 @@ def _name(source: FileSource | RawSource | ProceduralSource | ArraySource, time:
     return f"procedural {source.name}" if isinstance(source, ProceduralSource) else str(source.file)
 
 
-def _load(spec: VolumeSpec, time: int | None) -> common.Image:
+def _load(spec: VolumeSpec, time: int | None) -> Image:
     """Return the image of one step from the reader of the source, which is imported on first use."""
     source = spec.source
     if isinstance(source, FileSource):
         return _load_listed(spec, source, time) if source.steps else _load_file(spec, source.file, time)
-    common.select_index("time", time, 1)
-    common.select_index("component", _component(spec), 1)
+    select_index("time", time, 1)
+    select_index("component", _component(spec), 1)
     if isinstance(source, ArraySource):
         values = source.values.view()
         values.flags.writeable = False  # the array is never changed
@@ -212,7 +223,7 @@ def _load(spec: VolumeSpec, time: int | None) -> common.Image:
         from renderer.readers.procedural import procedural_values
 
         values = procedural_values(source)
-    return common.Image(values, np.diag([*source.spacing, 1.0]))
+    return Image(values, np.diag([*source.spacing, 1.0]))
 
 
 # The modules of readers that are not named after their format: `nrrd.py` has `read_nrrd`, and so on.
@@ -221,9 +232,9 @@ _MODULES = {"npy": "numpy_arrays", "npz": "numpy_arrays", "vtk": "vtk_image"}
 _ISOLATED = ("tiff", "dicom", "vtk", "hdf5", "pictures")
 
 
-def _load_listed(spec: VolumeSpec, source: FileSource, time: int | None) -> common.Image:
+def _load_listed(spec: VolumeSpec, source: FileSource, time: int | None) -> Image:
     """Return the image of one of several files, each of which is one step."""
-    chosen = common.choose("t", (len(source.steps),), time, None)
+    chosen = choose("t", (len(source.steps),), time, None)
     file = source.steps[chosen.step]
     own_time = 0 if spec.component is None else None  # with which axes that are not named are times, or not
     image = _load_file(spec, file, own_time)
@@ -235,9 +246,9 @@ def _load_listed(spec: VolumeSpec, source: FileSource, time: int | None) -> comm
     return replace(image, steps=steps, notes=(*image.notes, *chosen.notes))
 
 
-def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> common.Image:
+def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> Image:
     """Return the image in a file or a folder, from the reader of its format."""
-    found, form, note = find_volume(common.require_exists(path))
+    found, form, note = find_volume(require_exists(path))
     reader = f"renderer.readers.{_MODULES.get(form, form)}:read_{form}"  # imported on first use
     if spec.dataset is not None and form != "hdf5":
         raise InputError(
@@ -259,7 +270,7 @@ def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> common.Image:
         else:
             image = read()
     else:
-        with common.errors_about(found):
+        with errors_about(found):
             image = import_reader(reader)(found, time, _component(spec))
     return replace(image, notes=(note, *image.notes))
 
@@ -280,13 +291,13 @@ def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
     if form in ("nrrd", "metaimage"):
         from renderer.readers import metaimage, nrrd
 
-        with common.errors_about(file):
+        with errors_about(file):
             layout = (nrrd.read_header(file) if form == "nrrd" else metaimage.read_header(file))[1]
             return file, [part.file for part in layout.parts]
     if form == "vtk":
         from renderer.readers.vtk_image import piece_files
 
-        with common.errors_about(file):
+        with errors_about(file):
             return file, piece_files(file)
     if form == "nifti":
         from renderer.readers.nifti import find_pair
@@ -296,7 +307,7 @@ def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
     return file, []
 
 
-def crop_image(image: common.Image, ranges: Ranges) -> common.Image:
+def crop_image(image: Image, ranges: Ranges) -> Image:
     """Return the voxels in half-open `ranges` for x, y, z, at the same place in the world; the values are a view.
 
     Raises InputError for ranges that are empty or reach outside the volume.
@@ -322,7 +333,7 @@ def _native_contiguous(values: Array) -> Array:
     larger array.
     """
     is_mapped = isinstance(values, np.memmap)
-    if is_mapped and common.stays_mapped(values.nbytes) and values.flags.c_contiguous and values.dtype.isnative:
+    if is_mapped and stays_mapped(values.nbytes) and values.flags.c_contiguous and values.dtype.isnative:
         return np.asarray(values)
     is_part = values.base is not None and getattr(values.base, "nbytes", values.nbytes) > values.nbytes
     if is_mapped or is_part or not values.flags.c_contiguous:

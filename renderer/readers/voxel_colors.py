@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, check_memory
+from renderer.readers.image import Image
+from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted, join_some
 from renderer.volume import Array, UInt8, backing_file, guard_mapping
 

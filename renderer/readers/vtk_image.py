@@ -20,7 +20,10 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, affine, choose, errors_about, even_steps, require_exists, select_index
+from renderer.readers.affines import affine, even_steps
+from renderer.readers.components import choose, select_index
+from renderer.readers.file_errors import errors_about, require_exists
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.nodata import with_nan_where
 from renderer.readers.text_header import MAX_HEADER_BYTES

@@ -192,3 +192,16 @@ from .yaml_tree import (
     parse_yaml as parse_yaml,
     parse_yaml_file as parse_yaml_file,
 )
+
+# isort: split
+# For tests alone: steps and constants that no other room uses.
+from .camera_section import (
+    MAX_FIELD_OF_VIEW as MAX_FIELD_OF_VIEW,
+    MAX_ZOOM as MAX_ZOOM,
+    MIN_FIELD_OF_VIEW as MIN_FIELD_OF_VIEW,
+)
+from .colormaps import is_colormap as is_colormap, nearest_colormap as nearest_colormap
+from .motion import EASINGS as EASINGS, MotionKind as MotionKind
+from .output_section import MAX_SIDE as MAX_SIDE
+from .spec import SECTIONS as SECTIONS
+from .tree_node import read_frame as read_frame

@@ -90,7 +90,7 @@ class TransferSpec:
 
     `unit` is the world length that opacities refer to; None means the volume's finest spacing. What was imported is in
     the control points, so that `imported` changes nothing and is not recorded. relative: values are percentiles of the
-    volume's voxels with data, in place of which `renderer.suggest.resolve_scene` puts values.
+    volume's voxels with data, in place of which `renderer.resolve.resolve_scene` puts values.
     """
 
     mapping: tuple[ControlPoint, ...] | ColormapSpec | LabelsSpec

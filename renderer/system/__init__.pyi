@@ -35,3 +35,7 @@ from .versions import (
     package_versions as package_versions,
     sources_digest as sources_digest,
 )
+
+# isort: split
+# For tests alone: steps and constants that no other room uses.
+from .cores import control_groups as control_groups

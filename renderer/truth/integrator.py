@@ -26,7 +26,7 @@ from renderer.errors import RenderError
 from renderer.kernels import IndexRays, ThreadPool, kernels
 from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.truth.kept_parts import kept_parts, removed_sets
+from renderer.truth.kept_parts import keep_parts, removed_sets
 from renderer.truth.optics import TrueLayer, optics_of
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
@@ -202,7 +202,7 @@ def index_rays(volume: Volume, view: View, pixels: Int64, point_world: Float64 |
     point = volume.centre if point_world is None else point_world
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
     origins, directions, starts = rays_through_pixels(point, view, pixels)
-    parts = kept_parts(view, point, origins, directions, starts)
+    parts = keep_parts(view, point, origins, directions, starts)
     if volume.mask is not None:  # lengths along rays are those of the world in all grids
         parts = _parts_inside(volume.mask, index_rays(volume.mask, view, pixels, point))
     origins = (origins + (point - volume.centre)) @ index_from_world.T + volume.centre_index

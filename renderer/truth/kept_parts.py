@@ -35,7 +35,7 @@ def removed_sets(volume: Volume, view: View) -> list[RemovedSet]:
     return found
 
 
-def kept_parts(view: View, point_world: Float64, origins: Float64, directions: Float64, starts: Float64) -> Float64:
+def keep_parts(view: View, point_world: Float64, origins: Float64, directions: Float64, starts: Float64) -> Float64:
     """Return the parts of rays that are kept, one behind the other: float64 [n, k, 2], some of them empty.
 
     origins: float64 [n, 3], relative to the point and in world axes, as directions. starts: float64 [n].

@@ -1,8 +1,8 @@
 """Sort splats and bricks back to front; ties are broken by the cell's place in the cut.
 
-`depth_order` sorts by depth, which splats that overlap need. `box_order` is the exact visibility order of the octree's
-cells as boxes (the traversal of Laur and Hanrahan 1991): right for bricks and for footprints inside their cells.
-Overlapping footprints show seams along the planes between large cells seen edge-on.
+`order_by_depth` sorts by depth, which splats that overlap need. `box_order` is the exact visibility order of the
+octree's cells as boxes (the traversal of Laur and Hanrahan 1991): right for bricks and for footprints inside their
+cells. Overlapping footprints show seams along the planes between large cells seen edge-on.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from renderer.view.camera import View
 from renderer.volume import Float32, Int32, UInt8, UInt32, Volume
 
 
-def depth_order(depths: Float32) -> UInt32:
+def order_by_depth(depths: Float32) -> UInt32:
     """Return the order of descending depths (float32 [n], no NaN), equal ones by ascending index: uint32 [n]."""
     order = np.empty(len(depths), np.uint32)
     kernels().depth_order(depths=depths, order=order)

@@ -11,7 +11,7 @@ from renderer.kernels import ModelView, kernels
 from renderer.pyramid import Cut
 from renderer.splats import SplatBatch
 from renderer.view.camera import View
-from renderer.view.depth_order import box_order, depth_order
+from renderer.view.depth_order import box_order, order_by_depth
 from renderer.view.order_blending import OrderBlending, sort_directions
 from renderer.volume import Float64, UInt32
 
@@ -163,7 +163,7 @@ def visible_order(batch: SplatBatch, view: View, *, cells: Cut | None = None, al
         back_to_front = box_order(cells.levels, cells.cells, cells.volume, view)
         return back_to_front[is_visible[back_to_front]]
     indices = np.flatnonzero(is_visible).astype(np.uint32)
-    return indices[depth_order(depths[indices])]
+    return indices[order_by_depth(depths[indices])]
 
 
 def blended_orders(batch: SplatBatch, view: View, blending: OrderBlending) -> list[tuple[float, UInt32]]:

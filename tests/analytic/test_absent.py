@@ -15,7 +15,7 @@ from stage_pictures import NUMBER, decibels, drawn, exact
 from renderer.frame import Stage, prepare_stage, view_of
 from renderer.pyramid import cut_pyramid
 from renderer.scene import parse_scene
-from renderer.truth.integrator import index_rays
+from renderer.truth import index_rays
 from renderer.volume import Array, Volume, make_volume
 
 SIZE = (44, 36)

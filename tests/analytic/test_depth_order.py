@@ -8,8 +8,7 @@ import pytest
 from brickwork import AFFINES
 
 from renderer.pyramid import Cut
-from renderer.view import View
-from renderer.view.depth_order import box_order, depth_order
+from renderer.view import View, box_order, order_by_depth
 from renderer.volume import Float64, Volume, make_volume
 
 each_affine = pytest.mark.parametrize("affine", AFFINES.values(), ids=AFFINES.keys())
@@ -163,5 +162,5 @@ BIGGEST = np.finfo(np.float32).max
 )
 def test_depths_of_any_sign_and_size(depths: npt.ArrayLike) -> None:
     depths = np.asarray(depths, np.float32)
-    np.testing.assert_array_equal(depth_order(depths), np.argsort(-depths.astype(np.float64), kind="stable"))
-    assert depth_order(depths).dtype == np.uint32
+    np.testing.assert_array_equal(order_by_depth(depths), np.argsort(-depths.astype(np.float64), kind="stable"))
+    assert order_by_depth(depths).dtype == np.uint32

@@ -13,8 +13,7 @@ from ray_integrals import interpolate, look, oblique, ray_spans, shade
 from renderer.kernels import IndexRays, kernels
 from renderer.scene import ClipSpec, PlaneSpec, ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.truth import RayIntegrator, TrueLayer
-from renderer.truth.optics import optics_of
+from renderer.truth import RayIntegrator, TrueLayer, optics_of
 from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume
 

@@ -13,8 +13,7 @@ from ray_integrals import COLORFUL, look, oblique, ray_spans, volume
 
 from renderer.scene import ClipSpec, PlaneSpec, ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.truth import RayIntegrator, TrueLayer
-from renderer.truth.integrator import rays_through_pixels
+from renderer.truth import RayIntegrator, TrueLayer, rays_through_pixels
 from renderer.view import View
 from renderer.volume import Float64, Volume
 

@@ -8,8 +8,14 @@ import math
 import numpy as np
 import pytest
 
-from renderer.accuracy import METRICS, compute_metric, pool_accuracies, require_measuring_packages
-from renderer.accuracy.metrics import ErrorMetrics, measure_accuracy
+from renderer.accuracy import (
+    METRICS,
+    ErrorMetrics,
+    compute_metric,
+    measure_accuracy,
+    pool_accuracies,
+    require_measuring_packages,
+)
 from renderer.errors import InputError, RenderError
 from renderer.film import over_background
 from renderer.volume import Float64

@@ -14,9 +14,8 @@ from ray_integrals import interpolate, ray_spans
 from small_scene import small_tree
 from stage_pictures import NUMBER, drawn, exact
 
-from renderer.bricks.extremes import SLACK_SHARE
+from renderer.bricks import SLACK_SHARE
 from renderer.frame import Stage, prepare_stage, view_of
-from renderer.kernels import threads
 from renderer.scene import Scene, parse_scene
 from renderer.volume import Array, Float64, Volume
 
@@ -165,7 +164,7 @@ CLIPS = (
 @pytest.mark.parametrize("clip", CLIPS, ids=["plane", "boxes", "camera"])
 def test_what_is_clipped_away_does_not_count(mode: str, clip: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """With any number of threads, at any tolerance."""
-    monkeypatch.setattr(threads, "MIN_PIXELS_PER_THREAD", 1)
+    monkeypatch.setattr("renderer.kernels.threads.MIN_PIXELS_PER_THREAD", 1)
     values = noise((35, 18, 40))
     scene, whole = scene_of(mode, clip=clip), scene_of(mode)
     stage = stage_of(placed(values), scene)

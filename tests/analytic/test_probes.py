@@ -10,10 +10,17 @@ import numpy as np
 import pytest
 from small_scene import engine_block, small_tree
 
-from renderer.accuracy import ErrorSamples, FrameProber, compute_truth, pool_accuracies, pool_samples, psnr
-from renderer.accuracy.estimate import error_samples
-from renderer.accuracy.metrics import sampled_accuracy
-from renderer.accuracy.pixels import choose_pixels
+from renderer.accuracy import (
+    ErrorSamples,
+    FrameProber,
+    choose_pixels,
+    compute_truth,
+    error_samples,
+    pool_accuracies,
+    pool_samples,
+    psnr,
+    sampled_accuracy,
+)
 from renderer.draw import open_rasterizer
 from renderer.film import over_background
 from renderer.frame import Frame, Stage, prepare_stage, render_frames

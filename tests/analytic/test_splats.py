@@ -16,7 +16,7 @@ from splatting import cut_of, in_order, look, optical_depth, splats_of, volume_o
 from renderer.draw import SplatRasterizer
 from renderer.scene import SplatSpec
 from renderer.splats import SplatBatch, make_splats
-from renderer.truth.integrator import rays_through_pixels
+from renderer.truth import rays_through_pixels
 from renderer.view import View, visible_order
 from renderer.volume import Bools, Float64, Int64, Volume
 

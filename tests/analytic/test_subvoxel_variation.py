@@ -10,7 +10,7 @@ from brick_reference import picture_at
 from brickwork import AFFINES, bricks_of, placed, transfer_of, view_of
 from dense_bricks import channels_of
 
-from renderer.bricks.subvoxel import SIMPLIFICATION_TOLERANCE, make_channel_curve
+from renderer.bricks import SIMPLIFICATION_TOLERANCE, make_channel_curve
 from renderer.transfer import TransferFunction
 from renderer.truth import integrate
 from renderer.volume import Volume, make_volume

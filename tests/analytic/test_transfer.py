@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from renderer.scene import ColormapSpec, ControlPoint, TransferSpec, colormap_points
-from renderer.transfer import TransferFunction, make_transfer_function
-from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES
+from renderer.transfer import MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES, TransferFunction, make_transfer_function
 
 
 def points(*opacities: tuple[float, float]) -> tuple[ControlPoint, ...]:

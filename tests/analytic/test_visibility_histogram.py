@@ -14,13 +14,10 @@ from brickwork import transfer_of
 from ray_integrals import look, volume
 from small_scene import small_tree
 
-from renderer.accuracy import FrameProber, ScalarRange, scalar_ranges
-from renderer.accuracy.visibility import visible_ranges
+from renderer.accuracy import FrameProber, ScalarRange, scalar_ranges, visible_ranges
 from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames, view_of
-from renderer.job import FilmVisibility, FrameRecord, visibility_text
-from renderer.job.film_visibility import film_visibility, range_record
-from renderer.job.record import VisibleRange
+from renderer.job import FilmVisibility, FrameRecord, VisibleRange, film_visibility, range_record, visibility_text
 from renderer.scene import ShadingSpec, parse_scene
 from renderer.transfer import TransferFunction
 from renderer.truth import RayIntegrator, SceneRays, TrueLayer

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from measuring import PAGES, ROOT, THREADS, machine_line, parser_of, section, span, write_page
 
-from renderer.bricks.brick_cut import brick_cut_sizes
+from renderer.bricks import brick_cut_sizes
 from renderer.frame import finest_level_at, make_primitive, prepare_stage
 from renderer.scene import load_scene
 

@@ -19,9 +19,17 @@ from unittest.mock import patch
 import numpy as np
 from measuring import PAGES, SUBJECTS, THREADS, machine_line, parser_of, section, span, suggested, write_page
 
-from renderer.accuracy import ExactPixels, ExactRays, FoundTolerances, FrameProber, Trial, find_tolerances, psnr, search
-from renderer.accuracy.tolerances import tolerance_ladder
-from renderer.bricks.pixel_grid import STRIDES
+from renderer.accuracy import (
+    ExactPixels,
+    ExactRays,
+    FoundTolerances,
+    FrameProber,
+    Trial,
+    find_tolerances,
+    psnr,
+    tolerance_ladder,
+)
+from renderer.bricks import STRIDES
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.frame import Frame, Stage, make_primitive, prepare_stage, render_frames
 from renderer.scene import MetricTarget, with_tolerance, with_tolerances
@@ -199,7 +207,7 @@ def searched(room: Room, want: MetricTarget) -> tuple[FoundTolerances, int, Floa
         yield from frames
 
     begin = clocks()
-    with patch.object(search, "render_frames", timed_frames):
+    with patch("renderer.accuracy.search.render_frames", timed_frames):
         found = find_tolerances(
             room.stage,
             range(NUM_FRAMES),

@@ -19,9 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from measuring import PAGES, SUBJECTS, THREADS, machine_line, parser_of, section, suggested, write_page
 
-from renderer.accuracy import ErrorSamples, FrameProber, pool_samples, psnr
-from renderer.accuracy.estimate import error_samples
-from renderer.accuracy.pixels import choose_pixels
+from renderer.accuracy import ErrorSamples, FrameProber, choose_pixels, error_samples, pool_samples, psnr
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.film import Pixels, over_background
 from renderer.frame import Stage, prepare_stage, render_frames, view_of

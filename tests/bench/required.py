@@ -161,7 +161,7 @@ def start() -> Iterator[str]:
     def process(*words: str) -> Callable[[], object]:
         return lambda: subprocess.run([sys.executable, *words], check=True, cwd=ROOT, capture_output=True)
 
-    loading = process("-c", "import renderer.frame.pipeline, renderer.draw.splats.splat_rasterizer")
+    loading = process("-c", "from renderer.draw import SplatRasterizer; from renderer.frame import render_frames")
     for words in (["--help"], ["check", "configs/demo.yaml", "--no-cost"]):
         costs = timed(process("-m", "hsplat_cli", *words), loading, clock=time.perf_counter)
         yield row(f"`hsplat {words[0]}`", costs, "numpy, kernels and OpenGL", "ms")

@@ -15,8 +15,7 @@ from extremes import Extreme, Measure, Random, Section, worst_of
 from renderer.pyramid import Cut, build_pyramid, cut_pyramid
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
 from renderer.splats import make_splats
-from renderer.transfer import make_transfer_function
-from renderer.transfer.transfer_function import MAX_VOXEL_DEPTH
+from renderer.transfer import MAX_VOXEL_DEPTH, make_transfer_function
 from renderer.volume import Float32, Volume, make_volume
 
 mpmath.mp.dps = 50

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_drawn, worst_of
 
-from renderer.draw import SplatRasterizer
-from renderer.draw.splats.compositing import MEAN_LAYERS, MIN_CHUNK_SPLATS
+from renderer.draw import MEAN_LAYERS, MIN_CHUNK_SPLATS, SplatRasterizer
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch, make_footprint
 from renderer.view import View

@@ -21,9 +21,12 @@ from renderer.errors import SceneError
 from renderer.frame import Stage, prepare_stage, render_frames, view_of
 from renderer.pyramid import cut_pyramid
 from renderer.scene import (
+    MAX_ZOOM,
+    MIN_FIELD_OF_VIEW,
     CameraSpec,
     ControlPoint,
     ErrorSpec,
+    Keyframe,
     KeyframePath,
     OutputSpec,
     ProceduralSource,
@@ -36,7 +39,6 @@ from renderer.scene import (
     VolumeSpec,
     parse_scene,
 )
-from renderer.scene.camera_section import MAX_ZOOM, MIN_FIELD_OF_VIEW, Keyframe
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
 from renderer.truth import integrate

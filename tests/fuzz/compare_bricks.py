@@ -11,8 +11,7 @@ from compare import SPREADS, WrongError, require_close
 from renderer.bricks import BrickBatch
 from renderer.draw import Rasterizer
 from renderer.film import quantize
-from renderer.frame import Frame, Stage, make_primitive
-from renderer.frame.primitives import BrickPrimitive
+from renderer.frame import BrickPrimitive, Frame, Stage, make_primitive
 from renderer.view import View
 from renderer.volume import Array
 

@@ -29,8 +29,7 @@ from volume_damage import Case, Sparse, is_within_checksums, make_bomb, make_cas
 
 from renderer.errors import InputError
 from renderer.job import volume_files
-from renderer.readers import read_volume, volume_reading as read_module
-from renderer.readers.common import Image
+from renderer.readers import Image, read_isolated, read_volume
 from renderer.scene import FileSource, VolumeSpec
 from renderer.system import describe_exit
 from renderer.volume import Array, Bools, Volume
@@ -218,16 +217,15 @@ def _answer(sender: int, case: Case, path: Path, undamaged: Volume, *, in_child:
     def tell(**found: Any) -> None:
         os.write(sender, json.dumps(found).encode("ascii") + b"\n")
 
-    read_as_program = read_module.read_isolated
-
     def read_foreign(reader: str, path: Path, **arguments: Any) -> Image:
         tell(is_foreign=True)
         if in_child:
-            return read_as_program(reader, path, **arguments)
+            return read_isolated(reader, path, **arguments)
         _limit(_FEW_SECONDS, MAX_BYTES)  # what needs more is read again in a child process
         return read_here(reader, path, **arguments)
 
-    read_module.read_isolated = read_foreign
+    patched = pytest.MonkeyPatch()  # for good: this process ends with its answer
+    patched.setattr("renderer.readers.volume_reading.read_isolated", read_foreign)
     warnings.resetwarnings()  # as they are outside of tests
     warnings.simplefilter("ignore", DeprecationWarning)
     warnings.showwarning = lambda message, *_: os.write(2, f"{message}\n".encode())
@@ -275,7 +273,7 @@ def _differ(values: Array, expected: Array) -> Bools:
 def undamaged_volume(base: Base) -> Volume:
     """Return the volume of undamaged files, which are read in this process; raises AssertionError for wrong ones."""
     with tempfile.TemporaryDirectory(prefix="hsplat-fuzz-") as name, pytest.MonkeyPatch.context() as patched:
-        patched.setattr(read_module, "read_isolated", read_here)
+        patched.setattr("renderer.readers.volume_reading.read_isolated", read_here)
         path = write_case(Case(base, "unchanged", dict(base.files), base.opened), Path(name))
         volume = read_volume(_spec(base, path))
         assert base.values is None or not _differ(volume.values, base.values).any(), base.name

@@ -12,7 +12,6 @@ from judge import judge, make_case
 from scenes import random_of
 
 from renderer.draw import Rasterizer, SplatRasterizer
-from renderer.draw.splats import splat_rasterizer as raster_gl
 from renderer.scene import Scene
 from renderer.splats import SplatBatch
 from tests.support.spoiling import places
@@ -54,8 +53,8 @@ def test_numbers_of_any_size(rasterizer_for: Callable[[Scene], Rasterizer], tmp_
 
 def test_pictures_in_chunks(rasterizer_for, tmp_path, monkeypatch) -> None:
     """Scenes here have too few splats to be drawn in chunks, unless these are small."""
-    monkeypatch.setattr(raster_gl, "MIN_CHUNK_SPLATS", CHUNK)
-    monkeypatch.setattr(raster_gl, "splats_per_chunk", lambda *_: CHUNK)
+    monkeypatch.setattr("renderer.draw.splats.splat_rasterizer.MIN_CHUNK_SPLATS", CHUNK)
+    monkeypatch.setattr("renderer.draw.splats.splat_rasterizer.splats_per_chunk", lambda *_: CHUNK)
     verdicts = [
         judge(make_case(SEED, index, DTYPES), tmp_path / str(index), rasterizer_for) for index in range(0, 24, 2)
     ]

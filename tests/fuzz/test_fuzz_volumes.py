@@ -24,7 +24,7 @@ from volume_bases import Base, make_bases
 from volume_damage import Case
 
 from renderer.errors import InputError
-from renderer.readers import nrrd, vtk_image
+from renderer.readers import read_nrrd
 
 ROOT = Path(__file__).parents[2]
 SEED = 5
@@ -130,14 +130,13 @@ def test_faults_are_seen(tmp_path, monkeypatch, base: Base, fault: Callable[...,
     for name, limit in (("MAX_SECONDS", 1), ("_CHILD_SECONDS", 0), ("_PATIENCE_S", 3), ("MAX_BYTES", 2**26)):
         monkeypatch.setattr(judge_volumes, name, limit)
     assert judge_volume(unchanged(base), tmp_path / "right").outcome == "same"
-    monkeypatch.setattr(nrrd, "read_nrrd", fault)
+    monkeypatch.setattr("renderer.readers.nrrd.read_nrrd", fault)
     verdict = judge_volume(unchanged(base), tmp_path / "wrong")
     assert verdict.outcome == "wrong" and why in verdict.why
 
 
 def test_other_voxels_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, base: Base) -> None:
     """Whatever was damaged, one voxel is another: that may be where only a header was, or no checksum is."""
-    read = nrrd.read_nrrd
     begin, end = base.guarded[base.opened][0]
     plain = base_of("nrrd raw attached")
 
@@ -158,9 +157,9 @@ def test_other_voxels_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
         path.write_bytes(own.files[own.opened])
         values = undamaged[own].copy()
         values[1, 1, 1] += 1
-        return replace(read(path, *arguments), values=values)
+        return replace(read_nrrd(path, *arguments), values=values)
 
-    monkeypatch.setattr(nrrd, "read_nrrd", alter)
+    monkeypatch.setattr("renderer.readers.nrrd.read_nrrd", alter)
     for number, (why, case) in enumerate(cases.items()):
         verdict = judge_volume(case, tmp_path / str(number))
         assert verdict.outcome == ("wrong" if why.strip() else "other")
@@ -168,14 +167,13 @@ def test_other_voxels_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
 
 
 def test_what_is_left_over_of_a_stream_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, base: Base) -> None:
-    read = nrrd.read_nrrd
 
     def leave_out(path: Path, *arguments: Any) -> Any:
         path.write_bytes(base.files[base.opened])
-        image = read(path, *arguments)
+        image = read_nrrd(path, *arguments)
         return replace(image, values=image.values[1:])
 
-    monkeypatch.setattr(nrrd, "read_nrrd", leave_out)
+    monkeypatch.setattr("renderer.readers.nrrd.read_nrrd", leave_out)
     case = altered(base, "", lambda data: data.replace(b"10 12 4", b"10 12 3"))
     assert judge_volume(case, tmp_path / "a").why.startswith("240 bytes of the stream are left over")
 
@@ -184,6 +182,6 @@ def test_crashes_of_libraries_are_left_to_their_process(tmp_path: Path, monkeypa
     """What ends the fork is read again as by the program: in another process, where it does not crash."""
     image = base_of("vtk ascii none")
     judge_volumes.undamaged_volume(image)
-    monkeypatch.setattr(vtk_image, "read_vtk", lambda path, **_: crash(path))
+    monkeypatch.setattr("renderer.readers.vtk_image.read_vtk", lambda path, **_: crash(path))
     verdict = judge_volume(unchanged(image), tmp_path / "a")
     assert (verdict.outcome, verdict.in_child) == ("same", True)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from hsplat_cli import main
-from renderer.readers.procedural import procedural_values
+from renderer.readers import procedural_values
 from renderer.scene import ProceduralSource
 
 FOLDER = Path(__file__).parent

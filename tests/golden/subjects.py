@@ -13,6 +13,8 @@ from golden_cases import SCENE
 from renderer.bricks import BrickBatch, BrickCut
 from renderer.draw import BrickRasterizer, Rasterizer, SplatRasterizer
 from renderer.frame import (
+    LOD,
+    DrawList,
     Frame,
     Stage,
     Stopwatch,
@@ -22,8 +24,6 @@ from renderer.frame import (
     make_primitive,
     prepare_stage,
 )
-from renderer.frame.frame import DrawList
-from renderer.frame.primitives import LOD
 from renderer.pyramid import Cut, cut_pyramid
 from renderer.scene import Scene, load_scene, tolerance_at
 from renderer.splats import SplatBatch

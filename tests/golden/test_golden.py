@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from golden_cases import CASES, FOLDER, FRAMES, Case
 
-from hsplat_cli.compare.golden.provenance import read_provenance
+from hsplat_cli.compare import read_provenance
 from renderer.draw import BrickRasterizer, SplatRasterizer
 
 FAILED = FOLDER / "failed"

@@ -25,10 +25,7 @@ from brickwork import (
 
 from renderer.bricks import PADDED_BRICK_SIZE, BrickBatch, ScreenSampling
 from renderer.draw import BrickRasterizer
-from renderer.kernels import threads
-from renderer.scene import ShadingSpec
-from renderer.scene.camera_section import MAX_FIELD_OF_VIEW
-from renderer.scene.output_section import MAX_SIDE
+from renderer.scene import MAX_FIELD_OF_VIEW, MAX_SIDE, ShadingSpec
 from renderer.system import MemoryShare
 from renderer.view import View
 
@@ -99,7 +96,7 @@ def test_more_bricks_than_slots_are_not_uploaded_ahead() -> None:
 @pytest.mark.parametrize("shading", [None, ShadingSpec(), GLOSSY], ids=["plain", "lit", "glossy"])
 def test_pictures_do_not_depend_on_the_number_of_threads(monkeypatch, shading: ShadingSpec | None) -> None:
     """Neither bricks nor the interpolation between the pixels of subsampled grids depend on it."""
-    monkeypatch.setattr(threads, "MIN_PIXELS_PER_THREAD", 1)
+    monkeypatch.setattr("renderer.kernels.threads.MIN_PIXELS_PER_THREAD", 1)
     batches, view, _ = subject(shading)
     batches.append(replace(batches[0], screen_sampling=ScreenSampling((8, 4, 2), 0.02, 0.0)))
     pictures = []

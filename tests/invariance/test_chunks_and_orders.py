@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from splatting import camera_pose, cut_of, in_order, look, place_splats, volume_of
 
-from renderer.draw.splats import splat_rasterizer as raster_gl
 from renderer.scene import SplatSpec, TurntablePath
 from renderer.splats import make_splats
-from renderer.view import make_order_blending, visible_order
-from renderer.view.order_blending import FADE_ANGLE, MIN_WEIGHT, NEIGHBOURS, sort_directions
+from renderer.view import FADE_ANGLE, MIN_WEIGHT, NEIGHBOURS, make_order_blending, sort_directions, visible_order
 from renderer.volume import Float64
 
 IDENTITY = np.eye(3)
@@ -42,8 +40,8 @@ def test_chunks_draw_what_one_go_draws(rasterizer, monkeypatch, footprint: str, 
             for view in (seen, replace(seen, size=(1, 1))):
                 whole = rasterizer.rasterize([batch], [in_order(batch)], view)
                 with monkeypatch.context() as patch:
-                    patch.setattr(raster_gl, "MIN_CHUNK_SPLATS", 16)
-                    patch.setattr(raster_gl, "splats_per_chunk", lambda *_: 16)
+                    patch.setattr("renderer.draw.splats.splat_rasterizer.MIN_CHUNK_SPLATS", 16)
+                    patch.setattr("renderer.draw.splats.splat_rasterizer.splats_per_chunk", lambda *_: 16)
                     chunked = rasterizer.rasterize([batch], [in_order(batch)], view)
                 np.testing.assert_allclose(chunked, whole, atol=6 * 300 * 2.0**-24)
 

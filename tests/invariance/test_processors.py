@@ -19,8 +19,7 @@ from brickwork import AFFINES, GLOSSY, batch_of, bricks_of, cut_of_bricks, hills
 
 from renderer.bricks import BrickBatch, ScreenSampling
 from renderer.draw import BrickRasterizer
-from renderer.kernels.build import BUILT, LEVELS
-from renderer.kernels.library import LEVEL_VARIABLE, processor_level
+from renderer.kernels import BUILT, LEVEL_VARIABLE, LEVELS, processor_level
 from renderer.lighting import compute_light_grid
 from renderer.scene import ShadingSpec
 from renderer.volume import make_volume

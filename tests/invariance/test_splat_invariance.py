@@ -10,9 +10,7 @@ import pytest
 from splatting import cut_of, in_order, look, place_splats, point_at, volume_of
 
 from renderer.draw import SplatRasterizer
-from renderer.draw.splats import splat_rasterizer as raster_gl
-from renderer.pyramid import BLOCK_SIZE, Cut, build_pyramid
-from renderer.pyramid.pyramid import BLOCKS_PER_TASK
+from renderer.pyramid import BLOCK_SIZE, BLOCKS_PER_TASK, Cut, build_pyramid
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
@@ -117,7 +115,7 @@ def with_and_without_culled(gl: SplatRasterizer, cut: Cut, view: View, footprint
 def test_batches_of_any_size_draw_the_same(rasterizer, cut: Cut, monkeypatch, footprint: str, batch_size: int) -> None:
     spec = SplatSpec(footprint)  # type: ignore[arg-type]
     whole = draw(rasterizer, cut, view_of(cut), spec)
-    monkeypatch.setattr(raster_gl, "BATCH_SIZE", batch_size)
+    monkeypatch.setattr("renderer.draw.splats.splat_rasterizer.BATCH_SIZE", batch_size)
     assert draw(rasterizer, cut, view_of(cut), spec).tobytes() == whole.tobytes()
 
 

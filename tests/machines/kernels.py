@@ -16,8 +16,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from renderer.kernels.build import LEVELS, this_target
-from renderer.kernels.library import LEVEL_VARIABLE, processor_level
+from renderer.kernels import LEVEL_VARIABLE, LEVELS, processor_level, this_target
 
 TESTS = Path(__file__).resolve().parents[1]
 BUILD = (sys.executable, "-m", "renderer.kernels.build")

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.readers import isolation
 from tests.support.tiff_files import (
     ASCII,
     BITS,
@@ -103,7 +102,7 @@ def directories_that_overlap() -> bytes:
 
 @pytest.mark.parametrize("make", [fields_that_nobody_needs, needed_fields_of_many_values, directories_that_overlap])
 def test_small_files_that_claim_much_end_within_the_limits(tmp_path, monkeypatch, make):
-    monkeypatch.setattr(isolation, "_MEMORY_BYTES", 600 << 20)
+    monkeypatch.setattr("renderer.readers.isolation._MEMORY_BYTES", 600 << 20)
     (tmp_path / "a.tif").write_bytes(make())
     if make is directories_that_overlap:
         refused(tmp_path / "a.tif")

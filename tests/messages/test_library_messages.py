@@ -14,7 +14,7 @@ from ray_integrals import converged_image
 from splatting import place_splats
 
 from renderer.errors import HsplatError
-from renderer.readers.common import check_lengths, errors_about
+from renderer.readers import check_lengths, errors_about
 from renderer.scene import CameraSpec, TurntablePath
 from renderer.view import fit_distance, make_view
 from renderer.volume import Volume, make_volume

@@ -9,8 +9,7 @@ import pytest
 from png_files import open_film
 
 from renderer.errors import HsplatError
-from renderer.film import quantize, require_writable, require_writable_dry_run
-from renderer.film.atomic import output_error
+from renderer.film import output_error, quantize, require_writable, require_writable_dry_run
 from renderer.scene import OutputSpec
 
 

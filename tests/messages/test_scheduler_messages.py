@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from hsplat_cli import main
-from hsplat_cli.executors.cluster import connection
 from tests.support.transcripts import Case, cases
 
 END = """\
@@ -21,7 +20,7 @@ END = """\
 
 @pytest.fixture(autouse=True)
 def _in_folder(scene_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connection, "_CONNECT_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("hsplat_cli.executors.cluster.connection._CONNECT_TIMEOUT_S", 0.5)
 
 
 @cases("scheduler.txt")
@@ -44,7 +43,7 @@ def answer_as_a_web_server(server: socket.socket) -> None:
     ],
 )
 def test_another_server(answer, timeout_s, text, capsys, monkeypatch) -> None:
-    monkeypatch.setattr(connection, "_CONNECT_TIMEOUT_S", timeout_s)
+    monkeypatch.setattr("hsplat_cli.executors.cluster.connection._CONNECT_TIMEOUT_S", timeout_s)
     with socket.create_server(("127.0.0.1", 0)) as server:
         threading.Thread(target=answer, args=(server,), daemon=True).start()
         address = f"127.0.0.1:{server.getsockname()[1]}"

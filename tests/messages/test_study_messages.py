@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hsplat_cli.measure.study import scene_notes
+from hsplat_cli.measure import scene_notes
 from renderer.scene import load_scene
 from tests.messages.conftest import small_scene
 from tests.support.transcripts import Case, cases

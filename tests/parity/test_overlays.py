@@ -15,9 +15,18 @@ from film_stages import PLAIN, stage_of
 from splatting import cut_of, look, volume_of
 
 from renderer.bricks import BRICK_LEVELS, BrickCut
-from renderer.draw import Lines, Rasterizer, draw_lines, make_edges, make_outline
-from renderer.draw.lines import LEVEL_COLORS, LINE_COVER, LINE_OPACITY, MIN_SIDE_PX
-from renderer.draw.overlay import tick_step
+from renderer.draw import (
+    LEVEL_COLORS,
+    LINE_COVER,
+    LINE_OPACITY,
+    MIN_SIDE_PX,
+    Lines,
+    Rasterizer,
+    draw_lines,
+    make_edges,
+    make_outline,
+    tick_step,
+)
 from renderer.frame import render_frames, view_of
 from renderer.pyramid import Cut
 from renderer.scene import AnnotationSpec, ClipSpec, ModeSpec, PlaneSpec, Scene, SplatSpec

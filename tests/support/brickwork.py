@@ -23,8 +23,7 @@ from renderer.bricks import (
 )
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.view import View
-from renderer.view.depth_order import box_order
+from renderer.view import View, box_order
 from renderer.volume import Float32, Float64, Int32, UInt8, UInt32, Volume, make_volume
 
 EXACTLY = ScreenSampling((1,), 0.0, 0.0)

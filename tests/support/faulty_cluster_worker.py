@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hsplat_cli.executors.cluster.worker import SerializedStage, draw_on_worker
+from hsplat_cli.executors import SerializedStage, draw_on_worker
 from renderer.errors import InputError
 from renderer.system import MemoryShare
 

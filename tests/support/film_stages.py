@@ -17,6 +17,7 @@ from renderer.scene import (
     ColormapSpec,
     ControlPoint,
     ErrorSpec,
+    Keyframe,
     KeyframePath,
     Motion,
     OutputSpec,
@@ -30,7 +31,6 @@ from renderer.scene import (
     VolumeSpec,
     moving,
 )
-from renderer.scene.camera_section import Keyframe
 from renderer.volume import Volume, make_volume
 
 POINTS = (

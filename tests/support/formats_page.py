@@ -8,7 +8,7 @@ import textwrap
 from pathlib import Path
 
 import renderer.readers
-from renderer.readers.statements import FormatTable
+from renderer.readers import FormatTable
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
 _HEAD = """\

@@ -9,8 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from renderer.kernels.build import SOURCES
-from renderer.kernels.header import Member, Struct, read_headers
+from renderer.kernels import SOURCES, Member, Struct, read_headers
 
 RECORDS, SIGNATURES = SOURCES.parent / "records.py", SOURCES.parent / "signatures.pyi"
 _RECORDS_HEAD = '''\

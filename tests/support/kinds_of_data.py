@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.scene import TransferSpec
-from renderer.suggest import Suggestion, Wish, compute_statistics, suggest
-from renderer.suggest.features import VoxelSample, sample_volume
+from renderer.statistics import VoxelSample, compute_statistics, sample_volume
+from renderer.suggest import Suggestion, Wish, suggest
 from renderer.transfer import make_transfer_function
 from renderer.volume import Array, Volume, make_volume
 

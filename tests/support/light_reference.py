@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from renderer.lighting.light_grid import LIGHT_RADIUS, OCCLUSION_RADIUS, START_CELLS
+from renderer.lighting import LIGHT_RADIUS, OCCLUSION_RADIUS, START_CELLS
 from renderer.transfer import TransferFunction
 from renderer.volume import Float32, Float64, Volume
 

@@ -11,7 +11,7 @@ import pytest
 
 from renderer.bricks import BrickBatch
 from renderer.draw import BrickRasterizer, SplatRasterizer
-from renderer.frame.primitives import num_samples
+from renderer.frame import num_samples
 from renderer.splats import SplatBatch
 from renderer.view import View, model_view, total_square_area_px
 from renderer.volume import Float32, UInt32

@@ -6,8 +6,7 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
-from renderer.scene.schema import FieldTable
-from renderer.scene.spec import SECTIONS
+from renderer.scene import SECTIONS, schema
 
 MOTION_PAGE = Path(__file__).resolve().parents[2] / "docs" / "scene.md"
 _HEADING = "of all others it is an error.\n"
@@ -24,7 +23,7 @@ def motion_page() -> str:
     return f"{text}{_HEADING}\n" + "\n".join(lines) + "\n\nOf labels, the color and the opacity of each, too.\n"
 
 
-def moving_keys(table: FieldTable, prefix: str = "") -> Iterator[tuple[str, str]]:
+def moving_keys(table: schema.FieldTable, prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield the dotted path of each key that can move, and how it does; list items have no number."""
     for key, field in table.items():
         if field.motion is not None:

@@ -11,8 +11,7 @@ from brickwork import transfer_of
 
 from renderer.scene import CameraSpec, ShadingSpec, TurntablePath, Vector
 from renderer.transfer import TransferFunction
-from renderer.truth import Convergence, RayIntegrator, TrueLayer, integrate
-from renderer.truth.integrator import rays_through_pixels
+from renderer.truth import Convergence, RayIntegrator, TrueLayer, integrate, rays_through_pixels
 from renderer.view import View, make_view
 from renderer.volume import Float64, Volume
 

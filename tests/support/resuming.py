@@ -10,8 +10,7 @@ import pytest
 import small_scene
 
 from hsplat_cli import main
-from renderer.frame import Frame
-from renderer.job import executor
+from renderer.frame import Frame, render_frames
 
 NUM_FRAMES = 5
 SCENE = small_scene.small_scene(frames=NUM_FRAMES)
@@ -45,14 +44,13 @@ def watch_draws(monkeypatch: pytest.MonkeyPatch) -> Draws:
 
 def on_each_frame(monkeypatch: pytest.MonkeyPatch, look: Callable[[Frame], object]) -> None:
     """Call `look` with each frame that is drawn from now on, before it is stored."""
-    original = executor.render_frames
 
     def watched(*arguments: Any, **options: Any) -> Iterator[Frame]:
-        for frame in original(*arguments, **options):
+        for frame in render_frames(*arguments, **options):
             look(frame)
             yield frame
 
-    monkeypatch.setattr(executor, "render_frames", watched)
+    monkeypatch.setattr("renderer.job.executor.render_frames", watched)
 
 
 def arguments(output: str, *options: str) -> list[str]:

@@ -21,8 +21,7 @@ from renderer.scene import (
 )
 from renderer.splats import SplatBatch, make_footprint, make_splats
 from renderer.transfer import make_transfer_function
-from renderer.view import View, make_view
-from renderer.view.paths import CameraPoses, camera_poses
+from renderer.view import CameraPoses, View, camera_poses, make_view
 from renderer.volume import Float32, Float64, UInt8, UInt32, Volume, make_volume
 
 

@@ -11,8 +11,7 @@ from pydicom.datadict import dictionary_VR
 from pydicom.dataset import Dataset
 from statement_samples import Sample, Samples, Writer
 
-from renderer.readers.dicom_fields import TOLD_APART, VECTORS
-from renderer.readers.dicom_statements import MONOCHROME1
+from renderer.readers import MONOCHROME1, TOLD_APART, VECTORS
 from tests.support.dicom_files import functional_groups, image_fields, save
 
 _AXES = ["1", "0", "0", "0", "1", "0"]

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from hsplat_cli.measure import FrameMeasurement, Measurement, Setting, Study
-from renderer.accuracy import METRICS, Accuracy, ErrorSamples, Truth
-from renderer.accuracy.metrics import ErrorMetrics, sampled_accuracy
+from renderer.accuracy import METRICS, Accuracy, ErrorMetrics, ErrorSamples, Truth, sampled_accuracy
 from renderer.truth import Convergence
 
 NAN = float("nan")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
-from renderer.draw.bricks.grid import make_grid
+from renderer.draw import make_grid
 from renderer.kernels import Field, LayerBricks, Light, PiecewiseTransfer, RaySetup, kernels
 from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS
 from renderer.volume import Array, Float32

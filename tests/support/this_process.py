@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.readers.common import Image
-from renderer.readers.isolation import Host, call_reader
+from renderer.readers import Host, Image, call_reader
 from renderer.volume import Array
 
 

@@ -16,8 +16,7 @@ from small_scene import edit_sidecar, sidecar, small_scene
 
 from hsplat_cli import main
 from renderer.film import bytes_digest, encode_png
-from renderer.job.assemble import assembly, merged_record as merged
-from renderer.job.film_output import FilmOutput, locked_film_output
+from renderer.job import FilmOutput, locked_film_output
 from renderer.system import package_versions
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
@@ -165,7 +164,7 @@ def test_whether_a_film_exists_is_seen_under_the_lock(parts: None, monkeypatch: 
         with locked_film_output(*arguments, **options) as output:
             yield output
 
-    monkeypatch.setattr(assembly, "locked_film_output", taken)
+    monkeypatch.setattr("renderer.job.assemble.assembly.locked_film_output", taken)
     run("assemble", "parts", "--output", "film.mp4")
     assert Path("film.mp4").exists()
 
@@ -175,9 +174,9 @@ def test_another_encoder(parts: None, output: str, is_same: bool, monkeypatch, c
     """It makes another film of the same pictures, which is up to date for itself and not for the scene."""
     command = ("assemble", "parts", "--output", f"made/{output}")
     run(*command)
-    whole = package_versions()
+    other = package_versions() | {"imageio-ffmpeg": "another"}
     with monkeypatch.context() as patch:
-        patch.setattr(merged, "package_versions", lambda: whole | {"imageio-ffmpeg": "another"})
+        patch.setattr("renderer.job.assemble.merged_record.package_versions", lambda: other)
         assert says_up_to_date(capsys, *command) == is_same
         assert says_up_to_date(capsys, *command)
     assert says_up_to_date(capsys, "render", "scene.yaml", "--output", f"made/{output}") == is_same

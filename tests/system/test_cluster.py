@@ -20,9 +20,7 @@ from distributed import Client
 from film_stages import plan_of, stage_of_kind
 from small_scene import small_tree
 
-from hsplat_cli.executors.cluster import cluster_drawing, registry
-from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
-from hsplat_cli.executors.cluster.connection import connect
+from hsplat_cli.executors import ClusterDrawing, connect
 from hsplat_cli.terminal import Reporter
 from renderer.accuracy import open_prober
 from renderer.draw import Rasterizer
@@ -134,14 +132,14 @@ def error_of(client: Client, stage: Stage) -> HsplatError:
 
 
 def test_the_error_of_a_worker_is_that_of_the_film(client: Client, stage: Stage, monkeypatch) -> None:
-    monkeypatch.setattr(cluster_drawing, "draw_on_worker", faulty.input_error)
+    monkeypatch.setattr("hsplat_cli.executors.cluster.cluster_drawing.draw_on_worker", faulty.input_error)
     error = error_of(client, stage)
     text = "scene.yaml: a bad frame\n  got: this\n  expected: that\n  hint: another"
     assert (type(error), str(error)) == (InputError, text)
 
 
 def test_a_cluster_without_workers_is_an_error(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "_MAX_WAIT_S", 0.5)
+    monkeypatch.setattr("hsplat_cli.executors.cluster.registry._MAX_WAIT_S", 0.5)
     with running_cluster(0) as cluster, connect(cluster.scheduler_address) as client:
         error = error_of(client, stage)
     assert str(error) == (

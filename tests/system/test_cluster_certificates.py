@@ -10,7 +10,7 @@ import pytest
 from clusters import running_cluster
 from distributed import LocalCluster, Security
 
-from hsplat_cli.executors.cluster.connection import connect
+from hsplat_cli.executors import connect
 from renderer.errors import InputError
 
 
@@ -51,7 +51,9 @@ def test_certificates(cluster: LocalCluster, tmp_path: Path) -> None:
 def test_a_scheduler_with_tls_at_an_address_without(cluster: LocalCluster) -> None:
     address = cluster.scheduler_address.replace("tls://", "tcp://")
     with (
-        pytest.raises(InputError, match=r"address hangs up\n.*\n.*; that of one with TLS begins with tls://"),
+        pytest.raises(
+            InputError, match=r"address hangs up\n.*\n.*; the address of a scheduler with TLS begins with tls://"
+        ),
         connect(address),
     ):
         pass

@@ -16,7 +16,6 @@ from processes import MARK, marked, new_mark
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.compare import comparison
 from renderer.errors import RenderError
 from renderer.film import encode_png
 
@@ -111,14 +110,14 @@ def test_reports_say_what_nobody_expected(monkeypatch: pytest.MonkeyPatch, error
     def fail(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr(comparison, "compare_pair", fail)
+    monkeypatch.setattr("hsplat_cli.compare.comparison.compare_pair", fail)
     assert compare("golden", "actual", *WRITE_REPORTS, "--quiet") == 2
     assert ElementTree.parse(REPORTS[1]).getroot().get("errors") == "1"
     assert json.loads(Path(REPORTS[0]).read_text())["passes"] is False
 
 
 def test_reports_that_cannot_be_written_are_found_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(comparison, "compare_pair", None)
+    monkeypatch.setattr("hsplat_cli.compare.comparison.compare_pair", None)
     Path("file").touch()
     for option, suffix in (("--json", "json"), ("--junit", "xml"), ("--html", "html")):
         assert compare("golden", "actual", option, f"file/report.{suffix}") == 2
@@ -133,7 +132,7 @@ def test_an_interrupt_leaves_no_report_and_no_process(monkeypatch: pytest.Monkey
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(comparison, "compare_pair", interrupt)
+    monkeypatch.setattr("hsplat_cli.compare.comparison.compare_pair", interrupt)
     assert compare("film.mp4", "copy.mp4", *WRITE_REPORTS) == 130
     assert list(Path("reports").iterdir()) == []
     assert marked(mark) == set()

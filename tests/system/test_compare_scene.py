@@ -11,7 +11,6 @@ import pytest
 from small_scene import edit_sidecar, small_scene
 
 from hsplat_cli import main
-from hsplat_cli.compare import scene_pairs
 from tests.support.transcripts import Case, cases
 
 SCENE = small_scene(shape="16, 16, 8", frames=4)
@@ -93,6 +92,6 @@ def test_messages(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_problems_are_found_before_rendering(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scene_pairs, "rendered_frames", None)
+    monkeypatch.setattr("hsplat_cli.compare.scene_pairs.rendered_frames", None)
     for option in ("--frames=nonsense", "--set=nonsense=1", "--volume=nowhere.npy", "--json=scene.yaml"):
         assert main.run(["compare", "scene.yaml", "goldens", option]) == 2

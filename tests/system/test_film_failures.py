@@ -11,9 +11,7 @@ import pytest
 from png_files import open_film
 
 from renderer.errors import RenderError
-from renderer.film import require_encoder, write_staged
-from renderer.film.atomic import staging
-from renderer.film.encode import open_encoder
+from renderer.film import open_encoder, require_encoder, staging, write_staged
 from renderer.scene import OutputSpec
 
 PICTURE = np.zeros((64, 64, 3), np.uint8)

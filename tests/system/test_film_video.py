@@ -12,8 +12,7 @@ import numpy.typing as npt
 import pytest
 from png_files import open_film
 
-from renderer.film import film_notes
-from renderer.film.encode import gif_delay_cs
+from renderer.film import film_notes, gif_delay_cs
 from renderer.scene import OutputSpec
 
 WIDTH, HEIGHT, NUM_FRAMES = 160, 64, 12

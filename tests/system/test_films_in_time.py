@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import weakref
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,12 @@ import pytest
 from small_scene import small_scene
 
 from hsplat_cli import main
-from renderer.frame import pipeline, preparation
-from renderer.readers import stored
+from renderer.frame import draw_frame
+from renderer.layers import make_layer
 from renderer.scene import load_scene
 
+# The function that decodes the voxels of a file of several steps.
+DECODED = "renderer.readers.stored._decoded"
 NUM_STEPS, NUM_FRAMES = 4, 7
 SCENE = small_scene(frames=NUM_FRAMES, size="32, 24", volume="file: 's_{}.npy', time: auto")
 
@@ -90,8 +93,8 @@ def test_a_file_of_several_steps(capsys: pytest.CaptureFixture[str], monkeypatch
     """It is decoded once, and `turntable` shows all of them."""
     import nibabel as nib
 
-    decoded, decode = list[object](), stored._decoded
-    monkeypatch.setattr(stored, "_decoded", lambda *arguments: decoded.append(arguments) or decode(*arguments))
+    decoded, decode = list[object](), resolve_name(DECODED)
+    monkeypatch.setattr(DECODED, lambda *arguments: decoded.append(arguments) or decode(*arguments))
 
     stack = np.stack([np.load(f"s_{step}.npy").T for step in range(NUM_STEPS)], axis=-1)
     nib.save(nib.Nifti1Image(stack, np.diag([-1.0, -1.0, 1.0, 1.0])), "four.nii.gz")  # type: ignore[attr-defined]
@@ -150,17 +153,16 @@ def test_wrong_steps_are_found_before_anything_is_drawn(change: Any, message: st
 
 def test_a_step_that_changes_meanwhile(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     expected = film("expected")
-    draw = pipeline.draw_frame
 
     def draw_and_change(*arguments: Any) -> Any:
-        frame = draw(*arguments)
+        frame = draw_frame(*arguments)
         if frame.number == 1:
             np.save("s_3.npy", ball(4.0))
         return frame
 
     original = np.load("s_3.npy")
     with monkeypatch.context() as patch:
-        patch.setattr(pipeline, "draw_frame", draw_and_change)
+        patch.setattr("renderer.frame.pipeline.draw_frame", draw_and_change)
         assert main.run(["render", "scene.yaml", "--output", "out/{frame}.png"]) != 0
     said = capsys.readouterr().err
     assert "was changed while its film is made" in said and "resumes there" in said
@@ -170,10 +172,9 @@ def test_a_step_that_changes_meanwhile(monkeypatch: pytest.MonkeyPatch, capsys: 
 
 def test_each_step_is_made_once_and_few_are_held(monkeypatch: pytest.MonkeyPatch) -> None:
     made, held = list[int](), list[int]()
-    make = preparation.make_layer
 
     def count(*arguments: Any, **options: Any) -> Any:
-        layer = make(*arguments, **options)
+        layer = make_layer(*arguments, **options)
         made.append(id(layer))
         held.append(len(alive := [each for each in layers if each() is not None]) + 1)
         layers[:] = [*alive, weakref.ref(layer.pyramid)]
@@ -181,7 +182,7 @@ def test_each_step_is_made_once_and_few_are_held(monkeypatch: pytest.MonkeyPatch
 
     layers: list[Any] = []
     film("first", "camera.distance=60", "camera.target=[7, 7, 7]")
-    monkeypatch.setattr(preparation, "make_layer", count)
+    monkeypatch.setattr("renderer.frame.preparation.make_layer", count)
     # It makes layers of some of the voxels.
     monkeypatch.setattr("renderer.job.film_making.look_ahead", lambda *_, **__: [])
     film("film", "camera.distance=61", "camera.target=[7, 7, 7]", "error.probes=0")

@@ -9,7 +9,7 @@ from small_scene import engine_block, small_tree
 
 from hsplat_cli.terminal import FilmEvents, Reporter
 from renderer import job as jobs
-from renderer.job.forecast import choose_trials
+from renderer.job import choose_trials
 from renderer.scene import accuracy_of, parse_scene
 
 CROPS = [[[0, 24], [0, 24], [first, 12]] for first in (0, 6)]

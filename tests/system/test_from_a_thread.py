@@ -14,7 +14,7 @@ from small_scene import small_scene
 
 import renderer
 from hsplat_cli import main
-from hsplat_cli.compare.comparison import require_match
+from hsplat_cli.compare import require_match
 
 SCENE = small_scene(frames=2)
 

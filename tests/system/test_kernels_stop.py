@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,11 @@ from commands import environment
 from small_scene import engine_block, small_tree
 
 import renderer
-from renderer.kernels import binding, header
-from renderer.kernels.build import SOURCES
+from renderer.kernels import SOURCES, STOPPED, Kernel, read_headers
 from renderer.scene import parse_scene
 from renderer.system import signals_as_interrupts, stop_flag
 
-LONG_KERNELS = header.read_headers(SOURCES).long_kernels
+LONG_KERNELS = read_headers(SOURCES).long_kernels
 # Far longer than a child of these tests takes to end.
 MOST_SECONDS = 300
 
@@ -52,16 +52,16 @@ def masked(folder: Path) -> dict[str, Any]:
 def called(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     """Return a list: a signal comes when the kernel is called whose name is in it, and all that follow it are added."""
     names: list[str] = []
-    run = binding.Kernel._run
+    run = Kernel._run
 
-    def run_and_stop(kernel: binding.Kernel, block: bytes, kept: list[Any]) -> int:
+    def run_and_stop(kernel: Kernel, block: bytes, kept: list[Any]) -> int:
         if stop_flag.value:
             names.append(kernel._name)
         elif kernel._name == names[0]:
             stop_flag.value = signal.SIGTERM
         return run(kernel, block, kept)
 
-    monkeypatch.setattr(binding.Kernel, "_run", run_and_stop)
+    monkeypatch.setattr(Kernel, "_run", run_and_stop)
     yield names
     stop_flag.value = 0
 
@@ -88,7 +88,7 @@ def test_each_long_kernel_stops(
     assert {*called} <= LONG_KERNELS  # nothing was made of what is unfinished
 
 
-class KernelUntilStopped(binding.Kernel):
+class KernelUntilStopped(Kernel):
     """A kernel that runs until the flag stops it, or for a minute."""
 
     def __init__(self) -> None:
@@ -97,7 +97,7 @@ class KernelUntilStopped(binding.Kernel):
     def _run(self, block: bytes, kept: list[Any]) -> int:
         for _ in range(60_000):
             if stop_flag.value:
-                self.status = binding.STOPPED
+                self.status = STOPPED
                 break
             time.sleep(0.001)
         return self.status
@@ -105,18 +105,18 @@ class KernelUntilStopped(binding.Kernel):
 
 @pytest.mark.usefixtures("heeds_interrupts")
 def test_a_kernel_that_another_thread_just_takes_is_stopped_and_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    pool, kernel = binding._thread_of_long_kernels(), KernelUntilStopped()
-    submit = pool.submit
+    kernel = KernelUntilStopped()
+    submit = ThreadPoolExecutor.submit
 
     def submit_and_signal(*arguments: Any) -> Any:
         running = submit(*arguments)
         signal.raise_signal(signal.SIGTERM)
         return running
 
-    monkeypatch.setattr(pool, "submit", submit_and_signal)
+    monkeypatch.setattr(ThreadPoolExecutor, "submit", submit_and_signal)
     with signals_as_interrupts(), pytest.raises(KeyboardInterrupt):
         kernel._run_beside(b"", [])
-    assert kernel.status == binding.STOPPED
+    assert kernel.status == STOPPED
 
 
 # Tells when a kernel begins, and with which status it ends.
@@ -124,10 +124,10 @@ CHILD = """
 import os
 import sys
 import renderer
-from renderer.kernels import binding
+from renderer.kernels import Kernel
 from hsplat_cli import main
 
-run = binding.Kernel._run
+run = Kernel._run
 
 def run_and_tell(kernel, block, kept):
     if kernel._name != "draw_mixture":
@@ -137,7 +137,7 @@ def run_and_tell(kernel, block, kept):
     os.write(1, b"%d\\n" % status)
     return status
 
-binding.Kernel._run = run_and_tell
+Kernel._run = run_and_tell
 """
 COMMAND = 'main.main(["render", "scene.yaml", "--quiet"])'
 # Kernels draw it for a quarter of a minute on one core: its rays take thousands of samples, and none ends early.
@@ -176,6 +176,6 @@ def stop_inside_a_kernel(program: str, number: signal.Signals, threads: int) -> 
         process.send_signal(number)
         told, said = process.communicate(timeout=MOST_SECONDS)
     *earlier, last = told.replace("begun", "").split()  # some may have ended before the signal
-    assert last == str(binding.STOPPED)
+    assert last == str(STOPPED)
     assert {*earlier} <= {"0", last}
     return process.returncode, said.splitlines()

@@ -13,7 +13,7 @@ import yaml
 from small_scene import small_scene
 
 from hsplat_cli import main
-from hsplat_cli.measure import Measurement, study
+from hsplat_cli.measure import Measurement, measure_setting, open_at_any_tolerance
 from renderer.errors import RenderError
 from renderer.scene import Scene
 
@@ -74,8 +74,7 @@ def test_single_voxels_are_drawn_once_for_all_measures_and_corrections(monkeypat
         drawn.append(measured := measure_setting(*arguments, **options))
         return measured
 
-    measure_setting = study.measure_setting
-    monkeypatch.setattr(study, "measure_setting", remember)
+    monkeypatch.setattr("hsplat_cli.measure.study.measure_setting", remember)
     measure(*FEW, "--tolerances", "0", "--footprints", "gaussian")
     assert len(drawn) == 1
     assert len({row["series"] for row in rows()}) == 4
@@ -104,8 +103,7 @@ def test_measurements_before_the_end_are_kept(monkeypatch, capsys, end, num_befo
             raise end
         return measure_setting(*arguments, **options)
 
-    measure_setting = study.measure_setting
-    monkeypatch.setattr(study, "measure_setting", ending)
+    monkeypatch.setattr("hsplat_cli.measure.study.measure_setting", ending)
     arguments = ["measure", "scene.yaml", "--quiet", *FEW, "--tolerances", "1,0.5,0.2,0.1"]
     assert main.run(arguments) == code
     assert len({row["tolerance"] for row in rows()}) == num_before
@@ -147,9 +145,8 @@ def test_a_quick_study_chooses_frames_and_tolerances_as_a_whole_one(monkeypatch:
         prepared.append(scene)
         return open_at_any_tolerance(scene, **options)
 
-    open_at_any_tolerance = study.open_at_any_tolerance
-    monkeypatch.setattr(study, "require_measuring_packages", refuse)
-    monkeypatch.setattr(study, "open_at_any_tolerance", remember)
+    monkeypatch.setattr("hsplat_cli.measure.study.require_measuring_packages", refuse)
+    monkeypatch.setattr("hsplat_cli.measure.study.open_at_any_tolerance", remember)
     measure("--set", "splat.footprint=gaussian")
     assert len(prepared) == 1
     found = rows()

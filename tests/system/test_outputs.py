@@ -12,8 +12,7 @@ from small_scene import contents, small_tree
 
 import renderer
 from hsplat_cli import main
-from renderer.film import decode_known_film, decode_png, quantize, reduce_radiance
-from renderer.film.exr import decode_exr
+from renderer.film import decode_exr, decode_known_film, decode_png, quantize, reduce_radiance
 from renderer.scene import FORMATS, OutputFile, parse_scene
 
 NUM_FRAMES, SIDE = 6, 48

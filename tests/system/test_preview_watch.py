@@ -22,8 +22,7 @@ from processes import wait_until
 from small_scene import contents, small_scene
 
 from hsplat_cli import main
-from hsplat_cli.preview import file_states, served_states, server, watch
-from hsplat_cli.preview.watch import State
+from hsplat_cli.preview import MAX_CONNECTIONS, State, file_states, served_states, watch
 from hsplat_cli.scenes import SceneRequest
 
 SCENE = Path("scene.yaml")
@@ -109,9 +108,9 @@ def connected(address: str, request: bytes) -> socket.socket:
 
 def test_connections_that_hold_their_places_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whether they send nothing, or a byte now and then; further ones are closed at once meanwhile."""
-    monkeypatch.setattr(server, "IDLE_S", 0.5)
+    monkeypatch.setattr("hsplat_cli.preview.server.IDLE_S", 0.5)
     with served_states("scene") as (address, _), contextlib.ExitStack() as stack:
-        held = [stack.enter_context(connected(address, b"GET")) for _ in range(server.MAX_CONNECTIONS)]
+        held = [stack.enter_context(connected(address, b"GET")) for _ in range(MAX_CONNECTIONS)]
         with connected(address, b"") as refused:
             assert refused.recv(1) == b""
         with contextlib.suppress(ConnectionError):  # it is closed while it sends
@@ -142,6 +141,7 @@ def test_a_client_that_leaves_is_no_news(capfd: pytest.CaptureFixture[str]) -> N
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.usefixtures("heeds_interrupts")
 @pytest.mark.parametrize("option", ["--serve", "--watch"])
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129), (signal.SIGINT, 0)])
 def test_signals_end_it(folder: Path, option: str, number: int, status: int) -> None:

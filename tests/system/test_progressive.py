@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +18,6 @@ from small_scene import sidecar, small_scene
 from hsplat_cli import main
 from renderer.film import file_digest
 from renderer.frame import Frame
-from renderer.job import refinement
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
 
@@ -171,11 +171,11 @@ def test_coarse_frames_are_not_taken_for_fine_ones(on_frame: Callable[[Hook], No
 
 
 def test_when_time_is_up_in_the_middle_of_a_pass_it_is_given_up(folder, on_frame, monkeypatch) -> None:
-    now = refinement.time.perf_counter
+    now = time.perf_counter
 
     def stop(number: int, frame: Frame) -> None:
         if number == 2 and frame.number == 1:
-            monkeypatch.setattr(refinement.time, "perf_counter", lambda: now() + 1e6)
+            monkeypatch.setattr(time, "perf_counter", lambda: now() + 1e6)
 
     on_frame(stop)
     assert render("--progressive", "--time-limit", "100000s") == 1

@@ -13,7 +13,7 @@ from PIL import Image
 from small_scene import edit_sidecar, sidecar, small_scene, small_tree
 
 from hsplat_cli import main
-from renderer.scene.file_places import found_path, relative_path
+from renderer.scene import found_path, relative_path
 
 SCENE = small_scene(frames=3, volume='file: "scans/scan.npy"')
 RAW = "raw: {file: scans/scan.npy, shape: [12, 12, 12], dtype: float32, offset: 128}"

@@ -19,7 +19,7 @@ from renderer.accuracy import TRUTH_TOLERANCE, compute_metric, compute_truth
 from renderer.draw import Rasterizer
 from renderer.film import over_background
 from renderer.frame import prepare_stage, render_frames
-from renderer.job import plan
+from renderer.job import search_tolerances
 from renderer.scene import Scene, load_scene, with_tolerance
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
@@ -103,13 +103,12 @@ def test_tolerances_of_bricks_vary_along_the_film_and_are_made_again(scheduler: 
 
 def test_a_film_that_misses_the_accuracy_says_so(monkeypatch, capsys) -> None:
     """Its own rays notice what the trial pictures did not."""
-    find = plan.search_tolerances
 
     def too_coarse(*arguments: Any, **options: Any) -> Any:
-        found = find(*arguments, **options)
+        found = search_tolerances(*arguments, **options)
         return replace(found, by_frame=dict.fromkeys(found.by_frame, 1e9))
 
-    monkeypatch.setattr(plan, "search_tolerances", too_coarse)
+    monkeypatch.setattr("renderer.job.plan.search_tolerances", too_coarse)
     render("--quiet", code=1)
     shortfall = sidecar()["schedule"]["shortfall"]
     assert shortfall.startswith("error.psnr: the film is less exact than requested\n  got: ")
@@ -149,7 +148,7 @@ def test_an_interrupted_search_leaves_nothing(folder: Path, monkeypatch: pytest.
     def interrupt(*arguments: Any, **options: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(plan, "search_tolerances", interrupt)
+    monkeypatch.setattr("renderer.job.plan.search_tolerances", interrupt)
     render("--quiet", code=130)
     assert [path.name for path in folder.iterdir()] == ["scene.yaml"]
 

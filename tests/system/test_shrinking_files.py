@@ -20,7 +20,7 @@ import os, sys
 from pathlib import Path
 caller = os.environ["HSPLAT_TEST_SHRINK"]
 if "hsplat_cli" in sys.orig_argv:
-    from renderer.volume.mapped_file import MappedFile
+    from renderer.volume import MappedFile
     look = MappedFile.require_unchanged
     def look_and_shrink(self):
         look(self)
@@ -74,8 +74,7 @@ def test_between_a_look_and_the_reading(footprint: str, caller: str, folder: Pat
 STRANGER = """\
 import os
 import numpy as np
-from renderer.volume import guard_mapping
-from renderer.volume.mapped_file import backing_file
+from renderer.volume import backing_file, guard_mapping
 for name in ("ours", "another"):
     np.ones(1 << 20, np.uint8).tofile(name)
 ours, another = np.memmap("ours", np.uint8, "r"), np.memmap("another", np.uint8, "r")
@@ -90,8 +89,7 @@ another.sum()
 SENT = """\
 import os, signal
 import numpy as np
-from renderer.volume import guard_mapping
-from renderer.volume.mapped_file import backing_file
+from renderer.volume import backing_file, guard_mapping
 np.ones(1 << 20, np.uint8).tofile("ours")
 ours = np.memmap("ours", np.uint8, "r")
 guard_mapping(backing_file(ours), ours)

@@ -19,8 +19,7 @@ from kinds_of_data import KINDS
 from processes import MARK, marked, new_mark, wait_until
 
 from hsplat_cli import main
-from hsplat_cli.turntable import FilmRequest, batch, one_film, up_to_date
-from renderer.job import film_making
+from hsplat_cli.turntable import FilmRequest, write_scene
 from renderer.system import ChildProcesses
 from tests.support.dicom_files import image_fields, save
 
@@ -84,10 +83,10 @@ def test_a_film_is_done_until_another_is_begun(monkeypatch: pytest.MonkeyPatch) 
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     before = report()
     with monkeypatch.context() as patch:
-        patch.setattr(film_making, "film_fingerprint", interrupt)
+        patch.setattr("renderer.job.film_making.film_fingerprint", interrupt)
         assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 130
         assert report() == before
-    monkeypatch.setattr(film_making, "_resume_checkpoint", interrupt)
+    monkeypatch.setattr("renderer.job.film_making._resume_checkpoint", interrupt)
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     assert report() == before
     Path("out/uint8.mp4").unlink()
@@ -98,8 +97,6 @@ def test_a_film_is_done_until_another_is_begun(monkeypatch: pytest.MonkeyPatch) 
 def test_the_film_is_that_of_the_scene_that_was_written(monkeypatch: pytest.MonkeyPatch) -> None:
     """An edit of the file before it is read has no effect."""
 
-    write_scene = one_film.write_scene
-
     def edit(*arguments: Any) -> None:
         write_scene(*arguments)
         scene = Path("out/uint8.yaml")
@@ -107,7 +104,7 @@ def test_the_film_is_that_of_the_scene_that_was_written(monkeypatch: pytest.Monk
         assert "frames: 3" in text
         scene.write_text(text.replace("frames: 3", "frames: 7"), encoding="utf-8")
 
-    monkeypatch.setattr(one_film, "write_scene", edit)
+    monkeypatch.setattr("hsplat_cli.turntable.one_film.write_scene", edit)
     assert turntable("in/uint8.npy", "-o", "out", *SMALL) == 0
     assert imageio.imread("out/uint8.mp4", plugin="FFMPEG").shape[0] == 3
 
@@ -144,7 +141,7 @@ def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     def needs(*more: str) -> list[str]:
         started.clear()
         with monkeypatch.context() as patch:
-            patch.setattr(batch, "_make_in_process", start)
+            patch.setattr("hsplat_cli.turntable.batch._make_in_process", start)
             assert turntable(*command, *more) == bool(started)
         return [*started]
 
@@ -152,7 +149,7 @@ def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     assert capfd.readouterr().out.startswith(table)
     assert needs("--tolerance=0.1") == needs("--force") == volumes
     with monkeypatch.context() as patch:
-        patch.setattr(up_to_date, "_program", lambda: ["another version"])
+        patch.setattr("hsplat_cli.turntable.up_to_date._program", lambda: ["another version"])
         assert needs() == volumes
     content = Path("in/uint8.npy").read_bytes()
     Path("in/uint8.npy").write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
@@ -190,7 +187,7 @@ def test_a_process_that_is_killed_fails_alone(monkeypatch, capfd) -> None:
             process.kill()
         return process
 
-    monkeypatch.setattr(batch.ChildProcesses, "start", started)
+    monkeypatch.setattr(ChildProcesses, "start", started)
     assert turntable("in/signed.npy", "in/uint8.npy", "-o", "out", *SMALL) == 1
     assert [record["status"] for record in report()] == ["failed", "done"]
     assert not [name for name in files("out") if "signed" in name]

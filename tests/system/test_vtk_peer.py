@@ -26,7 +26,7 @@ from renderer.accuracy import Truth
 from renderer.errors import InputError
 from renderer.film import over_background
 from renderer.frame import prepare_stage
-from renderer.readers.procedural import procedural_values
+from renderer.readers import procedural_values
 from renderer.scene import CameraSpec, ProceduralSource, Scene, TurntablePath, parse_scene
 from renderer.transfer import TransferFunction
 from renderer.truth import Convergence, SceneRays, integrate

@@ -13,9 +13,17 @@ from annotations import ALL, BARS, LEGEND, axes_of
 from film_stages import PLAIN
 from PIL import Image
 
-from renderer.annotation import AnnotationFacts, Annotator, FrameFacts, annotation_problems, draw_annotation
-from renderer.annotation.numbers import find_ticks, length_text, plain_text
-from renderer.annotation.text import Font
+from renderer.annotation import (
+    AnnotationFacts,
+    Annotator,
+    Font,
+    FrameFacts,
+    annotation_problems,
+    draw_annotation,
+    find_ticks,
+    length_text,
+    plain_text,
+)
 from renderer.errors import SceneError
 from renderer.film import bytes_digest
 from renderer.scene import AnnotationSpec, Motion, Scene, fill_format, moving, parse_scene, scene_to_dict

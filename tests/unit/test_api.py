@@ -12,7 +12,7 @@ from api_page import PAGE, api_page
 from commands import python
 
 import renderer
-from renderer.api import Film
+from renderer import Film
 
 ARRAY = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
 

@@ -6,6 +6,7 @@ What else holds for the code (silence, no clock, nothing dangerous, docstrings) 
 from __future__ import annotations
 
 import ast
+import contextlib
 import importlib
 import re
 from collections.abc import Iterator
@@ -14,18 +15,20 @@ from pathlib import Path
 
 import pytest
 
-from renderer.kernels.build import source_files
+from renderer.kernels import source_files
 
 ROOT = Path(__file__).resolve().parents[2]
 MAX_FILE_LINES = 500
+# The line of a door below which its names are for tests: steps of its work, and constants of it.
+FOR_TESTS = "# For tests alone: steps and constants that no other room uses.\n"
 
 # The rooms of each package in their order: each may use those before it. Modules beside the rooms come after the first
 # of them in renderer/, and after all of them in hsplat_cli/. The Python API uses all rooms; none uses it.
 ORDER = {
     "renderer": [
-        "system", "kernels", "volume", "looks", "scene", "readers", "transfer", "suggest", "pyramid", "lighting",
-        "splats", "bricks", "view", "modes", "layers", "draw", "film", "annotation", "frame", "truth", "accuracy",
-        "job",
+        "system", "kernels", "volume", "looks", "scene", "readers", "statistics", "transfer", "suggest", "resolve",
+        "pyramid", "lighting", "splats", "bricks", "view", "modes", "layers", "draw", "film", "annotation", "frame",
+        "truth", "accuracy", "job",
     ],
     "hsplat_cli": [
         "terminal", "scenes", "executors", "reports", "compare", "measure", "turntable", "preview", "commands",
@@ -56,26 +59,53 @@ def _room(module: str) -> str:
 
 @cache
 def _imports(path: Path) -> frozenset[str]:
-    return frozenset(_imported(path))
+    return frozenset(module for module, _ in _imported_names(path))
 
 
-def _imported(path: Path) -> Iterator[str]:
-    """Full names of the modules that a file imports, also of those imported by name from their package."""
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+@cache
+def _imported_names(path: Path) -> frozenset[tuple[str, str]]:
+    """Return all that a file imports: the full name of a module, and a name in it, which may be empty."""
+    return frozenset(_names_imported_by(ast.parse(path.read_text("utf-8")), path))
+
+
+def _names_imported_by(tree: ast.AST, path: Path) -> Iterator[tuple[str, str]]:
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            yield from ((alias.name, "") for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0 and node.module, f"{path}: a relative import"
-            children = {f"{node.module}.{alias.name}" for alias in node.names}
-            yield from children & set(SOURCES) or {node.module}
+            for alias in node.names:
+                child = f"{node.module}.{alias.name}"
+                is_module = child in SOURCES and alias.name not in _offers(node.module)
+                yield (child, "") if is_module else (node.module, alias.name)
+
+
+def _programs(path: Path) -> Iterator[ast.AST]:
+    """Yield the program of a test file, and those that it has as texts, which its child processes run."""
+    whole = ast.parse(path.read_text("utf-8"))
+    yield whole
+    for node in ast.walk(whole):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and "import " in node.value:
+            with contextlib.suppress(SyntaxError):
+                yield ast.parse(node.value)
+
+
+@cache
+def _offers(module: str) -> dict[str, bool]:
+    """Return the names at the door of a room, and of each whether it is there for tests alone."""
+    stub = ROOT / module.replace(".", "/") / "__init__.pyi"
+    if module not in (*ROOMS, "renderer") or not stub.exists():
+        return {}
+    text = stub.read_text("utf-8")
+    num_lines = text.partition(FOR_TESTS)[0].count("\n")
+    imports = [node for node in ast.parse(text).body if isinstance(node, ast.ImportFrom)]
+    return {alias.name: node.lineno > num_lines for node in imports for alias in node.names}
 
 
 def _is_door(module: str) -> bool:
     """A room, a module that its room offers, one beside the rooms, or one that another program finds by its name."""
-    parent, _, name = module.rpartition(".")
-    is_offered = parent in ROOMS and name in importlib.import_module(parent).__all__
-    is_known = module in (*ROOMS, "renderer", "hsplat_cli.compare.pytest_plugin")
-    return is_offered or is_known or _room(module) in ORDER
+    is_known = module in (*ROOMS, "renderer", "renderer.scene.schema", "hsplat_cli.compare.pytest_plugin")
+    return is_known or _room(module) in ORDER
 
 
 def test_every_folder_is_a_room() -> None:
@@ -105,6 +135,27 @@ def test_doors_open(room: str) -> None:
     assert door.__all__
     for name in door.__all__:
         assert getattr(door, name, None) is not None, name
+
+
+def test_tests_enter_by_doors() -> None:
+    """They import from the doors of rooms, and commands by their files.
+
+    The place behind a door where a test puts a fault in, or makes a limit small, is a text for `setattr`.
+    """
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        for module in {name for tree in _programs(path) for name, _ in _names_imported_by(tree, path)}:
+            is_inside = module.partition(".")[0] in ORDER and not module.startswith("hsplat_cli.commands.")
+            assert not is_inside or _is_door(module), f"{path} imports {module}, which is behind a door"
+
+
+def test_names_for_tests_alone_are_used_by_tests_alone() -> None:
+    tests = (ROOT / "tests").rglob("*.py")
+    tested = {each for path in tests for tree in _programs(path) for each in _names_imported_by(tree, path)}
+    for room in ROOMS:
+        names = {name for name, is_for_tests in _offers(room).items() if is_for_tests}
+        used = {name for path in SOURCES.values() for module, name in _imported_names(path) if module == room}
+        assert not names & used, f"{room} offers names to tests alone that other rooms use"
+        assert {(room, name) for name in names} <= tested, f"{room} offers names that no test uses"
 
 
 def test_only_one_room_makes_opengl_calls() -> None:

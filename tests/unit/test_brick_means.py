@@ -7,9 +7,15 @@ import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE, Shape, patches
 
-from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, PADDED_BRICK_SIZE, make_bricks
-from renderer.bricks.brick_means import recompute_means, stored_means
-from renderer.bricks.layout import HALO
+from renderer.bricks import (
+    BRICK_LEVELS,
+    BRICK_SIZE,
+    HALO,
+    PADDED_BRICK_SIZE,
+    make_bricks,
+    recompute_means,
+    stored_means,
+)
 from renderer.pyramid import Pyramid, build_pyramid, descendants, root_cells
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from brick_reference import DITHER
 
-from renderer.bricks import BRICK_SIZE
-from renderer.bricks.sampling import MIN_STEP, step_sizes
+from renderer.bricks import BRICK_SIZE, MIN_STEP, step_sizes
 
 # From corner to corner of a brick, in the shortest steps; decision 014 in docs/decisions states it.
 MOST_SAMPLES = 3814

@@ -9,10 +9,8 @@ import pytest
 from hypothesis import given, strategies as st
 from splatting import camera_pose
 
-from renderer.scene import CameraSpec, KeyframePath, RockerPath, TurntablePath
-from renderer.scene.camera_section import Keyframe
-from renderer.view import make_view
-from renderer.view.paths import CameraPoses, camera_poses
+from renderer.scene import CameraSpec, Keyframe, KeyframePath, RockerPath, TurntablePath
+from renderer.view import CameraPoses, camera_poses, make_view
 
 # Sines, cosines and a 3 x 3 product of float64: a few units in the last place.
 EXACT = 1e-14

@@ -16,7 +16,7 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError, SceneError
 from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
-from renderer.suggest.channels import suggest_weight
+from renderer.suggest import suggest_weight
 from renderer.volume import make_volume
 
 STEP = np.linspace(0, 255, 256)

@@ -11,10 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renderer.film import Picture, atomic as staging, bytes_digest, data_digest, encode_png, frame_path
-from renderer.job import DrawnFrame, FilmFingerprint, FrameCheckpoint, FrameRecord, record_to_json
-from renderer.job.checkpoint import remove_checkpoint_frames
-from renderer.job.record import read_frame_record
+from renderer.film import Picture, bytes_digest, data_digest, encode_png, frame_path, remove_temporaries
+from renderer.job import (
+    DrawnFrame,
+    FilmFingerprint,
+    FrameCheckpoint,
+    FrameRecord,
+    read_frame_record,
+    record_to_json,
+    remove_checkpoint_frames,
+)
 from renderer.scene import OutputSpec
 
 NUMBERS = range(4)
@@ -279,6 +285,6 @@ def test_a_kill_between_any_two_steps(folder, output: OutputSpec, monkeypatch, s
     assert 0 in checkpoint.records
     for number in checkpoint.records:
         assert checkpoint.finished_frame(number).pictures[0].content == png(number)
-    staging.remove_temporaries(folder)
+    remove_temporaries(folder)
     remove_checkpoint_frames(folder, output, NUMBERS)
     assert list(folder.iterdir()) == []

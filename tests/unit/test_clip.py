@@ -15,8 +15,7 @@ from small_scene import small_tree
 from renderer.errors import SceneError
 from renderer.readers import read_volume
 from renderer.scene import ClipSpec, PlaneSpec, Scene, parse_scene
-from renderer.truth.integrator import rays_through_pixels
-from renderer.truth.kept_parts import kept_parts
+from renderer.truth import keep_parts, rays_through_pixels
 from renderer.view import View, are_clipped_away, place_clips, visible_bricks
 from renderer.volume import Bools, Float64, Volume
 
@@ -173,7 +172,7 @@ def test_parts_of_rays_are_those_that_the_truth_keeps(camera: str) -> None:
     num_kept = 0
     for num in (0, 1, 1, 2, 3, 6):
         view = replace(view, clip=random_clips(rng, volume, view, num))
-        parts = kept_parts(view, volume.centre, origins, directions, starts)
+        parts = keep_parts(view, volume.centre, origins, directions, starts)
         is_in_part = (along[..., None] > parts[:, None, :, 0]) & (along[..., None] < parts[:, None, :, 1])
         assert is_in_part.sum(axis=2).max() <= 1
         expected = along > starts[:, None]
@@ -191,6 +190,6 @@ def test_a_ray_along_a_face_meets_the_box_or_not() -> None:
     box = ClipSpec(None, ((-1.0, -1.0, -1.0), (20.0, 8.0, 8.0)))
     for invert in (False, True):
         clip = replace(view, clip=(replace(box, invert=invert),))
-        parts = kept_parts(clip, volume.centre, origins, directions, np.full(2, -50.0))
+        parts = keep_parts(clip, volume.centre, origins, directions, np.full(2, -50.0))
         lengths = np.clip(np.diff(np.clip(parts, -50, 50), axis=2), 0, None).sum(axis=(1, 2))
         np.testing.assert_allclose(lengths, [9, 0] if invert else [91, 100])

@@ -12,8 +12,7 @@ import pytest
 from distributed import KilledWorker
 from film_stages import PLAIN, stage_of
 
-from hsplat_cli.executors.cluster import cluster_drawing
-from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
+from hsplat_cli.executors import ClusterDrawing
 from hsplat_cli.terminal import Reporter
 from renderer.errors import RenderError
 from renderer.frame import ScheduleController
@@ -114,8 +113,8 @@ PLAN = FilmPlan(stage_of(PLAIN), ScheduleController(stage_of(PLAIN)))
 
 def draw(does: Callable[[int, int], str | None], numbers: Sequence[int]) -> list[int]:
     cluster = Cluster(does)
-    constants = {"_POLL_INTERVAL_S": 0.0, "_MAX_THREADS": 1}
-    with mock.patch.multiple(cluster_drawing, WorkerRegistry=lambda *_: cluster, **constants):
+    replaced = {"_POLL_INTERVAL_S": 0.0, "_MAX_THREADS": 1, "WorkerRegistry": lambda *_: cluster}
+    with mock.patch.multiple("hsplat_cli.executors.cluster.cluster_drawing", **replaced):
         executor = ClusterDrawing(cluster, "", PLAN, Reporter(), MEMORY)  # type: ignore[arg-type]
         with closing(executor):
             return [result.record.frame for result in executor.draw(numbers)]

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from hsplat_cli.compare import STRICTNESSES
-from hsplat_cli.compare.outcome import (
+from hsplat_cli.compare import (
+    STRICTNESSES,
     Comparison,
     Outcome,
     Pair,

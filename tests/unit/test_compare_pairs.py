@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, strategies as st
 from png_files import noise, smooth, write_film, write_frames
 
-from hsplat_cli.compare.file_pairs import natural_sort_key, open_pairs
+from hsplat_cli.compare import open_pairs
 from renderer.errors import InputError
 from renderer.film import encode_png
+from renderer.readers import natural_sort_key
 
 PICTURES = [noise(seed) for seed in range(3)]
 

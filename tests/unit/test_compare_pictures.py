@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from png_files import chunk, interlaced, noise, png_file, unfiltered
 
-from hsplat_cli.compare.picture_file import read_picture
+from hsplat_cli.compare import read_picture
 from renderer.errors import InputError
 from renderer.film import encode_png, join_png_chunks
 

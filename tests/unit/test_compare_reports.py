@@ -9,9 +9,7 @@ from xml.etree import ElementTree
 
 from hypothesis import example, given, strategies as st
 
-from hsplat_cli.compare import comparison_table
-from hsplat_cli.compare.outcome import Comparison, Outcome
-from hsplat_cli.compare.report_files import MAX_ROWS, comparison_json, comparison_junit
+from hsplat_cli.compare import MAX_ROWS, Comparison, Outcome, comparison_json, comparison_junit, comparison_table
 from renderer.system import printable
 
 LIMITS = {"largest": 1.0, "flip": 0.01}

@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from hsplat_cli.commands.compare import compare
-from hsplat_cli.compare import COMPARISON_METRICS, STRICTNESSES
-from hsplat_cli.compare.rules import Rules, load_rules
+from hsplat_cli.compare import COMPARISON_METRICS, STRICTNESSES, Rules, load_rules
 from renderer.errors import InputError, SceneError
 
 SAME_MACHINE, CROSS_DRIVER = STRICTNESSES["same-machine"].limits, STRICTNESSES["cross-driver"].limits
@@ -76,7 +75,7 @@ def test_limits_that_differ_from_the_level_are_listed(tmp_path: Path) -> None:
     file = tmp_path / "compare.yaml"
     assert load_rules(tmp_path).other_limits == [
         f"largest 200, p99 none, densest 3 by {file}",
-        f"those of 1 frame by {file}",
+        f"limits of 1 frame by {file}",
     ]
     assert load_rules(tmp_path, overrides=["largest=5", "p99=0.12345678", "densest=none"]).other_limits == [
         "p99 0.12345678, densest none by option"

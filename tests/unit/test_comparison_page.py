@@ -14,17 +14,19 @@ import numpy.typing as npt
 import pytest
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
 
-from hsplat_cli.compare import comparison_html as page_module
-from hsplat_cli.compare.comparison_html import (
+from hsplat_cli.compare import (
     CROP_PX,
     NUM_PASSING_SHOWN,
     PICTURE_PX,
+    Comparison,
     Gallery,
     GalleryFrame,
+    Outcome,
+    Pair,
+    Status,
     comparison_page,
     plot_errors,
 )
-from hsplat_cli.compare.outcome import Comparison, Outcome, Pair, Status
 from renderer.film import Pixels
 
 EVIL = "</script><b onclick='x'>\"&{{ 7 * 7 }}"
@@ -291,7 +293,7 @@ def test_the_page_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     cases = [(judged(f"{k}", 250 - k), Pair(f"{k}", noise, noise[::-1].copy())) for k in range(9)]
     text = comparison_page(*shown(*cases))
     one = sum(map(len, re.findall(r"data:[^\"]*", text))) // 9
-    monkeypatch.setattr(page_module, "MAX_PICTURE_BYTES", 4 * one)
+    monkeypatch.setattr("hsplat_cli.compare.comparison_html.MAX_PICTURE_BYTES", 4 * one)
     page = Page(comparison_page(*shown(*cases)))
     assert page.tags["article"] == 4
     assert "4 of the 9 that differ, worst first." in page.prose and "of this file" in page.prose

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
+import os
 from pathlib import Path
 
 import pytest
 
-from renderer.system import cores, num_cores, num_drawing_threads
+from renderer.system import control_groups, num_cores, num_drawing_threads
 
 
 @pytest.mark.parametrize(
@@ -25,37 +25,37 @@ def test_drawing_takes_as_many_threads_as_mesa(monkeypatch: pytest.MonkeyPatch, 
 
 
 @pytest.mark.parametrize(
-    ("own", "files", "quota"),
+    ("own", "files", "expected"),
     [
-        ("0::/", {}, math.inf),
-        ("0::/", {"cpu.max": "150000 100000"}, 1.5),
-        ("0::/a/b", {"a/cpu.max": "max 100000", "a/b/cpu.max": "300000 100000"}, 3.0),
-        ("0::/a/b", {"a/cpu.max": "200000 100000", "a/b/cpu.max": "300000 100000"}, 2.0),
-        ("0::/a", {"b/cpu.max": "100000 100000", "a/cpu.max": "no numbers"}, math.inf),
-        ("0::/not/here", {"cpu.max": "50000 100000"}, 0.5),
-        (None, {"cpu/cpu.cfs_quota_us": "250000", "cpu/cpu.cfs_period_us": "100000"}, 2.5),
+        ("0::/", {}, 16),
+        ("0::/", {"cpu.max": "150000 100000"}, 2),
+        ("0::/a/b", {"a/cpu.max": "max 100000", "a/b/cpu.max": "300000 100000"}, 3),
+        ("0::/a/b", {"a/cpu.max": "200000 100000", "a/b/cpu.max": "300000 100000"}, 2),
+        ("0::/a", {"b/cpu.max": "100000 100000", "a/cpu.max": "no numbers"}, 16),
+        ("0::/not/here", {"cpu.max": "50000 100000"}, 1),
+        (None, {"cpu/cpu.cfs_quota_us": "250000", "cpu/cpu.cfs_period_us": "100000"}, 3),
         (
             "12:memory:/m\n4:cpu,cpuacct:/job\n0::/",
             {"cpu/job/cpu.cfs_quota_us": "400000", "cpu/job/cpu.cfs_period_us": "100000",
              "cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"},
-            4.0,
+            4,
         ),
-        ("no such lines\n\n", {"cpu.max": "100000 0"}, math.inf),
+        ("no such lines\n\n", {"cpu.max": "100000 0"}, 16),
     ],
 )  # fmt: skip
-def test_control_groups_limit_the_cores(own: str | None, files: dict[str, str], quota: float, tmp_path: Path) -> None:
-    """The least quota counts, of a group and those that it is in: batch systems and services nest them."""
+def test_control_groups_limit_the_cores(
+    own: str | None, files: dict[str, str], expected: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The least quota of a group and of those around it counts, rounded up: batch systems and services nest them.
+
+    The scheduler gives this process 16 cores.
+    """
     for name, content in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(content)
     if own is not None:
         (tmp_path / "own").write_text(own)
-    groups = cores.control_groups("cpu", tmp_path, tmp_path / "own")
-    assert min(map(cores._group_quota, groups)) == quota
-
-
-def test_a_quota_is_rounded_up_to_whole_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cores.os, "sched_getaffinity", lambda _: range(16))
-    for quota, expected in ((math.inf, 16), (2.5, 3), (0.2, 1), (100.0, 16)):
-        monkeypatch.setattr(cores, "_quota", lambda quota=quota: quota)
-        assert num_cores() == expected
+    groups = control_groups("cpu", tmp_path, tmp_path / "own")
+    monkeypatch.setattr("renderer.system.cores.control_groups", lambda _: groups)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(16))
+    assert num_cores() == expected

@@ -11,10 +11,7 @@ from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, p
 from texel_wall import drawn
 
 from renderer.bricks import PADDED_BRICK_SIZE
-from renderer.draw import BrickRasterizer
-from renderer.draw.bricks.bands import plan_bands
-from renderer.draw.bricks.brick_cache import Atlas, brick_bytes
-from renderer.draw.bricks.brick_rasterizer import share_memory, share_out
+from renderer.draw import Atlas, BrickRasterizer, brick_bytes, plan_bands, share_memory, share_out
 from renderer.kernels import Light, Shading
 from renderer.transfer import NO_LIGHT_GRID
 

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from renderer.accuracy import finer_than_kept, typical_kept_psnr, typical_psnr
-from renderer.accuracy.encoding import typical_tolerance
+from renderer.accuracy import finer_than_kept, typical_kept_psnr, typical_psnr, typical_tolerance
 from renderer.scene import OutputSpec
 
 

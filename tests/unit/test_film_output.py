@@ -10,9 +10,7 @@ from pathlib import Path
 import pytest
 
 from renderer.film import Picture
-from renderer.job import DrawnFrame, FrameRecord, JobEvents
-from renderer.job.checkpoint import FrameStore
-from renderer.job.film_output import FilmOutput
+from renderer.job import DrawnFrame, FilmOutput, FrameRecord, FrameStore, JobEvents
 from renderer.scene import OutputSpec
 
 LONGEST_S = 30.0  # until a thread that waits is taken for stuck

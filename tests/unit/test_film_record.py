@@ -18,17 +18,8 @@ from spoiling import spoil
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError
 from renderer.film import film_path_of_sidecar, sidecar_path
-from renderer.job import FilmJob, FilmRecord, FrameRecord, parse_film_record, record, record_to_json
-from renderer.job.sidecar import write_sidecar
-from renderer.scene import (
-    MAX_SCENE_BYTES,
-    ErrorSpec,
-    SplatBudget,
-    accuracy_of,
-    input_file,
-    parse_scene,
-    schedule_to_dict,
-)
+from renderer.job import FilmJob, FilmRecord, FrameRecord, parse_film_record, record_to_json, write_sidecar
+from renderer.scene import MAX_SCENE_BYTES, ErrorSpec, SplatBudget, accuracy_of, parse_scene, schedule_to_dict
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -188,8 +179,8 @@ def test_only_what_begins_as_json_may_be_large() -> None:
 
 def test_a_larger_sidecar_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     most = MAX_SCENE_BYTES + 1000
-    for module in (input_file, record):
-        monkeypatch.setattr(module, "MAX_SIDECAR_BYTES", most)
+    for module in ("renderer.scene.input_file", "renderer.job.record"):
+        monkeypatch.setattr(f"{module}.MAX_SIDECAR_BYTES", most)
     text = json.dumps(SIDECAR)
     assert load(text.ljust(most)) == load(text)
     with pytest.raises(InputError, match="too large for a sidecar"):

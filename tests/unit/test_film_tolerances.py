@@ -9,16 +9,7 @@ import numpy as np
 import pytest
 from film_stages import SPLATS, stage_of_kind
 
-from renderer.accuracy import (
-    ErrorSamples,
-    ExactRays,
-    FoundTolerances,
-    Probe,
-    Trial,
-    find_tolerances,
-    references,
-    search as tolerance_search,
-)
+from renderer.accuracy import ErrorSamples, ExactRays, FoundTolerances, Probe, Trial, find_tolerances
 from renderer.frame import Stage, prepare_stage
 from renderer.scene import MetricTarget
 from renderer.volume import Float32
@@ -68,8 +59,8 @@ def search(
         tolerance = at.scene.error.tolerance
         return [Picture(number, error(tolerance, number)) for number in numbers]
 
-    monkeypatch.setattr(references, "FrameProber", Prober)
-    monkeypatch.setattr(tolerance_search, "render_frames", render)
+    monkeypatch.setattr("renderer.accuracy.references.FrameProber", Prober)
+    monkeypatch.setattr("renderer.accuracy.search.render_frames", render)
     rays, tell = ExactRays(stage, MetricTarget("psnr", decibels), num_threads=1), ([] if trials is None else trials)
     options: dict[str, Any] = {"is_constant": stage.scene.needs_opengl, "clock": lambda: 0.0, "on_trial": tell.append}
     return find_tolerances(stage, FRAMES, rays, None, **options)  # type: ignore[arg-type]

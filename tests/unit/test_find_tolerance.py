@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.accuracy import ExactPictures, FoundTolerances, Trial, Truth, find_tolerances
-from renderer.accuracy.tolerances import two_digit_numbers
+from renderer.accuracy import ExactPictures, FoundTolerances, Trial, Truth, find_tolerances, two_digit_numbers
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.scene import AnnotationSpec, CameraSpec, ErrorSpec, MetricTarget, OutputSpec, RockerPath, TurntablePath
 from renderer.splats import SplatBatch

@@ -7,10 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from hsplat_cli.compare import COMPARISON_METRICS, FrameDifference, frame_difference
-from hsplat_cli.compare.frame_difference import WINDOW_PX
-from renderer.accuracy import SSIM_WINDOW_PX, compute_metric
-from renderer.accuracy.metrics import REACH_PX, metric_map
+from hsplat_cli.compare import COMPARISON_METRICS, WINDOW_PX, FrameDifference
+from renderer.accuracy import REACH_PX, SSIM_WINDOW_PX, compute_metric, metric_map
 from renderer.volume import UInt8
 
 Pixels = UInt8
@@ -47,7 +45,7 @@ def test_a_constant_shift_has_the_same_error_in_every_metric() -> None:
 @pytest.mark.parametrize("name", ["flip", "ssim"])
 @pytest.mark.parametrize("share", [1.0, 0.0])
 def test_metrics_of_squares_add_up(name: str, share: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frame_difference, "_BLOCK_PX", 32)
+    monkeypatch.setattr("hsplat_cli.compare.frame_difference._BLOCK_PX", 32)
     golden, other = noise((65, 100, 3)), noise((65, 100, 3), 1)
     spoiled = np.random.default_rng(2).random((65, 100)) < share
     spoiled[31, 63] = spoiled[64, 0] = True  # at corners of squares, the second in one of a single row

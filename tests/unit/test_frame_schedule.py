@@ -7,7 +7,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-from hsplat_cli.executors.cluster.cluster_drawing import draw_ahead
+from hsplat_cli.executors import draw_ahead
 from renderer.film import Picture
 from renderer.job import DrawnFrame, FrameRecord
 

@@ -19,6 +19,7 @@ from renderer.scene import (
     CameraSpec,
     ControlPoint,
     ErrorSpec,
+    Keyframe,
     KeyframePath,
     PyramidSpec,
     RockerPath,
@@ -27,11 +28,16 @@ from renderer.scene import (
     TurntablePath,
     Vector,
 )
-from renderer.scene.camera_section import Keyframe
 from renderer.transfer import TransferFunction
-from renderer.view import fit_distance, make_view, smallest_voxel_px, visible_centre, visible_points
-from renderer.view.framing import MARGIN
-from renderer.view.paths import camera_poses
+from renderer.view import (
+    MARGIN,
+    camera_poses,
+    fit_distance,
+    make_view,
+    smallest_voxel_px,
+    visible_centre,
+    visible_points,
+)
 from renderer.volume import Float64, Volume, make_volume
 
 PATHS: list[CameraPath] = [

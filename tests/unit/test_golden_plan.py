@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hsplat_cli.compare.golden.provenance import Golden, Provenance
-from hsplat_cli.compare.golden.update import GoldenOptions, GoldenUpdate, describe_update, plan_update
+from hsplat_cli.compare import Golden, GoldenOptions, GoldenUpdate, Provenance, describe_update, plan_update
 from renderer.film import Pixels, bytes_digest, encode_png, file_digest
 
 DIGEST = "0" * 32

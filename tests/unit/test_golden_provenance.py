@@ -14,21 +14,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hsplat_cli.compare import parse_date
-from hsplat_cli.compare.golden import provenance
-from hsplat_cli.compare.golden.provenance import (
+from hsplat_cli.compare import (
+    MAX_PROVENANCE_BYTES,
     PROVENANCE_FILE,
     Golden,
     Provenance,
     describe_changes,
     golden_file_name,
     origin_from_record,
+    parse_date,
     provenance_bytes,
     read_provenance,
 )
 from renderer.errors import InputError
-from renderer.job import FilmFingerprint
-from renderer.job.record import VolumeRecord
+from renderer.job import FilmFingerprint, VolumeRecord
 
 DIGEST = "0123456789abcdef" * 2
 
@@ -143,7 +142,7 @@ def test_damage_never_leads_to_the_wrong_file(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_too_large_and_a_folder_are_not_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(provenance, "MAX_PROVENANCE_BYTES", 1000)
+    monkeypatch.setattr("hsplat_cli.compare.golden.provenance.MAX_PROVENANCE_BYTES", 1000)
     (tmp_path / PROVENANCE_FILE).write_bytes(b"{" + b" " * 1000)
     with pytest.raises(InputError, match=f"too large for a {PROVENANCE_FILE}\n  expected: at most 1000 bytes"):
         read_provenance(tmp_path)
@@ -156,7 +155,7 @@ def test_a_file_that_is_too_large_and_a_folder_are_not_parsed(tmp_path: Path, mo
 def test_a_million_goldens_fit() -> None:
     longest = Golden(999_999, golden_file_name(999_999, 1_000_000), DIGEST)
     one, two = (len(provenance_bytes(replace(WRITTEN, goldens=(longest,) * num))) for num in (1, 2))
-    assert one + 1_000_000 * (two - one) < provenance.MAX_PROVENANCE_BYTES
+    assert one + 1_000_000 * (two - one) < MAX_PROVENANCE_BYTES
 
 
 @pytest.mark.parametrize("text", ["", "\x1b[31m", "x" * 201])

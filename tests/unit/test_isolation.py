@@ -18,8 +18,7 @@ import pytest
 
 import renderer
 from renderer.errors import InputError, RenderError
-from renderer.readers.common import Image
-from renderer.readers.isolation import Host, read_isolated
+from renderer.readers import Host, Image, read_isolated
 from renderer.volume import Label
 
 
@@ -192,7 +191,7 @@ _IN_ANOTHER = """
 import os, resource, sys
 sys.path[:0] = {folders}
 from pathlib import Path
-from renderer.readers.isolation import read_isolated
+from renderer.readers import read_isolated
 {before}
 values = read_isolated("test_isolation:{reader}", Path("scan.x")).values
 sys.exit(0 if values.size else 3)

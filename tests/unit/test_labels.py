@@ -14,11 +14,11 @@ from click.testing import CliRunner
 from hsplat_cli.commands.check import check
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError, SceneError
-from renderer.layers.label_numbers import leave_out_masked, mask_volume, number_labels
+from renderer.layers import leave_out_masked, mask_volume, number_labels
 from renderer.readers import read_volume
+from renderer.resolve import resolve_scene
 from renderer.scene import FileSource, LabelsSpec, LabelStyle, MaskSpec, Scene, VolumeSpec, parse_scene, scene_to_dict
-from renderer.suggest import resolve_scene
-from renderer.suggest.label_choice import label_colors
+from renderer.suggest import label_colors
 from renderer.volume import Array, make_volume, move_volume
 from tests.support.volume_files import write_image
 

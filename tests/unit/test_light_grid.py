@@ -14,8 +14,7 @@ from renderer.kernels import LightGrid
 from renderer.lighting import compute_light_grid
 from renderer.pyramid import build_pyramid, cut_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec, Vector
-from renderer.transfer import TransferFunction
-from renderer.transfer.light_factors import make_light_grid
+from renderer.transfer import TransferFunction, make_light_grid
 from renderer.volume import Bools, Float64, Volume, make_volume
 
 LIGHT, RADIUS = (0.4, -0.3, 0.9), 15.0

@@ -17,9 +17,7 @@ from look_scene import look_scene as scene
 from spoiling import spoil
 
 from renderer.errors import InputError, SceneError
-from renderer.looks import place_look, read_look, read_preset
-from renderer.looks.curves import MAX_OPACITY_ERROR, merge_curves
-from renderer.looks.look import Look
+from renderer.looks import MAX_OPACITY_ERROR, Look, merge_curves, place_look, read_look, read_preset
 from renderer.scene import ColormapSpec, ShadingSpec, TransferSpec, parse_scene, scene_to_dict
 from renderer.transfer import make_transfer_function
 

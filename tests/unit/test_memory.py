@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.system import memory
-from renderer.system.cores import control_groups
+from renderer.system import MemoryShare, PeakMemory, control_groups, free_bytes, free_swap_bytes
 
 GIB = 2**30
 FREE = {"memory.limit_in_bytes": 2**63 - 4096, "memory.usage_in_bytes": GIB}  # as the kernel writes it
@@ -54,12 +53,14 @@ def test_control_groups_limit_the_memory(
         for name, content in files.items():
             (tmp_path / group / name).write_text(f"{content}\n")
     (tmp_path / "meminfo").write_text(f"MemTotal: {9 * 2**20} kB\nMemAvailable: {8 * 2**20} kB\nSwapFree: 7 kB\n")
-    monkeypatch.setattr(memory, "_MEMINFO", tmp_path / "meminfo")
+    monkeypatch.setattr("renderer.system.memory._MEMINFO", tmp_path / "meminfo")
     if own is not None:
         (tmp_path / "own").write_text(own)
-    monkeypatch.setattr(memory, "control_groups", lambda name: control_groups(name, tmp_path, tmp_path / "own"))
-    assert memory.free_bytes() == free * GIB
-    assert memory.free_swap_bytes() == 7 * 1024
+    monkeypatch.setattr(
+        "renderer.system.memory.control_groups", lambda name: control_groups(name, tmp_path, tmp_path / "own")
+    )
+    assert free_bytes() == free * GIB
+    assert free_swap_bytes() == 7 * 1024
 
 
 @pytest.mark.parametrize(
@@ -69,19 +70,21 @@ def test_control_groups_limit_the_memory(
 def test_drawing_has_a_share(
     total: int | None, num_processes: int, free: float, num_bytes: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(memory, "free_bytes", lambda: free)
-    assert memory.MemoryShare(total, num_processes).num_bytes() == num_bytes
+    monkeypatch.setattr("renderer.system.memory.free_bytes", lambda: free)
+    assert MemoryShare(total, num_processes).num_bytes() == num_bytes
 
 
 def test_a_system_without_either_has_no_known_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "_MEMINFO", tmp_path / "absent")
-    monkeypatch.setattr(memory, "control_groups", lambda name: control_groups(name, tmp_path, tmp_path / "absent"))
-    assert memory.free_bytes() == math.inf
-    assert memory.free_swap_bytes() == 0
+    monkeypatch.setattr("renderer.system.memory._MEMINFO", tmp_path / "absent")
+    monkeypatch.setattr(
+        "renderer.system.memory.control_groups", lambda name: control_groups(name, tmp_path, tmp_path / "absent")
+    )
+    assert free_bytes() == math.inf
+    assert free_swap_bytes() == 0
 
 
 def test_the_peak_is_that_since_the_reset() -> None:
-    meter = memory.PeakMemory()
+    meter = PeakMemory()
     before = meter.peak_bytes()
     assert before is not None
     large = np.ones(GIB // 8, np.uint8)
@@ -89,10 +92,10 @@ def test_the_peak_is_that_since_the_reset() -> None:
     assert with_it is not None and with_it - before > 0.12 * GIB
     del large
     assert meter.peak_bytes() == pytest.approx(with_it, abs=GIB / 1024)  # a peak stays
-    after = memory.PeakMemory().peak_bytes()
+    after = PeakMemory().peak_bytes()
     assert after is not None and after < with_it - 0.1 * GIB
 
 
 def test_the_peak_is_unknown_on_other_systems(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "_RESET", tmp_path / "missing" / "file")
-    assert memory.PeakMemory().peak_bytes() is None
+    monkeypatch.setattr("renderer.system.memory._RESET", tmp_path / "missing" / "file")
+    assert PeakMemory().peak_bytes() is None

@@ -13,8 +13,19 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
-from renderer.scene import Motion, Scene, motion_of, moving, parse_scene, scene_to_dict, tree_node
-from renderer.scene.motion import EASINGS, MotionKind, moving_result, values_at
+from renderer.scene import (
+    EASINGS,
+    Motion,
+    MotionKind,
+    Scene,
+    motion_of,
+    moving,
+    moving_result,
+    parse_scene,
+    read_frame,
+    scene_to_dict,
+    values_at,
+)
 
 NUM_FRAMES, AXIS = 60, [1, 0, 0]
 PLAIN: dict[str, Any] = {
@@ -229,8 +240,8 @@ def test_maps_that_cannot_be(path: str, value: object, where: str, what: str) ->
 
 def test_the_keys_of_a_motion_are_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """However many frames a scene is looked at: films by programs have a key a frame."""
-    read, original = list[object](), tree_node.read_frame
-    monkeypatch.setattr(tree_node, "read_frame", lambda node: read.append(node.value) or original(node))
+    read = list[object]()
+    monkeypatch.setattr("renderer.scene.tree_node.read_frame", lambda node: read.append(node.value) or read_frame(node))
     path = "transfer_function.points.1.opacity"
     keys = {frame: 0.1 + frame % 7 / 10 for frame in range(NUM_FRAMES)}
     scene = parse(changed(path, keys))

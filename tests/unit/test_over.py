@@ -24,9 +24,7 @@ from renderer.scene import (
     VolumeSpec,
     parse_scene,
 )
-from renderer.suggest import VolumeSuggestion, Wish, suggest_over
-from renderer.suggest.opacity_calibration import balance
-from renderer.suggest.over import UPPER_SHARE
+from renderer.suggest import UPPER_SHARE, VolumeSuggestion, Wish, balance, suggest_over
 from renderer.volume import Array, Volume, make_volume
 
 UPPER, LOWER = VolumeSpec(FileSource(Path("upper.npy"))), VolumeSpec(FileSource(Path("lower.npy")))

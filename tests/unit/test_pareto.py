@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hsplat_cli.measure.pareto import cost_at_psnr, pareto_front
+from hsplat_cli.measure import cost_at_psnr, pareto_front
 
 
 @pytest.mark.parametrize("seed", range(40))

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from png_files import noise
 
-from renderer.film import Picture, encode_png, join_png_chunks
-from renderer.film.png import decode_png
+from renderer.film import Picture, decode_png, encode_png, join_png_chunks
 
 
 @pytest.mark.parametrize("channels", [3, 4])

@@ -13,9 +13,7 @@ from film_stages import PLAIN, SPLATS, stage_of, waves
 from splatting import look, place_splats
 
 from renderer.bricks import BRICK_SIZE, Bricks, ScreenSampling, brick_cut_sizes, cut_bricks
-from renderer.frame import Stage, make_primitive, view_of
-from renderer.frame.frame import DrawList
-from renderer.frame.primitives import BrickLOD, BrickPrimitive, SplatLOD, num_samples
+from renderer.frame import BrickLOD, BrickPrimitive, DrawList, SplatLOD, Stage, make_primitive, num_samples, view_of
 from renderer.scene import AnnotationSpec, ControlPoint, ErrorSpec, SplatSpec, TransferSpec
 from renderer.splats import SplatBatch
 from renderer.view import View, ray_setup, visible_order

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from kinds_of_data import suggested
 
-from renderer.readers import read_volume
-from renderer.readers.procedural import procedural_values
+from renderer.readers import procedural_values, read_volume
 from renderer.scene import PROCEDURAL_NAMES, ProceduralSource, VolumeSpec
 
 

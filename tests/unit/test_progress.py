@@ -6,8 +6,7 @@ import sys
 
 import pytest
 
-from hsplat_cli.terminal import Reporter
-from hsplat_cli.terminal.progress_bar import Progress, format_duration
+from hsplat_cli.terminal import Progress, Reporter, format_duration
 
 
 class Terminal(io.StringIO):

@@ -10,9 +10,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from renderer.errors import InputError
-from renderer.readers import common, read_volume
-from renderer.readers.common import Image
-from renderer.readers.volume_reading import crop_image
+from renderer.readers import NO_SPACING, Image, crop_image, read_volume
 from renderer.scene import ProceduralSource, RawSource, VolumeSpec
 from renderer.volume import Volume, make_volume
 from tests.support.dicom_files import image_fields, save
@@ -85,7 +83,7 @@ def test_unknown_axes_are_no_times_and_a_given_spacing_leaves_the_note_about_the
     assert read(tmp_path / "a.nrrd", component=1).shape_xyz == (3, 4, 5)
     (tmp_path / "a.nrrd").write_bytes(header + b"kinds: domain domain domain time\n\n" + bytes(range(120)))
     about_times = "5 times; the first is drawn; `time: k` chooses another"
-    assert read(tmp_path / "a.nrrd").note == f"{common.NO_SPACING}; {about_times}"
+    assert read(tmp_path / "a.nrrd").note == f"{NO_SPACING}; {about_times}"
     assert read(tmp_path / "a.nrrd", (1.0, 1.0, 2.0)).note == about_times
 
 
@@ -347,8 +345,8 @@ def test_voxels_that_do_not_fit_into_memory_are_refused(tmp_path, monkeypatch, o
         save(path, image_fields(values, PixelSpacing=["1", "1"], SpacingBetweenSlices="1"))
     else:
         write_image(path, values)
-    monkeypatch.setattr(common, "free_bytes", lambda: 100)
-    monkeypatch.setattr(common, "free_swap_bytes", lambda: values.nbytes - 101)
+    monkeypatch.setattr("renderer.readers.voxel_limits.free_bytes", lambda: 100)
+    monkeypatch.setattr("renderer.readers.voxel_limits.free_swap_bytes", lambda: values.nbytes - 101)
     assert refused(path, match="the voxels of this file do not fit into memory").where == str(path)
-    monkeypatch.setattr(common, "free_swap_bytes", lambda: values.nbytes - 100)
+    monkeypatch.setattr("renderer.readers.voxel_limits.free_swap_bytes", lambda: values.nbytes - 100)
     assert read(path).values.size == values.size

@@ -10,8 +10,7 @@ import pytest
 from pydicom import Dataset
 from pydicom.encaps import encapsulate
 
-from renderer.readers import find_volume, volumes_in
-from renderer.readers.dicom_tags import summarize
+from renderer.readers import find_volume, summarize, volumes_in
 from tests.support.dicom_files import dicom_bytes, functional_groups, image_fields, save
 from tests.support.volume_files import read, refused, written
 

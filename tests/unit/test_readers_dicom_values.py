@@ -12,7 +12,7 @@ from pydicom.dataset import Dataset
 from pydicom.pixels.processing import apply_color_lut, apply_modality_lut
 from pydicom.uid import ExplicitVRLittleEndian, ImplicitVRLittleEndian
 
-from renderer.readers.common import Image
+from renderer.readers import Image
 from tests.support.dicom_files import dicom_bytes, image_fields, save
 from tests.support.this_process import read_here
 from tests.support.volume_files import read, refused, written

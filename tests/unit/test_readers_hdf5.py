@@ -6,7 +6,6 @@ import h5py
 import numpy as np
 import pytest
 
-from renderer.readers import volume_reading as reading
 from tests.support.volume_files import ramp, read, refused, written
 
 pytestmark = pytest.mark.usefixtures("one_process")
@@ -31,7 +30,7 @@ def save(path, values=VALUES, name="t", dims=None, **attributes):
 def image_of(monkeypatch, path, **choice):
     """Return what the reader gives, before the steps that all formats share."""
     images = []
-    monkeypatch.setattr(reading, "crop_image", lambda image, _: images.append(image) or image)
+    monkeypatch.setattr("renderer.readers.volume_reading.crop_image", lambda image, _: images.append(image) or image)
     read(path, **choice)
     return images[0]
 

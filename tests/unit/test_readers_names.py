@@ -18,7 +18,7 @@ READ = """\
 import sys
 from pathlib import Path
 from renderer.errors import InputError
-from renderer.readers.volume_reading import read_volume
+from renderer.readers import read_volume
 from renderer.scene import FileSource, VolumeSpec
 for name in sys.argv[1:]:
     try:

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from renderer.readers import common
-from renderer.readers.sniff import find_format
+from renderer.readers import NO_SPACING, find_format
 from tests.support.tiff_files import tiff_bytes
 from tests.support.volume_files import ramp, read, refused, written
 
@@ -36,9 +35,9 @@ GRAY: dict[str, Any] = {"photometric": "minisblack"}
         (3, 10, "unit=cm\n", (1, 1, 10), None),
         (1, 10, "unit=um\nspacing=NaN\n", (0.1, 0.1, 0.1), ALONG_Z),
         (3, 10, "", (1, 1, 1), ALONG_Z),  # not as ImageJ writes it
-        (1, 1, "unit=pixel\n", (1, 1, 1), common.NO_SPACING),
+        (1, 1, "unit=pixel\n", (1, 1, 1), NO_SPACING),
         (2, 72, "spacing=2\n", (1, 1, 2), None),
-        (2, 300, "unit=inch\n", (1, 1, 1), common.NO_SPACING),
+        (2, 300, "unit=inch\n", (1, 1, 1), NO_SPACING),
     ],
 )
 def test_imagej_without_a_spacing(tmp_path, tag, per_unit, lines, expected, note):
@@ -54,9 +53,9 @@ def test_imagej_without_a_spacing(tmp_path, tag, per_unit, lines, expected, note
 @pytest.mark.parametrize(
     ("tag", "per_unit", "expected", "note"),
     [
-        *((2, (n, 1), (1, 1, 1), common.NO_SPACING) for n in (1, 72, 96, 300)),
-        *((3, (n, 100), (1, 1, 1), common.NO_SPACING) for n in (2835, 3780, 11811)),
-        (1, (1, 1), (1, 1, 1), common.NO_SPACING),
+        *((2, (n, 1), (1, 1, 1), NO_SPACING) for n in (1, 72, 96, 300)),
+        *((3, (n, 100), (1, 1, 1), NO_SPACING) for n in (2835, 3780, 11811)),
+        (1, (1, 1), (1, 1, 1), NO_SPACING),
         (2, (254, 1), (0.1, 0.1, 0.1), ALONG_Z),
         (3, (50, 1), (0.2, 0.2, 0.2), ALONG_Z),
     ],
@@ -146,7 +145,7 @@ def test_pages_that_tifffile_writes_one_by_one_are_a_stack(tmp_path):
             file.write(plane, **GRAY)
     volume = read(tmp_path / "a.tif")
     np.testing.assert_array_equal(volume.values, STACK[0, 0])
-    assert volume.note == common.NO_SPACING
+    assert volume.note == NO_SPACING
 
 
 @pytest.mark.parametrize("planarconfig", ["contig", "separate"])
@@ -178,7 +177,7 @@ def test_axes_of_space_in_another_order(tmp_path):
         ({"spacing": 2.0}, None, 5, (0.2, 0.2, 2), None),
         ({"unit": "um"}, None, 5, (0.2, 0.2, 0.2), ALONG_Z),
         ({}, "CENTIMETER", 50, (0.2, 0.2, 0.2), ALONG_Z),
-        ({}, None, 1, (1, 1, 1), common.NO_SPACING),
+        ({}, None, 1, (1, 1, 1), NO_SPACING),
     ],
 )
 def test_lengths_of_tifffile(tmp_path, described, tag, per_unit, expected, note):

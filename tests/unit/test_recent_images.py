@@ -9,9 +9,7 @@ import pytest
 from dicom_files import NORMAL, write_series
 from volume_files import read
 
-from renderer.readers import volume_reading as reading
-from renderer.readers.common import Image
-from renderer.readers.recent_images import RecentImages
+from renderer.readers import Image, RecentImages, read_isolated
 
 
 def image(number: int) -> Image:
@@ -37,13 +35,12 @@ def test_an_image_larger_than_the_store_is_not_kept_and_values_are_read_only() -
 
 def test_a_step_is_decoded_once_until_a_file_of_the_series_changes(tmp_path: Path, monkeypatch) -> None:
     calls = list[Path]()
-    decode = reading.read_isolated
 
     def counted(reader: str, path: Path, **choice: object) -> Image:
         calls.append(path)
-        return decode(reader, path, **choice)
+        return read_isolated(reader, path, **choice)
 
-    monkeypatch.setattr(reading, "read_isolated", counted)
+    monkeypatch.setattr("renderer.readers.volume_reading.read_isolated", counted)
     write_series(tmp_path, [k * NORMAL for k in range(3)])
     first = read(tmp_path)
     assert read(tmp_path, crop=((0, 2), None, None)).shape_xyz[0] == 2

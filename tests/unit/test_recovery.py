@@ -21,7 +21,7 @@ from hsplat_cli import main
 from renderer.draw import RecoveringRasterizer, SplatRasterizer
 from renderer.errors import ContextLostError, RenderError
 from renderer.frame import ScheduleController, Stage
-from renderer.job import draw_frames, executor
+from renderer.job import draw_frames
 
 NO_CAPABILITY = 0xFFFF
 LOST_ONCE = ["OpenGL's context was lost once, and what it had was drawn again"]
@@ -110,7 +110,7 @@ def test_the_command_continues_and_prints_a_note(folder, monkeypatch, capsys) ->
     assert main.run(["render", "scene.yaml", "--output", "whole.mp4"]) == 0
     assert "note: OpenGL" not in capsys.readouterr().out
     make = failing_at({2})
-    monkeypatch.setattr(executor, "open_rasterizer", lambda *_: RecoveringRasterizer(make))
+    monkeypatch.setattr("renderer.job.executor.open_rasterizer", lambda *_: RecoveringRasterizer(make))
     assert main.run(["render", "scene.yaml", "--output", "lost.mp4"]) == 0
     assert f"note: {LOST_ONCE[0]}\n" in capsys.readouterr().out
     assert Path("lost.mp4").read_bytes() == Path("whole.mp4").read_bytes()

@@ -10,8 +10,9 @@ import pytest
 
 from renderer.errors import InputError, SceneError
 from renderer.readers import read_volume
+from renderer.resolve import resolve_scene
 from renderer.scene import Motion, Scene, motion_of, parse_scene, scene_to_dict
-from renderer.suggest import match_values, resolve_scene
+from renderer.statistics import match_values
 from renderer.volume import Array, Volume, make_volume
 
 # 300 zeros, then 1 to 699 and a last value that is far away, in no order.

@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, quick_series, study_of
 
-from hsplat_cli.measure import Measurement, Study, terminal_table
-from hsplat_cli.measure.costs import costs_by_psnr, on_pareto_fronts
-from hsplat_cli.measure.tables import csv_text, json_text
+from hsplat_cli.measure import Measurement, Study, costs_by_psnr, csv_text, json_text, on_pareto_fronts, terminal_table
 from hsplat_cli.reports import bytes_text, count_text, metric_text, ms_text, short_count_text
 from renderer.accuracy import METRICS
 

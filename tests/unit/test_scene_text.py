@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, strategies as st
 
-from hsplat_cli.scenes.scene_text import scene_text, yaml_string
+from hsplat_cli.scenes import compose_scene, yaml_string
 from renderer.scene import (
     ColormapSpec,
     ControlPoint,
@@ -46,7 +46,7 @@ def read_back(
     found: VolumeSuggestion, folder: Path, film: FilmOptions = DEFAULT, output: Path = Path("film.mp4")
 ) -> tuple[str, Scene]:
     """Return the text of a scene in a folder, and the scene that is read from it."""
-    text = scene_text(found, film, folder=folder, output=output)
+    text = compose_scene(found, film, folder=folder, output=output)
     (folder / "scene.yaml").write_bytes(text.encode())
     return text, load_scene(folder / "scene.yaml")
 
@@ -91,7 +91,7 @@ def test_a_spacing_and_a_choice_of_voxels_read_back(tmp_path: Path) -> None:
     found = VolumeSuggestion(volume, SUGGESTION, has_absent=False)
     text, scene = read_back(found, tmp_path)
     assert scene.volume == volume
-    assert "  spacing: [1e-07, 2e-07, 0.003]  # lengths of a voxel, in place of the file's\n" in text
+    assert "  spacing: [1e-07, 2e-07, 0.003]  # size of a voxel, in place of the file's\n" in text
 
 
 @pytest.mark.parametrize("opacity", [1e-9, ((-3, 0.25), (2**53, 1.0), *((value, 0.5) for value in range(60)))])
@@ -107,7 +107,7 @@ def test_labels_read_back(tmp_path: Path, opacity: float | tuple[tuple[LabelKey,
     found = VolumeSuggestion(parts, suggestion, has_absent=False)
     under = VolumeSuggestion(scan, SUGGESTION, has_absent=False)
     for below, place in ((None, 0), (under, 1)):
-        text = scene_text(found, DEFAULT, folder=tmp_path, output=Path("film.mp4"), under=below)
+        text = compose_scene(found, DEFAULT, folder=tmp_path, output=Path("film.mp4"), under=below)
         (tmp_path / "scene.yaml").write_text(text, "utf-8")
         layers = load_scene(tmp_path / "scene.yaml").layers
         assert len(layers) == 1 + place and layers[0].volume == parts

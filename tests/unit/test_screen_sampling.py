@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from renderer.bricks import ScreenSampling
-from renderer.bricks.pixel_grid import (
+from renderer.bricks import (
     DIFFERENCE_THRESHOLD,
     MAX_DIFFERENCE_THRESHOLD,
     MAX_TERMINATION_TRANSMITTANCE,
     TERMINATION_TRANSMITTANCE,
+    ScreenSampling,
     screen_sampling_at,
 )
 

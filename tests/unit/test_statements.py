@@ -13,7 +13,7 @@ from formats_page import PAGE, format_tables, formats_page
 from statement_samples import Sample
 from volume_files import read
 
-from renderer.readers.statements import Statement
+from renderer.readers import Statement
 from renderer.volume import Volume
 
 pytestmark = pytest.mark.usefixtures("one_process")

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hsplat_cli.measure import PlannedSetting, measure_setting, plan_sweep, sweep
-from renderer.accuracy import Truth, pool_accuracies, spread_evenly
-from renderer.accuracy.metrics import measure_accuracy
+from hsplat_cli.measure import PlannedSetting, measure_setting, plan_sweep
+from renderer.accuracy import Truth, measure_accuracy, pool_accuracies, spread_evenly
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.readers import read_volume
 from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, Scene, SplatSpec, TurntablePath
@@ -84,7 +83,7 @@ def ticking(seconds: float) -> Callable[[], float]:
 
 
 def test_the_first_pass_warms_up_and_yields_the_pictures(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweep, "PeakMemory", Memory)
+    monkeypatch.setattr("hsplat_cli.measure.sweep.PeakMemory", Memory)
     grey = Grey()
     found = measure_setting(stage, truths(), grey, clock=ticking(1e-3), repeats=3)
     assert len(grey.eyes) == 2 * (1 + 3)

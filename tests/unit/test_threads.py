@@ -8,8 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from renderer.kernels import ThreadPool
-from renderer.kernels.threads import MIN_PIXELS_PER_THREAD
+from renderer.kernels import MIN_PIXELS_PER_THREAD, ThreadPool
 from renderer.system import start_threads
 
 

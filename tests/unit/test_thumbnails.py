@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hsplat_cli.measure import DIFFERENCE_GAIN, amplified_difference
-from hsplat_cli.measure.thumbnails import THUMBNAIL_PX, thumbnail
+from hsplat_cli.measure import DIFFERENCE_GAIN, THUMBNAIL_PX, amplified_difference, thumbnail
 from renderer.film import rounded
 
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from renderer.accuracy.tolerances import (
+from renderer.accuracy import (
     distinct_tolerances,
     round_tolerances,
     spread_tolerances,

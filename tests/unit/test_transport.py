@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 from film_stages import KINDS, SPLATS, stage_of, stage_of_kind, waves
 
-from renderer.frame import Stage, deserialize_stage, serialize_stage
-from renderer.frame.transport import ALIGNMENT
+from renderer.frame import ALIGNMENT, Stage, deserialize_stage, serialize_stage
 from renderer.scene import SplatBudget, with_tolerances
 
 

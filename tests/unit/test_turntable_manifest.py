@@ -13,16 +13,14 @@ import pytest
 from commands import environment, other_process
 
 from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable import FilmRequest, manifest as manifest_module
-from hsplat_cli.turntable.manifest import MANIFEST_FILE
-from hsplat_cli.turntable.one_film import marked_scene, write_scene
+from hsplat_cli.turntable import MANIFEST_FILE, FilmRequest, marked_scene, update_manifest, write_scene
 from renderer.errors import InputError, RenderError
 from renderer.scene import FileSource, VolumeSpec
 from renderer.suggest import FilmOptions
 
 
-def update_manifest(folder: Path, records: list[dict[str, Any]], *lock_timeout_s: float) -> None:
-    manifest_module.update_manifest(folder, records, Reporter(), *lock_timeout_s)
+def update(folder: Path, records: list[dict[str, Any]], *lock_timeout_s: float) -> None:
+    update_manifest(folder, records, Reporter(), *lock_timeout_s)
 
 
 def record(name: str, status: str = "done", **more: Any) -> dict[str, Any]:
@@ -38,11 +36,11 @@ def films(folder: Path) -> list[dict[str, Any]]:
 def test_records_of_other_films_stay_while_their_scenes_do(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").touch()
     first = [record("a"), record("b"), record("c", "failed")]
-    update_manifest(tmp_path, first)
+    update(tmp_path, first)
     assert films(tmp_path) == first  # all of the command's own
-    update_manifest(tmp_path, [record("d")])
+    update(tmp_path, [record("d")])
     assert films(tmp_path) == [first[0], record("d")]
-    update_manifest(tmp_path, [record("a", "failed", error="it did")])
+    update(tmp_path, [record("a", "failed", error="it did")])
     assert films(tmp_path) == [record("a", "failed", error="it did")]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.yaml", MANIFEST_FILE]
 
@@ -53,11 +51,11 @@ def test_records_of_failures_stay_while_their_volumes_do(tmp_path: Path) -> None
     (tmp_path / "link").symlink_to(folder)  # paths are relative to the folder without links
     (tmp_path / "a.npy").touch()
     failed = [record(name, "failed", error="it did") for name in "ab"]
-    update_manifest(tmp_path / "link", failed)
-    update_manifest(tmp_path / "link", [record("c")])
+    update(tmp_path / "link", failed)
+    update(tmp_path / "link", [record("c")])
     assert films(folder) == [failed[0], record("c")]
     (tmp_path / "a.npy").unlink()
-    update_manifest(folder, [record("d")])
+    update(folder, [record("d")])
     assert films(folder) == [record("d")]
 
 
@@ -65,12 +63,12 @@ def test_films_that_were_not_started_change_nothing(tmp_path: Path) -> None:
     """Neither do films that were interrupted before they started."""
     for name in "abc":
         (tmp_path / f"{name}.yaml").touch()
-    update_manifest(tmp_path, [record("a", frames=3), record("b", "failed"), record("c", "begun")])
-    update_manifest(tmp_path, [record(name, "not begun") for name in "abcd"])
+    update(tmp_path, [record("a", frames=3), record("b", "failed"), record("c", "begun")])
+    update(tmp_path, [record(name, "not begun") for name in "abcd"])
     assert films(tmp_path) == [record("a", frames=3), record("b", "failed"), record("c", "begun")]
-    update_manifest(tmp_path, [record(name, "interrupted") for name in "abcd"])
+    update(tmp_path, [record(name, "interrupted") for name in "abcd"])
     assert films(tmp_path) == [record("a", frames=3), record("b", "failed"), record("c", "interrupted")]
-    update_manifest(tmp_path / "new", [record("a", "interrupted"), record("b", "not begun")])
+    update(tmp_path / "new", [record("a", "interrupted"), record("b", "not begun")])
     assert list((tmp_path / "new").iterdir()) == []
 
 
@@ -78,7 +76,7 @@ WRITER = """
 import sys
 from pathlib import Path
 from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable.manifest import update_manifest
+from hsplat_cli.turntable import update_manifest
 for number in range(10):
     name = f"{sys.argv[2]}-{number}"
     (Path(sys.argv[1]) / f"{name}.yaml").touch()
@@ -97,20 +95,20 @@ def test_several_processes_lose_no_record(tmp_path: Path) -> None:
 
 
 def test_a_wait_is_reported_and_ends(tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(manifest_module, "_NOTICE_DELAY_S", 0.1)
-    imports = "from hsplat_cli.terminal import Reporter\nfrom hsplat_cli.turntable.manifest import locked_manifest"
+    monkeypatch.setattr("hsplat_cli.turntable.manifest._NOTICE_DELAY_S", 0.1)
+    imports = "from hsplat_cli.terminal import Reporter\nfrom hsplat_cli.turntable import locked_manifest"
     with (
         other_process(imports, f"locked_manifest(Path({str(tmp_path)!r}), Reporter(), 1)") as number,
         pytest.raises(RenderError) as caught,
     ):
-        update_manifest(tmp_path, [record("a")], 0.2)
+        update(tmp_path, [record("a")], 0.2)
     holder, file = f"process {number} on {os.uname().nodename}", tmp_path / MANIFEST_FILE
     assert str(caught.value) == (
         f"{file}: another process is changing this file\n  got: {holder}\n"
         "  hint: end that process, or let it finish; the same command makes only what is missing"
     )
     assert capsys.readouterr().err == f"{file}: waiting for {holder}\n"
-    update_manifest(tmp_path, [record("a")], 0.0)
+    update(tmp_path, [record("a")], 0.0)
     assert films(tmp_path) == [record("a")]
 
 
@@ -130,7 +128,7 @@ FORGED = {
 def test_a_damaged_file_is_ignored(case: str, tmp_path: Path) -> None:
     (tmp_path / "a.yaml").touch()
     (tmp_path / MANIFEST_FILE).write_bytes(FORGED[case])
-    update_manifest(tmp_path, [record("b")])
+    update(tmp_path, [record("b")])
     assert films(tmp_path) == [record("b")]
 
 
@@ -152,7 +150,7 @@ def test_damaged_records_are_dropped_and_others_stay(tmp_path: Path, capsys: pyt
     ]
     odd = [record("a") | {"scene": scene} for scene in ("\ud800.yaml", "a\0.yaml", "..", "", "/", "a" * 300)]
     (tmp_path / MANIFEST_FILE).write_text(json.dumps({"films": [good, *broken, *odd]}), encoding="utf-8")
-    update_manifest(tmp_path, [record("z")])
+    update(tmp_path, [record("z")])
     found = films(tmp_path)
     assert (found[0], found[-1]) == (good, record("z"))
     assert all(each in odd for each in found[1:-1])
@@ -164,16 +162,16 @@ def test_other_things_of_this_name(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     """A file that is too large is replaced; a pipe and a folder are errors."""
     os.mkfifo(tmp_path / MANIFEST_FILE)
     with pytest.raises(InputError, match="the output is a device or a pipe"):
-        update_manifest(tmp_path, [record("b")])
+        update(tmp_path, [record("b")])
     (tmp_path / MANIFEST_FILE).unlink()
-    update_manifest(tmp_path, [record("b")])
+    update(tmp_path, [record("b")])
     (tmp_path / "b.yaml").touch()
-    monkeypatch.setattr(manifest_module, "_MAX_BYTES", 50)
-    update_manifest(tmp_path, [record("a")])
+    monkeypatch.setattr("hsplat_cli.turntable.manifest._MAX_BYTES", 50)
+    update(tmp_path, [record("a")])
     assert films(tmp_path) == [record("a")]
     (tmp_path / "folder" / MANIFEST_FILE).mkdir(parents=True)
     with pytest.raises(InputError, match="the output is a folder"):
-        update_manifest(tmp_path / "folder", [record("b")])
+        update(tmp_path / "folder", [record("b")])
 
 
 def order(folder: Path, volume: str = "scan.npy", *, force: bool = False) -> FilmRequest:
@@ -206,7 +204,7 @@ def test_a_film_is_done_until_its_scene_changes(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     write(order(tmp_path), "one")
     assert films(folder)[0]["status"] == "begun"
-    update_manifest(folder, [order(tmp_path).record("done") | {"frames": 3}])
+    update(folder, [order(tmp_path).record("done") | {"frames": 3}])
     done = films(folder)
     write(order(tmp_path), "one")
     assert films(folder) == done

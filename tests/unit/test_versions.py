@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.system import versions
+from renderer.system import commit, package_versions, sources_digest
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def uninstalled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         return "1.2"
 
     monkeypatch.setattr(metadata, "version", version)
-    monkeypatch.setattr(versions, "_ROOT", tmp_path)
+    monkeypatch.setattr("renderer.system.versions._ROOT", tmp_path)
     return tmp_path
 
 
@@ -43,37 +43,37 @@ def repository(uninstalled: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_versions_are_those_of_packages(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = versions.package_versions("scipy", "no-such-package")
+    found = package_versions("scipy", "no-such-package")
     assert found["numpy"] == np.__version__
     assert "scipy" in found
     assert found["no-such-package"] == "not installed"
     monkeypatch.setattr(metadata, "version", lambda package: "1.2")
-    assert versions.package_versions()["hsplat"] == "1.2"
+    assert package_versions()["hsplat"] == "1.2"
 
 
 def test_the_digest_of_the_sources_changes_with_a_shader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(versions, "_ROOT", tmp_path)
+    monkeypatch.setattr("renderer.system.versions._ROOT", tmp_path)
     (tmp_path / "renderer" / "gl").mkdir(parents=True)
     digests = set()
     for text in ("one", "two"):
         (tmp_path / "renderer" / "gl" / "splat.glsl").write_text(text)
-        digests.add(versions.sources_digest())
+        digests.add(sources_digest())
     assert len(digests) == 2
 
 
 def test_sources_in_a_repository_have_their_commit(repository: Path) -> None:
-    assert versions.package_versions()["hsplat"] == "commit 1a2b3c4"
+    assert package_versions()["hsplat"] == "commit 1a2b3c4"
     (repository / "status").write_text(" M source.py\n")
-    assert versions.package_versions()["hsplat"] == "commit 1a2b3c4-dirty"
+    assert package_versions()["hsplat"] == "commit 1a2b3c4-dirty"
 
 
 def test_sources_without_a_commit_or_without_git_are_unknown(repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (repository / "describe").write_text("")
-    assert versions.commit() == "unknown"
-    assert versions.package_versions()["hsplat"] == "not installed"
+    assert commit() == "unknown"
+    assert package_versions()["hsplat"] == "not installed"
     (repository / "describe").write_text("1a2b3c4\n")
     monkeypatch.setenv("PATH", str(repository / ".git"))
-    assert versions.commit() == "unknown"
+    assert commit() == "unknown"
     monkeypatch.undo()
-    monkeypatch.setattr(versions, "_ROOT", repository / "describe")
-    assert versions.commit() == "unknown"  # no repository
+    monkeypatch.setattr("renderer.system.versions._ROOT", repository / "describe")
+    assert commit() == "unknown"  # no repository

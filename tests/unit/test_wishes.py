@@ -10,9 +10,8 @@ import pytest
 from kinds_of_data import KINDS, dark_object, extinction, head_as_unsigned, two_materials, volume_of
 
 from renderer.errors import InputError
-from renderer.suggest import PRESET_WORDS, WISHES, Suggestion, Wish, compute_statistics, suggest
-from renderer.suggest.features import sample_volume
-from renderer.suggest.wishes import Materials
+from renderer.statistics import compute_statistics, sample_volume
+from renderer.suggest import PRESET_WORDS, WISHES, Materials, Suggestion, Wish, suggest
 
 CLUT = """[FLT]
 min=0

@@ -7,9 +7,7 @@ from typing import Any
 
 import pytest
 
-from hsplat_cli.executors.cluster import registry
-from hsplat_cli.executors.cluster.registry import WorkerRegistry
-from hsplat_cli.executors.cluster.worker import describe_worker
+from hsplat_cli.executors import WorkerRegistry, describe_worker
 from hsplat_cli.terminal import Reporter
 from renderer.errors import RenderError
 from renderer.system import package_versions
@@ -65,7 +63,7 @@ def test_workers_with_another_hsplat_are_refused(other: Any, reason: str) -> Non
 
 
 def test_waiting_is_reported_once(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(registry, "_CHECK_INTERVAL_S", 0.0)
+    monkeypatch.setattr("hsplat_cli.executors.cluster.registry._CHECK_INTERVAL_S", 0.0)
     answers: dict[str, Any] = {}  # workers come, and go again
     waits = "waiting 60 s for one; `dask worker ADDRESS` starts one\n"
     found = registry_of(answers)
@@ -84,7 +82,7 @@ def test_waiting_is_reported_once(monkeypatch: pytest.MonkeyPatch, capsys: pytes
 
 
 def test_a_worker_in_doubt_is_checked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "_CHECK_INTERVAL_S", 3600.0)
+    monkeypatch.setattr("hsplat_cli.executors.cluster.registry._CHECK_INTERVAL_S", 3600.0)
     found = registry_of({"a": SAME, "b": SAME})
     found.update_workers()
     found.recheck("a")
@@ -95,7 +93,7 @@ def test_a_worker_in_doubt_is_checked_at_once(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_an_excluded_worker_is_not_used_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "_CHECK_INTERVAL_S", 0.0)
+    monkeypatch.setattr("hsplat_cli.executors.cluster.registry._CHECK_INTERVAL_S", 0.0)
     found = registry_of({"a": SAME, "b": SAME})
     found.update_workers()
     found.exclude("a", "it failed")

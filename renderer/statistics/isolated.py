@@ -10,20 +10,23 @@ import numpy as np
 
 from renderer.volume import Array, Bools, Int64, MappedFile, iter_slabs
 
-# Isolated voxels are at most this part of all, and at least this part of what is beyond the others: where there are
-# many, some touch.
-_MAX_FRACTION, _MIN_ISOLATED = 1e-3, 0.95
-# They are further from their neighbours than this many ranges of the neighbours. Noise reaches 0.7. Of the lowest and
-# the highest percent of 40 volumes, 7 voxels are beyond 2, and the range of the others has them all.
+# The largest share of all voxels that isolated voxels have. More are not noise.
+_MAX_FRACTION = 1e-3
+# The smallest share of isolated voxels among the voxels beyond the range of the others. Where there are many, some
+# touch.
+_MIN_ISOLATED = 0.95
+# The smallest distance of an isolated voxel from the range of its neighbours, in lengths of this range. Noise reaches
+# 0.7. Of the lowest and the highest percent of 40 volumes, 7 voxels reach 2, and they lie in the range of the others.
 _MIN_DISTANCE = 2.0
-# Fewer neighbours, along a single line, tell nothing.
+# The least number of neighbours that a voxel has. Along a single line they tell nothing.
 _MIN_NEIGHBOURS = 8
+# Voxels that are read at a time.
 _CHUNK = 2**20
 
 
 @dataclass(frozen=True)
 class OutlierValue:
-    """A range of values beyond those of all others, from `value` to `last`, that `num` isolated voxels have."""
+    """A range of values beyond the range of all others, from `value` to `last`, that `num` isolated voxels have."""
 
     value: int | float
     num: int
@@ -40,8 +43,8 @@ def find_isolated(
     """Return the isolated voxels at both ends, and the range of the others; None if there are none.
 
     values: C-contiguous. source: the file that they are mapped from, if any. ends: minimum, first and last of the usual
-    values, maximum; only what lies between two of a side is looked at. scale: a power of two with which differences are
-    finite.
+    values, maximum; only values between the two of a side are looked at. scale: a power of two with which differences
+    are finite.
     """
     minimum, *usual, maximum = ends
     cube, first = values.reshape(-1, *(1, 1, *values.shape)[-2:]), 0

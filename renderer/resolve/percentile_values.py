@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from renderer.errors import Problem
+from renderer.readers import ReadVolume
 from renderer.scene import (
     TRANSFER_FUNCTION_SECTION,
     LayerSpec,
@@ -15,17 +16,16 @@ from renderer.scene import (
     spec_to_dict,
     values_at,
 )
-from renderer.suggest.channels import ReadVolume
-from renderer.suggest.histogram import exact_percentiles
+from renderer.statistics import exact_percentiles
 
 _HINT = "many voxels have the same value; take percentiles that differ: `hsplat info` shows some"
 
 
 def with_values(layer: LayerSpec, place: str, read: ReadVolume, problems: list[Problem]) -> LayerSpec:
-    """Return a layer whose transfer function has values, of steps in time those of the first, for its percentiles.
+    """Return a layer whose transfer function has values in the place of its percentiles.
 
-    place: of the transfer function in the scene. problems: to which those of the values are added. Raises InputError as
-    `read` does.
+    Of several steps in time, the first one counts. place: of the transfer function in the scene. problems: problems
+    with the values are added to it. Raises InputError as `read` does.
     """
     transfer = layer.transfer_function
     if not transfer.relative:
@@ -40,7 +40,7 @@ def with_values(layer: LayerSpec, place: str, read: ReadVolume, problems: list[P
         what, got = f"these percentiles of {name} are one value", format_value(next(iter(found.values())))
         problems.append(Problem(place, what, got, "percentiles of different values", _HINT))
         return replace(layer, transfer_function=plain)
-    # What is wrong with the values is found as in a scene that has them.
+    # Problems with the values are found as in a scene that has them.
     wrong = list[Problem]()
     film = schema.FilmTime(None, 1.0)
     TRANSFER_FUNCTION_SECTION.read(schema.TreeNode(spec_to_dict(plain), place, wrong, film=film))

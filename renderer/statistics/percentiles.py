@@ -17,6 +17,7 @@ from renderer.volume import Array
 Chunks = Callable[[], Iterator[Array]]
 Counts = npt.NDArray[np.int64]
 
+# Bits that one pass counts.
 _BITS = 16
 
 

@@ -7,25 +7,26 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 
-from renderer.suggest.isolated import OutlierValue, find_isolated
-from renderer.suggest.percentiles import Chunks, OrderedKeys, make_ordered_keys, values_at_ranks
+from renderer.statistics.isolated import OutlierValue, find_isolated
+from renderer.statistics.percentiles import Chunks, OrderedKeys, make_ordered_keys, values_at_ranks
 from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
 
-# Every value of 16-bit data has its own bin; wider types are resolved as finely.
+# The most bins of a histogram. Every value of 16-bit data has its own bin; wider types are resolved as finely.
 MAX_BINS = 2**16
 
+# The percentiles that statistics have.
 PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
 
-# With fewer other values than this, the data are steps or labels, and no value is an outlier.
+# The least number of different values besides outliers. With fewer the data are steps or labels, and no value is an
+# outlier.
 _MIN_OTHER_VALUES = 16
-# Isolated voxels may hide others that are less far away.
+# The most searches for outliers. Isolated voxels may hide others that are less far away.
 _MAX_ROUNDS = 3
 
-# Values are read in chunks, so that no float64 copy of the volume is made.
+# Values of a chunk. Chunks are read one by one, so that no float64 copy of the volume is made.
 _CHUNK = 2**20
 
 _HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
@@ -91,7 +92,7 @@ def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]
             yield data
 
 
-def _statistics(dtype: np.dtype[Any], chunks: Chunks) -> Statistics:
+def _statistics(dtype: np.dtype[np.generic], chunks: Chunks) -> Statistics:
     """Return the statistics of all values."""
     minimum, maximum, size = _extent(chunks)
     scale = np.float64(safe_scale(minimum, maximum))
@@ -119,7 +120,10 @@ def _statistics(dtype: np.dtype[Any], chunks: Chunks) -> Statistics:
 def exact_percentiles(
     values: Array, source: MappedFile | None, percents: Sequence[float]
 ) -> Mapping[float, int | float]:
-    """Return percentiles as those of `Statistics`; of 0 the smallest value. Parameters and errors as there."""
+    """Return percentiles, as `Statistics` has them; 0 is the smallest value.
+
+    Parameters and errors are as in `compute_statistics`.
+    """
     chunks = partial(_chunks_of_data, values, source)
     minimum, maximum, size = _extent(chunks)
     ordered_keys = make_ordered_keys(values.dtype, minimum, maximum)

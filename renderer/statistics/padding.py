@@ -9,37 +9,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.suggest.features import (
-    SAME,
-    Background,
-    ValueRange,
-    VoxelSample,
-    background_at,
-    faces,
-    fill_with_noise,
-    find_background,
-    sample_volume,
-)
-from renderer.transfer import TransferFunction
+from renderer.statistics.background import Background, background_at, fill_with_noise, find_background
+from renderer.statistics.voxel_sample import SAME, ValueRange, VoxelSample, faces, sample_volume
 from renderer.volume import Array, Bools, Float64, Volume
 
-# Padding has at least this part of the border.
+# The smallest share of the border that padding has.
 _MIN_OF_BORDER = 0.5
-# It has at most this part of all voxels: the corners around a ball that touches the border have 0.48.
+# The largest share of all voxels that it has: the corners around a ball that touches the border have 0.48.
 _MAX_OF_VOXELS = 0.35
-# Half of it, on each face, is thinner than this part of the side. Around a ball it is 0.15.
+# The largest median thickness on each face, as a part of the side. Around a ball it is 0.15.
 _MAX_THICKNESS = 0.1
-# Air has at least this part of the voxels behind padding: in a template a quarter.
+# The smallest share of the voxels behind padding that air has: in a template a quarter.
 _MIN_AIR = 0.1
-# It lies in this lowest part of their range, else it may be an object that fills its box: in a template at 5 %.
+# The highest place of air in the range of the values behind padding, from 0 to 1. Above, it may be an object that fills
+# its box. In a template it is 0.05.
 _MAX_AIR_VALUE = 0.25
-# At least this part of the voxels is denser than air.
+# The smallest share of the voxels that is denser than air.
 _MIN_OBJECT = 0.01
-# Thinner volumes have no inside.
+# The fewest voxels along an axis. Thinner volumes have no inside.
 _MIN_SIDE = 8
 # Percentiles of the values of a volume between which its range is measured: a few outliers do not count.
 _RANGE_OF_ALL = (0.01, 99.99)
-# The same of the values behind padding, of which more may be outliers at its edges.
+# The same for the values behind padding, where more may be outliers at the edges.
 _RANGE_BEHIND = (0.01, 99.9)
 
 
@@ -65,10 +56,10 @@ def without_padding(sample: VoxelSample) -> VoxelSample:
     return replace(sample, normalized=filled, neighbours=neighbours)
 
 
-def drawn_background(volume: Volume, transfer: TransferFunction) -> float | None:
-    """Return the value of the background of a volume if it is visible; None if not, or where there is none.
+def background_value(volume: Volume) -> float | None:
+    """Return the value of the background of a volume; None where there is none.
 
-    A background lies at an end of the values: what fills the box with others on both sides is an object.
+    A background lies at an end of the values: values that fill the box, with others on both sides, are an object.
     """
     low, high = volume.value_range()
     if low == high or volume.is_labels:
@@ -79,9 +70,8 @@ def drawn_background(volume: Volume, transfer: TransferFunction) -> float | None
     place = (background.middle - first) / max(last - first, SAME)
     is_lowest = background.below < background.above and place < _MAX_AIR_VALUE
     is_highest = background.above < background.below and place > 1 - _MAX_AIR_VALUE
-    value = sample.denormalize(background.middle)
-    is_visible = float(transfer.classify(np.array([value]))[1][0]) > 0
-    return sample.round_value(value) if background.is_there and (is_lowest or is_highest) and is_visible else None
+    is_outside = background.is_there and (is_lowest or is_highest)
+    return sample.round_value(sample.denormalize(background.middle)) if is_outside else None
 
 
 def _is_air(air: Background, inside: Float64) -> bool:

@@ -8,22 +8,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.suggest.features import VoxelSample
+from renderer.statistics.voxel_sample import VoxelSample
 from renderer.volume import Bools, Float64
 
-# The border of a level set has one sign, with few exceptions.
+# The smallest share of the border that has one sign, in a level set.
 _MIN_ONE_SIGN_FRACTION = 0.97
-# Noise crosses 0 in single voxels. The neighbours of a ball's voxels are mostly inside it from a radius of 4 voxels on.
+# The smallest chance that the neighbour of a voxel inside is inside, too. Noise crosses 0 in single voxels; a ball
+# reaches this from a radius of 4 voxels on.
 _MIN_COHERENCE = 0.5
-# A distance has the same gradient everywhere, except where two surfaces are equally far: the ratio of its gradients'
-# quartiles is near 1; that of a smooth random field is 1.8. A distance is not steeper inside, but a room that gets
-# warmer upwards may have ice in it.
-_MAX_GRADIENT_RATIO, _MAX_INNER_STEEPNESS = 1.4, 2.0
-# Other fields must have this part of their voxels inside, and this many times more often than at the border: the
-# valleys of a random field are as frequent there as elsewhere.
-_MIN_INSIDE_FRACTION, _MIN_INSIDE_RATIO = 0.03, 4.0
-# The median depth inside, divided by that outside, must reach this: an edge overshoots by 9% at most (Gibbs), and by
-# half of that in the median.
+# The largest ratio of the upper to the lower quartile of the gradients in a distance. It is near 1: a distance has the
+# same gradient everywhere, except where two surfaces are equally far. In a smooth random field it is 1.8.
+_MAX_GRADIENT_RATIO = 1.4
+# The largest median gradient inside of a distance, compared with the median gradient of the whole. A distance is not
+# steeper inside, but a room that gets warmer upwards may have ice in it.
+_MAX_INNER_STEEPNESS = 2.0
+# The smallest share of the voxels that is inside, in other level sets.
+_MIN_INSIDE_FRACTION = 0.03
+# The smallest share of the voxels that is inside, compared with the share of the border that is. The valleys of a
+# random field are as frequent at the border as elsewhere.
+_MIN_INSIDE_RATIO = 4.0
+# The smallest median depth inside, compared with the one outside. An edge overshoots by 9 % at most (Gibbs), and by
+# half of this in the median.
 _MIN_INSIDE_DEPTH = 0.05
 
 

@@ -6,21 +6,28 @@ from itertools import pairwise
 
 import numpy as np
 
-from renderer.suggest.features import Background, VoxelSample
+from renderer.statistics.background import Background
+from renderer.statistics.voxel_sample import VoxelSample
 from renderer.volume import Float64
 
+# Bins of the histogram.
 _NUM_BINS = 256
 # Values above this percentile are outliers.
 _TOP_PERCENTILE = 99.99
-# Bins that are looked ahead for a valley, and how much lower a bin of it is than the one before.
-_LOOK_AHEAD, _DESCENT = 8, 0.97
-# The background ends in the lower part of the range.
+# The number of bins in which a valley is looked for ahead.
+_LOOK_AHEAD = 8
+# The highest count of a bin in a valley, as a part of the count where the search stands.
+_DESCENT = 0.97
+# The highest end of the background, as a part of the range from its middle to the largest value.
 _MAX_VALLEY = 0.5
+# The most materials.
 _MAX_CLASSES = 3
-# The edges of a material have values between its own and its surroundings'. In a class of edges fewer voxels than this
-# part differ from all of their neighbours by less than this part of the class: 0.01 to 0.45 in the edges of scans, 0.5
-# to 0.95 in their materials.
-_MIN_FLAT, _MAX_STEP = 0.5, 0.5
+# The smallest share of the voxels of a material that differ little from all of their neighbours: 0.5 to 0.95 in the
+# materials of scans. A class with less, 0.01 to 0.45, consists of edges: their values lie between a material and its
+# surroundings.
+_MIN_FLAT = 0.5
+# The largest little difference, as a part of the range of the class.
+_MAX_STEP = 0.5
 
 
 def top_value(sample: VoxelSample) -> float:

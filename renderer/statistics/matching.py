@@ -1,4 +1,7 @@
-"""Find how the values of one volume become those of another: scans of magnetic resonance have no absolute scale."""
+"""Find the line by which values of one volume become values of another.
+
+Scans of magnetic resonance have no absolute scale.
+"""
 
 from __future__ import annotations
 
@@ -9,19 +12,21 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.scene import format_value
-from renderer.suggest import features
-from renderer.suggest.classes import foreground_threshold
-from renderer.suggest.histogram import compute_statistics
-from renderer.suggest.label_volume import label_values
-from renderer.suggest.padding import without_padding
+from renderer.statistics.background import find_background
+from renderer.statistics.classes import foreground_threshold
+from renderer.statistics.histogram import compute_statistics
+from renderer.statistics.label_volume import label_values
+from renderer.statistics.padding import without_padding
+from renderer.statistics.voxel_sample import sample_volume
 from renderer.volume import Float64, Volume
 
+# The percentiles that are matched.
 _PERCENTILES = range(10, 100, 10)
 
 
 @dataclass(frozen=True)
 class ValueLine:
-    """A line by which the values of a reference become those of a scan."""
+    """A line by which values of a reference become values of a scan."""
 
     scale: float
     shift: float
@@ -36,11 +41,11 @@ class ValueLine:
 
 
 def match_values(reference: Volume, scan: Volume) -> ValueLine:
-    """Return the line between the deciles of what is not background in two volumes.
+    """Return the line between the deciles of the values that are not background in two volumes.
 
     Landmarks of the histogram as by L. G. Nyul and J. K. Udupa, "On Standardizing the MR Image Intensity Scale", Magn.
-    Reson. Med. 42 (1999); one line for all, the median of those through two of them (Theil and Sen), so that a lesion
-    or a bright coil changes little. Raises InputError for a volume without contrast, of labels or of colours.
+    Reson. Med. 42 (1999); one line for all, the median of the lines through two of them (Theil and Sen), so that a
+    lesion or a bright coil changes little. Raises InputError for a volume without contrast, of labels or of colours.
     """
     before, after = _landmarks(reference), _landmarks(scan)
     slopes = [
@@ -59,11 +64,11 @@ def _landmarks(volume: Volume) -> Float64:
     shown = statistics.without_outliers or statistics
     if shown.minimum == shown.maximum:
         raise _no_contrast(volume, f"{format_value(shown.minimum)} in every voxel")
-    sample = features.sample_volume(volume, shown)
+    sample = sample_volume(volume, shown)
     if volume.colors is not None or label_values(volume, shown, sample) is not None:
         raise _no_contrast(volume, "labels" if volume.colors is None else "colours")
     sample = without_padding(sample)
-    background, values = features.find_background(sample), sample.normalized[sample.is_valid]
+    background, values = find_background(sample), sample.normalized[sample.is_valid]
     if background.is_there and background.below > background.above:
         values = values[values < background.low]
     elif background.is_there:

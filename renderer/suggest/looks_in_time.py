@@ -1,4 +1,4 @@
-"""Suggest how to show a volume that is still to be read: all of its channels, and all of its steps in time.
+"""Suggest a look for all steps in time of a volume.
 
 A look of one step may show nothing of the others, or the air of one. Some steps are read. Each look of one is tried on
 all, along the same rays, also without the values that are background in any step, and the one that suits most is taken.
@@ -9,83 +9,34 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
 
 import numpy as np
 
-from renderer.readers import some_steps
-from renderer.scene import (
-    OF_CHANNELS,
-    ColormapSpec,
-    LabelsSpec,
-    LayerSpec,
-    Motion,
-    VolumeSpec,
-    counted,
-    moving,
-    raise_problems,
-    steps_in_time,
-    volume_extent,
-    volume_problems,
+from renderer.readers import ReadVolume, some_steps
+from renderer.scene import ColormapSpec, LabelsSpec, VolumeSpec, steps_in_time
+from renderer.statistics import (
+    Background,
+    Statistics,
+    VoxelSample,
+    find_background,
+    read_labels,
+    sample_volume,
+    without_padding,
 )
-from renderer.suggest import features
-from renderer.suggest.channels import ReadVolume, channel_layers
-from renderer.suggest.features import Background, VoxelSample
-from renderer.suggest.histogram import Statistics
-from renderer.suggest.label_choice import known_labels
-from renderer.suggest.opacity_calibration import TurntableRays, cast_rays, depths_along
-from renderer.suggest.padding import without_padding
+from renderer.suggest.opacity_calibration import depths_along
 from renderer.suggest.suggestion import LEAST_OPACITY, Suggestion, transparent_between, with_points
-from renderer.suggest.volume_suggestion import NO_WISH, VolumeSuggestion, read_in_colors, suggest_read
+from renderer.suggest.turntable_rays import TurntableRays, cast_rays
+from renderer.suggest.volume_suggestion import VolumeSuggestion, read_in_colors, suggest_read
 from renderer.suggest.wishes import Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float64, Volume
 
-# A look that shows less than this part of what a step's own look shows of it does not suit the step.
+# The least mean opacity of a step's rays with a look that suits it, as a part of the opacity with the step's own look.
 _LEAST_SHOWN = 0.1
-# Nor does one that shows so much more of the border, where its air is, than its own look does.
+# The largest share of the voxels on the border, where the air is, that such a look shows beyond the step's own look.
 _MOST_AIR = 0.02
-# A step of which less than this part of the most visible one is seen shows next to nothing.
+# The opacity of a step that shows next to nothing, as a part of the opacity of the most visible step.
 _NEXT_TO_NOTHING = 0.05
-
-
-def suggest_for(volume: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH) -> VolumeSuggestion:
-    """Read a volume and suggest how to show it.
-
-    read: reads the voxels; of several channels first those of one, which tells of all; of several steps in time some.
-    Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
-    """
-    may_have_channels = wish == NO_WISH and volume.component in (None, "all")
-    asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
-    found = read(replace(volume, component=asked) if may_have_channels else volume)
-    if found.labels and found.channels and volume.component is None:  # layers of segments, which are one volume
-        found = read(volume)
-    raise_problems(volume_problems(volume_extent(found), found.name))
-    num_times = found.num_times if volume.time is None else 1
-    last = num_times - 1
-    in_time = replace(volume, time=moving(Motion((0, last), (0, last)))) if last else volume
-    if may_have_channels and (volume.component == "all" or any(channel.is_light for channel in found.channels)):
-        suggested = _channels_suggestion(in_time, found, read)
-    elif last:
-        suggested = suggest_in_time(in_time, read, wish)
-    else:
-        return suggest_read(*read_in_colors(volume, found, read, wish), wish)
-    return _with_all_times(suggested) if last else suggested
-
-
-def _with_all_times(found: VolumeSuggestion) -> VolumeSuggestion:
-    layers = tuple(replace(layer, volume=replace(layer.volume, time="auto")) for layer in found.layers)
-    return replace(found, volume=replace(found.volume, time="auto"), layers=layers)
-
-
-def _channels_suggestion(volume: VolumeSpec, first: Volume, read: ReadVolume) -> VolumeSuggestion:
-    layers = channel_layers(LayerSpec(volume, OF_CHANNELS), first, read)
-    reason = "each is shown in a colour of its own, and their light adds up"
-    suggestion = Suggestion(counted(len(layers), "channel"), reason, layers[0].transfer_function, (), None)
-    return VolumeSuggestion(volume, suggestion, first.num_absent > 0, tuple(layers))
-
-
-# Steps in time
 
 
 @dataclass(frozen=True)
@@ -116,13 +67,15 @@ class _Step:
 
 
 def suggest_in_time(volume: VolumeSpec, read: ReadVolume, wish: Wish) -> VolumeSuggestion:
-    """Suggest how to show the steps of a volume whose time moves: a look that suits as many of some as possible."""
+    """Suggest a look for the steps of a volume whose time may move: one that suits as many of them as possible."""
     all_steps = steps_in_time(volume)
+    if len(all_steps) == 1:
+        return suggest_read(*_read(volume, read, wish), wish)
     steps = [_look_at(all_steps[k], read, wish) for k in some_steps(len(all_steps))]
     widest = max(steps, key=lambda step: step.span)
     if widest.found.suggestion.transfer.labels is not None:
         spec, labels, statistics = _read(replace(volume, time=widest.number), read, wish)
-        known = partial(known_labels, replace(spec, time=volume.time), read, LabelsSpec())
+        known = partial(read_labels, replace(spec, time=volume.time), read, LabelsSpec())
         return suggest_read(spec, labels, statistics, wish, known)
     chosen, look = _most_suitable(steps, widest)
     which, num = f"step {chosen.number} of {len(all_steps)}", len(steps)
@@ -154,7 +107,7 @@ def _look_at(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> _Step:
     shown = statistics.without_outliers or statistics
     if shown.minimum == shown.maximum:  # a sample needs a range
         shown = replace(shown, minimum=shown.minimum - max(1, abs(shown.minimum)))
-    sample = without_padding(features.sample_volume(volume, shown))
+    sample = without_padding(sample_volume(volume, shown))
     span, (border, _), empty = sample.maximum - sample.minimum, sample.valid_values(), np.empty((0, 0, 0))
     return _Step(
         number=number,
@@ -163,14 +116,14 @@ def _look_at(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> _Step:
         rays=cast_rays(sample),
         sample=replace(sample, normalized=empty, neighbours=empty, is_valid=empty > 0),
         border=sample.minimum + span * border,
-        background=features.find_background(sample),
+        background=find_background(sample),
     )
 
 
 def _most_suitable(steps: Sequence[_Step], widest: _Step) -> tuple[_Step, Suggestion]:
     """Return the step whose look suits most of some steps, and the look; of equal ones the first, of the widest range.
 
-    Steps without a background do not count, for nothing tells what stands out in them.
+    Steps without a background do not count, for nothing tells the object from its surroundings.
     """
     backed = [step for step in steps if step.background.is_there]
     own = [(step.shown(step.found.suggestion), step.air_shown(step.found.suggestion)) for step in backed]

@@ -4,26 +4,38 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.suggest.features import Background, VoxelSample, shortest_interval
-from renderer.suggest.separation import are_deep
+from renderer.statistics.background import Background, shortest_interval
+from renderer.statistics.coarse_cells import are_deep
+from renderer.statistics.voxel_sample import VoxelSample
 
-# Means of blocks of so many voxels along each axis tell the medium from noise.
+# Voxels along each axis of a block. Means of blocks tell the medium from noise.
 _SIDE = 4
-# Blocks that are visible by at least this part are whole. In a bulky medium they have at least this part of what is
-# visible.
-_MIN_WHOLE, _MIN_BULK, _MIN_BLOCKS = 0.97, 0.7, 64
-# In an even medium at least this part of their means are within this part of the contrast to the background, and half
-# of them within the last part. 13 bulky scans have widths of 0.12 to 1.6, and shares of 0.02 to 0.65.
-_MIN_SHARE, _NEAR, _MAX_WIDTH = 0.7, 0.1, 0.1
-# It is around the object: at least this part of what is denser lies deep inside, and there is at least this part.
-_MIN_ENCLOSED, _MIN_OBJECT = 0.4, 1e-3
+# The smallest share of visible voxels in a whole block.
+_MIN_WHOLE = 0.97
+# The smallest share of the visible voxels that whole blocks have, in a bulky medium.
+_MIN_BULK = 0.7
+# The least number of whole blocks.
+_MIN_BLOCKS = 64
+# The smallest share of whole blocks with means near the middle of the medium. 13 bulky scans without a medium have 0.02
+# to 0.65.
+_MIN_SHARE = 0.7
+# The largest distance of such a mean from the middle, as a part of the contrast to the background.
+_NEAR = 0.1
+# The largest width of the interval with half of the means, as a part of the same contrast. 13 bulky scans without a
+# medium have 0.12 to 1.6.
+_MAX_WIDTH = 0.1
+# The share of the denser voxels that must lie deep inside, for the medium to be around an object.
+_MIN_ENCLOSED = 0.4
+# The smallest share of the visible voxels that is denser than the medium.
+_MIN_OBJECT = 1e-3
+# The medium ends this many standard deviations of its noise from its middle.
 _NOISE_SIGMAS = 5.0
 
 
 def find_medium(sample: VoxelSample, background: Background, first: float) -> Background | None:
     """Return an even medium that surrounds an object within the background, like a background; None without one.
 
-    first: the normalised value at which what is visible begins.
+    first: the normalised value from which on voxels are visible.
     """
     is_visible = sample.normalized > first
     nz, ny, nx = (num // _SIDE for num in is_visible.shape)
