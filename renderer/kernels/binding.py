@@ -1,14 +1,14 @@
 """Call kernels through ctypes.
 
     kernels().bin_bricks(tile_windows=windows, num_columns=3, ...)
-    draw = kernels().draw_tiles.partial(bins=bins, stride=1, ...)   # checked and converted once
-    draw(tiles=tiles)                                               # on any thread
+    draw = kernels().draw_tiles.partial(grid=grid, bricks=bricks, ...)   # checked and converted once
+    draw(tiles=tiles)                                                    # on any thread
 
 Every array is checked: its dtype, its number of dimensions, that it is contiguous, and writeable where the kernel
 writes. ctypes releases the interpreter's lock.
 
 Long kernels stop when the process is asked to end, and then raise KeyboardInterrupt. Python handles signals in the main
-thread, which would not come to it inside a kernel: another thread runs the long ones that the main thread calls.
+thread between two bytecodes, and a kernel has none: another thread runs the long kernels that the main thread calls.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Kernel:
     def __call__(self, **values: Any) -> None:
         """Run the kernel. Raise MemoryError, or IndexError for shapes that do not fit together.
 
-        Raises TypeError or ValueError where an argument is not what the kernel takes, and KeyboardInterrupt, with the
+        Raises TypeError or ValueError for an argument that the kernel does not take, and KeyboardInterrupt, with the
         number of the signal, where a long kernel was stopped.
         """
         self.partial(**values)()

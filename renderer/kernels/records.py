@@ -246,7 +246,7 @@ class Classifier(NamedTuple):
     lighting: VoxelLighting | None
     # The visibility breakpoints (renderer/transfer/transfer_function.py).
     breakpoints: NDArray[np.float64]
-    # [z, y, x, 3]: colours of voxels, by which those of the transfer function are multiplied; None for white.
+    # [z, y, x, 3]: colours of voxels, factors on the transfer function's colours; None for white.
     colors: NDArray[np.uint8] | None
     # [z, y, x]: 0 for voxels that a mask hides; None without a mask.
     shown: NDArray[np.uint8] | None
@@ -349,7 +349,7 @@ class LayerOptics(NamedTuple):
     shading: RayShading | None
     # A factor on extinction.
     weight: float
-    # [z, y, x, 3]: colours of voxels, by which those of the transfer function are multiplied; None for white.
+    # [z, y, x, 3]: colours of voxels, factors on the transfer function's colours; None for white.
     colors: NDArray[np.uint8] | None
     # [labels]: the opacity of a voxel of each label, by its number; numbers above have the last one. None where values
     # are not labels.
@@ -363,7 +363,7 @@ class ClipRegion(NamedTuple):
     n as a unit vector [3] in the world.
     """
 
-    # [k, 8]: unbounded on one side where the slab is that of a plane.
+    # [k, 8]: the slab of a plane is unbounded on one side.
     slabs: NDArray[np.float64]
     # [m, 3, 8]: of each removed box the slabs across its axes.
     boxes: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Describe the field that samples are taken of, for `sample.h`."""
+"""Describe the field from which samples are taken, for `sample.h`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64
 
 
 def _mask_of(layer: BrickLayer, brick_view: BrickView) -> FieldMask | None:
-    """Return the mask for places relative to the volume's centre, and which bricks of the view it cuts."""
+    """Return the mask of a layer, and the bricks of the view that it cuts; None without a mask."""
     volume, are_cut = layer.bricks.volume, layer.bricks.are_cut
     if volume.mask_grid is None or are_cut is None:
         return None

@@ -1,6 +1,6 @@
 """Describe light and extinction that depend on the view or on the length of the gradient, for `light.h`.
 
-Light by Lambert's law from a fixed direction is `lambert`, which costs less.
+Light by Lambert's law from a fixed direction is `Field.lambert`, which costs less.
 """
 
 from __future__ import annotations

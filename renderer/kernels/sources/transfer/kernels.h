@@ -62,7 +62,7 @@ struct Classifier {
     Maybe<VoxelLighting> lighting;
     // The visibility breakpoints (renderer/transfer/transfer_function.py).
     Array<const double, 1> breakpoints;
-    // [z, y, x, 3]: colours of voxels, by which those of the transfer function are multiplied; None for white.
+    // [z, y, x, 3]: colours of voxels, factors on the transfer function's colours; None for white.
     Maybe<Sized<const uint8_t, 4, 3>> colors;
     // [z, y, x]: 0 for voxels that a mask hides; None without a mask.
     Maybe<Array<const uint8_t, 3>> shown;

@@ -80,7 +80,7 @@ struct LayerOptics {
     Maybe<RayShading> shading;
     // A factor on extinction.
     double weight;
-    // [z, y, x, 3]: colours of voxels, by which those of the transfer function are multiplied; None for white.
+    // [z, y, x, 3]: colours of voxels, factors on the transfer function's colours; None for white.
     Maybe<Sized<const uint8_t, 4, 3>> colors;
     // [labels]: the opacity of a voxel of each label, by its number; numbers above have the last one. None where values
     // are not labels.
@@ -92,7 +92,7 @@ struct IntegrateRays {
     Array<const LayerOptics, 1> layers;
     // The same rays in the index space of each layer; lengths along them are common to all.
     EACH_CALL Array<const IndexRays, 1> rays;
-    // Whether nothing hides what lies behind it: the light of all points adds up.
+    // Whether no point hides another one: the light of all points adds up.
     bool adds;
     // [steps]: the longest quadrature steps, in voxels, in optical depth and in pieces.
     EACH_CALL Array<const double, 1> max_steps;

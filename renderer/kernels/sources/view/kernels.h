@@ -7,7 +7,7 @@
 // A slab is [8]: a normal n [3], bounds of n . p, a length, with p in index space relative to the volume's centre, and
 // n as a unit vector [3] in the world.
 struct ClipRegion {
-    // [k, 8]: unbounded on one side where the slab is that of a plane.
+    // [k, 8]: the slab of a plane is unbounded on one side.
     Sized<const double, 2, 8> slabs;
     // [m, 3, 8]: of each removed box the slabs across its axes.
     Sized<const double, 3, 3, 8> boxes;
