@@ -29,7 +29,7 @@ from renderer.api_scenes import (
 )
 from renderer.errors import InputError
 from renderer.film import encode_png, frame_path
-from renderer.frame import LODCostEstimator, Stage, prepare_stage
+from renderer.frame import FilmStage, LODCostEstimator, prepare_stage
 from renderer.job import (
     FilmAccuracy,
     FilmJob,
@@ -47,7 +47,7 @@ from renderer.job import (
 )
 from renderer.readers import is_volume_name
 from renderer.scene import (
-    Scene,
+    FilmScene,
     accuracy_of,
     format_of,
     load_scene as load_scene_file,
@@ -118,7 +118,7 @@ class Page:
         return f'<iframe sandbox="allow-scripts" srcdoc="{content}" width="100%" height="640"></iframe>'
 
 
-def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -> Scene:
+def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -> FilmScene:
     """Read and check a scene file.
 
     Parameters
@@ -151,7 +151,7 @@ def suggest_scene(
     background: str | Sequence[float] | None = None,
     tolerance: float | None = None,
     output: str | os.PathLike[str] | None = None,
-) -> Scene:
+) -> FilmScene:
     """Make a scene that shows a volume: a turntable, with a transfer function that suits the values.
 
     Parameters
@@ -219,7 +219,7 @@ def render_frame(
         require_annotation(stage, numbers)
         plan = make_plan(LODCostEstimator(stage), numbers, lambda: executor.rasterizer, JobEvents())
         (drawn,) = executor.draw(plan, numbers)
-        drawn = drawn.finished() if made.annotation.shows_anything else drawn
+        drawn = drawn.finished() if made.at(0).annotation.shows_anything else drawn
     image: FrameImage = drawn.pictures[0].pixels.view(FrameImage)
     return image
 
@@ -330,5 +330,5 @@ def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     return truth.picture.astype(np.float32)
 
 
-def _open_stage(scene: Scene) -> Stage:
+def _open_stage(scene: FilmScene) -> FilmStage:
     return prepare_stage(scene, clock=perf_counter, num_threads=num_cores())

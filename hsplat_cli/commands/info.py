@@ -60,7 +60,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     named = [(str(each), volume_spec(each, reading)) for each in inside]
     is_scene = volume.suffix.lower() in (".yaml", ".yml")
     if is_scene:
-        layers = [(each.name or f"volumes.{k}", each.volumes) for k, each in enumerate(load_scene(volume).layers)]
+        layers = [(each.name or f"volumes.{k}", each.volumes) for k, each in enumerate(load_scene(volume).at(0).layers)]
         named = [(name + ".mask" * (key == "mask"), each) for name, of in layers for key, each in of.items()]
     if is_scene or len(named) > 1:
         rows = [_row(*each) for each in named]

@@ -15,7 +15,7 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
 from renderer.film import WrittenFiles
-from renderer.scene import AnnotationSpec
+from renderer.scene import AnnotationSpec, Scene
 
 # Options of a sweep and its report; a search for one tolerance (--want) refuses them.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats")
@@ -65,8 +65,8 @@ def measure(
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
     given = load_job(request, "nothing")
-    job, numbers = replace(given.scene, annotation=AnnotationSpec()), given.frames  # lines are no error
-    sweep = parse_sweep(job, **sweep_options)
+    job, numbers = given.scene.changed(_without_annotation), given.frames  # lines are no error
+    sweep = parse_sweep(job.at(0), **sweep_options)
     if want is not None:
         # Imported here to keep --help fast.
         from hsplat_cli.measure import print_tolerance
@@ -76,7 +76,7 @@ def measure(
         return
     if not thorough:
         _reject_options("needs --thorough", _THOROUGH_OPTIONS, _THOROUGH_HINT)
-        sweep, repeats = replace(sweep, errors=(job.error,), splats=(job.splat,)), 0  # the first pass is timed
+        sweep, repeats = replace(sweep, errors=(job.error,), splats=(job.at(0).splat,)), 0  # the first pass is timed
     from hsplat_cli.measure import PAGE_FILE, REPORT_FILES, StudyRequest, run_study
     from hsplat_cli.reports import require_own_page
 
@@ -87,6 +87,10 @@ def measure(
     picked = list(numbers) if request.frames else None
     request_ = StudyRequest(name, job, sweep, picked, repeats, truth_tolerance, folder, not thorough)
     run_study(request_, reporter)
+
+
+def _without_annotation(scene: Scene) -> Scene:
+    return replace(scene, annotation=AnnotationSpec())
 
 
 def _reject_options(why: str, names: Sequence[str], hint: str) -> None:

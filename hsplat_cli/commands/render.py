@@ -53,7 +53,7 @@ def render(
     from renderer.job import Refinement, make_film, one_pass
 
     passes = Refinement(math.inf if limit is None else limit, best_effort) if progressive else one_pass
-    with FilmEvents(reporter, job.scene.splat.primitive_name) as events:
+    with FilmEvents(reporter, job.scene.primitive_name) as events:
         film = make_film(job, partial(open_executor, executor, reporter), passes, events, resumes=not force)
     report_film(film, reporter)
     if film.shortfall is not None:

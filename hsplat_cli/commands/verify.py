@@ -71,7 +71,7 @@ def verify(
     _prepare_report(json_file, job)
     files = verify_files(job.original, job.scene.output)
     try:
-        with FilmEvents(reporter, job.scene.splat.primitive_name) as events:
+        with FilmEvents(reporter, job.scene.primitive_name) as events:
             verified = verify_film(job, job.original, files, RayOptions(seed, precision), events)
     except HsplatError as error:
         _write_report(json_file, {**_facts(job, files.problems), "passes": False, "error": str(error)}, reporter)

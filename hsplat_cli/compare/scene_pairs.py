@@ -85,8 +85,9 @@ def rendered_frames(
     with temporary_folder as folder:
         template = Path(folder) / _TEMPLATE
         output = replace(job.scene.output, file=template)
-        job = replace(job, scene=replace(job.scene, output=output), frames=frames)
-        with _DrawingEvents(reporter, job.scene.splat.primitive_name) as events:
+        scene = job.scene.changed(lambda each: replace(each, output=output))
+        job = replace(job, scene=scene, frames=frames)
+        with _DrawingEvents(reporter, job.scene.primitive_name) as events:
             film = make_film(job, open_local_executor, one_pass, events)
         assert film.shortfall is None, "a reproducible job has no goal to miss"
         yield {frame: frame_path(template, frame) for frame in frames}, film.record

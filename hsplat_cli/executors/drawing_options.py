@@ -9,7 +9,7 @@ import click
 
 from hsplat_cli.terminal import option_group, parse_bytes
 from renderer.errors import InputError, require_package
-from renderer.scene import Scene, TimeBudget, format_value
+from renderer.scene import FilmScene, TimeBudget, format_value
 
 ADDRESSES = "the address of a Dask scheduler such as tcp://node7:8786"
 _ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
@@ -51,7 +51,7 @@ def require_scheduler(address: str | None) -> None:
     require_package("distributed", extra="cluster")
 
 
-def require_untimed(address: str | None, scene: Scene, *, progressive: bool) -> None:
+def require_untimed(address: str | None, scene: FilmScene, *, progressive: bool) -> None:
     """Raise InputError where a cluster would draw timed frames, which need one process."""
     if address is None or not (progressive or isinstance(scene.error.goal, TimeBudget)):
         return

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from hsplat_cli.executors.drawing_options import ExecutorSpec
 from hsplat_cli.terminal import Reporter
 from renderer.job import DrawnFrame, Executor, FilmPlan, open_local_executor
-from renderer.scene import MetricTarget, Scene
+from renderer.scene import FilmScene, MetricTarget
 from renderer.system import MemoryShare
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @contextlib.contextmanager
-def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: Scene) -> Iterator[Executor]:
+def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: FilmScene) -> Iterator[Executor]:
     """Open an executor that can draw this scene.
 
     Raises RenderError where the scene needs OpenGL and this process has none, and InputError where no scheduler
@@ -51,7 +51,7 @@ class SchedulerExecutor:
     brick_memory = None
 
     def __init__(
-        self, client: Client, spec: ExecutorSpec, scene: Scene, stack: contextlib.ExitStack, reporter: Reporter
+        self, client: Client, spec: ExecutorSpec, scene: FilmScene, stack: contextlib.ExitStack, reporter: Reporter
     ) -> None:
         self._client, self._spec, self._scene = client, spec, scene
         self._stack, self._reporter = stack, reporter

@@ -36,8 +36,18 @@ from renderer.accuracy import (
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import locked_files, require_writable_dry_run
-from renderer.frame import Stage, read_film_volumes
-from renderer.scene import Scene, counted, motion_of, relative_path, scene_to_dict, schedule_to_dict, with_files
+from renderer.frame import FilmStage, read_film_volumes
+from renderer.scene import (
+    FilmScene,
+    Motion,
+    Scene,
+    SplatSpec,
+    counted,
+    relative_path,
+    scene_to_dict,
+    schedule_to_dict,
+    with_files,
+)
 from renderer.system import num_cores
 from renderer.volume import Volume, joint_fingerprint
 
@@ -63,7 +73,7 @@ class StudyRequest:
     """
 
     name: str
-    scene: Scene
+    scene: FilmScene
     sweep: Sweep
     frames: list[int] | None
     repeats: int
@@ -75,8 +85,8 @@ class StudyRequest:
 class _Openers(NamedTuple):
     """Holds the functions that open the stage and the rasterizer of a scene."""
 
-    stage: Callable[[Scene], AbstractContextManager[Stage]]
-    rasterizer: Callable[[Scene], AbstractContextManager[Rasterizer]]
+    stage: Callable[[FilmScene], AbstractContextManager[FilmStage]]
+    rasterizer: Callable[[FilmScene], AbstractContextManager[Rasterizer]]
 
 
 def run_study(request: StudyRequest, reporter: Reporter) -> None:
@@ -91,14 +101,14 @@ def _run_study(request: StudyRequest, reporter: Reporter) -> None:
     machine = describe_machine(_devices(request))  # fails before a voxel is read
     volumes = read_film_volumes(scene).first
     volume = volumes[0]
-    camera = scene.camera
+    camera = scene.at(0).camera
     frames = request.frames or spread_evenly(range(camera.num_frames), _NUM_FRAMES, is_loop=is_loop(camera.path))
     sweep = request.sweep
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
     with _openers(request, volumes) as opened:
         plan = plan_sweep(scene, opened.stage, sweep.errors, sweep.splats, sweep.tolerances)
-        with opened.stage(scene) as stage, FilmEvents(reporter, scene.splat.primitive_name) as events:
+        with opened.stage(scene) as stage, FilmEvents(reporter, scene.primitive_name) as events:
             if request.is_quick:
                 truths = _sample_truths(request, opened, plan, frames)
             else:
@@ -145,11 +155,15 @@ def _require_all(request: StudyRequest) -> None:
         require_writable_dry_run(request.folder / name)
 
 
+def _with_splat(scene: Scene, splat: SplatSpec) -> Scene:
+    return replace(scene, splat=splat)
+
+
 def _devices(request: StudyRequest) -> str:
     """Return the devices that draw the footprints of a sweep. Raises RenderError where one needs OpenGL in vain."""
     devices = []
     for splat in request.sweep.splats:
-        with open_rasterizer(replace(request.scene, splat=splat)) as rasterizer:
+        with open_rasterizer(request.scene.changed(partial(_with_splat, splat=splat))) as rasterizer:
             devices.append(rasterizer.device)
     return " and ".join(dict.fromkeys(devices))
 
@@ -206,7 +220,7 @@ def _measure_hsplat(request: StudyRequest, plan: Plan, opened: _Openers, truths:
                             clock=time.perf_counter,
                             repeats=request.repeats,
                         )
-                setting = splat_setting(scene.error, scene.splat)
+                setting = splat_setting(scene.error, planned.splat)
                 yield replace(measured[key], setting=setting, pyramid_seconds=stage.seconds["pyramid"])
 
 
@@ -219,13 +233,13 @@ def _report(study: Study, folder: Path, reporter: Reporter) -> None:
     reporter.result("written: " + ", ".join(map(str, paths)))
 
 
-def scene_notes(scene: Scene) -> list[str]:
+def scene_notes(scene: FilmScene) -> list[str]:
     """Return notes on differences between the scene and the measured settings."""
     notes, here = [], "here each tolerance is measured by itself"
     if scene.error.goal is not None:
         (schedule,) = schedule_to_dict(scene.error)
         notes.append(f"the scene asks for error.{schedule}, not for a tolerance; {here}")
-    elif motion_of(scene.error.tolerance) is not None:
+    elif isinstance(scene.error.tolerance, Motion):
         notes.append(f"the scene changes its tolerance over the film; {here}")
     if scene.output.background is None:
         notes.append("the scene's background is transparent; pictures are compared over black")

@@ -21,8 +21,8 @@ from hsplat_cli.terminal import Machine
 from renderer.accuracy import Accuracy, FloatImage, SampledTruth, Truth, pool_accuracies, spread_tolerances
 from renderer.draw import Rasterizer
 from renderer.film import over_background
-from renderer.frame import Clock, Stage, make_primitive, render_frames
-from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
+from renderer.frame import Clock, FilmStage, make_primitive, render_frames
+from renderer.scene import ErrorSpec, FilmScene, SplatSpec, tolerance_at, with_tolerance
 from renderer.system import PeakMemory
 from renderer.volume import UInt8
 
@@ -130,7 +130,7 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     """Return the setting of a scene with a constant tolerance; its footprint and error measure name its series."""
     footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
     measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
-    tolerance = error.tolerance
+    tolerance = tolerance_at(error, 0)
     options: dict[str, str | float | bool] = {"tolerance": tolerance, "footprint": footprint, "measure": measure}
     words = [footprint, measure]
     if splat.footprint != "integrated":
@@ -139,7 +139,9 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     return Setting(", ".join(words), f"tolerance {tolerance:g}", options)
 
 
-def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int) -> Measurement:
+def measure_setting(
+    stage: FilmStage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int
+) -> Measurement:
     """Measure the scene at its constant tolerance and with its footprint, on the frames of the truths.
 
     repeats: the largest number of timed passes. With 0 the first pass is timed, in which the first frame may be slower.
@@ -154,7 +156,7 @@ def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clo
     for number, frame in enumerate(render_frames(stage, numbers, rasterizer, clock=clock)):
         truth = truths[number]
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
-        picture = over_background(frame.radiance, frame.stage.scene.output.background)
+        picture = over_background(frame.radiance, frame.stage.scene.background)
         accuracies.append(truth.accuracy_of(picture))
         thumbnails += [] if thumbnails else [_thumbnails(picture, truth)]
         nums_primitives.append(frame.num_primitives)
@@ -163,7 +165,7 @@ def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clo
     passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
     times = [_repetitions(repetitions, FRAME_STEPS) for repetitions in zip(*passes, strict=True)]
     return Measurement(
-        setting=splat_setting(stage.scene.error, stage.scene.splat),
+        setting=splat_setting(stage.scene.error, stage.first.scene.splat),
         num_cells=frame.num_cells,
         pyramid_seconds=stage.seconds["pyramid"],
         seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STEPS),
@@ -182,7 +184,12 @@ def _thumbnails(picture: FloatImage, truth: Truth | SampledTruth) -> tuple[UInt8
 
 
 def _timed_passes(
-    stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, clock: Clock, repeats: int, first_pass: list[Seconds]
+    stage: FilmStage,
+    numbers: Sequence[int],
+    rasterizer: Rasterizer,
+    clock: Clock,
+    repeats: int,
+    first_pass: list[Seconds],
 ) -> list[list[Seconds]]:
     """Return the seconds of the frames in up to `repeats` warm passes; with `repeats` of 0, in the first pass.
 
@@ -213,27 +220,28 @@ def _repetitions(repetitions: Sequence[Seconds], steps: Sequence[str]) -> dict[s
 class PlannedSetting:
     """Holds a setting to measure: the scene at its constant tolerance and footprint, and its work, as in Primitive."""
 
-    scene: Scene
+    scene: FilmScene
+    splat: SplatSpec
     work: float
 
     @property
     def tolerance(self) -> float:
         """Return the constant tolerance."""
-        return self.scene.error.tolerance
+        return tolerance_at(self.scene.error, 0)
 
     def picture_key(self) -> Hashable:
         """Return a key that is equal for settings with equal pictures.
 
         At tolerance 0 splats are single voxels: neither the error measure nor the opacity correction changes them.
         """
-        error, splat = self.scene.error, self.scene.splat
+        error, splat = self.scene.error, self.splat
         if self.tolerance == 0 and error.finest_level == 0 and splat.footprint != "integrated":
             return replace(splat, opacity_correction=True)
         return error, splat
 
     def predicted_seconds(self, num_frames: int, repeats: int) -> float:
         """Estimate the seconds to measure this setting."""
-        splat, each = self.scene.splat, _PER_CELL
+        splat, each = self.splat, _PER_CELL
         if splat.footprint == "gouraud":
             each += _PER_TRIANGLE * splat.angular * (2 * splat.radial - 1)
         elif splat.footprint == "integrated":
@@ -244,8 +252,8 @@ class PlannedSetting:
 
 
 def plan_sweep(
-    scene: Scene,
-    open_stage: Callable[[Scene], AbstractContextManager[Stage]],
+    scene: FilmScene,
+    open_stage: Callable[[FilmScene], AbstractContextManager[FilmStage]],
     errors: Sequence[ErrorSpec],
     splats: Sequence[SplatSpec],
     tolerances: Sequence[float] | None,
@@ -260,11 +268,11 @@ def plan_sweep(
     for error, kind in product(errors, dict.fromkeys(splat.primitive_name for splat in splats)):
         alike = [splat for splat in splats if splat.primitive_name == kind]
         is_own = (error.measure, error.of) == (own.measure, own.of) and own.goal is None
-        with open_stage(replace(scene, error=error, splat=alike[0])) as stage:
-            works = _work_by_tolerance(stage, tolerances, float(own.tolerance) if is_own else None)
+        with open_stage(_with_setting(scene, error, alike[0])) as stage:
+            works = _work_by_tolerance(stage, tolerances, float(tolerance_at(own, 0)) if is_own else None)
         plan.append(
             [
-                PlannedSetting(with_tolerance(replace(scene, error=error, splat=splat), tolerance), work)
+                PlannedSetting(with_tolerance(_with_setting(scene, error, splat), tolerance), splat, work)
                 for splat in alike
                 for tolerance, work in works.items()
             ]
@@ -272,12 +280,16 @@ def plan_sweep(
     return plan
 
 
-def _work_by_tolerance(stage: Stage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
+def _with_setting(scene: FilmScene, error: ErrorSpec, splat: SplatSpec) -> FilmScene:
+    return scene.changed(lambda each: replace(each, error=error, splat=splat))
+
+
+def _work_by_tolerance(stage: FilmStage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
     """Return the tolerances to measure on a stage, from coarse to fine, with the work of drawing at each.
 
     own: a tolerance that is added to the chosen ones.
     """
-    work = cache(make_primitive(stage).work)
+    work = cache(make_primitive(stage.first).work)
     if tolerances is None:
         tolerances = spread_tolerances(stage.largest_error, work, _MAX_TOLERANCES)
         tolerances += () if own is None else (own,)

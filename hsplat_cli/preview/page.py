@@ -62,7 +62,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
     with open_rasterizer(film) as rasterizer, start_threads(1) as beside:
         studio, still = Studio(rasterizer), small_scene(film.at(frame), _OTHERS_PX)
         with studio.stage(still) as stage:
-            looks = beside.submit(suggest_looks, stage)  # in one thread, while others draw
+            looks = beside.submit(suggest_looks, stage.first)  # in one thread, while others draw
             sheet, visibility, glances = _sheet(studio, job)
             advance("frames")
             shown = [*enumerate(stage.layers[:_MOST_CHARTS])]
@@ -71,7 +71,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
             advance("tolerances")
             turn = _turn(studio, small_scene(film.at(frame), _TURN_PX))
             advance("turning")
-            rows = [*variants(studio, stage, frame, coarser, looks.result())]
+            rows = [*variants(studio, stage.first, frame, coarser, looks.result())]
             advance("variants")
     page = render_page(
         "preview.html",
@@ -101,16 +101,16 @@ def _facts(job: FilmJob) -> list[tuple[str, str]]:
 
 def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None, Sequence[Glance]]:
     """Draw some frames of the film with their annotation; find the visible values, and the faults of pictures."""
-    has_text = bool(job.scene.annotation.entries)  # it is laid out for larger pictures
+    has_text = bool(job.scene.at(0).annotation.entries)  # it is laid out for larger pictures
     scene = small_scene(job.scene, _ANNOTATED_PX if has_text else _FRAME_PX, is_annotated=True)
-    frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.camera.path))
+    frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.at(0).camera.path))
     with studio.stage(scene) as stage:
         require_annotation(stage, frames)
         ranges = scalar_ranges(stage)
         drawn = studio.draw(stage, frames, _RAYS_A_FRAME if ranges else 0)
         glances = look_ahead(stage, job.frames, num_threads=num_cores())
     shots = [
-        shot_of(each, scene.at(number).output.background, f"frame {number}", side=_FRAME_PX)
+        shot_of(each, scene.at(number).background, f"frame {number}", side=_FRAME_PX)
         for number, each in zip(frames, drawn, strict=True)
     ]
     return shots, film_visibility([each.record for each in drawn], [*map(range_record, ranges)]), glances
@@ -132,7 +132,7 @@ def _turn(studio: Studio, still: Scene) -> Shot:
         camera = replace(camera, path=TurntablePath(_NUM_TURNED, elevation=_ELEVATION, axis=axis), distance=None)
     scene = with_tolerance(still, max(_TURN_TOLERANCE, min_tolerance(still.error)))
     with studio.stage(replace(scene, camera=camera)) as stage:
-        shots = [shot_of(each, still.output.background, "") for each in studio.draw(stage, range(_NUM_TURNED))]
+        shots = [shot_of(each, still.background, "") for each in studio.draw(stage, range(_NUM_TURNED))]
     rows = [
         np.hstack([shot.pixels for shot in shots[k : k + _TURN_COLUMNS]]) for k in range(0, _NUM_TURNED, _TURN_COLUMNS)
     ]

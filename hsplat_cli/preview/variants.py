@@ -87,7 +87,7 @@ def draw_tolerances(studio: Studio, job: FilmJob, frame: int, side: int, prepare
         low, high = drawn.record.accuracy.interval
         caption = f"tolerance {tolerance:g}: PSNR {low:.1f} to {high:.1f} dB before encoding; {cost}"
         lines = f"error:\n  tolerance: {tolerance:g}"
-        shots.append(shot_of(drawn, stage.scene.at(frame).output.background, caption, lines, side))
+        shots.append(shot_of(drawn, stage.scene.at(frame).background, caption, lines, side))
     return shots
 
 

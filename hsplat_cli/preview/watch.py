@@ -13,7 +13,7 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.draw import open_rasterizer
 from renderer.errors import HsplatError, InputError
 from renderer.frame import StageMaker
-from renderer.scene import Scene, min_tolerance, with_tolerance
+from renderer.scene import FilmScene, min_tolerance, with_tolerance
 from renderer.system import num_cores
 from renderer.volume import Volume, sampled_volume
 
@@ -81,7 +81,7 @@ def _mark(path: Path) -> tuple[int, ...] | None:
     return status.st_mtime_ns, status.st_size, status.st_ino
 
 
-def _shots(scene: Scene, maker: StageMaker) -> Iterator[Shot]:
+def _shots(scene: FilmScene, maker: StageMaker) -> Iterator[Shot]:
     """Yield ever finer pictures of a scene's first frame, or of its middle frame if something moves."""
     frame = scene.num_frames // 2 if scene.moves else 0
     wanted = min_tolerance(small_scene(scene, 1).error)
@@ -99,7 +99,7 @@ def _shots(scene: Scene, maker: StageMaker) -> Iterator[Shot]:
                 yield replace(shot, caption=f"frame {frame} at tolerance {tolerance:g}{part}, {seconds:.2f} s")
 
 
-def _some_voxels(scene: Scene, maker: StageMaker) -> list[Volume] | None:
+def _some_voxels(scene: FilmScene, maker: StageMaker) -> list[Volume] | None:
     """Return some voxels of each volume, for a first picture; None if drawing all of them takes no longer.
 
     That is the case for small volumes, and for layers that are kept. It is also None for volumes that are not read yet,
@@ -107,8 +107,9 @@ def _some_voxels(scene: Scene, maker: StageMaker) -> list[Volume] | None:
     """
     if not maker.layers or scene.moves:
         return None
-    volumes, tolerance = maker.volumes_of(scene), min_tolerance(scene.error)
-    is_kept = maker.layers.keys() >= {*maker.digests_of(scene, tolerance)}
+    still, tolerance = scene.at(0), min_tolerance(scene.error)
+    volumes = maker.volumes_of(still)
+    is_kept = maker.layers.keys() >= {*maker.digests_of(still, tolerance)}
     are_plain = not any(volume.is_labels or volume.colors is not None or volume.mask is not None for volume in volumes)
     is_large = max(max(volume.shape_xyz) for volume in volumes) > _MOST_AT_ONCE
     return (

@@ -12,7 +12,7 @@ from renderer.errors import InputError, SceneError
 from renderer.film import film_path_of_sidecar, sidecar_path_of_file
 from renderer.job import FilmJob, OriginalFilm
 from renderer.scene import (
-    Scene,
+    FilmScene,
     TreeEditor,
     YamlTree,
     accuracy_of,
@@ -85,12 +85,12 @@ def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all")
     return job
 
 
-def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
+def _resolved(scene: FilmScene, editor: TreeEditor) -> FilmScene:
     """Return the scene with all values that depend on voxels, found by `resolve_scene`, which reads the volumes.
 
     editor: the editor that parsed the scene; it knows the lines of problems.
     """
-    if not any(layer.depends_on_voxels for layer in scene.layers):
+    if not any(layer.depends_on_voxels for layer in scene.at(0).layers):
         return scene
     from renderer.readers import read_volume
     from renderer.resolve import resolve_scene
@@ -101,7 +101,7 @@ def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
         raise SceneError(editor.located_problems(error.problems)) from None
 
 
-def _require_labels(scene: Scene, editor: TreeEditor) -> None:
+def _require_labels(scene: FilmScene, editor: TreeEditor) -> None:
     """Read the volumes of labels; raise SceneError for labels that the scene names and that no voxel has."""
     from renderer.readers import read_volume
     from renderer.resolve import label_problems
@@ -163,7 +163,7 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> F
     return replace(job, requested=requested)
 
 
-def _has_recorded_tolerances(record: FilmRecord, scene: Scene) -> bool:
+def _has_recorded_tolerances(record: FilmRecord, scene: FilmScene) -> bool:
     """Return whether the recorded scene has the tolerances at which the frames were drawn, unchanged by hand."""
     return scene.error.goal is None and all(
         tolerance_at(scene.error, frame.frame) == frame.tolerance for frame in record.frames

@@ -15,12 +15,13 @@ from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
     FRAME_FIELD,
+    FilmScene,
     FlightPath,
     LayerSpec,
     OutputFile,
     OutputSpec,
+    OverFrames,
     PathSequence,
-    Scene,
     TreeEditor,
     VolumeSpec,
     dump_yaml,
@@ -36,7 +37,6 @@ from renderer.scene import (
     raise_problems,
     read_content,
     spec_to_dict,
-    values_at,
     with_files,
 )
 from renderer.system import printable
@@ -73,7 +73,7 @@ class SharedLook:
         return look
 
     @cached_property
-    def scene(self) -> Scene:
+    def scene(self) -> FilmScene:
         """Return the scene, with its own file, which exists, as a stand-in for its volume."""
         return self._editor.parse()
 
@@ -93,20 +93,21 @@ class SharedLook:
 
     def _problems(self) -> Iterator[Problem]:
         """Yield a problem for each reason why other volumes cannot have this look, or cannot be matched with it."""
-        path, first = self.scene.camera.path, self.scene.layers[0]
+        scene = self.scene.at(0)
+        path, first = scene.camera.path, scene.layers[0]
         if any(isinstance(piece, FlightPath) for piece in (path.pieces if isinstance(path, PathSequence) else [path])):
             expected, hint = "turntable, rocker, keyframes or hold", "its places belong to one volume"
             yield Problem("camera.path", "a flight cannot frame other volumes", "", expected, hint)
         if self.reference is None:
             return
-        transfer, place = first.transfer_function, "volumes.0." if self.scene.volumes else ""
+        transfer, place = first.transfer_function, "volumes.0." if self.scene.has_list else ""
         has_several = first.volume.component == "all" or len(_own_entries(self._editor.tree.data)) > 1
         refused = {
             f"{place}labels": transfer.labels is not None,
             f"{place}transfer_function.relative": transfer.relative,
             f"{place or 'volume.'}component": first.volume.has_colors or has_several,
             "shading.gradient_opacity": first.shading is not None and isinstance(first.shading.gradient_opacity, tuple),
-            "mode": self.scene.mode.type == "attenuation",
+            "mode": scene.mode.type == "attenuation",
         }
         for key in filter(refused.__getitem__, refused):
             expected = "a transfer function with values of one component, and nothing else that has values"
@@ -143,10 +144,11 @@ class SharedLook:
             entry.update({key: plain[key] for key in _SOURCE_KEYS if key in plain} | others)
             entry.update({key: plain[key] for key in own})
         if self.reference is not None:
-            line = self._match(replace(self.scene.layers[0].volume, source=volume.source, **own), reporter)
+            own_volume = replace(self.scene.at(0).layers[0].volume, source=volume.source, **own)
+            line = self._match(own_volume, reporter)
             notes.append(f"values of {name} are values of {printable(self.reference.name)} {line}")
             reporter.status(notes[0])
-            _map_layer(_own_entries(tree)[0] if "volumes" in tree else tree, self.scene.layers[0], line)
+            _map_layer(_own_entries(tree)[0] if "volumes" in tree else tree, self.scene.film_layers[0], line)
         for output, file in zip(outputs_of(tree), self.outputs(scene.parent, scene.stem).files, strict=True):
             output["file"] = str(file.file)
         about = [f"A film of {name} with the look of {printable(self.path.name)}.", *notes, SCENE_HINT]
@@ -157,8 +159,8 @@ class SharedLook:
         from renderer.statistics import match_values
 
         assert self.reference is not None
-        own = replace(self.scene.layers[0].volume, source=file_source(self.reference))
-        firsts = (replace(each, time=0) if each.time == "auto" else values_at(each, 0) for each in (own, volume))
+        own = replace(self.scene.at(0).layers[0].volume, source=file_source(self.reference))
+        firsts = (replace(each, time=0) if each.time == "auto" else each for each in (own, volume))
         reference, scan = (read_with_options(each, replace(reporter, is_quiet=True)) for each in firsts)
         return match_values(reference, scan)
 
@@ -192,10 +194,14 @@ def _place_from(folder: Path, base: Path, key: str, name: str) -> str:
     return place_in(folder, str(file)) if not is_preset and (file.exists() or is_pattern(file)) else name
 
 
-def _map_layer(section: dict[str, Any], layer: LayerSpec, line: ValueLine) -> None:
+def _map_layer(section: dict[str, Any], layer: OverFrames[LayerSpec], line: ValueLine) -> None:
     """Map the values of a layer's section in a scene: its transfer function, or the range of its colour."""
-    if layer.color is None:
-        section["transfer_function"] = spec_to_dict(map_values(layer.transfer_function, line))
+    if layer.at(0).color is None:
+        mapped = layer.map(lambda each: map_values(each.transfer_function, line))
+        section["transfer_function"] = spec_to_dict(mapped)
     else:
-        span = moving_result(lambda ends: tuple(map(line, ends)), layer.range)
-        section["range"] = spec_to_dict(replace(layer, range=span))["range"]
+        section["range"] = spec_to_dict(layer.map(lambda each: _with_mapped_range(each, line)))["range"]
+
+
+def _with_mapped_range(layer: LayerSpec, line: ValueLine) -> LayerSpec:
+    return replace(layer, range=moving_result(lambda ends: tuple(map(line, ends)), layer.range))

@@ -32,9 +32,9 @@ from renderer.film import (
 from renderer.job import FilmJob, expand_pattern, scene_files, volume_files
 from renderer.scene import (
     ColormapSpec,
+    FilmScene,
     LabelsSpec,
     OutputSpec,
-    Scene,
     VolumeSpec,
     accuracy_of,
     file_source,
@@ -181,7 +181,7 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
 
     job = FilmJob(scene, range(scene.num_frames), accuracy_of(scene.error))
     open_this = partial(open_executor, request.executor, reporter)
-    with _TurntableEvents(reporter, request, content, scene.splat.primitive_name) as events:
+    with _TurntableEvents(reporter, request, content, scene.primitive_name) as events:
         film = draw_film(job, open_this, one_pass, events, resumes=not request.force)
     report_film(film, reporter)
     if film.shortfall is not None:
@@ -218,7 +218,7 @@ def _scene_text(request: FilmRequest, reporter: Reporter) -> tuple[str, FilmEntr
     return text, facts, chosen.outlier_notes
 
 
-def _visible_values(scene: Scene) -> str:
+def _visible_values(scene: FilmScene) -> str:
     """Return the ends of the visible values of the first volume, such as `18.9 to 255`; of labels their names."""
     transfer = scene.at(0).transfer_function
     if transfer.labels is not None:

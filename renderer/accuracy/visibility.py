@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.frame import Stage
+from renderer.frame import FilmStage
 from renderer.layers import Layer
 from renderer.scene import LabelStyle
 from renderer.transfer import TransferFunction
@@ -40,10 +40,10 @@ class ScalarRange(NamedTuple):
     layer: int | None = None
 
 
-def scalar_ranges(stage: Stage) -> list[ScalarRange]:
+def scalar_ranges(stage: FilmStage) -> list[ScalarRange]:
     """Return the ranges of a stage's layers, of each ascending; none where the mode has no opacities."""
     found, first, num = list[ScalarRange](), 0, len(stage.layers)
-    for number, layer in enumerate(() if stage.scene.mode.is_projection else stage.layers):
+    for number, layer in enumerate(() if stage.scene.is_projection else stage.layers):
         place = number if num > 1 else None
         found += [each._replace(first=first + each.first, layer=place) for each in _ranges_of(layer, num)]
         first += len(layer.optics.values) + 1

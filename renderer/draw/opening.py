@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from renderer.draw.rasterizer import Rasterizer
-from renderer.scene import Scene
+from renderer.scene import FilmScene
 from renderer.system import MemoryShare, num_drawing_threads
 
 
-def open_rasterizer(scene: Scene, memory: MemoryShare | None = None) -> Rasterizer:
+def open_rasterizer(scene: FilmScene, memory: MemoryShare | None = None) -> Rasterizer:
     """Open the rasteriser of a scene's footprint. Raises RenderError where it needs OpenGL and there is none.
 
     memory: for bricks, by default half of the free memory; pictures do not depend on it.

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Protocol
 
 from renderer.draw import BrickMemory, Rasterizer, open_rasterizer
 from renderer.film import Picture
-from renderer.frame import Frame, Stage, ToleranceController, render_frames
+from renderer.frame import FilmStage, Frame, ToleranceController, render_frames
 from renderer.job.film_accuracy import frame_accuracy
 from renderer.job.make_record import frame_record
 from renderer.job.pictures import PictureMaker
 from renderer.job.plan import FilmPlan
 from renderer.job.record import FrameRecord
-from renderer.scene import Scene
+from renderer.scene import FilmScene
 from renderer.system import MemoryShare, num_cores
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class LocalExecutor:
 
 
 @contextlib.contextmanager
-def open_local_executor(scene: Scene, memory: MemoryShare | None = None) -> Iterator[LocalExecutor]:
+def open_local_executor(scene: FilmScene, memory: MemoryShare | None = None) -> Iterator[LocalExecutor]:
     """Open an executor of this process for a scene. Raises RenderError where it needs OpenGL and there is none.
 
     memory: as of `open_rasterizer`.
@@ -107,7 +107,7 @@ def open_local_executor(scene: Scene, memory: MemoryShare | None = None) -> Iter
 
 
 def draw_frames(
-    stage: Stage,
+    stage: FilmStage,
     numbers: Sequence[int],
     rasterizer: Rasterizer,
     controller: ToleranceController,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from renderer.film import WrittenFiles, film_files, require_no_input, sidecar_path
 from renderer.job.inputs import require_no_new_slices, scene_files
-from renderer.scene import ErrorSpec, Scene, is_same_file
+from renderer.scene import ErrorSpec, FilmScene, is_same_file
 
 if TYPE_CHECKING:  # records take a while to load, and the job of a scene needs none before it draws
     from renderer.job.record import FilmRecord
@@ -51,7 +51,7 @@ class FilmJob:
     original: the film that is made again, if any. path: the scene file or the sidecar that was read, if any.
     """
 
-    scene: Scene
+    scene: FilmScene
     frames: Sequence[int]
     requested: ErrorSpec
     original: OriginalFilm | None = None

@@ -17,7 +17,7 @@ from typing import Any
 from renderer.accuracy import NOTHING, Glance, finer_than_kept, look_ahead
 from renderer.errors import InputError, RenderError
 from renderer.film import film_notes, require_encoder
-from renderer.frame import FilmVolumes, LODCostEstimator, Stage, framing_note, prepare_stage, read_film_volumes
+from renderer.frame import FilmStage, FilmVolumes, LODCostEstimator, framing_note, prepare_stage, read_film_volumes
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor, LocalExecutor
@@ -32,12 +32,12 @@ from renderer.job.pictures import annotation_notes, require_annotation
 from renderer.job.plan import FilmPlan, make_plan
 from renderer.job.record import BrickMemoryRecord, FilmFingerprint, FilmRecord, FrameRecord, PassRecord
 from renderer.layers import placement_notes
-from renderer.scene import Scene, TimeBudget, accuracy_of, counted, tolerance_at
+from renderer.scene import FilmScene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
 
 # A pass that takes longer is told what it costs when its first frames are drawn.
 _LONG_S = 60.0
-OpenExecutor = Callable[[Scene], AbstractContextManager[Executor]]
+OpenExecutor = Callable[[FilmScene], AbstractContextManager[Executor]]
 Passes = Callable[["FilmInProgress"], "FinishedFilm"]
 
 
@@ -141,7 +141,7 @@ def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJ
     return job, film_fingerprint(job.scene, job.requested, of_volumes, device)
 
 
-def open_job_stage(job: FilmJob, volumes: FilmVolumes) -> Stage:
+def open_job_stage(job: FilmJob, volumes: FilmVolumes) -> FilmStage:
     """Prepare the stage. Raises InputError unless the volumes are those of the original, if there is one."""
     if job.original is not None and volumes.fingerprint != job.original.record.volume.fingerprint:
         names = ", ".join(volume.name for volume in volumes.first)
@@ -171,7 +171,7 @@ class FilmInProgress:
     job: FilmJob
     output: FilmOutput
     fingerprint: FilmFingerprint
-    stage: Stage
+    stage: FilmStage
     executor: Executor
     events: JobEvents
     start: float

@@ -11,8 +11,8 @@ from renderer.film import data_digest, file_digest
 from renderer.job.record import FilmFingerprint
 from renderer.scene import (
     ErrorSpec,
+    FilmScene,
     OutputSpec,
-    Scene,
     first_few,
     first_output,
     format_value,
@@ -32,7 +32,7 @@ _DRAWN_KEYS = ("size", "background")
 _NOT_ENCODED = ("file",)
 
 
-def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str, device: str) -> FilmFingerprint:
+def film_fingerprint(scene: FilmScene, requested: ErrorSpec, volume_fingerprint: str, device: str) -> FilmFingerprint:
     """Return the fingerprint of a film: scene, voxels, versions and device.
 
     The schedule counts as it was requested, not as the tolerances that were found for it, so a film that is rendered
@@ -44,9 +44,10 @@ def film_fingerprint(scene: Scene, requested: ErrorSpec, volume_fingerprint: str
     rest = {key: value for key, value in tree["error"].items() if key not in left_out}
     output = {key: first_output(tree)[key] for key in _DRAWN_KEYS}
     shown: dict[str, Any] = {}
-    if scene.annotation.entries:
-        shown |= {"units": [layer.volume.unit for layer in scene.layers]}
-        shown |= {"files of annotation": [file_digest(file) for file in scene.annotation.files]}
+    first = scene.at(0)
+    if first.annotation.entries:
+        shown |= {"units": [layer.volume.unit for layer in first.layers]}
+        shown |= {"files of annotation": [file_digest(file) for file in first.annotation.files]}
     depends_on = {
         "scene": tree | {"output": output, "error": {**schedule_to_dict(requested), **rest}} | shown,
         "volume": {"fingerprint": volume_fingerprint},

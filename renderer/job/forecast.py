@@ -18,12 +18,12 @@ import numpy as np
 from renderer.accuracy import Glance
 from renderer.draw import BrickMemory
 from renderer.film import Picture, open_films
-from renderer.frame import LODCostEstimator, Stage, Stopwatch
+from renderer.frame import FilmStage, LODCostEstimator, Stopwatch
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor
 from renderer.job.plan import make_plan
-from renderer.layers import layer_parts
-from renderer.scene import OutputFile, Scene, changing_frames
+from renderer.layers import frames_of_new_layers
+from renderer.scene import FilmScene, OutputFile
 from renderer.system import start_threads
 from renderer.volume import Float64
 
@@ -65,7 +65,7 @@ class Trial(NamedTuple):
 
 
 def forecast_frames(
-    stage: Stage, executor: Executor, frames: Sequence[int], start: float, events: JobEvents, num_places: int = 3
+    stage: FilmStage, executor: Executor, frames: Sequence[int], start: float, events: JobEvents, num_places: int = 3
 ) -> Forecast:
     """Predict what a film of these frames costs, by drawing some of them.
 
@@ -106,14 +106,14 @@ def _store(frame: DrawnFrame) -> DrawnFrame:
     return frame
 
 
-def choose_trials(scene: Scene, frames: Sequence[int], num_places: int = 3) -> list[Trial]:
+def choose_trials(scene: FilmScene, frames: Sequence[int], num_places: int = 3) -> list[Trial]:
     """Return trials along the path of a film: of frames for which a layer is made again, of others, and for some files.
 
     num_places: along the path, at each of which there are trials, one or more. Of files that leave frames out, the
     first ones that they show are drawn, too.
     """
-    moving = tuple((layer.volume, layer.transform, *layer_parts(layer, scene)) for layer in scene.layers)
-    anew = {frame for first, last in changing_frames(moving) for frame in range(first, last + 1)}
+    runs = [run for number in range(len(scene.film_layers)) for run in frames_of_new_layers(scene, number)]
+    anew = {frame for first, last in runs for frame in range(first, last + 1)}
     groups = [[frame for frame in frames if (frame in anew) == is_anew] for is_anew in (True, False)]
     num_places, trials = max(1, num_places - all(groups)), list[Trial]()
     for group in groups:

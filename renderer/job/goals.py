@@ -12,15 +12,15 @@ from renderer.job.plan import BEST_EFFORT_HINT, FilmPlan
 from renderer.job.record import FilmRecord, FrameRecord, min_max
 from renderer.scene import (
     ErrorSpec,
+    FilmScene,
     MetricTarget,
-    Scene,
     TimeBudget,
     counted,
     first_few,
     format_value,
     pluralize_range,
     schedule_to_dict,
-    values_at,
+    value_at,
 )
 
 # A frame is in time when its seconds differ from its budget by no more than this fraction.
@@ -34,7 +34,7 @@ _MAX_MISSING_FRACTION = 0.05
 
 
 def find_shortfall(
-    scene: Scene, requested: ErrorSpec, plan: FilmPlan, frames: Sequence[FrameRecord]
+    scene: FilmScene, requested: ErrorSpec, plan: FilmPlan, frames: Sequence[FrameRecord]
 ) -> RenderError | None:
     """Return the error for what was requested and not reached by these frames, or None."""
     goal = scene.error.goal
@@ -100,8 +100,7 @@ def _drawing_seconds(frame: FrameRecord) -> float:
 
 
 def _budget(goal: TimeBudget, frame: FrameRecord) -> float:
-    seconds: float = values_at(goal.value, frame.frame)
-    return seconds
+    return value_at(goal.value, frame.frame)
 
 
 def _predicted(frame: FrameRecord) -> float:
@@ -115,14 +114,14 @@ def _is_in_time(goal: TimeBudget, frame: FrameRecord) -> bool:
     return abs(share - 1) <= _TIME_MARGIN or (share < 1 and frame.tolerance == 0)
 
 
-def summary_parts(scene: Scene, plan: FilmPlan, record: FilmRecord, num_resumed: int) -> Iterator[str]:
+def summary_parts(scene: FilmScene, plan: FilmPlan, record: FilmRecord, num_resumed: int) -> Iterator[str]:
     """Yield `120 frames in 25.1 s`, how exact they are, `190 bricks a frame`, and how a goal was met."""
     frames, seconds = record.frames, record.seconds["total"]
     num, goal, found = len(frames), scene.error.goal, plan.found
     yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_resumed} drawn before)" if num_resumed else "")
     if record.accuracy is not None:
         yield accuracy_text(record.accuracy)
-    yield f"{pluralize_range([frame.primitives for frame in frames], scene.splat.primitive_name)} a frame"
+    yield f"{pluralize_range([frame.primitives for frame in frames], scene.primitive_name)} a frame"
     if goal is not None:
         yield f"tolerance {range_text([frame.tolerance for frame in frames])}"
     if isinstance(goal, TimeBudget):

@@ -12,7 +12,7 @@ import numpy as np
 
 from renderer.accuracy import NOTHING_VISIBLE, scalar_ranges
 from renderer.errors import RenderError
-from renderer.frame import Frame, Stage, finest_level_at
+from renderer.frame import FilmStage, Frame, finest_level_at
 from renderer.job.film_accuracy import film_accuracy
 from renderer.job.film_job import OriginalFilm
 from renderer.job.film_visibility import film_visibility, range_record
@@ -42,7 +42,7 @@ from renderer.volume import Volume
 _MIN_VISIBLE_OPACITY = 0.5 / 255  # less opacity than this changes no pixel of 8 bits
 
 
-def frame_record(frame: Frame, film: Stage) -> FrameRecord:
+def frame_record(frame: Frame, film: FilmStage) -> FrameRecord:
     """Return the record of a frame of a film that was drawn; it has no digest yet."""
     return FrameRecord(
         frame=frame.number,
@@ -68,7 +68,7 @@ def film_record(
     stage = plan.stage
     scene, volumes = stage.scene, [layer.volume for layer in stage.layers]
     levels = [
-        finest_level_at(stage, frame.tolerance, number) for frame in frames for number in range(len(stage.groups))
+        finest_level_at(stage.first, frame.tolerance, number) for frame in frames for number in range(len(stage.groups))
     ]
     if scene.error.goal is not None:
         scene = with_tolerances(scene, {frame.frame: frame.tolerance for frame in frames})

@@ -12,9 +12,9 @@ from renderer.annotation import AnnotationFacts, Annotator, ColorBar, FrameFacts
 from renderer.draw import draw_lines, make_outline
 from renderer.errors import Problem
 from renderer.film import Picture, quantize, reduce_radiance
-from renderer.frame import Frame, Stage, view_of
+from renderer.frame import FilmStage, Frame, Stage, view_of
 from renderer.job.record import FrameRecord
-from renderer.scene import PictureKind, Scene, moving_numbers, moving_values, raise_problems, values_at
+from renderer.scene import FilmScene, PictureKind, moving_numbers, moving_values, raise_problems
 from renderer.view import View
 from renderer.volume import Bools, Float32
 
@@ -28,10 +28,10 @@ _ANY_ACCURACY = "frame PSNR 100.0 dB"
 class PictureMaker:
     """A maker of the pictures of a film's frames, with their annotation, whatever moves. film: its stage."""
 
-    def __init__(self, film: Stage) -> None:
+    def __init__(self, film: FilmStage) -> None:
         self._film, self._output = film, film.scene.output
         self._annotator = lru_cache(len(self._output.kinds))(Annotator)  # which keeps what does not change
-        self._facts: tuple[Stage, dict[PictureKind, AnnotationFacts]] = film, {}
+        self._facts: tuple[FilmStage, dict[PictureKind, AnnotationFacts]] = film, {}
 
     def pictures(self, frame: Frame, record: FrameRecord) -> dict[int, Picture]:
         """Return the pictures of a frame by the numbers of their kinds: all that files need which show it.
@@ -44,12 +44,12 @@ class PictureMaker:
             if number == 0 and not spec.shows_anything:
                 found[0] = Picture(frame.image)
                 continue
-            kind = PictureKind(*values_at(kinds[number], frame.number))
+            kind = kinds[number].at(frame.number)
             image = reduce_radiance(radiance, self._output.size[0] // kind.size[0])
             if spec.entries:
                 image = image.copy() if image is frame.radiance else image
                 self._annotate(image, kind, frame.stage, frame.view, record)
-            found[number] = Picture(quantize(image, kind.background, kind.depth))
+            found[number] = Picture(quantize(image, kind.background_at(frame.number), kind.depth))
         return found
 
     def _annotate(self, image: Float32, kind: PictureKind, stage: Stage, view: View, record: FrameRecord) -> None:
@@ -65,7 +65,7 @@ class PictureMaker:
 
     def covered(self, frame: int, record: FrameRecord) -> Bools | None:
         """Return which pixels of a frame's first picture are drawn over, bool [h, w]; None where none is."""
-        stage, kind = self._film.at(frame), self._output.kind
+        stage, kind = self._film.at(frame), self._output.kind.at(frame)
         view = view_of(stage, frame)
         if not stage.scene.annotation.shows_anything:
             return None
@@ -77,9 +77,10 @@ class PictureMaker:
         return canvas[..., 3] > 0
 
 
-def require_annotation(film: Stage, frames: Sequence[int]) -> None:
+def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
     """Raise SceneError where some of the frames cannot have their annotation, in pictures of any kind."""
-    if not film.scene.annotation.entries:
+    annotation = film.scene.at(0).annotation
+    if not annotation.entries:
         return
     # Imported here: exact rays, which are in the same room, take a while to load.
     from renderer.accuracy import spread_evenly
@@ -90,15 +91,15 @@ def require_annotation(film: Stage, frames: Sequence[int]) -> None:
         for frame in spread_evenly(frames, _MOST_TRIED, is_loop=False):
             # With the layers of the first frame: those of others take a while to make.
             scene = film.scene.at(frame)
-            stage = replace(film, scene=scene, distance=scene.camera.distance or film.distance, maker=None)
+            stage = replace(film.first, scene=scene, distance=scene.camera.distance or film.distance)
             shown.append(frame_facts(film.scene, stage, view_of(stage, frame), frame, kind, _ANY_ACCURACY))
-        problems += annotation_problems(film.scene.at(0).annotation, film_facts(film, kind), shown)
+        problems += annotation_problems(annotation, film_facts(film.first, kind.at(0)), shown)
     raise_problems(problems)
 
 
-def annotation_notes(stage: Stage) -> Iterator[str]:
+def annotation_notes(stage: FilmStage) -> Iterator[str]:
     """Yield what the user should know of a film's annotation."""
-    annotation = stage.scene.annotation
+    annotation = stage.scene.at(0).annotation
     if annotation.scale_bar is not None and not _length_unit(stage):
         yield "the unit of lengths is not known: the scale bar counts voxels; volume.unit names it"
     if annotation.shows_anything and stage.scene.error.probes != 0:
@@ -106,8 +107,8 @@ def annotation_notes(stage: Stage) -> Iterator[str]:
 
 
 def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
-    """Return what an annotation shows of a stage, on pictures of a kind."""
-    background, volumes = kind.background, [layer.volume for layer in stage.layers]
+    """Return what an annotation shows of a stage, on pictures of a kind whose background does not move."""
+    background, volumes = kind.background_at(0), [layer.volume for layer in stage.layers]
     axes = {volume.world_axes for volume in volumes}
     return AnnotationFacts(
         size=kind.size,
@@ -120,7 +121,7 @@ def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
     )
 
 
-def frame_facts(film: Scene, stage: Stage, view: View, frame: int, kind: PictureKind, accuracy: str) -> FrameFacts:
+def frame_facts(film: FilmScene, stage: Stage, view: View, frame: int, kind: PictureKind, accuracy: str) -> FrameFacts:
     """Return what an annotation shows of a frame. film: the scene with all that moves. stage, view: of the frame."""
     volume = stage.layers[0].volume
     side = (view.distance if view.projection == "perspective" else 1.0) / view.scale_px
@@ -140,7 +141,7 @@ def frame_facts(film: Scene, stage: Stage, view: View, frame: int, kind: Picture
     )
 
 
-def _length_unit(stage: Stage) -> str:
+def _length_unit(stage: FilmStage) -> str:
     """Return the unit of world lengths, if all volumes have the same."""
     units = {layer.volume.length_unit for layer in stage.layers}
     return units.pop() if len(units) == 1 else ""

@@ -11,15 +11,15 @@ from renderer.draw import Rasterizer
 from renderer.errors import RenderError
 from renderer.frame import (
     BudgetController,
+    FilmStage,
     LODCostEstimator,
     ScheduleController,
-    Stage,
     Stopwatch,
     ToleranceController,
     calibrate_costs,
 )
 from renderer.job.events import JobEvents
-from renderer.scene import MetricTarget, SplatBudget, TimeBudget, values_at, with_tolerances
+from renderer.scene import MetricTarget, SplatBudget, TimeBudget, value_at, with_tolerances
 from renderer.system import num_cores
 
 if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
@@ -40,7 +40,7 @@ class FilmPlan:
     found: the result of the search for an accuracy.
     """
 
-    stage: Stage
+    stage: FilmStage
     controller: ToleranceController
     shortfall: RenderError | None = None
     is_unfinished: bool = False
@@ -69,7 +69,7 @@ def make_plan(
         return _plan_time(estimator, goal, frames, rasterizer(), on_step)
     if isinstance(goal, SplatBudget):
         find = estimator.primitive.tolerance_for_cells
-        tolerances = {frame: find(values_at(goal.value, frame)) for frame in frames}
+        tolerances = {frame: find(value_at(goal.value, frame)) for frame in frames}
         stage = replace(stage, scene=with_tolerances(stage.scene, tolerances))
     return FilmPlan(stage, ScheduleController(stage))
 
@@ -82,16 +82,16 @@ def _plan_time(
     on_step: Callable[[], None],
 ) -> FilmPlan:
     """Learn the costs of drawing, and prepare the first frame before its time begins."""
-    least, clock = min(values_at(goal.value, frame) for frame in frames), time.perf_counter
+    least, clock = min(value_at(goal.value, frame) for frame in frames), time.perf_counter
     calibrate_costs(estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=clock, on_step=on_step)
-    controller = BudgetController(estimator, lambda frame: values_at(goal.value, frame))
+    controller = BudgetController(estimator, lambda frame: value_at(goal.value, frame))
     draw_list, _ = controller.choose(frames[0], Stopwatch(clock))
     draw_list.upload(rasterizer)
     return FilmPlan(estimator.stage, controller, is_timing_dependent=True)
 
 
 def search_tolerances(
-    stage: Stage,
+    stage: FilmStage,
     frames: Sequence[int],
     want: MetricTarget,
     rasterizer: Rasterizer,
@@ -103,7 +103,7 @@ def search_tolerances(
 
     def tell(trial: Trial) -> None:
         on_step()
-        events.note(trial.text(want, stage.scene.splat.primitive_name))
+        events.note(trial.text(want, stage.scene.primitive_name))
 
     rays = ExactRays(stage, want, num_threads=num_cores())
     # Films of splats have one tolerance: a new cut for each frame would take longer than to draw it.
@@ -111,7 +111,7 @@ def search_tolerances(
     return find_tolerances(stage, frames, rays, rasterizer, is_constant=is_constant, clock=clock, on_trial=tell)
 
 
-def _plan_accuracy(stage: Stage, goal: MetricTarget, found: FoundTolerances) -> FilmPlan:
+def _plan_accuracy(stage: FilmStage, goal: MetricTarget, found: FoundTolerances) -> FilmPlan:
     """Plan the tolerances that were found; 0 if none is good enough."""
     shortfall = None
     if not found.is_reachable:

@@ -42,7 +42,7 @@ from renderer.scene import (
     TimeBudget,
     pluralize_range,
     tolerance_at,
-    values_at,
+    value_at,
     with_tolerances,
 )
 from renderer.system import deferrable_interrupts
@@ -192,7 +192,7 @@ class Refiner:
 
     def _summary(self, frames: Sequence[FrameRecord]) -> str:
         """Return a line about the last pass."""
-        last, noun = self.passes[-1], self._film.stage.scene.splat.primitive_name
+        last, noun = self.passes[-1], self._film.stage.scene.primitive_name
         facts = [
             f"pass {len(self.passes)}: tolerance {range_text(last.tolerance)}",
             f"{pluralize_range([frame.primitives for frame in frames], noun)} a frame",
@@ -212,11 +212,12 @@ class Refiner:
         if isinstance(goal, MetricTarget):
             return False
         max_cells = self._estimator.max_cells(_MIN_PASS_FACTOR * first)
-        largest = max(values_at(goal.value, frame) for frame in frames) if goal else 0.0
         if isinstance(goal, SplatBudget):
-            return largest <= max_cells
-        if isinstance(goal, TimeBudget) and largest < _MIN_PASS_FACTOR * first:
-            return True
+            return max(value_at(goal.value, frame) for frame in frames) <= max_cells
+        if isinstance(goal, TimeBudget):
+            largest = max(value_at(goal.value, frame) for frame in frames)
+            if largest < _MIN_PASS_FACTOR * first:
+                return True
         finest = 0.0 if goal else min(tolerance_at(self._error, frame) for frame in frames)
         return not self._estimator.primitive.has_more_cells(finest, max_cells)
 
@@ -231,7 +232,7 @@ class Refiner:
         goal = self._error.goal
         sampled_frames = spread_evenly(self._frames, _NUM_SAMPLED_FRAMES, is_loop=True)
         if isinstance(goal, TimeBudget):
-            frame_by_budget = {values_at(goal.value, frame): frame for frame in sampled_frames}
+            frame_by_budget = {value_at(goal.value, frame): frame for frame in sampled_frames}
             draw_lists = (
                 find_finest_in_time(self._estimator, frame, seconds, _stopwatch())[0]
                 for seconds, frame in frame_by_budget.items()
@@ -268,7 +269,7 @@ class Refiner:
         """Return a pass whose frames take these seconds, none finer than this accuracy."""
         goal, stage = self._error.goal, self._estimator.stage
         if isinstance(goal, TimeBudget):
-            budgets = {frame: min(seconds, values_at(goal.value, frame)) for frame in self._frames}
+            budgets = {frame: min(seconds, value_at(goal.value, frame)) for frame in self._frames}
             controller: ToleranceController = BudgetController(self._estimator, budgets.__getitem__)
             predicted = statistics.fmean(budgets.values())
         else:

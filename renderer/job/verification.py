@@ -108,7 +108,7 @@ def verify_film(
         if notes:  # another version may have other keys, and other defaults
             notes, problems = [*notes, *(f"{each.what}: {each.got}" for each in problems)], []
         measured = None
-        if job.scene.annotation.octree:
+        if job.scene.at(0).annotation.octree:
             notes.append("the lines along cells cover the pictures, which are not measured")
         elif files.readable:
             measured = measure_film(stage, job.scene.output, files.readable, options, events)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, spread_evenly, squared_error
 from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path
-from renderer.frame import Stage
+from renderer.frame import FilmStage
 from renderer.job.events import JobEvents
 from renderer.job.film_accuracy import film_accuracy, frame_accuracy
 from renderer.job.pictures import PictureMaker
@@ -59,7 +59,7 @@ class MeasuredFilm:
 
 
 def measure_film(
-    stage: Stage, output: OutputFile, frames: Sequence[FrameRecord], options: RayOptions, events: JobEvents
+    stage: FilmStage, output: OutputFile, frames: Sequence[FrameRecord], options: RayOptions, events: JobEvents
 ) -> MeasuredFilm:
     """Measure these frames, which have pictures; of a long film some that are evenly spread."""
     rays, chosen = _Rays(stage, output, frames, events), spread_evenly(frames, _MOST_FRAMES, is_loop=True)
@@ -88,7 +88,7 @@ def measure_film(
 class _Rays:
     """Exact rays through the pictures of a film. frames: all that have pictures, in their order."""
 
-    stage: Stage
+    stage: FilmStage
     output: OutputFile
     frames: Sequence[FrameRecord]
     events: JobEvents
@@ -97,7 +97,7 @@ class _Rays:
         """Return the records of chosen frames with the accuracy that so many rays through each find."""
         if not chosen:
             return []
-        prober, found = FrameProber(self.stage, num_rays, seed=seed, num_threads=num_cores()), list[FrameRecord]()
+        prober, found = FrameProber(self.stage.first, num_rays, seed=seed, num_threads=num_cores()), list[FrameRecord]()
         maker = PictureMaker(self.stage)
         self.events.started(f"{num_rays} rays a frame", len(chosen))
         for frame, image in self._pictures({frame.frame for frame in chosen}):

@@ -1,5 +1,7 @@
-"""Read plain arrays: `.npy` and `.npz` files, and headerless `raw` ones; only those of `.npz` are not mapped from their
-file."""
+"""Read plain arrays: `.npy` and `.npz` files, and `raw` files without a header.
+
+Arrays stay mapped from their file, except for arrays in `.npz` archives.
+"""
 
 from __future__ import annotations
 
@@ -32,25 +34,33 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The largest number of axes in any version of numpy; a volume has fewer. Its headers are no longer than this.
+# The most axes of an array in numpy 1; a volume has fewer.
 _MAX_AXES = 32
+# The most bytes of a header of a `.npy` file, as numpy has it.
 _MAX_HEADER_BYTES = 10_000
 
-# No method of compression packs typical voxels this much.
+# The largest ratio of decompressed to compressed bytes: more than any method reaches for typical voxels.
 _MAX_PACKING = 2**16
-# What Python's zipfile raises for damaged bytes.
+# The exceptions that Python's zipfile raises for damaged bytes.
 _ARCHIVE_ERRORS = (
-    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
-    *(EOFError, OSError, RuntimeError, ValueError, ArithmeticError, LookupError),
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    struct.error,
+    EOFError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    ArithmeticError,
+    LookupError,
 )
 
 
 def read_npy(path: Path, time: int | None, component: int | None) -> Image:
     """Read a `.npy` array [z, y, x] (or [y, x]), with spacing 1 and origin 0; booleans become 0 and 1.
 
-    A fourth axis is the first with `time: k` ([t, z, y, x]) and the last with `component: k` ([z, y, x, c]); five axes
-        are [t, z, y, x, c]. Pickled objects are never loaded. Raises InputError for files that are foreign, truncated
-        or not numeric.
+    Four axes are [t, z, y, x] with `time: k`, and [z, y, x, c] with `component: k`; five axes are [t, z, y, x, c].
+    Pickled objects are never loaded. Raises InputError for files that are foreign, truncated or not numeric.
     """
     with path.open("rb") as file:
         shape, dtype, order = _npy_header(file, path)
@@ -61,7 +71,7 @@ def read_npy(path: Path, time: int | None, component: int | None) -> Image:
 
 
 def read_npz(path: Path, time: int | None, component: int | None) -> Image:
-    """Read one array of a `.npz` archive as `read_npy` does; `component` chooses one of several.
+    """Read one array of a `.npz` archive as `read_npy` does; `component` chooses one of several arrays.
 
     Raises InputError for archives that are damaged, encrypted or hold no array.
     """
@@ -90,7 +100,7 @@ def read_npz(path: Path, time: int | None, component: int | None) -> Image:
 
 
 def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
-    """Return the array in an archive; its checksum is compared when it has been read to its end."""
+    """Return an array of an archive; reading it to its end compares the checksum."""
     shape, dtype, _ = _npy_header(file, path)
     num_packed = min(member.compress_size, path.stat().st_size)
     _check_npy_size(min(member.file_size, _MAX_PACKING * num_packed) - file.tell(), shape, dtype)
@@ -114,7 +124,7 @@ def _chosen(values: Array, time: int | None, component: int | None) -> Image:
 
 
 def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:
-    """Return what each axis is, by the letters of `choose`; raises InputError if that is not known."""
+    """Return the letter of each axis for `choose`; raises InputError if the axes are ambiguous or too many."""
     num_axes = len(shape)
     if num_axes == 4 and time is None and component is None:
         raise InputError(
@@ -134,9 +144,9 @@ def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | Non
 
 
 def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any], Literal["C", "F"]]:
-    """Return the shape, the dtype and the order of an array, and leave the file at its first byte.
+    """Return the shape, the dtype and the order of an array, and leave the file at the first byte of its values.
 
-    Raises InputError for anything else than an array.
+    Raises InputError for a file that is not an array.
     """
     try:
         if file.read(6) != b"\x93NUMPY":
@@ -158,7 +168,7 @@ def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[
     except OSError as error:
         raise unreadable_error(error) from error
     except (ValueError, TypeError, SyntaxError, TokenError, EOFError, MemoryError, RecursionError) as error:
-        # Errors of numpy's header parser and of Python's own, whose texts concern program code.
+        # The texts of these errors of numpy and Python are about program code, and would not help a user.
         got = "too many nested expressions" if isinstance(error, MemoryError | RecursionError) else None
         raise damaged_error("cannot read the header", got, "an array saved by numpy.save") from error
     if len(shape) > _MAX_AXES or any(type(n) is not int or n < 0 for n in shape):  # booleans are integers, too
@@ -205,8 +215,10 @@ def map_raw(source: RawSource) -> Array:
 
 
 def _fitting_declarations(source: RawSource, found_bytes: int, num_bytes: int, dtype: np.dtype[Any]) -> str | None:
-    """Return declarations that would fit and differ in one thing: the length of an axis, the type's size or the
-    offset."""
+    """Return a text with declarations that would fit; None if there are none.
+
+    Each differs from the given declaration in one property: the length of an axis, the size of the type, or the offset.
+    """
     shapes = fitting_shapes(source.shape, dtype.itemsize, found_bytes)
     fits = [f"shape [{', '.join(map(str, shape))}]" for shape in shapes]
     num_voxels = num_bytes // dtype.itemsize

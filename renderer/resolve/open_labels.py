@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from renderer.errors import Problem
 from renderer.readers import ReadVolume
-from renderer.scene import LabelKey, LabelsSpec, LayerSpec, MaskSpec, Scene, VolumeSpec, format_value
+from renderer.scene import FilmScene, LabelKey, LabelsSpec, LayerSpec, MaskSpec, OverFrames, VolumeSpec, format_value
 from renderer.statistics import KnownLabels, read_labels
 from renderer.suggest import colors_by_label, labels_with_looks
 
@@ -25,7 +25,7 @@ def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Proble
     """
     look, labels = layer.transfer_function, layer.transfer_function.labels
     if labels is not None and not labels.has_colors:
-        known = read_labels(layer.volume, read, labels)
+        known = read_labels(OverFrames(layer.volume), read, labels)
         look = replace(look, mapping=choose_labels(labels, known, f"{place}labels", problems))
     return replace(layer, transfer_function=look, mask=with_numbers(layer.mask, f"{place}mask", read, problems))
 
@@ -34,26 +34,34 @@ def with_numbers(mask: MaskSpec | None, place: str, read: ReadVolume, problems: 
     """Return a mask in which all labels that are shown have their number; as `with_labels`."""
     if mask is None or mask.labels.has_numbers or not isinstance(mask.volume, VolumeSpec):
         return mask
-    known = read_labels(mask.volume, read, mask.labels)
+    known = read_labels(OverFrames(mask.volume), read, mask.labels)
     return replace(mask, labels=LabelsSpec(show=choose_labels(mask.labels, known, place, problems).show))
 
 
-def label_problems(scene: Scene, read: ReadVolume) -> Problems:
+def label_problems(scene: FilmScene, read: ReadVolume) -> Problems:
     """Return the labels that a scene names and no step of their volume, nor its table, has.
 
     Only volumes of which some are named are read. Raises InputError as `read_labels`.
     """
-    problems, choices = Problems(), dict[str, tuple[VolumeSpec, LabelsSpec]]()
-    for number, layer in enumerate(scene.layers):
-        place = f"volumes.{number}." if scene.volumes else ""
+    problems, choices = Problems(), dict[str, tuple[OverFrames[VolumeSpec], LabelsSpec]]()
+    first = scene.at(0)
+    for number, layer in enumerate(first.layers):
+        place = f"volumes.{number}." if scene.has_list else ""
+        over_frames = scene.film_layers[number]
         if (labels := layer.transfer_function.labels) is not None:
-            choices[f"{place}labels"] = layer.volume, labels
+            choices[f"{place}labels"] = over_frames.map(lambda each: each.volume), labels
         if (mask := layer.mask) is not None and isinstance(mask.volume, VolumeSpec):
-            choices["mask" if mask == scene.mask else f"{place}mask"] = mask.volume, mask.labels
+            place = "mask" if mask == first.mask else f"{place}mask"
+            choices[place] = over_frames.map(_mask_volume), mask.labels
     for place, (volume, labels) in choices.items():
         if labels.show or labels.hide or isinstance(labels.colors, tuple) or isinstance(labels.opacity, tuple):
             choose_labels(labels, read_labels(volume, read, labels), place, problems)
     return problems
+
+
+def _mask_volume(layer: LayerSpec) -> VolumeSpec:
+    assert layer.mask is not None and isinstance(layer.mask.volume, VolumeSpec)
+    return layer.mask.volume
 
 
 def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: Problems) -> LabelsSpec:

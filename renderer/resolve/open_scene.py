@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 from renderer.errors import Problem
 from renderer.readers import ReadVolume
 from renderer.resolve.open_labels import with_labels, with_numbers
 from renderer.resolve.percentile_values import with_values
-from renderer.scene import LayerSpec, MaskSpec, Motion, Scene, VolumeSpec, moving, raise_problems
+from renderer.scene import (
+    AnyScene,
+    LayerSpec,
+    MaskSpec,
+    Motion,
+    OverFrames,
+    Scene,
+    VolumeSpec,
+    moving,
+    raise_problems,
+)
 from renderer.suggest import NO_WISH, channel_layers, suggest_in_time, with_own_names
 
 
-def resolve_scene(scene: Scene, read: ReadVolume) -> Scene:
+def resolve_scene(scene: AnyScene, read: ReadVolume) -> AnyScene:
     """Return a scene that leaves nothing open.
 
     Each `component: all` becomes a list of volumes, one for each channel; `time: auto` becomes a motion; labels get
@@ -21,11 +32,16 @@ def resolve_scene(scene: Scene, read: ReadVolume) -> Scene:
     read: reads the voxels: of one channel, and of the channels without a window. Raises InputError as it does, and as
     `with_labels`; SceneError for labels that are not there, and percentiles that do not differ.
     """
+    return scene.changed(partial(_resolved, read=read))
+
+
+def _resolved(scene: Scene, read: ReadVolume) -> Scene:
+    """Return the scene of `resolve_scene`. It passes motions on, and does not calculate with them."""
     given = scene.volumes or (LayerSpec(scene.volume, scene.transfer_function),)
     layers, problems = list[LayerSpec](), list[Problem]()
     for number, layer in enumerate(_layer_in_time(layer, scene.num_frames, read) for layer in given):
         if layer.volume.component == "all":
-            own = channel_layers(layer, read(replace(layer.volume, component=0)), read)
+            own = channel_layers(layer, read(replace(_first(layer.volume), component=0)), read)
         else:
             own = [_with_colors(layer, read) if layer.has_open_colors else layer]
         place = f"volumes.{number}." if scene.volumes else ""
@@ -56,13 +72,18 @@ def _volume_in_time(volume: VolumeSpec, num_frames: int, read: ReadVolume) -> Vo
     if volume.time != "auto":
         return volume
     component = 0 if volume.component == "all" else volume.component
-    last = read(replace(volume, time=0, component=component)).num_times - 1
+    last = read(replace(_first(volume), time=0, component=component)).num_times - 1
     ends = (0.0, float(last)) if volume.interpolate else (0, last)
     return replace(volume, time=moving(Motion((0, max(1, num_frames - 1)), ends)))
 
 
 def _with_colors(layer: LayerSpec, read: ReadVolume) -> LayerSpec:
     """Return a layer of colours with the transfer function that is suggested for them."""
-    found = suggest_in_time(layer.volume, read, NO_WISH)
-    volume = replace(found.volume, time=layer.volume.time)
-    return replace(layer, volume=volume, transfer_function=found.suggestion.transfer)
+    found = suggest_in_time(OverFrames(layer.volume), read, NO_WISH)
+    shown = replace(layer.volume, component=found.volume.component)
+    return replace(layer, volume=shown, transfer_function=found.suggestion.transfer)
+
+
+def _first(volume: VolumeSpec) -> VolumeSpec:
+    """Return a volume as it is on the first frame."""
+    return OverFrames(volume).at(0)

@@ -10,11 +10,11 @@ from renderer.readers import ReadVolume
 from renderer.scene import (
     TRANSFER_FUNCTION_SECTION,
     LayerSpec,
+    OverFrames,
     format_value,
     map_values,
     schema,
     spec_to_dict,
-    values_at,
 )
 from renderer.statistics import exact_percentiles
 
@@ -32,7 +32,7 @@ def with_values(layer: LayerSpec, place: str, read: ReadVolume, problems: list[P
         return layer
     percents = dict[float, None]()
     map_values(transfer, lambda percent: percents.setdefault(percent, None) or percent)
-    volume = read(values_at(layer.volume, 0))
+    volume = read(OverFrames(layer.volume).at(0))
     name = Path(volume.name).name
     found = exact_percentiles(volume.values, volume.source, [*percents])
     plain = map_values(transfer, lambda percent: float(found[percent]))
@@ -42,7 +42,9 @@ def with_values(layer: LayerSpec, place: str, read: ReadVolume, problems: list[P
         return replace(layer, transfer_function=plain)
     # Problems with the values are found as in a scene that has them.
     wrong = list[Problem]()
-    film = schema.FilmTime(None, 1.0)
-    TRANSFER_FUNCTION_SECTION.read(schema.TreeNode(spec_to_dict(plain), place, wrong, film=film))
+    for frame in (None, 0):
+        film = schema.FilmTime(None, 1.0, frame)
+        TRANSFER_FUNCTION_SECTION.read(schema.TreeNode(spec_to_dict(plain), place, wrong, film=film))
+    wrong = list(dict.fromkeys(wrong))
     problems += [replace(each, what=f"{each.what}, with values of {name}", hint=each.hint or _HINT) for each in wrong]
     return replace(layer, transfer_function=plain)

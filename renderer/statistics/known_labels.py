@@ -12,7 +12,16 @@ import numpy as np
 from renderer.errors import InputError, closest_match
 from renderer.looks import find_label_table, read_label_table
 from renderer.readers import ReadVolume
-from renderer.scene import MAX_LABEL, MAX_LABELS, FileSource, LabelKey, LabelsSpec, VolumeSpec, steps_in_time
+from renderer.scene import (
+    MAX_LABEL,
+    MAX_LABELS,
+    FileSource,
+    LabelKey,
+    LabelsSpec,
+    OverFrames,
+    VolumeSpec,
+    steps_in_time,
+)
 from renderer.volume import Label, Volume, iter_slabs
 
 
@@ -49,12 +58,12 @@ class KnownLabels:
 NO_LABELS = KnownLabels((), {})
 
 
-def read_labels(spec: VolumeSpec, read: ReadVolume, labels: LabelsSpec) -> KnownLabels:
+def read_labels(volume: OverFrames[VolumeSpec], read: ReadVolume, labels: LabelsSpec) -> KnownLabels:
     """Return the labels of a volume, which are the values of any of its steps in time.
 
     labels: their names go before the names in a table. Raises InputError for a volume that is no labels.
     """
-    known = _labels_of(steps_in_time(spec), read)
+    known = _labels_of(steps_in_time(volume), read)
     table = known.table
     if isinstance(labels.names, Path):
         table = {label.value: label for label in read_label_table(labels.names)}

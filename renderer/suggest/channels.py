@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers import ReadVolume, some_steps
-from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, ramp, steps_in_time
+from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, OverFrames, ramp, steps_in_time
 from renderer.statistics import compute_statistics, find_background, sample_volume, without_padding
 from renderer.suggest.palette import in_8_bits
 from renderer.volume import Channel, Volume
@@ -47,7 +47,8 @@ _MOST_WEIGHT = 50.0
 def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[LayerSpec]:
     """Return a layer for each channel of a volume; a transfer function that is given is for all of them.
 
-    first: the first channel, or the volume if that has no others. read: reads the voxels of others.
+    layer: of a film, in which values may move. first: the first channel, or the volume if that has no others.
+    read: reads the voxels of others.
     """
     channels, made = first.channels or (Channel(color=(1.0, 1.0, 1.0)),), []
     if len(channels) > _MAX_CHANNELS:
@@ -58,7 +59,7 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
         name = " ".join(filter(None, (layer.name, channel.name or (f"{number + 1}" if layer.name else ""))))
         own = replace(layer, volume=spec, name=name)
         if layer.transfer_function == OF_CHANNELS:
-            every = steps_in_time(spec)
+            every = steps_in_time(OverFrames(spec))
             steps = [every[k] for k in some_steps(len(every))]
             volumes = [first] if number == 0 and len(steps) == 1 else map(read, steps)
             window, brightest = _common_window(volumes)

@@ -10,6 +10,7 @@ from renderer.scene import (
     OF_CHANNELS,
     LayerSpec,
     Motion,
+    OverFrames,
     VolumeSpec,
     counted,
     moving,
@@ -43,7 +44,7 @@ def suggest_for(volume: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH) -
     if may_have_channels and (volume.component == "all" or any(channel.is_light for channel in found.channels)):
         suggested = _channels_suggestion(in_time, found, read)
     elif last:
-        suggested = suggest_in_time(in_time, read, wish)
+        suggested = suggest_in_time(OverFrames(in_time), read, wish)
     else:
         return suggest_read(*read_in_colors(volume, found, read, wish), wish)
     return _with_all_times(suggested) if last else suggested

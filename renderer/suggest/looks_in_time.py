@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from renderer.readers import ReadVolume, some_steps
-from renderer.scene import ColormapSpec, LabelsSpec, VolumeSpec, steps_in_time
+from renderer.scene import ColormapSpec, LabelsSpec, OverFrames, VolumeSpec, steps_in_time
 from renderer.statistics import (
     Background,
     Statistics,
@@ -66,16 +66,17 @@ class _Step:
         return float(np.mean(transfer.classify(self.border)[1] * transfer.unit > LEAST_OPACITY))
 
 
-def suggest_in_time(volume: VolumeSpec, read: ReadVolume, wish: Wish) -> VolumeSuggestion:
+def suggest_in_time(volume: OverFrames[VolumeSpec], read: ReadVolume, wish: Wish) -> VolumeSuggestion:
     """Suggest a look for the steps of a volume whose time may move: one that suits as many of them as possible."""
     all_steps = steps_in_time(volume)
     if len(all_steps) == 1:
-        return suggest_read(*_read(volume, read, wish), wish)
+        return suggest_read(*_read(volume.at(0), read, wish), wish)
     steps = [_look_at(all_steps[k], read, wish) for k in some_steps(len(all_steps))]
     widest = max(steps, key=lambda step: step.span)
     if widest.found.suggestion.transfer.labels is not None:
-        spec, labels, statistics = _read(replace(volume, time=widest.number), read, wish)
-        known = partial(read_labels, replace(spec, time=volume.time), read, LabelsSpec())
+        spec, labels, statistics = _read(replace(volume.at(0), time=widest.number), read, wish)
+        of_all = volume.map(lambda each: replace(spec, time=each.time))
+        known = partial(read_labels, of_all, read, LabelsSpec())
         return suggest_read(spec, labels, statistics, wish, known)
     chosen, look = _most_suitable(steps, widest)
     which, num = f"step {chosen.number} of {len(all_steps)}", len(steps)

@@ -26,16 +26,16 @@ from renderer.annotation import (
 )
 from renderer.errors import SceneError
 from renderer.film import bytes_digest
-from renderer.scene import AnnotationSpec, Motion, Scene, fill_format, moving, parse_scene, scene_to_dict
+from renderer.scene import AnnotationSpec, FilmScene, Motion, fill_format, moving, parse_scene, scene_to_dict
 
 FACTS = AnnotationFacts((640, 480), unit="mm", world_axes="LPS", bars=BARS, legend=LEGEND)
 FRAME = FrameFacts(12, 0.4, accuracy="47.3 dB", world_per_pixel=0.35, axes=axes_of(35, 25))
 WHITE = ((1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
 
 
-def annotation(scene: Scene = PLAIN, **keys: Any) -> AnnotationSpec:
+def annotation(scene: FilmScene = PLAIN, **keys: Any) -> AnnotationSpec:
     """The annotation that a scene with these keys has."""
-    return parse_scene(scene_to_dict(scene) | {"annotation": keys}, base=Path()).annotation
+    return parse_scene(scene_to_dict(scene) | {"annotation": keys}, base=Path()).at(0).annotation
 
 
 def drawn(spec: AnnotationSpec, facts: AnnotationFacts = FACTS, frame: FrameFacts = FRAME) -> np.ndarray:
@@ -132,7 +132,8 @@ def test_formats_fill_in_numbers_and_nothing_else() -> None:
     for each in wrong.split(" | "):
         with pytest.raises(SceneError):
             annotation(time=each)
-    film = replace(PLAIN, camera=replace(PLAIN.camera, distance=moving(Motion((0, 7), (50.0, 85.0)))))
+    distance = moving(Motion((0, 7), (50.0, 85.0)))
+    film = PLAIN.changed(lambda each: replace(each, camera=replace(each.camera, distance=distance)))
     assert annotation(film, time="{camera.distance:.0f} {time}").time
     for name, time in (("time", "{camera.zoom}"), ("time.format", {"format": "{frame.__class__}"})):
         with pytest.raises(SceneError) as caught:
