@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from renderer.kernels import kernels
+from renderer.kernels import Grid, kernels
 from renderer.volume import Float32, Float64, Int32
 
 # Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
@@ -35,13 +35,10 @@ class RayGrid(NamedTuple):
     first_row: int = 0
 
 
-def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False) -> dict[str, Any]:
-    """Return a grid of rays into which bricks are drawn, in tiles: Grid in kernels.h.
+def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False) -> Grid:
+    """Return a grid of rays into which bricks are drawn, in tiles.
 
-    side: of a tile, in rays.
-    rectangles: int64 [n, 4], left, top, right and bottom of each brick, half-open, in rays of the grid and inside it.
-    starts: int64 [tiles + 1], numbers: int64. The bricks over tile k are `numbers[starts[k] : starts[k + 1]]`, front to
-        back.
+    rectangles_px: float64 [n, 4], left, top, right and bottom of each brick.
     """
     across = grid.rays_across
     side = TILE_SIDE if grid.stride == 1 and not is_mixture else SMALL_TILE_SIDE
@@ -62,7 +59,15 @@ def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False
     kernels().bin_bricks(
         tile_windows=tile_windows, num_columns=num_columns, num_rows=num_rows, starts=starts, numbers=numbers
     )
-    return {
-        "side": side, "stride": grid.stride, "rays_across": across, "first_row": grid.first_row, "shape": grid.shape,
-        "rectangles": rectangles, "starts": starts[:-1], "numbers": numbers, "places": grid.places, "rays": grid.rays,
-    }  # fmt: skip
+    return Grid(
+        side=side,
+        stride=grid.stride,
+        rays_across=across,
+        first_row=grid.first_row,
+        shape=grid.shape,
+        rectangles=rectangles,
+        starts=starts[:-1],
+        numbers=numbers,
+        places=grid.places,
+        rays=grid.rays,
+    )

@@ -1,22 +1,35 @@
-// What the kernels of this folder take (base/kernels.h).
+// The structs that the kernels of this folder take (base/kernels.h).
 #pragma once
 #include "transfer/kernels.h"
 #include "view/kernels.h"
 
+// Measure the lengths of rays inside the volume's box, as far as clipping leaves it.
 struct MeasureChords {
     RaySetup rays;
+    // Voxels of the volume (x, y, z).
     int64_t shape[3];
-    Sized<const double, 2, 2> positions_px;
+    // [n, 2]: columns and rows of the rays in the picture, in pixels from its top left corner.
+    EACH_CALL Sized<const double, 2, 2> positions_px;
+    // [z, y, x]: the voxels without data, which do not count; None if all count.
     Maybe<Array<const bool, 3>> absent;
+    // The world length of a model unit.
     double unit;
-    Array<float, 1> lengths;
+    // [n]: the world length of each ray.
+    EACH_CALL Array<float, 1> lengths;
 };
 LONG_KERNEL(measure_chords, MeasureChords)
 
+// Colour one number of each ray.
 struct ColorShares {
+    // The colours, by the number.
     TransferTable curve;
-    Array<const float, 2> shares, chords;
-    Sized<const float, 3, 1> brightness;
-    Sized<float, 3, 4> image;
+    // [h, w]: the numbers.
+    EACH_CALL Array<const float, 2> shares;
+    // [h, w]: the length of each ray in the volume; a pixel stays empty where it is 0.
+    EACH_CALL Array<const float, 2> chords;
+    // [h, w, 1]: a factor on the colour.
+    EACH_CALL Sized<const float, 3, 1> brightness;
+    // [h, w, 4]: RGBA, opaque.
+    EACH_CALL Sized<float, 3, 4> image;
 };
 KERNEL(color_shares, ColorShares)
