@@ -31,11 +31,17 @@ TERMINATION_TRANSMITTANCE, MAX_TERMINATION_TRANSMITTANCE = 0.04, 0.025
 
 # Rays along the rows and columns of a pixel, where its neighbours differ, and where these rays differ.
 RAYS_ACROSS = (2, 4)
-# How much a pixel may differ from a neighbour if one ray is enough for it, in tolerances.
-CONTRAST_THRESHOLD = 3.0
-# How much four rays of a pixel may differ if they are enough for it, in tolerances.
-SPREAD_THRESHOLD = 6.0
+# The difference between a pixel and a neighbour up to which one ray is enough, in tolerances. At 512 x 512 and tolerance
+# 0.1, 1.5 gives 53.1, 52.4 and 53.2 dB (engine, bonsai, labels) of the mean over the pixel in 1.5, 2.0 and 1.8 of the
+# time of one ray; 3 gives 51.5, 48.0 and 51.0 dB in 1.3, 1.4 and 1.6. With 1.5 a larger tolerance is as exact in less
+# time.
+CONTRAST_THRESHOLD = 1.5
+# The difference between the four rays of a pixel up to which they are enough, in tolerances. 16 rays cost as much as four
+# pixels of 4, so that a larger difference than between pixels is worth them.
+SPREAD_THRESHOLD = 4.0
 
+# The least contrast that counts: half a level of 8 bits.
+MIN_CONTRAST_THRESHOLD = 0.5 / 255
 # float32 does not resolve a smaller transmittance.
 _MIN_TERMINATION_TRANSMITTANCE = 2.0**-22
 
@@ -76,12 +82,14 @@ def screen_sampling_at(tolerance: float, cell_px: float, thinnest_px: float = ma
     most = min(MAX_STRIDE_CELLS * cell_px * tolerance / STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS * thinnest_px)
     strides = next((wanted for least, widest, wanted in STRIDES if tolerance >= least and widest <= most), (1,))
     threshold = min(DIFFERENCE_THRESHOLD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
+    # Cells smaller than a pixel differ more inside of it than pixels tell.
+    contrast = max(CONTRAST_THRESHOLD * tolerance * min(cell_px, 1.0), MIN_CONTRAST_THRESHOLD)
     return ScreenSampling(
         strides,
         threshold,
         min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE),
-        CONTRAST_THRESHOLD * tolerance * min(cell_px, 1.0),
-        SPREAD_THRESHOLD * tolerance * min(cell_px, 1.0),
+        contrast,
+        contrast * SPREAD_THRESHOLD / CONTRAST_THRESHOLD,
     )
 
 

@@ -24,7 +24,7 @@ class FilmOptions:
     frames: int = 120
     elevation: float = 20.0
     axis: str = "z"
-    tolerance: float = 0.05
+    tolerance: float = 0.1
     size: tuple[int, int] = OutputSpec.size
     fps: float = OutputSpec.frames_per_second
     background: str = "#000000"

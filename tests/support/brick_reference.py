@@ -10,6 +10,7 @@ N. Max, "Optical Models for Direct Volume Rendering", IEEE TVCG 1 (1995): the in
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
@@ -26,6 +27,8 @@ from renderer.volume import Array, Bools, Float64, Int64, UInt32, Volume
 # As `rays.h` has them.
 DITHER, JITTER_PER_PX = 0.15, (3242174889, 2447445414)
 
+# From rows and columns of pixels [n, 2], and the rays across each, to their colours [n, rays, 4].
+DrawRays = Callable[[Int64, int], Float64]
 Fields = dict[int, Float64]  # by level, as of `_scalar_field` or `_mean_field`
 
 
@@ -60,13 +63,61 @@ def rasterize_bricks_reference(batch: BrickBatch, order: UInt32, view: View) -> 
         is_drawn = ~is_alike & ((nodes[0] % coarse != 0) | (nodes[1] % coarse != 0))
         image = _between(image, coarse, *nodes)
         image[is_drawn] = _radiance(batch, order, _rays(batch.cut.volume, view, *(n[is_drawn] for n in nodes)), fields)
-    return _between(image, strides[-1], *_pixel_grid(view.size, 1))
+    image = _between(image, strides[-1], *_pixel_grid(view.size, 1))
+    if strides[-1] == 1:
+        _antialias(image, batch, lambda at, across: _several_rays(batch, order, view, at, across, fields))
+    return image
+
+
+def _antialias(image: Float64, batch: BrickBatch, draw: DrawRays) -> None:
+    """Pixels that differ from a neighbour become the mean of 4 rays, and those whose rays differ that of 16."""
+    sampling = batch.screen_sampling
+    has_several = np.zeros(image.shape[:2], np.bool_)
+    spreads = np.zeros(image.shape[:2])
+    marked = _contrasts(image, np.ones_like(has_several)) > sampling.contrast_threshold
+    while marked.any():
+        rays = draw(np.argwhere(marked), 2)
+        image[marked], spreads[marked] = rays.mean(axis=1), np.ptp(rays, axis=1).max(axis=-1)
+        has_several |= marked
+        marked = (_contrasts(image, marked) > sampling.contrast_threshold) & ~has_several
+    if (uneven := spreads > sampling.spread_threshold).any():
+        image[uneven] = draw(np.argwhere(uneven), 4).mean(axis=1)
+
+
+def _contrasts(image: Float64, among: Bools) -> Float64:
+    """[rows, columns]: the largest difference of a channel between each pixel and its neighbours among some pixels."""
+    padded, shown = np.pad(image, ((1, 1), (1, 1), (0, 0))), np.pad(among, 1)
+    height, width = among.shape
+    largest = np.zeros(among.shape)
+    for down, right in product(range(3), range(3)):
+        part = slice(down, down + height), slice(right, right + width)
+        largest = np.maximum(largest, np.abs(padded[part] - image).max(axis=-1) * shown[part])
+    return largest
+
+
+def _several_rays(batch: BrickBatch, order: UInt32, view: View, at: Int64, across: int, fields: Fields) -> Float64:
+    """[n, across^2, 4]: the rays of pixels at rows and columns `at` [n, 2], row by row.
+
+    Those of one row are lower by a step of a ray's width from one to the next, and those of one column further left.
+    """
+    inside = np.arange(across)
+    centres = (inside + 0.5) / across
+    shifts = (centres - 0.5) / across
+    lattice = across * at[:, None, None, :] + np.stack(np.meshgrid(inside, inside, indexing="ij"), axis=-1)
+    x = at[:, None, None, 1] + centres + shifts[:, None]
+    y = at[:, None, None, 0] + centres[:, None] - shifts
+    rays = _rays(batch.cut.volume, view, lattice[..., 1], lattice[..., 0], x - 0.5, y - 0.5)
+    return _radiance(batch, order, rays, fields).reshape(len(at), across**2, 4)
 
 
 def nudged(batch: BrickBatch, step: float, spread: float) -> BrickBatch:
     """Return a batch with steps and a spread that are longer and larger, or shorter and smaller, by these shares."""
-    threshold = batch.screen_sampling.difference_threshold * (1 + spread)
-    screen_sampling = replace(batch.screen_sampling, difference_threshold=threshold)
+    screen_sampling = replace(
+        batch.screen_sampling,
+        difference_threshold=batch.screen_sampling.difference_threshold * (1 + spread),
+        contrast_threshold=batch.screen_sampling.contrast_threshold * (1 + spread),
+        spread_threshold=batch.screen_sampling.spread_threshold * (1 + spread),
+    )
     return replace(batch, steps=batch.steps * (1 + step), screen_sampling=screen_sampling)
 
 
@@ -114,14 +165,18 @@ def _between(nodes: Float64, stride: int, columns: Int64, rows: Int64) -> Float6
     return np.asarray((1 - down) * upper + down * lower)
 
 
-def _rays(volume: Volume, view: View, columns: Int64, rows: Int64) -> _Rays:
+def _rays(
+    volume: Volume, view: View, columns: Int64, rows: Int64, x_px: Float64 | None = None, y_px: Float64 | None = None
+) -> _Rays:
     """Through the centres of pixels ([...] each, which may lie outside of the image), one after the other.
+
+    x_px, y_px: other positions, where pixel 0 is at 0; columns and rows then only choose the jitter.
 
     They begin beside the volume's centre, on the plane through it that faces the camera: those of a distant eye would
     be worth few digits. Where the centre is behind the eye they begin at the eye plane.
     """
-    x = (columns.ravel() + 0.5 - view.size[0] / 2) / view.scale_px
-    y = (view.size[1] / 2 - rows.ravel() - 0.5) / view.scale_px
+    x = ((columns if x_px is None else x_px).ravel() + 0.5 - view.size[0] / 2) / view.scale_px
+    y = (view.size[1] / 2 - (rows if y_px is None else y_px).ravel() - 0.5) / view.scale_px
     centre = view.view_from_world(volume.centre)
     depth = max(0.0, -centre[2])
     if view.projection == "perspective":

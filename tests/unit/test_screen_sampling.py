@@ -12,7 +12,6 @@ from renderer.bricks import (
     MAX_DIFFERENCE_THRESHOLD,
     MAX_TERMINATION_TRANSMITTANCE,
     TERMINATION_TRANSMITTANCE,
-    ScreenSampling,
     screen_sampling_at,
 )
 
@@ -40,9 +39,19 @@ CELL_PX = [1e-3, 0.3, 1.0, 2.0, 5.0, 40.0, 1e6]
 def test_strides_of_the_subsampled_grids(tolerance: float, cell_px: float, strides: tuple[int, ...]) -> None:
     """Drawn pixels are at most 1.35 cells apart for each tenth of the tolerance."""
     spread = min(DIFFERENCE_THRESHOLD * tolerance, MAX_DIFFERENCE_THRESHOLD) if len(strides) > 1 else 0.0
-    assert screen_sampling_at(tolerance, cell_px) == ScreenSampling(
-        strides, spread, min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE)
-    )
+    found = screen_sampling_at(tolerance, cell_px)
+    assert (found.strides, found.difference_threshold) == (strides, spread)
+    assert found.termination_transmittance == min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "cell_px", "contrast", "spread"),
+    [(0.1, 3.0, 0.15, 0.4), (0.1, 1.0, 0.15, 0.4), (0.1, 0.5, 0.075, 0.2), (0.0, 1.0, 0.5 / 255, 4 / 3 / 255)],
+)
+def test_contrasts_of_pixels_with_several_rays(tolerance, cell_px: float, contrast: float, spread: float) -> None:
+    """In proportion to the tolerance, and to cells that are smaller than a pixel; never below half a level."""
+    found = screen_sampling_at(tolerance, cell_px)
+    assert (found.contrast_threshold, found.spread_threshold) == pytest.approx((contrast, spread))
 
 
 def test_a_stride_is_at_most_half_of_the_thinnest_side() -> None:
