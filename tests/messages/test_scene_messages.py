@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-
-from tests.support.transcripts import Case, cases
+from transcripts import Case, cases
 
 # Files that are no scenes.
 FILES = {

@@ -8,9 +8,9 @@ import threading
 from pathlib import Path
 
 import pytest
+from transcripts import Case, cases
 
 from hsplat_cli import main
-from tests.support.transcripts import Case, cases
 
 END = """\
   expected: the address of a Dask scheduler such as tcp://node7:8786

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dicom_files import image_fields, save
+from tiff_files import ome
+from transcripts import Case, cases
 
 from hsplat_cli import main
-from tests.support.dicom_files import image_fields, save
-from tests.support.tiff_files import ome
-from tests.support.transcripts import Case, cases
 
 
 @pytest.fixture(autouse=True)

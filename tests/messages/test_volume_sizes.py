@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tests.support.volume_files import read, refused, write_image
+from volume_files import read, refused, write_image
 
 pytestmark = pytest.mark.usefixtures("folder")
 

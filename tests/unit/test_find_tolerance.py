@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from film_stages import SPLATS
+from machines import Painter
 
 from renderer.accuracy import ExactPictures, FoundTolerances, Trial, Truth, find_tolerances, two_digit_numbers
 from renderer.frame import Stage, make_primitive, prepare_stage
@@ -18,8 +20,6 @@ from renderer.scene import AnnotationSpec, CameraSpec, ErrorSpec, MetricTarget, 
 from renderer.splats import SplatBatch
 from renderer.truth import Convergence
 from renderer.view import View
-from tests.support.film_stages import SPLATS
-from tests.support.machines import Painter
 
 NUM_FRAMES = 24
 SHAPE = (12, 16)

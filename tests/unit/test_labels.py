@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from volume_files import write_image
 
 from hsplat_cli.commands.check import check
 from hsplat_cli.scenes import SceneRequest, load_job
@@ -19,7 +20,6 @@ from renderer.readers import read_volume
 from renderer.scene import FileSource, LabelsSpec, LabelStyle, MaskSpec, Scene, VolumeSpec, parse_scene, scene_to_dict
 from renderer.suggest import label_colors, resolve_scene
 from renderer.volume import Array, make_volume, move_volume
-from tests.support.volume_files import write_image
 
 RED, GREEN, BLUE, WHITE, BLACK = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 PRESENT = [-3, 0, 1, 2, 5, 300]

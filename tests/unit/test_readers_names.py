@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import python
-
-from tests.support.dicom_files import NORMAL, write_series
-from tests.support.volume_files import write_image
+from dicom_files import NORMAL, write_series
+from volume_files import write_image
 
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 READ = """\

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 import tifffile
+from tiff_files import tiff_bytes
+from volume_files import ramp, read, refused, written
 
 from renderer.readers import NO_SPACING, find_format
-from tests.support.tiff_files import tiff_bytes
-from tests.support.volume_files import ramp, read, refused, written
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from dicom_files import functional_groups, image_fields, save
 from pydicom.datadict import dictionary_VR
 from pydicom.dataset import Dataset
 from statement_samples import Sample, Samples, Writer
 
 from renderer.readers import MONOCHROME1, TOLD_APART, VECTORS
-from tests.support.dicom_files import functional_groups, image_fields, save
 
 _AXES = ["1", "0", "0", "0", "1", "0"]
 _PLANE = np.arange(20, dtype=np.uint16).reshape(4, 5)
