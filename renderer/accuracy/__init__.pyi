@@ -68,7 +68,6 @@ from .visibility import ScalarRange as ScalarRange, scalar_ranges as scalar_rang
 from .encoding import typical_tolerance as typical_tolerance
 from .estimate import error_samples as error_samples
 from .metrics import (
-    ErrorMetrics as ErrorMetrics,
     measure_accuracy as measure_accuracy,
     sampled_accuracy as sampled_accuracy,
 )

@@ -20,15 +20,12 @@ from .volume_reading import (
 # isort: split
 # For tests alone: steps and constants that no other room uses.
 from .common import (
-    NO_SPACING as NO_SPACING,
     Image as Image,
     check_lengths as check_lengths,
     errors_about as errors_about,
 )
-from .dicom_fields import TOLD_APART as TOLD_APART, VECTORS as VECTORS
-from .dicom_statements import MONOCHROME1 as MONOCHROME1
 from .dicom_tags import summarize as summarize
-from .isolation import Host as Host, call_reader as call_reader, read_isolated as read_isolated
+from .isolation import call_reader as call_reader, read_isolated as read_isolated
 from .nrrd import read_nrrd as read_nrrd
 from .procedural import procedural_values as procedural_values
 from .recent_images import RecentImages as RecentImages

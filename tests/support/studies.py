@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from hsplat_cli.measure import FrameMeasurement, Measurement, Setting, Study
-from renderer.accuracy import METRICS, Accuracy, ErrorMetrics, ErrorSamples, Truth, sampled_accuracy
+from renderer.accuracy import METRICS, Accuracy, ErrorSamples, Truth, sampled_accuracy
 from renderer.truth import Convergence
 
 NAN = float("nan")
 INFINITE = float("inf")
 
 
-def difference(psnr: float) -> ErrorMetrics:
+def difference(psnr: float) -> Mapping[str, float]:
     """Return the metrics of a picture of some PSNR; the others fall with it."""
     rmse = 10 ** (-psnr / 20)
     return dict(zip(METRICS, (rmse, min(1.0, 4 * rmse), psnr, 1 - rmse, 2 * rmse, 3 * rmse, rmse), strict=True))

@@ -29,16 +29,11 @@ from renderer.scene import (
     Vector,
 )
 from renderer.transfer import TransferFunction
-from renderer.view import (
-    MARGIN,
-    camera_poses,
-    fit_distance,
-    make_view,
-    smallest_voxel_px,
-    visible_centre,
-    visible_points,
-)
+from renderer.view import camera_poses, fit_distance, make_view, smallest_voxel_px, visible_centre, visible_points
 from renderer.volume import Float64, Volume, make_volume
+
+# The share of half the picture that framing leaves free.
+MARGIN = 0.03
 
 PATHS: list[CameraPath] = [
     TurntablePath(12, start=7.0, elevation=20.0),

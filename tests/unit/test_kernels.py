@@ -18,7 +18,6 @@ from renderer.errors import RenderError
 from renderer.kernels import (
     BUILT,
     LEVELS,
-    MANIFEST,
     SOURCES,
     Header,
     kernels,
@@ -28,6 +27,8 @@ from renderer.kernels import (
     read_headers,
     this_target,
 )
+
+MANIFEST = "libraries.txt"
 
 HEADER = read_headers(SOURCES)
 WINDOWS = np.array([[0, 0, 2, 1]])

@@ -14,7 +14,9 @@ import tifffile
 from tiff_files import tiff_bytes
 from volume_files import ramp, read, refused, written
 
-from renderer.readers import NO_SPACING, find_format
+from renderer.readers import find_format
+
+NO_SPACING = "the file does not give its voxel size; 1 x 1 x 1 is assumed"
 
 pytestmark = pytest.mark.usefixtures("one_process")
 
