@@ -22,7 +22,6 @@ from .layout import (
 from .pixel_grid import ScreenSampling as ScreenSampling
 from .sampling import (
     BrickBatch as BrickBatch,
-    Extremes as Extremes,
     make_brick_batch as make_brick_batch,
 )
 from .texels import (

@@ -14,4 +14,4 @@ from .build import (
     this_target as this_target,
 )
 from .header import Header as Header, read_headers as read_headers
-from .library import LEVEL_VARIABLE as LEVEL_VARIABLE, load_library as load_library
+from .library import load_library as load_library

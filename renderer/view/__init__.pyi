@@ -6,7 +6,6 @@ from .brick_projection import (
 )
 from .camera import View as View
 from .clip_slabs import (
-    ClipRegion as ClipRegion,
     are_clipped_away as are_clipped_away,
     are_near_faces as are_near_faces,
     place_clips as place_clips,

@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from hsplat_cli.executors import SerializedStage, draw_on_worker
+from hsplat_cli.executors import draw_on_worker
 from renderer.errors import InputError
 from renderer.system import MemoryShare
 
 FRAME = 3  # the one that things happen at
 
 
-def input_error(
-    stage_data: SerializedStage, number: int, memory: MemoryShare
-) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
+def input_error(stage_data: Any, number: int, memory: MemoryShare) -> tuple[bytes, dict[str, Any], dict[str, Any]]:
     if number == FRAME:
         raise InputError("a bad frame", where="scene.yaml", got="this", expected="that", hint="another")
     return draw_on_worker(stage_data, number, memory)
