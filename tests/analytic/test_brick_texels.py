@@ -1,4 +1,4 @@
-"""What is interpolated in a brick, against plain numpy over the whole volume, closed forms, and the bricks' boxes."""
+"""Interpolation in a brick, against plain numpy over the whole volume, closed forms, and the bricks' boxes."""
 
 from __future__ import annotations
 

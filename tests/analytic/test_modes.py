@@ -72,7 +72,7 @@ def dense_samples(stage: Stage, num: int, every: int = 1) -> tuple[Float64, Floa
 
 
 def number_of(mode: str, samples: Float64, lengths: Float64) -> Float64:
-    """What a mode shows of samples of rays with these lengths."""
+    """Return the colour that a mode gives to samples of rays with these lengths."""
     if mode == "attenuation":
         return np.exp(-0.05 * np.maximum(samples - 0.1, 0).mean(axis=1) * lengths)
     reduce = {"maximum": np.max, "minimum": np.min, "mean": np.mean}[mode]

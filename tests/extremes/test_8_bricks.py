@@ -1,4 +1,4 @@
-"""What is interpolated in a brick, against exact fractions and closed forms."""
+"""Interpolation in a brick, against exact fractions and closed forms."""
 
 from __future__ import annotations
 

@@ -176,7 +176,7 @@ def test_what_is_left_over_of_a_stream_is_seen(tmp_path: Path, monkeypatch: pyte
 
 
 def test_crashes_of_libraries_are_left_to_their_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What ends the fork is read again as by the program: in another process, where it does not crash."""
+    """A file that ends the fork is read again as by the program: in another process, where it does not crash."""
     image = base_of("vtk ascii none")
     judge_volumes.undamaged_volume(image)
     monkeypatch.setattr("renderer.readers.vtk_image.read_vtk", lambda path, **_: crash(path))

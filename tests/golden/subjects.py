@@ -122,7 +122,7 @@ class Shot:
 
     @property
     def order(self) -> UInt32:
-        """Those that are visible, as they are drawn."""
+        """Return the visible cells, in the order in which they are drawn."""
         return self.draw_list.orders[0][1][0]
 
     @cached_property

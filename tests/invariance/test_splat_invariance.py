@@ -1,4 +1,4 @@
-"""What must not change a picture of splats, to the byte where nothing is computed again."""
+"""Changes that must not change a picture of splats, to the byte where nothing is computed again."""
 
 from __future__ import annotations
 

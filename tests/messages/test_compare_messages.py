@@ -1,4 +1,4 @@
-"""What `hsplat compare` prints where frames cannot be compared."""
+"""Messages of `hsplat compare` where frames cannot be compared."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `hsplat golden` prints, and what `hsplat compare` prints about goldens that it cannot use."""
+"""Messages of `hsplat golden`, and of `hsplat compare` about goldens that it cannot use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a user reads when an output cannot be written."""
+"""Messages about outputs that cannot be written."""
 
 import errno
 import os

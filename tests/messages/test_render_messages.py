@@ -1,4 +1,4 @@
-"""What a user reads when `hsplat render` refuses a job or cannot finish it, and which files it leaves then."""
+"""Messages of `hsplat render` where it refuses a job or cannot finish it, and the files that it leaves."""
 
 from __future__ import annotations
 

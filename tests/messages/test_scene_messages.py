@@ -1,4 +1,4 @@
-"""What `hsplat check` prints about a wrong scene file, and about options that make a scene wrong."""
+"""Messages of `hsplat check` about a wrong scene file, and about options that make a scene wrong."""
 
 from __future__ import annotations
 

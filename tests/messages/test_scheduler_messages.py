@@ -1,4 +1,4 @@
-"""What `hsplat render` prints when a cluster cannot be used."""
+"""Messages of `hsplat render` where a cluster cannot be used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `check` and `render` print about a sidecar from which no film can be made; its film does not change."""
+"""Messages of `check` and `render` about a sidecar from which no film can be made; its film does not change."""
 
 from __future__ import annotations
 

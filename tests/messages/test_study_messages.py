@@ -1,4 +1,4 @@
-"""What `hsplat measure` and scenes with an accuracy print when they cannot do what was asked."""
+"""Messages of `hsplat measure`, and about scenes with an accuracy, where they cannot do their work."""
 
 from __future__ import annotations
 

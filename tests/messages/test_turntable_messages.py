@@ -1,4 +1,4 @@
-"""What `hsplat turntable` and `hsplat init` print when they refuse, replace or leave out something."""
+"""Messages of `hsplat turntable` and `hsplat init` where they refuse, replace or leave out something."""
 
 from __future__ import annotations
 

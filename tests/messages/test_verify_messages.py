@@ -1,4 +1,4 @@
-"""What a user reads about a film that is verified."""
+"""Messages about a film that is verified."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a user reads when a volume cannot be read; nothing of it is a library's."""
+"""Messages about volumes that cannot be read; no library's words are among them."""
 
 from __future__ import annotations
 

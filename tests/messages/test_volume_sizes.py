@@ -1,4 +1,4 @@
-"""What a user reads when a file has more voxels than its header says."""
+"""Messages about files that have more voxels than their headers say."""
 
 from __future__ import annotations
 

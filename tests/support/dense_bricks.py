@@ -1,4 +1,4 @@
-"""What bricks are made of, in plain numpy over whole volumes: means and errors of all cells of a level, and fields."""
+"""Means and errors of all cells of a level, and fields, in plain numpy over whole volumes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tests of splats share: views, splats placed by hand, and splats of small volumes."""
+"""Views, splats that are placed by hand, and splats of small volumes, for tests of splats."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Studies made by hand, for the tests of what is written about them."""
+"""Studies that are made by hand, for tests of their reports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a worker of a cluster does with something wrong, in place of `draw_on_worker`.
+"""Functions with a fault, which a worker of a cluster calls in place of `draw_on_worker`.
 
 Workers import it by its name, from the folders where the test's process looks for modules.
 """

@@ -1,4 +1,4 @@
-"""What is drawn over pictures: the same bytes everywhere, each entry in its place, and what cannot be drawn is told."""
+"""Annotations: the same bytes everywhere, each entry in its place, and an error where an entry cannot be drawn."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def annotation(scene: Scene = PLAIN, **keys: Any) -> AnnotationSpec:
 
 
 def drawn(spec: AnnotationSpec, facts: AnnotationFacts = FACTS, frame: FrameFacts = FRAME) -> np.ndarray:
-    """What is put over nothing."""
+    """Return an annotation that is drawn over nothing."""
     image = np.zeros((facts.size[1], facts.size[0], 4), np.float32)
     draw_annotation(image, Annotator(spec, facts).patches(frame))
     return image

@@ -1,4 +1,4 @@
-"""What is said of frames that are far more exact than what their file keeps."""
+"""The advice about frames that are far more exact than their file."""
 
 from __future__ import annotations
 

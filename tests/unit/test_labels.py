@@ -74,7 +74,7 @@ CHOICES: dict[str, tuple[dict[str, Any], list[LabelStyle]]] = {
 
 @pytest.mark.parametrize("case", CHOICES)
 def test_labels_are_chosen_with_their_looks(case: str) -> None:
-    """What is chosen is written as such: it needs no voxels any more, and reads back."""
+    """The choice is written into the scene, which needs no voxels any more, and reads back."""
     Path("names.txt").write_text("300 x\n")
     section, expected = CHOICES[case]
     found = resolve_scene(scene(labels=section), read_volume)

@@ -43,7 +43,7 @@ def folder(folder: Path) -> Path:
 
 
 def found(locale: str, names: list[bytes]) -> list[str]:
-    """What a process in this locale says of each: the sum of its voxels, or a message."""
+    """Return the sum of the voxels of each file, or a message, from a process in this locale."""
     child = python("-c", READ, *names, **LOCALES[locale])
     assert child.returncode == 0, child.stderr
     return child.stdout.splitlines()
