@@ -66,4 +66,5 @@ from .checkpoint import FrameStore as FrameStore, remove_checkpoint_frames as re
 from .film_output import FilmOutput as FilmOutput, locked_film_output as locked_film_output
 from .forecast import choose_trials as choose_trials
 from .plan import search_tolerances as search_tolerances
+from .record import read_frame_record as read_frame_record
 from .sidecar import write_sidecar as write_sidecar
