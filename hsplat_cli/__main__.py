@@ -3,7 +3,7 @@
 import importlib
 import sys
 
-# Modules of Python that other systems lack.
+# Modules of the standard library that Python has on Linux and macOS only.
 _SYSTEM_MODULES = ("fcntl", "resource")
 
 

@@ -1,13 +1,13 @@
-"""Takes a fresh checkout to a first film or a test run: `python3 -m hsplat_cli.bootstrap demo` or `test`.
+"""Installs a fresh checkout, then renders the demo or runs the tests: `python3 -m hsplat_cli.bootstrap demo` or `test`.
 
-1. Checks for Python's venv. On Debian and its relatives root installs what is missing; other users get the line that an
-   administrator has to run.
+1. Checks for Python's venv. On Debian and its relatives root installs missing packages; other users get the command
+   line that an administrator has to run.
 2. Makes `.venv` and installs hsplat into it as a wheel, unless it has these sources already.
 3. For the tests, checks for OpenGL without a screen, as in step 1.
 4. Renders the demo to `demo.mp4`, or runs the tests, both with the installed wheel and not the checkout.
 
-Uses the standard library alone. It must parse and explain itself on a Python that is too old for hsplat, down to 3.6:
-no newer syntax, and annotations that need a newer Python in quotes.
+This file uses the standard library alone. On a Python that is too old for hsplat, down to 3.6, it must still parse and
+print its message: it has no newer syntax, and quotes annotations that need a newer Python.
 """
 
 import hashlib
@@ -38,7 +38,7 @@ except RenderError as error:
 
 
 class SetupError(Exception):
-    """A problem that the user has to solve; the text says which and how."""
+    """Reports a problem that the user has to solve; its text says how."""
 
 
 def main(arguments: "list[str]") -> int:
@@ -126,14 +126,14 @@ def require_packages(find_problem: "Callable[[], str]", *packages: str) -> None:
 
 
 def find_venv_problem() -> str:
-    """Return what is missing to make `.venv`, or an empty string."""
+    """Return a description of the missing part of Python without which `.venv` cannot be made, or an empty string."""
     if importlib.util.find_spec("venv") is not None and importlib.util.find_spec("ensurepip") is not None:
         return ""
     return f"Python {version_text(sys.version_info[:2])} without its venv module"
 
 
 def find_opengl_problem() -> str:
-    """Return what is missing for OpenGL without a screen, or an empty string; `.venv` must be there."""
+    """Return the reason why OpenGL does not work without a screen, or an empty string; `.venv` must be there."""
     # Isolated, so that it imports the installed wheel. A driver may crash.
     command = [str(VENV / "bin" / "python"), "-I", "-c", GL_PROBE]
     result = subprocess.run(command, stderr=subprocess.PIPE, check=False)
@@ -153,7 +153,7 @@ def install(extra: str) -> None:
         make_venv()
         present = {}
     with tempfile.TemporaryDirectory(prefix="hsplat-") as folder:
-        # A copy: building leaves folders beside the sources, and the next build would take stale files from them.
+        # A build leaves folders beside its sources, from which the next one would take old files: build from a copy.
         copy_sources(Path(folder))
         wanted = {"python": python, "sources": digest(Path(folder)), "extra": extra}
         # An installation for the tests can also render the demo.
@@ -197,7 +197,7 @@ def digest(folder: Path) -> str:
 
 
 def copy_sources(folder: Path) -> None:
-    """Copy all that goes into the wheel."""
+    """Copy the sources of the wheel."""
     for name in SOURCES:
         source = ROOT / name
         if source.is_dir():
@@ -207,7 +207,7 @@ def copy_sources(folder: Path) -> None:
 
 
 def read_install_record() -> "dict[str, str] | None":
-    """Return the record of what `.venv` has; None if this module did not make it."""
+    """Return the record of the sources and extra that `.venv` has; None if this module did not make `.venv`."""
     try:
         record = json.loads(INSTALL_RECORD.read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError):
@@ -218,13 +218,13 @@ def read_install_record() -> "dict[str, str] | None":
 
 
 def write_install_record(record: "dict[str, str]") -> None:
-    """Record what `.venv` has."""
+    """Record the Python, sources and extra that `.venv` has."""
     INSTALL_RECORD.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
 
 
 def run(*command: object, **variables: str) -> int:
     """Run a program in the checkout and return its exit status; `variables` join its environment."""
-    # PYTHONPATH and PYTHONHOME would put other code before that of .venv.
+    # Without PYTHONPATH and PYTHONHOME, which would put other code before the packages of .venv.
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
     environment.update(variables)
     words = [str(word) for word in command]

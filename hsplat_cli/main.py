@@ -1,7 +1,8 @@
-"""Runs the command `hsplat`: finds the subcommand, and alone turns errors into messages and exit codes.
+"""Runs the command `hsplat`: finds the subcommand, and turns errors into messages and exit codes (nothing else does).
 
-0: done. 1: the render or the program failed. 2: the input was wrong. 128 and the number of a signal: interrupted by it,
-130 by Ctrl-C. With `compare` and `verify`, 1 says that something differs, and 2 that this could not be found out.
+Exit codes: 0 for success, 1 for a failed render or a bug, 2 for wrong input, and 128 plus the number of a signal for an
+interruption by it (130 for Ctrl-C). `compare` and `verify` exit with 1 where something differs, and with 2 where they
+could not compare.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import select
 import sys
 import traceback
 from collections.abc import Sequence
-from typing import Any, TextIO
+from typing import TextIO
 
 import click
 
@@ -23,8 +24,8 @@ from hsplat_cli.terminal import Reporter
 from renderer.errors import HsplatError, InputError, closest_match, format_message
 from renderer.system import address_space_hint, exit_on_signals, interrupted_status, join_lines, signals_as_interrupts
 
-# The summary of each command, a function of the same name in a file of the same name. It is imported only when it is
-# called, so help is quick.
+# The summary of each command. The command is the function NAME in `hsplat_cli/commands/NAME.py`, which is imported only
+# when it is called, so that `hsplat --help` is fast.
 COMMANDS = {
     "render": "Render a scene to a film or to numbered frames.",
     "assemble": "Make one film of frames that were drawn in parts.",
@@ -34,21 +35,20 @@ COMMANDS = {
     "init": "Write a scene file for a volume, to start from.",
     "preview": "Show a scene or a volume on one page, before its film is made.",
     "turntable": "Render turntables of volumes without a scene file.",
-    "measure": "Measure what a scene costs and how near to the truth it comes.",
+    "measure": "Measure the cost and the accuracy of a scene.",
     "golden": "Keep frames of a scene to compare later ones with.",
     "compare": "Compare frames with golden ones; exit with 1 where they differ.",
     "info": "Describe a volume: shape, place, values and histogram.",
 }
 
-
-# Raised by click 8.2 and newer for a command line without arguments.
-_NO_ARGUMENTS_ERROR: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())
-# What the loader of libraries and Python's threads say.
+# The class of the error that click 8.2 and newer raise for a command line without arguments; no class in older ones.
+_NO_ARGUMENTS_ERROR: type[click.UsageError] | tuple[()] = getattr(click.exceptions, "NoArgsIsHelpError", ())
+# Parts of the messages of the dynamic linker and of Python's threads when memory runs out.
 _OUT_OF_MEMORY_TEXTS = ("failed to map segment", "annot allocate memory", "can't start new thread")
 
 
 class LazyGroup(click.Group):
-    """A group whose commands are imported when they are called."""
+    """Lists the commands without importing them, and imports a command when it is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -78,7 +78,7 @@ class LazyGroup(click.Group):
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.option("--version", "shows_version", is_flag=True, help="Show the version.")
-@click.option("--verbose", "is_verbose", is_flag=True, help="With --version: what draws, too.")
+@click.option("--verbose", "is_verbose", is_flag=True, help="With --version: show the kernels and libraries, too.")
 @click.pass_context
 def hsplat(context: click.Context, shows_version: bool, is_verbose: bool) -> None:
     """Turn scalar volumes into film loops by hierarchical splatting."""
@@ -90,7 +90,7 @@ def hsplat(context: click.Context, shows_version: bool, is_verbose: bool) -> Non
 
 
 def _version_text(*, is_verbose: bool) -> str:
-    """Return the version of hsplat, or of all that a picture depends on, a line each."""
+    """Return the version of hsplat; with is_verbose, a line for everything that a picture depends on."""
     from renderer.system import package_versions
 
     versions = package_versions()
@@ -102,7 +102,7 @@ def _version_text(*, is_verbose: bool) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command line, by default that of the process, and exit."""
+    """Run a command line, by default the one of the process, and exit."""
     _replace_closed_streams()
     for stream in (sys.stdout, sys.stderr):  # a file name may have characters that the terminal's encoding lacks
         if isinstance(stream, io.TextIOWrapper):
@@ -129,15 +129,15 @@ def run(arguments: Sequence[str]) -> int:
         if _is_out_of_memory(error):
             _print_error(format_message("hsplat: out of memory", hint=address_space_hint()))
         elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) and error.filename is None:
-            _print_error(f"hsplat: what is printed cannot be written: {error.strerror}")
+            _print_error(f"hsplat: the output cannot be printed: {error.strerror}")
         elif not (isinstance(error, BrokenPipeError) and _is_stdout_broken()):
-            what = f"{type(error).__name__}: {error}"
-            _print_error(f"hsplat: unexpected {what} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
+            text = f"{type(error).__name__}: {error}"
+            _print_error(f"hsplat: unexpected {text} (a bug; please report it, HSPLAT_DEBUG=1 shows the traceback)")
         return failed
 
 
 def _invoke(arguments: Sequence[str]) -> int:
-    # click's own main() takes an EOFError for an interrupt, and any broken pipe for that of stdout.
+    # Not click's own main(): it handles every EOFError as an interrupt, and every broken pipe as one of stdout.
     code = 0
     try:
         with signals_as_interrupts(), hsplat.make_context("hsplat", list(arguments)) as context:
@@ -152,7 +152,7 @@ def _invoke(arguments: Sequence[str]) -> int:
 
 
 def _print_usage_error(error: click.ClickException) -> None:
-    """Print an error of click's, which quotes arguments, as click does."""
+    """Print an error of click in click's own layout, with the arguments that it quotes made printable."""
     lines = [f"Error: {error.format_message()}"]
     if isinstance(error, _NO_ARGUMENTS_ERROR):  # its message is the help
         lines = error.format_message().splitlines()
@@ -163,17 +163,17 @@ def _print_usage_error(error: click.ClickException) -> None:
 
 
 def _replace_closed_streams() -> None:
-    """Open standard streams that are closed, as by `>&-`: files opened later must not get their descriptors."""
+    """Open standard streams that are closed, as by `>&-`, so that no file opened later gets their descriptors."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115  for the whole run
 
 
 def _flush_or_discard(stream: TextIO) -> None:
-    """Flush a stream for the last time: where Python's own flush at the end fails, it replaces the exit code by 120."""
+    """Flush a stream for the last time; a failure of Python's own flush at the exit would make the exit code 120."""
     try:
         stream.flush()
-    except OSError:  # a full disk, or nobody reads it: the null device takes what is still buffered
+    except OSError:  # the disk is full, or nobody reads the stream: send the rest of its buffer to the null device
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
@@ -185,7 +185,7 @@ def _print_error(text: str) -> None:
 
 
 def _is_out_of_memory(error: BaseException) -> bool:
-    """Return whether memory or address space ran out, which libraries and threads report as errors of other kinds."""
+    """Return whether memory or address space ran out, also where a library or a thread reports another error for it."""
     chain: list[BaseException] = []
     while error not in chain:
         chain.append(error)

@@ -16,4 +16,4 @@ from .errors import (
     RenderError as RenderError,
     SceneError as SceneError,
 )
-from .scene import Scene as Scene
+from .scene import FilmScene as FilmScene, Scene as Scene

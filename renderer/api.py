@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.annotation import require_annotation
 from renderer.api_scenes import (
     CameraLike,
     SceneLike,
@@ -29,25 +30,23 @@ from renderer.api_scenes import (
 )
 from renderer.errors import InputError
 from renderer.film import encode_png, frame_path
-from renderer.frame import LODCostEstimator, Stage, prepare_stage
+from renderer.frame import FilmStage, LODCostEstimator, prepare_stage
 from renderer.job import (
-    FilmAccuracy,
     FilmJob,
-    FilmVisibility,
     JobEvents,
     NotebookBar,
     OnProgress,
     ProgressEvents,
-    accuracy_text,
+    draw_frames,
     make_film,
     make_plan,
     one_pass,
     open_local_executor,
-    require_annotation,
 )
 from renderer.readers import is_volume_name
+from renderer.record import FilmAccuracy, FilmVisibility, accuracy_text
 from renderer.scene import (
-    Scene,
+    FilmScene,
     accuracy_of,
     format_of,
     load_scene as load_scene_file,
@@ -118,7 +117,7 @@ class Page:
         return f'<iframe sandbox="allow-scripts" srcdoc="{content}" width="100%" height="640"></iframe>'
 
 
-def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -> Scene:
+def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -> FilmScene:
     """Read and check a scene file.
 
     Parameters
@@ -151,7 +150,7 @@ def suggest_scene(
     background: str | Sequence[float] | None = None,
     tolerance: float | None = None,
     output: str | os.PathLike[str] | None = None,
-) -> Scene:
+) -> FilmScene:
     """Make a scene that shows a volume: a turntable, with a transfer function that suits the values.
 
     Parameters
@@ -218,8 +217,12 @@ def render_frame(
     with open_local_executor(made) as executor, _open_stage(made) as stage:
         require_annotation(stage, numbers)
         plan = make_plan(LODCostEstimator(stage), numbers, lambda: executor.rasterizer, JobEvents())
-        (drawn,) = executor.draw(plan, numbers)
-        drawn = drawn.finished() if made.annotation.shows_anything else drawn
+        # Imported here: the ray integral takes a while to load.
+        from renderer.accuracy import open_prober
+
+        # Annotation may tell the accuracy, which nothing else needs here.
+        prober = open_prober(stage, num_cores()) if made.at(0).annotation.shows_anything else None
+        (drawn,) = draw_frames(plan.stage, numbers, executor.rasterizer, plan.controller, prober, is_overlapped=False)
     image: FrameImage = drawn.pictures[0].pixels.view(FrameImage)
     return image
 
@@ -268,13 +271,13 @@ def render(
     path = scene_file(scene) if is_file else None
     job = FilmJob(made, numbers, accuracy_of(made.error), path=path)
     events = ProgressEvents(on_progress or NotebookBar())
-    film = make_film(job, open_local_executor, one_pass, events, resumes=resume)
-    if film.shortfall is not None and not best_effort:
-        raise film.shortfall
-    notes = [film.volume_note] if film.volume_note else []
-    record = film.record
+    result = make_film(job, open_local_executor, one_pass, events, resumes=resume)
+    if result.shortfall is not None and not best_effort:
+        raise result.shortfall
+    notes = [result.volume_note] if result.volume_note else []
+    record = result.film.record
     told = record.accuracy, record.visibility
-    return Film(film.file, record.numbers, film.sidecar, (*notes, *record.notes), *told)
+    return Film(result.file, record.numbers, result.film.path, (*notes, *record.notes), *told)
 
 
 @ctrl_c_stops_kernels()
@@ -330,5 +333,5 @@ def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     return truth.picture.astype(np.float32)
 
 
-def _open_stage(scene: Scene) -> Stage:
+def _open_stage(scene: FilmScene) -> FilmStage:
     return prepare_stage(scene, clock=perf_counter, num_threads=num_cores())

@@ -14,10 +14,12 @@ import numpy.typing as npt
 
 from renderer.errors import InputError, SceneError
 from renderer.readers import is_volume_name, read_volume
+from renderer.resolve import resolve_scene
 from renderer.scene import (
     MAX_DEPTH,
     ArraySource,
     CameraSpec,
+    FilmScene,
     ProceduralSource,
     Scene,
     TransferSpec,
@@ -30,9 +32,9 @@ from renderer.scene import (
     short_text,
     spec_to_dict,
 )
-from renderer.suggest import FilmOptions, Wish, resolve_scene
+from renderer.suggest import FilmOptions, Wish
 
-SceneLike: TypeAlias = "Scene | str | os.PathLike[str] | npt.ArrayLike"
+SceneLike: TypeAlias = "FilmScene | str | os.PathLike[str] | npt.ArrayLike"
 TransferLike: TypeAlias = "str | Sequence[Any] | Mapping[str, Any] | TransferSpec"
 CameraLike: TypeAlias = "Mapping[str, Any] | CameraSpec"
 
@@ -51,7 +53,7 @@ _PARAMETERS = {
 
 def make_scene(
     source: SceneLike, options: Mapping[str, Any], *, is_volume: bool = False, is_single_frame: bool = False
-) -> Scene:
+) -> FilmScene:
     """Return a checked scene with these options in it; those that are None are not given.
 
     is_volume: a name is that of a volume's file, and not of a scene file.
@@ -59,9 +61,9 @@ def make_scene(
     if isinstance(source, (str, os.PathLike)) and not (is_volume or is_volume_name(source)):
         source = load_scene(scene_file(source), is_single_frame=True)
     given = {name: _plain(value) for name, value in options.items() if value is not None}
-    is_new, array = not isinstance(source, Scene), None
-    if isinstance(source, Scene):
-        tree, array = scene_to_dict(source), source.volume.source
+    is_new, array = not isinstance(source, FilmScene), None
+    if isinstance(source, FilmScene):
+        tree, array = scene_to_dict(source), source.at(0).volume.source
     elif isinstance(source, (str, os.PathLike)):
         tree = _turntable() | {"volume": {"file": os.fspath(source)}}
     else:
@@ -73,13 +75,18 @@ def make_scene(
     wish = _wish(given.get("transfer_function"))
     scene = _parse(_with_options(tree, given), is_single_frame=is_single_frame)
     if isinstance(array, ArraySource):
-        assert isinstance(scene.volume.source, ProceduralSource)
-        placed = replace(array, spacing=scene.volume.source.spacing)
-        scene = replace(scene, volume=replace(scene.volume, source=placed))
-    if isinstance(source, Scene) and "transfer_function" not in given:  # plain data do not say where it is from
-        scene = replace(scene, transfer_function=source.transfer_function)
+        stand_in = scene.at(0).volume.source
+        assert isinstance(stand_in, ProceduralSource)
+        placed = replace(array, spacing=stand_in.spacing)
+        scene = scene.changed(lambda each: replace(each, volume=replace(each.volume, source=placed)))
+    if isinstance(source, FilmScene) and "transfer_function" not in given:  # plain data do not say where it is from
+        scene = scene.changed(_with_transfer_function, source)
     suggests = wish is not None or (is_new and "transfer_function" not in given)
     return resolve_scene(_with_suggestion(scene, wish) if suggests else scene, read_volume)
+
+
+def _with_transfer_function(scene: Scene, other: Scene) -> Scene:
+    return replace(scene, transfer_function=other.transfer_function)
 
 
 def _wish(transfer_function: Any) -> Wish | None:
@@ -188,7 +195,7 @@ def _control_point(point: Any) -> Any:
     return dict(zip(keys, point, strict=True)) if is_triple else point
 
 
-def _parse(tree: dict[str, Any], *, is_single_frame: bool) -> Scene:
+def _parse(tree: dict[str, Any], *, is_single_frame: bool) -> FilmScene:
     try:
         return parse_scene(tree, base=Path.cwd(), is_single_frame=is_single_frame)
     except SceneError as error:
@@ -201,14 +208,15 @@ def _parameter(path: str) -> str:
     return path if key is None else _PARAMETERS[key] + path.removeprefix(key)
 
 
-def _with_suggestion(scene: Scene, wish: Wish | None) -> Scene:
+def _with_suggestion(scene: FilmScene, wish: Wish | None) -> FilmScene:
     """Return the scene with all that is suggested for its volume."""
     from renderer.suggest import suggest_for
 
-    return suggest_for(scene.volume, read_volume, wish=wish or Wish()).applied_to(scene)
+    found = suggest_for(scene.at(0).volume, read_volume, wish=wish or Wish())
+    return scene.changed(found.applied_to)
 
 
-def frame_number(frame: int, scene: Scene) -> int:
+def frame_number(frame: int, scene: FilmScene) -> int:
     """Return the number of this frame of the scene's path. Raises InputError where it is not on it."""
     if not isinstance(frame, (int, np.integer)):
         raise InputError(
@@ -217,7 +225,7 @@ def frame_number(frame: int, scene: Scene) -> int:
     return frame_numbers(frame, scene)[0]
 
 
-def frame_numbers(frames: int | slice | Sequence[int] | None, scene: Scene) -> Sequence[int]:
+def frame_numbers(frames: int | slice | Sequence[int] | None, scene: FilmScene) -> Sequence[int]:
     """Return the numbers of these frames of the scene's path. Raises InputError where they are not on it."""
     path = range(scene.num_frames)
     with contextlib.suppress(IndexError, TypeError, ValueError):  # ValueError: a slice with the step 0

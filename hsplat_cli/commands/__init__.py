@@ -1,4 +1,5 @@
-"""The commands of `hsplat`, one file each, named as the command; `shared_options.py` has the options that they share.
+"""Declares the commands of `hsplat`, each in a file of its name; `shared_options.py` has the options that they share.
 
-Each reads its options, calls one room, and prints the outcome. `hsplat_cli.main` imports a command when it is called.
+A command reads its options, calls one room, and prints the outcome. `hsplat_cli.main` imports a command when it is
+called.
 """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -23,7 +23,7 @@ from renderer.scene import (
 )
 
 if TYPE_CHECKING:
-    from renderer.job import Part
+    from renderer.record import FinishedFilm
 
 
 @click.command()
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     required=True,
     multiple=True,
     metavar="FILE",
-    help="Write to this film, or to {frame}.png; several, if given more often.",
+    help="Write to this film, or to {frame}.png; may be given several times.",
 )
 @click.option("--frames", metavar="A:B:STEP", help="Take only these frames, as a Python slice: 0:30, ::10, 7, -1.")
-@click.option("--frames-per-second", metavar="RATE", help="Another rate than that of the scene.")
-@click.option("--quality", metavar="0-10", help="Another quality of an MP4 than that of the scene.")
-@click.option("--force", is_flag=True, help="Assemble again what is up to date.")
+@click.option("--frames-per-second", metavar="RATE", help="Replace the scene's rate.")
+@click.option("--quality", metavar="0-10", help="Replace the scene's quality of an MP4.")
+@click.option("--force", is_flag=True, help="Assemble again, even if the film is up to date.")
 @quiet_option()
 def assemble(
     parts: tuple[str, ...],
@@ -53,23 +53,25 @@ def assemble(
     """Make one film of frames that were drawn in parts.
 
     PARTS are folders of numbered frames, or the JSON files beside them; globs may be quoted. The film and its JSON file
-    equal those of one `hsplat render` of all frames.
+    equal the files of one `hsplat render` of all frames.
     """
     # Imported here to keep --help fast.
     from renderer.job import assemble_film, find_parts
 
     found = find_parts(parts)
-    numbers = parse_frames(frames, found[0].num_frames)
+    numbers = parse_frames(frames, found[0].num_path_frames)
     given = {"frames_per_second": frames_per_second, "quality": quality}
     options = {key: value for key, value in given.items() if value is not None}
     spec = _output_spec(found[0], outputs, options, numbers)
     with FilmEvents(reporter, "primitive") as events:
-        film = assemble_film(found, numbers, spec, events, resumes=not force)
-    report_film(film, reporter)
+        result = assemble_film(found, numbers, spec, events, resumes=not force)
+    report_film(result, reporter)
 
 
-def _output_spec(part: Part, names: Sequence[str], options: Mapping[str, Any], numbers: Sequence[int]) -> OutputSpec:
-    """Return the recorded output in files of these names, with the values of options. Raises SceneError."""
+def _output_spec(
+    part: FinishedFilm, names: Sequence[str], options: Mapping[str, str], numbers: Sequence[int]
+) -> OutputSpec:
+    """Return the output that the part records, with these file names and options. Raises SceneError."""
     problems: list[Problem] = []
     recorded = first_output(part.record.scene)
     first = {**only_output(recorded, output_suffix(names[0])), **options, "file": names[0]}
@@ -91,7 +93,7 @@ def _read(tree: object, problems: list[Problem]) -> OutputSpec:
 
 
 def _picture_problems(spec: OutputSpec, recorded: OutputSpec, numbers: Sequence[int]) -> Iterator[Problem]:
-    """Yield what keeps the pictures of the parts from being the files of an output."""
+    """Yield a problem for each output file that cannot be made of the pictures of the parts."""
     for number, each in enumerate(spec.files):
         path, got = f"output.{number}.file" if spec.others else "output.file", str(each.file)
         if each.is_frames and len(numbers) > 1 and not each.is_numbered:

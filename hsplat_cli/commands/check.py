@@ -1,4 +1,4 @@
-"""Run `hsplat check SCENE`: list what is wrong with a scene, or say what it would make."""
+"""Run `hsplat check SCENE`: list the mistakes in a scene, or describe the film that it makes."""
 
 from __future__ import annotations
 
@@ -22,23 +22,22 @@ from renderer.film import (
     translate_os_errors,
     unfinished_folder,
 )
-from renderer.job import require_own_files
 from renderer.readers import find_volume
+from renderer.record import require_own_files
 from renderer.scene import (
     FileSource,
+    FilmScene,
     MetricTarget,
+    Motion,
     OutputFile,
     RawSource,
-    Scene,
     SplatBudget,
     TimeBudget,
     VolumeSpec,
-    changing_frames,
     counted,
     first_few,
     join_some,
     min_tolerance,
-    motion_of,
     moving_values,
 )
 from renderer.system import MemoryShare, join_lines
@@ -47,23 +46,23 @@ if TYPE_CHECKING:  # it loads kernels
     from renderer.draw import BrickMemory
     from renderer.job import Forecast
 
-# The number of values of a schedule that are listed.
+# Most values of a schedule that are listed; of a schedule with more, the lowest and the highest.
 _MAX_TURNS = 4
 
 
 @click.command()
 @takes_scene("As for render.")
 @click.option("--output", metavar="FILE", help="As for render.")
-@click.option("--no-cost", is_flag=True, help="Read and draw nothing to predict what the film costs.")
+@click.option("--no-cost", is_flag=True, help="Do not predict the cost of the film, which needs the volume.")
 @memory_option
 def check(request: SceneRequest, *, output: str | None, no_cost: bool, memory: int | None) -> None:
     """Check a scene file and list everything that is wrong with it.
 
-    SCENE is a YAML file, or the JSON file beside a film. Finds all that render refuses before it loads a library to
-    read voxels, to draw or to encode. Nothing is written. Of a scene that is right, some frames are drawn and encoded,
-    which tells what the film costs here, and numbers that do not fit the volumes are errors, too; with --no-cost, only
-    the first bytes of the volume are read, and labels that the scene names. Where nothing can be drawn, a note says
-    why: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg.
+    SCENE is a YAML file, or the JSON file beside a film. check finds every mistake that render refuses before it loads
+    a library to read voxels, to draw or to encode. Nothing is written. If the scene is right, some frames are drawn and
+    encoded to predict the cost of the film on this machine; numbers that do not fit the volumes are errors, too. With
+    --no-cost, only the first bytes of the volume and the labels that the scene names are read. Where nothing can be
+    drawn, a note says why: a damaged header or voxels, a size that OpenGL does not have, no OpenGL, no ffmpeg.
     """
     request = replace(request, output=output)
     job = load_job(request, reads="nothing")
@@ -74,7 +73,7 @@ def check(request: SceneRequest, *, output: str | None, no_cost: bool, memory: i
         for each in job.scene.output.files:
             require_own_folder(unfinished_folder(each))
     require_own_files(job.scene.output, job.frames, job.sidecar)
-    for layer in job.scene.layers:
+    for layer in job.scene.at(0).layers:
         for volume in layer.volumes.values():
             if isinstance(volume.source, FileSource):
                 for file in volume.source.steps or (volume.source.file,):
@@ -85,12 +84,12 @@ def check(request: SceneRequest, *, output: str | None, no_cost: bool, memory: i
     Reporter().result(join_lines([f"{request.path}: ok", *rows]))
 
 
-def _label_notes(request: SceneRequest, scene: Scene) -> list[tuple[str, str]]:
-    """Look for the labels that a scene names, and return a row on why some could not be looked for.
+def _label_notes(request: SceneRequest, scene: FilmScene) -> list[tuple[str, str]]:
+    """Look for the labels that a scene names; return a row with the reason where a volume cannot be read for them.
 
     Raises SceneError for labels that a volume does not have.
     """
-    if not any(layer.transfer_function.labels or layer.mask for layer in scene.layers):
+    if not any(layer.transfer_function.labels or layer.mask for layer in scene.at(0).layers):
         return []
     try:
         load_job(request, reads="labels")
@@ -106,14 +105,14 @@ def _first_line(error: HsplatError) -> str:
 
 
 def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, str]], Forecast | None]:
-    """Return rows on the cost of a film that this process draws, and its forecast; or a row on why it is not known."""
+    """Return rows on the cost of a film in this process, and its forecast; or a row with the reason for no forecast."""
     # Imported here: they load kernels.
     from hsplat_cli.terminal import FilmEvents
     from renderer.job import forecast_film, open_local_executor
 
     try:
         job = load_job(request)
-        with FilmEvents(Reporter(), job.scene.splat.primitive_name) as events:
+        with FilmEvents(Reporter(), job.scene.primitive_name) as events:
             found = forecast_film(job, partial(open_local_executor, memory=memory), events)
     except SceneError:  # its numbers do not fit the volumes
         raise
@@ -127,17 +126,17 @@ def _costs(request: SceneRequest, memory: MemoryShare) -> tuple[list[tuple[str, 
 
 
 def _memory_text(memory: BrickMemory) -> str:
-    """Return how much memory bricks need, and the consequence where they may take less."""
+    """Return how much memory bricks need, and what happens where the limit is lower."""
     from hsplat_cli.reports import bytes_text  # loads numpy
 
     needed = f"{bytes_text(memory.needed)} for bricks"
     if memory.needed <= memory.limit:
         return needed
-    return f"{needed}, of which {bytes_text(memory.limit)} may be kept: others are made again for each frame (--memory)"
+    return f"{needed}, but at most {bytes_text(memory.limit)} are kept: others are made again for each frame (--memory)"
 
 
-def _summary(scene: Scene, num_frames: int, costs: Forecast | None) -> list[tuple[str, str]]:
-    output, camera = scene.output, scene.camera
+def _summary(scene: FilmScene, num_frames: int, costs: Forecast | None) -> list[tuple[str, str]]:
+    output, camera = scene.output, scene.at(0).camera
     frames = f"{num_frames} of " * (num_frames < camera.num_frames) + counted(camera.num_frames, "frame")
     path = ", ".join(piece.type for piece in getattr(camera.path, "pieces", [camera.path]))
     return [
@@ -161,37 +160,37 @@ def _output_text(output: OutputFile, num_frames: int, costs: Forecast | None) ->
     return text if output.is_frames else f"{text}, {seconds:.3g} s at {rate} per second"
 
 
-def _motion(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield what moves, and on which frames layers are made again for it."""
-    in_time = ["all steps in time"] * any(layer.volume.time == "auto" for layer in scene.layers)
+def _motion(scene: FilmScene) -> Iterator[tuple[str, str]]:
+    """Yield a row with the values that move, and a row for each layer with the frames on which it is made again."""
+    in_time = ["all steps in time"] * any(layer.volume.time == "auto" for layer in scene.at(0).layers)
     if scene.moves or in_time:
         yield "motion", join_some([*in_time, *moving_values(scene, 0)])
     if not scene.moves:
         return
-    from renderer.layers import layer_parts
+    from renderer.layers import frames_of_new_layers
 
-    for layer in scene.layers:
-        if runs := changing_frames((layer.volume, layer.transform, *layer_parts(layer, scene))):
+    for number, layer in enumerate(scene.at(0).layers):
+        if runs := frames_of_new_layers(scene, number):
             num = sum(last - first + 1 for first, last in runs)
             frames = first_few([f"{first} to {last}" if last > first else f"{first}" for first, last in runs])
             yield "layer", f"{layer.name} " * bool(layer.name) + f"made again on {counted(num, 'frame')}: {frames}"
 
 
-def _volumes(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield a row for each volume; where they are listed, with name and weight, and how they are blended."""
-    for layer in scene.layers:
+def _volumes(scene: FilmScene) -> Iterator[tuple[str, str]]:
+    """Yield a row for each volume; for a scene with a list of volumes also their names, weights and blending."""
+    for layer in scene.at(0).layers:
         name = f"{layer.name}: " * bool(layer.name)
         for key, volume in layer.volumes.items():
-            has_weight = key == "volume" and bool(scene.volumes)
+            has_weight = key == "volume" and scene.has_list
             yield key, f"{name}{_source(volume)}{f', weight {layer.weight:g}' * has_weight}"
-    if scene.volumes:
+    if scene.has_list:
         yield "blend", scene.blend
 
 
-def _advice(scene: Scene) -> str | None:
-    """Return what to say where the scene asks for far more than the format of its film keeps."""
+def _advice(scene: FilmScene) -> str | None:
+    """Return a note where the scene asks for a far higher accuracy than the format of its film keeps."""
     goal = scene.error.goal
-    if scene.splat.footprint != "integrated" or isinstance(goal, (SplatBudget, TimeBudget)):
+    if scene.needs_opengl or isinstance(goal, (SplatBudget, TimeBudget)):
         return None
     wanted = typical_psnr(min_tolerance(scene.error)) if goal is None else psnr(wanted_error(goal))
     return finer_than_kept(wanted, typical_kept_psnr(scene.output))
@@ -209,7 +208,7 @@ def _source(volume: VolumeSpec) -> str:
     return f"{source.name}, {shape}"
 
 
-def _schedule(scene: Scene) -> str:
+def _schedule(scene: FilmScene) -> str:
     error, goal = scene.error, scene.error.goal
     if goal is None:
         wanted = f"tolerance {_schedule_text(error.tolerance)}"
@@ -217,16 +216,19 @@ def _schedule(scene: Scene) -> str:
         wanted = f"{goal.metric} {goal.value:g}" + " dB" * (goal.metric == "psnr")
     elif isinstance(goal, SplatBudget):
         num = _schedule_text(goal.value)
-        wanted = f"at most {num} {scene.splat.primitive_name}{'s' * (num != '1')}"
+        wanted = f"at most {num} {scene.primitive_name}{'s' * (num != '1')}"
     else:
         wanted = f"{_schedule_text(goal.value)} s a frame"
     return f"{error.measure}, {wanted}"
 
 
-def _schedule_text(scheduled: float) -> str:
-    """Return `2 to 0.02 to 2`: the first value, those where a schedule turns, and the last; the range of many turns."""
-    motion, turns = motion_of(scheduled), list[float]()
-    for value in motion.values if motion else [scheduled]:
+def _schedule_text(scheduled: float | Motion[float] | Motion[int]) -> str:
+    """Return `2 to 0.02 to 2`: the first value of a schedule, its turning points and its last value.
+
+    For a schedule with many turning points, return its range.
+    """
+    turns = list[float]()
+    for value in scheduled.values if isinstance(scheduled, Motion) else [scheduled]:
         if len(turns) > 1 and min(turns[-2], value) <= turns[-1] <= max(turns[-2], value):
             turns[-1] = value
         elif not turns or value != turns[-1]:

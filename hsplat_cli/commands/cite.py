@@ -18,11 +18,11 @@ from renderer.system import join_lines
 def cite(film: Path, reporter: Reporter) -> None:
     """Print how a film was made, for a paper, and BibTeX.
 
-    FILM is a film, the template of its numbered frames such as frames/{frame:04}.png, or the JSON file beside them,
-    which alone is read. A paragraph on methods says what was drawn, how, and how exact the file is.
+    FILM is a film, the template of its numbered frames such as frames/{frame:04}.png, or the JSON file beside them.
+    Only the JSON file is read. A paragraph on methods describes the volume, the drawing, and how exact the film is.
     """
     # Imported here to keep --help fast.
-    from renderer.job import bibtex, methods_text
+    from renderer.record import bibtex, methods_text
 
     path, record = read_film_record(film)
     reporter.result(join_lines([methods_text(record, path), "", *bibtex(record).splitlines()]))

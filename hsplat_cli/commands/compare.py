@@ -1,6 +1,6 @@
 """Run `hsplat compare GOLDEN ACTUAL`: compare frames with golden ones, for people and for CI.
 
-Exit codes: 0 all pass, 1 something differs, 2 they could not be compared (see `main.run`).
+Exit codes: 0 where all frames pass, 1 where one differs, 2 where they could not be compared (see `main.run`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _REPORT = OutputPath(dir_okay=False)
 
 
 def _parse_name(_: click.Context, parameter: click.Parameter, name: str) -> Path:
-    """Return a path; refuse an empty name, as of an unset variable, which would be the current folder."""
+    """Return a path; refuse an empty name, such as an unset variable gives: it would mean the current folder."""
     if not name:
         raise InputError("an empty name", where=parameter.human_readable_name, expected="a file or folder")
     return Path(name)
@@ -36,15 +36,15 @@ _SIDES = option_group(
     "limits",
     multiple=True,
     metavar="FIGURE=VALUE",
-    help="Another limit, such as largest=4 or flip=none; of largest, p99, flip, ssim, densest and bias.",
+    help="Change a limit: largest=4 or flip=none. The figures: largest, p99, flip, ssim, densest and bias.",
 )
 @click.option("--json", "json_file", type=_REPORT, metavar="FILE", help="Write the result of every frame as JSON.")
 @click.option("--junit", "junit_file", type=_REPORT, metavar="FILE", help="Write a JUnit report for CI systems.")
 @click.option("--html", "html_file", type=_REPORT, metavar="FILE", help="Write a page that shows the worst frames.")
 @takes_scene(
-    "Of a scene: compare only its goldens in this range.",
-    set_help="Of a scene: change a value.",
-    volume_help="Of a scene: take the volume from this file.",
+    "For a scene: compare only its goldens in this range.",
+    set_help="For a scene: change a value.",
+    volume_help="For a scene: take the volume from this file.",
     arguments=_SIDES,
 )
 @quiet_option(help="Print nothing unless a frame fails.")
@@ -64,7 +64,8 @@ def compare(
     GOLDEN and ACTUAL are two PNG pictures, two folders of them or templates such as frames/{frame:04}.png, or two
     films. A file compare.yaml beside the goldens may set limits.
 
-    Or they are a scene and a folder of goldens that `hsplat golden` made: then the frames are drawn again and compared.
+    They may also be a scene and a folder of goldens that `hsplat golden` made: then the frames are drawn again and
+    compared.
     """
     # Imported here to keep --help fast.
     from hsplat_cli.compare import ReportFiles, compare_frames, comparison_table

@@ -18,10 +18,10 @@ from renderer.errors import InputError
 @takes_scene("Only these frames, as a Python slice: ::10, 7, -1. [default: all; in an update the golden frames]")
 @click.argument("folder", type=OutputPath())
 @click.option("--date", metavar="TEXT", help="Record this date for the frames that are drawn, such as 2026-11-21.")
-@click.option("--update", is_flag=True, help="List what has changed, and overwrite the goldens.")
+@click.option("--update", is_flag=True, help="List the changes, and overwrite the goldens.")
 @click.option("--yes", is_flag=True, help="With --update: do not ask.")
 @click.option("--prune", is_flag=True, help="With --update: remove goldens of frames that are not requested.")
-@quiet_option(help="Print only errors, and what a question is about.")
+@quiet_option(help="Print only errors, and the changes before a question.")
 def golden(
     request: SceneRequest,
     *,
@@ -34,8 +34,8 @@ def golden(
 ) -> None:
     """Keep frames of a scene to compare later ones with.
 
-    FOLDER gets frame-0000.png and so on, and golden.json, which records what they were drawn from. `hsplat compare
-    SCENE FOLDER` draws them again and compares. SCENE may be the JSON file beside a film.
+    FOLDER gets frame-0000.png and so on, and golden.json, which records their scene and volume. `hsplat compare SCENE
+    FOLDER` draws the frames again and compares them. SCENE may be the JSON file beside a film.
     """
     for option, is_given in (("--yes", yes), ("--prune", prune)):
         if is_given and not update:
@@ -52,7 +52,7 @@ def golden(
 
 
 def _confirm_overwrite(reporter: Reporter) -> bool:
-    """Ask the user. Raises InputError where nobody can answer."""
+    """Ask the user whether to overwrite the goldens. Raises InputError where nobody can answer."""
     if os.environ.get("CI", "").lower() not in ("", "0", "false"):
         reason = "CI is set in the environment"
     elif not sys.stdin.isatty():

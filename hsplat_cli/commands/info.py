@@ -22,15 +22,22 @@ from renderer.scene import FileSource, VolumeSpec, counted, load_scene, parse_ya
 from renderer.system import join_lines, printable
 
 if TYPE_CHECKING:
-    from renderer.suggest import Statistics, Suggestion
+    from renderer.statistics import Statistics
+    from renderer.suggest import Suggestion
     from renderer.volume import Float64, Volume
 
-_COLUMNS, _ROWS = 64, 8
-# What has a smaller part of the picture than of this, though more of the voxels, is hidden.
+# Width of the histogram, in characters.
+_COLUMNS = 64
+# Height of the histogram, in lines.
+_ROWS = 8
+# Share of the picture below which a material is marked as hidden, if its share of the voxels is above it.
 _HIDDEN = 0.01
-# The number of labels that are listed, unless as JSON.
+# Most labels that the text lists; JSON has all of them.
 _MAX_LABELS = 40
-_BLOCKS, _ASCII = " ▁▂▃▄▅▆▇█", " .:|#"
+# Characters for the heights of a histogram's bars, from empty to full.
+_BLOCKS = " ▁▂▃▄▅▆▇█"
+# The same for a terminal whose encoding lacks block characters.
+_ASCII = " .:|#"
 
 
 @click.command()
@@ -41,7 +48,8 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """Describe a volume: shape, place, values and histogram.
 
     VOLUME is a file, or a folder of slices. The last part of the output suggests a transfer function to paste into
-    a scene file, and says what it shows. Of a folder of several volumes it lists them, as of a scene file.
+    a scene file, and lists the materials that it shows. For a scene file or a folder of several volumes, info prints a
+    table of the volumes.
     """
     from renderer.suggest import Wish, read_in_colors, suggest_read
 
@@ -52,7 +60,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     named = [(str(each), volume_spec(each, reading)) for each in inside]
     is_scene = volume.suffix.lower() in (".yaml", ".yml")
     if is_scene:
-        layers = [(each.name or f"volumes.{k}", each.volumes) for k, each in enumerate(load_scene(volume).layers)]
+        layers = [(each.name or f"volumes.{k}", each.volumes) for k, each in enumerate(load_scene(volume).at(0).layers)]
         named = [(name + ".mask" * (key == "mask"), each) for name, of in layers for key, each in of.items()]
     if is_scene or len(named) > 1:
         rows = [_row(*each) for each in named]
@@ -71,7 +79,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
 
 
 def _row(name: str, volume: VolumeSpec) -> dict[str, str]:
-    """Return what a table of several volumes says of one, or in place of its shape why it cannot be read."""
+    """Return a volume's row of a table; if it cannot be read, the row has the reason in place of the shape."""
     from renderer.readers import find_volume
 
     row = {"volume": name, "format": "-", "type": "-"}
@@ -87,7 +95,7 @@ def _row(name: str, volume: VolumeSpec) -> dict[str, str]:
 
 
 def _time_facts(volume: Volume, spec: VolumeSpec) -> dict[str, Any] | None:
-    """Return the number of steps in time, from when to when, and the first and the last of their files; None of one."""
+    """Return the number of steps in time, their first and last time and file; None for a single step."""
     if volume.num_times == 1:
         return None
     steps = getattr(spec.source, "steps", ())
@@ -100,15 +108,15 @@ def _time_facts(volume: Volume, spec: VolumeSpec) -> dict[str, Any] | None:
 
 
 def _time_text(time: dict[str, Any]) -> str:
-    """Return `30 steps, 0 to 58 s, a_00.nrrd to a_29.nrrd`, as far as it is known."""
+    """Return `30 steps, 0 to 58 s, a_00.nrrd to a_29.nrrd`, without the parts that are not known."""
     moments = f"{_numbers(time['first_last'], ' to ')} {time['unit']}".strip()
     files = " to ".join(printable(Path(file).name) for file in time["files"])
     return ", ".join(filter(None, (counted(time["steps"], "step"), moments, files)))
 
 
 def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> dict[str, Any]:
-    """Return everything that is printed, as plain data."""
-    from renderer.suggest import rebin
+    """Return all facts about a volume, which are printed as text or as JSON."""
+    from renderer.statistics import rebin
 
     counts, edges = rebin(statistics, _COLUMNS)
     axes = volume.world_from_index[:3, :3]
@@ -150,7 +158,7 @@ def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> di
 
 
 def _label_table(volume: Volume, suggestion: Suggestion) -> list[dict[str, Any]]:
-    """Return a row for each label that is shown; its volume is in world units."""
+    """Return a row for each label that is shown, with its volume in cubic world units."""
     rows = []
     for shown in suggestion.visible:
         voxels = round(shown.voxels * volume.values.size)
@@ -162,8 +170,8 @@ def _label_table(volume: Volume, suggestion: Suggestion) -> list[dict[str, Any]]
 def describe_direction(axes: Float64) -> str:
     """Describe how the index axes, the columns of a float64 [3, 3], lie in the world.
 
-    `axis-aligned`, with the axes that are swapped or flipped; `oblique` if they are orthogonal but rotated; `sheared`.
-    Angles below a hundredth of a degree count as rounding errors.
+    The result begins with `axis-aligned`, followed by the axes that are swapped or flipped, with `oblique` for
+    orthogonal axes that are rotated, or with `sheared`. Angles below a hundredth of a degree count as rounding errors.
     """
     import numpy as np
 
@@ -226,14 +234,14 @@ def _fact_lines(facts: dict[str, Any], marks: str) -> list[str]:
 
 
 def _channel(number: int, channel: dict[str, Any]) -> str:
-    """Return the number of a component, and what the file says of it: name, colour and window."""
+    """Return the number of a component, and the name, colour and window that its file states."""
     color = channel["color"] and "#" + "".join(f"{round(255 * part):02x}" for part in channel["color"])
     window = channel["window"] and _numbers(channel["window"], " to ")
     return " ".join(filter(None, (f"{number}:", printable(channel["name"]), color, window)))
 
 
 def _suggestion_lines(suggestion: Suggestion, facts: dict[str, Any]) -> Iterator[str]:
-    from renderer.suggest import format_percent
+    from renderer.statistics import format_percent
 
     yield ""
     yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
@@ -250,8 +258,8 @@ def _suggestion_lines(suggestion: Suggestion, facts: dict[str, Any]) -> Iterator
 
 
 def _label_lines(table: list[dict[str, Any]], num_voxels: int) -> Iterator[str]:
-    """Yield a line for each label; the largest alone if there are very many."""
-    from renderer.suggest import format_percent
+    """Yield a line for each label; if there are more than _MAX_LABELS, for the largest ones."""
+    from renderer.statistics import format_percent
 
     is_long, is_named = len(table) > _MAX_LABELS, any(label["name"] for label in table)
     rows = [["label", "name", "voxels", "volume", "picture"]]
@@ -274,7 +282,7 @@ def _histogram_marks() -> str:
 
 
 def _histogram(facts: dict[str, Any], marks: str) -> list[str]:
-    """Return bars of `log1p(count)`, the highest _ROWS high, with the counts at the left and the values below."""
+    """Return the lines of a histogram of `log1p(count)`, with counts at the left of its bars and values below them."""
     import numpy as np
 
     counts = np.array(facts["histogram"]["counts"])

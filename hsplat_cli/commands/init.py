@@ -74,7 +74,7 @@ def _tell_faults(request: SceneRequest, reporter: Reporter) -> None:
 
 
 def _require_output(output: Path, *, force: bool) -> None:
-    """Raise InputError unless a scene can be written; its folder is not made for a volume that may be unreadable."""
+    """Raise InputError unless a scene can be written here; a missing folder is an error, and is not made."""
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(
             "the output of init is a scene",

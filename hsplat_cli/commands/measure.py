@@ -15,12 +15,12 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import OutputPath, Reporter
 from renderer.errors import InputError
 from renderer.film import WrittenFiles
-from renderer.scene import AnnotationSpec
+from renderer.scene import AnnotationSpec, Scene
 
-# Options of a sweep and its report, which a search for one tolerance does not have.
+# Options of a sweep and its report; a search for one tolerance (--want) refuses them.
 _SWEEP_OPTIONS = ("output", "tolerances", "footprints", "measures", "corrections", "repeats")
-_WANT_HINT = "--want searches with the scene's own footprint and error measure; change those with --set"
-# What needs whole exact pictures and several passes.
+_WANT_HINT = "--want searches with the scene's own footprint and error measure; change them with --set"
+# Options that need whole exact pictures and several passes (--thorough).
 _THOROUGH_OPTIONS = ("footprints", "measures", "corrections", "repeats")
 _THOROUGH_HINT = (
     "add --thorough; without it the scene's own footprint and error measure are drawn once, and judged by rays"
@@ -44,7 +44,7 @@ _THOROUGH_HINT = (
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
     default=1e-5,
     show_default=True,
-    help="How well the truth converges.",
+    help="Integrate the truth until no channel of a pixel changes by more.",
 )
 @click.option("--thorough", is_flag=True, help="Compare with whole exact pictures, and not with a few exact rays.")
 @click.option("--want", metavar="METRIC=VALUE", help="Only find the tolerance for psnr=38 (or rmse, ssim, flip).")
@@ -60,13 +60,13 @@ def measure(
     reporter: Reporter,
     **sweep_options: Any,
 ) -> None:
-    """Measure what a scene costs and how near to the truth it comes.
+    """Measure the cost and the accuracy of a scene.
 
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
     given = load_job(request, "nothing")
-    job, numbers = replace(given.scene, annotation=AnnotationSpec()), given.frames  # lines are no error
-    sweep = parse_sweep(job, **sweep_options)
+    job, numbers = given.scene.changed(_without_annotation), given.frames  # lines are no error
+    sweep = parse_sweep(job.at(0), **sweep_options)
     if want is not None:
         # Imported here to keep --help fast.
         from hsplat_cli.measure import print_tolerance
@@ -76,7 +76,7 @@ def measure(
         return
     if not thorough:
         _reject_options("needs --thorough", _THOROUGH_OPTIONS, _THOROUGH_HINT)
-        sweep, repeats = replace(sweep, errors=(job.error,), splats=(job.splat,)), 0  # the first pass is timed
+        sweep, repeats = replace(sweep, errors=(job.error,), splats=(job.at(0).splat,)), 0  # the first pass is timed
     from hsplat_cli.measure import PAGE_FILE, REPORT_FILES, StudyRequest, run_study
     from hsplat_cli.reports import require_own_page
 
@@ -89,8 +89,12 @@ def measure(
     run_study(request_, reporter)
 
 
+def _without_annotation(scene: Scene) -> Scene:
+    return replace(scene, annotation=AnnotationSpec())
+
+
 def _reject_options(why: str, names: Sequence[str], hint: str) -> None:
-    """Raise InputError for an option that would have no effect."""
+    """Raise InputError where one of these options, which would have no effect, is given."""
     source = click.get_current_context().get_parameter_source
     given = [name for name in names if source(name) == click.core.ParameterSource.COMMANDLINE]
     if given:

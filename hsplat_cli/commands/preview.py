@@ -1,4 +1,4 @@
-"""Run `hsplat preview SCENE|VOLUME`: show a scene, or what is suggested for a volume, on one page."""
+"""Run `hsplat preview SCENE|VOLUME`: show a scene, or the suggested scene of a volume, on one page."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def preview(*, source: Path, page: Path | None, watches: bool, serve: bool, repo
     """Show a scene or a volume on one page, before its film is made.
 
     SCENE is a YAML file, or the JSON file beside a film; VOLUME a file, or a folder of slices, whose scene is
-    suggested. The page needs no network: frames of the film, the object as it turns, histograms with what is seen of
-    them, slices, and variants with the lines that make them. The other options are those of turntable, for a VOLUME.
-    With --watch it shows one picture of a SCENE, coarse at once and then finer, until Ctrl-C.
+    suggested. The page shows frames of the film, the object as it turns, histograms with the visible values marked,
+    slices, and variants with the lines that make them; it needs no network. For a VOLUME, the other options are as for
+    turntable. With --watch the page shows one picture of a SCENE, coarse at once and then finer, until Ctrl-C.
     """
     request = SceneRequest(source, options.pop("overrides"), options.pop("volume"))
     if source.suffix.lower() in (".yaml", ".yml", ".json"):
@@ -100,7 +100,7 @@ def _watch(request: SceneRequest, page: Path, *, serve: bool, reporter: Reporter
 
 
 def _known_inputs(request: SceneRequest) -> list[Path]:
-    """Return the files that a scene names now, as far as it can be read: mistakes in it are shown on the page."""
+    """Return the files that a scene names; only its own file if it has mistakes, which the page will show."""
     with contextlib.suppress(HsplatError):
         return [*load_job(request, "nothing", reads="nothing").input_files()]
     return [request.path]

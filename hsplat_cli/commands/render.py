@@ -20,9 +20,9 @@ from renderer.errors import InputError
 @click.option("--output", metavar="FILE", help="Write to this film, {frame}.png or, for one, .png.")
 @click.option("--progressive", is_flag=True, help="Draw a coarse film first, then finer ones in its place.")
 @click.option("--time-limit", metavar="TIME", help="With --progressive: refine no longer than 90s, 10m or 1h30m.")
-@click.option("--best-effort", is_flag=True, help="Exit with 0 even if less than what was requested is reached.")
+@click.option("--best-effort", is_flag=True, help="Exit with 0 even if the requested accuracy is not reached.")
 @executor_options
-@click.option("--force", is_flag=True, help="Draw again what is finished.")
+@click.option("--force", is_flag=True, help="Draw again, even if frames or the film are finished.")
 @quiet_option()
 def render(
     request: SceneRequest,
@@ -53,10 +53,10 @@ def render(
     from renderer.job import Refinement, make_film, one_pass
 
     passes = Refinement(math.inf if limit is None else limit, best_effort) if progressive else one_pass
-    with FilmEvents(reporter, job.scene.splat.primitive_name) as events:
-        film = make_film(job, partial(open_executor, executor, reporter), passes, events, resumes=not force)
-    report_film(film, reporter)
-    if film.shortfall is not None:
+    with FilmEvents(reporter, job.scene.primitive_name) as events:
+        result = make_film(job, partial(open_executor, executor, reporter), passes, events, resumes=not force)
+    report_film(result, reporter)
+    if result.shortfall is not None:
         if not best_effort:
-            raise film.shortfall
-        reporter.note(f"{film.shortfall.what}: {film.shortfall.got}, not {film.shortfall.expected}")
+            raise result.shortfall
+        reporter.note(f"{result.shortfall.what}: {result.shortfall.got}, not {result.shortfall.expected}")

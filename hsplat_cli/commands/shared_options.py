@@ -1,11 +1,10 @@
-"""Options that several commands share."""
+"""Declares the options that several commands share."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import partial, wraps
 from pathlib import Path
-from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -14,7 +13,8 @@ from hsplat_cli.scenes import SceneRequest
 from hsplat_cli.terminal import Reporter, option_group
 from renderer.errors import InputError
 
-FILE = click.Path(path_type=Path, readable=False)  # not checked by click, whose messages differ from ours
+# The type of a file that is read. click does not check it: its messages differ from ours.
+FILE = click.Path(path_type=Path, readable=False)
 _SCENE = click.argument("scene", type=FILE)
 
 
@@ -32,11 +32,11 @@ def takes_scene(
     *,
     set_help: str = "Change a value: --set error.tolerance=0.2",
     volume_help: str = "Take the volume from this file.",
-    arguments: Callable[[Any], Any] = _SCENE,
+    arguments: Callable[[Callable[..., None]], Callable[..., None]] = _SCENE,
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return a decorator of a command: it declares a scene with its options, which the command gets as one request.
+    """Return a decorator that declares a scene and its options, and hands them to the command as one SceneRequest.
 
-    arguments: declares `scene`, and arguments that stand beside it.
+    arguments: declares the argument `scene`, and other arguments of the command.
     """
     options = option_group(
         arguments,
@@ -48,7 +48,7 @@ def takes_scene(
     def declare(command: Callable[..., None]) -> Callable[..., None]:
         @wraps(command)
         def with_request(
-            *, scene: Path, overrides: tuple[str, ...], frames: str | None, volume: Path | None, **others: Any
+            *, scene: Path, overrides: tuple[str, ...], frames: str | None, volume: Path | None, **others: object
         ) -> None:
             command(SceneRequest(scene, overrides, volume, frames), **others)
 
@@ -58,7 +58,7 @@ def takes_scene(
 
 
 def require_none_of(options: Iterable[str], hint: str) -> None:
-    """Raise InputError where one of these options is given, which are for a volume without a scene."""
+    """Raise InputError where one of these options is given; they are for a volume without a scene."""
     context = click.get_current_context()
     for name in options:
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:

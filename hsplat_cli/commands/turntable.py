@@ -29,7 +29,7 @@ from renderer.suggest import FilmOptions
     type=OutputPath(file_okay=False),
     required=True,
     metavar="FOLDER",
-    help="Where scenes and films go.",
+    help="Write scenes and films into this folder.",
 )
 @click.option(
     "--format", "kind", type=click.Choice([suffix[1:] for suffix in FORMATS]), default="mp4", show_default=True
@@ -41,7 +41,9 @@ from renderer.suggest import FilmOptions
     metavar="FILE",
     help="Give all volumes the look of this scene: transfer function, light, clip, camera, annotation, outputs.",
 )
-@click.option("--match", "reference", type=FILE, metavar="FILE", help="Match values with those of this volume.")
+@click.option(
+    "--match", "reference", type=FILE, metavar="FILE", help="Match the scene's values, which belong to this volume."
+)
 @film_options
 @volume_options()
 @executor_options
@@ -66,11 +68,12 @@ def turntable(
 
     Each VOLUME is a file, a folder of slices or of volumes, or a pattern such as 'scans/*.nrrd'. FOLDER gets NAME.yaml,
     a scene with a transfer function that suits the values, to be edited; NAME.mp4; turntable.json, which lists the
-    result of each; and index.html, which shows all of them. A volume that fails does not stop the others; the exit code
-    is then 1, or 2 if wrong inputs and locked outputs were the only reasons.
+    result for each volume; and index.html, which shows all films. A volume that fails does not stop the others; the
+    exit code is then 1, or 2 if wrong inputs and locked outputs were the only reasons.
 
-    With --scene all have the look of a scene, each framed on its own. Its values may be percentiles (relative: true);
-    with --match they are those of a reference, and are shifted and scaled to each volume by their histograms.
+    With --scene all films have the look of a scene, each framed on its own. Its values may be percentiles (relative:
+    true). With --match its values belong to a reference volume, and are shifted and scaled to each volume by comparing
+    histograms.
     """
     require_scheduler(scheduler)
     if options["background"] == "transparent" and not FORMATS[f".{kind}"].has_alpha:
@@ -110,9 +113,9 @@ def turntable(
 
 
 def _shared_look(look: Path | None, reference: Path | None) -> SharedLook | None:
-    """Return the look of all volumes, if there is one. Raises InputError for options that contradict it."""
+    """Return the look that all volumes share, or None. Raises InputError for options that contradict it."""
     if look is None and reference is not None:
-        hint = "--scene names a scene whose values are those of this volume"
+        hint = "--scene names a scene with values of this volume"
         raise InputError("needs --scene", where=f"--match {reference}", hint=hint)
     if look is None:
         return None
@@ -121,13 +124,13 @@ def _shared_look(look: Path | None, reference: Path | None) -> SharedLook | None
 
 
 def _given(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those options that are on the command line."""
+    """Return the options that are on the command line."""
     source = click.get_current_context().get_parameter_source
     return {name: value for name, value in options.items() if source(name) is ParameterSource.COMMANDLINE}
 
 
 def _as_arguments(options: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the command line of parsed options: `frames=30` becomes `--frames=30`; None and False are left out."""
+    """Yield parsed options as arguments: `frames=30` becomes `--frames=30`; None and False are left out."""
     for name, value in options.items():
         flag = "--" + name.replace("_", "-")
         if value is True:

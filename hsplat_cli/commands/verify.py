@@ -1,6 +1,6 @@
 """Run `hsplat verify FILM`: verify a finished film by its files, its sidecar and fresh exact rays.
 
-Exit codes: 0 all is right, 1 something differs, 2 it could not be verified (see `main.run`).
+Exit codes: 0 where all is right, 1 where something differs, 2 where the film could not be verified (see `main.run`).
 """
 
 from __future__ import annotations
@@ -17,18 +17,21 @@ from hsplat_cli.scenes import load_film
 from hsplat_cli.terminal import FilmEvents, OutputPath, Reporter
 from renderer.errors import HsplatError, Problem
 from renderer.scene import counted
-from renderer.system import join_lines
+from renderer.system import join_lines, num_cores
 
 if TYPE_CHECKING:
-    from renderer.job import FilmFiles, FilmJob, VerifiedFilm
+    from renderer.job import FilmJob
+    from renderer.record import FilesCheck, FinishedFilm, PicturesCheck
 
+# The name that stands for the standard output.
 _STDOUT = Path("-")
+# Most problems that the text lists; JSON has all of them.
 _MAX_LINES = 20
 
 
 @click.command()
 @click.argument("film", type=FILE)
-@click.option("--volume", type=FILE, metavar="FILE", help="Where the volume is now, if it was moved.")
+@click.option("--volume", type=FILE, metavar="FILE", help="Take the volume from this file, if it was moved.")
 @click.option(
     "--precision",
     type=click.FloatRange(0.01, 100),
@@ -42,7 +45,7 @@ _MAX_LINES = 20
     type=click.IntRange(1),
     default=1,
     show_default=True,
-    help="Of the choice of pixels; another one gives other rays.",
+    help="Choose other pixels for the exact rays by another number.",
 )
 @click.option(
     "--json",
@@ -57,31 +60,40 @@ def verify(
 ) -> None:
     """Verify a film by its sidecar; exit with 1 where it differs.
 
-    FILM is a film, the template of its numbered frames such as frames/{frame:04}.png, or the JSON file beside them. It
-    is compared with that file: whether all of it is there and unchanged, whether it is of this volume, and how exact it
-    is by fresh exact rays. Nothing is drawn, and no other file than that of --json is written.
+    FILM is a film, the template of its numbered frames such as frames/{frame:04}.png, or the JSON file beside them.
+    verify tests whether all files that the JSON file records are there and unchanged, whether the volume is the one it
+    records, and how exact the film is by fresh exact rays. Nothing is drawn, and only the file of --json is written.
     """
     # Imported here to keep --help fast.
-    from renderer.job import RayOptions, verify_files, verify_film
+    from renderer.frame import read_film_volumes
+    from renderer.job import open_job_stage
+    from renderer.record import RayOptions, verify_files, verify_pictures
 
     job = load_film(film, volume)
-    assert job.original is not None, "a film has a sidecar"
+    original = job.original
+    assert original is not None, "a film has a sidecar"
     _prepare_report(json_file, job)
-    files = verify_files(job.original, job.scene.output)
+    files = verify_files(original, job.scene.output)
+    options = RayOptions(num_cores(), seed, precision)
     try:
-        with FilmEvents(reporter, job.scene.splat.primitive_name) as events:
-            verified = verify_film(job, job.original, files, RayOptions(seed, precision), events)
+        with (
+            FilmEvents(reporter, job.scene.primitive_name) as events,
+            open_job_stage(job, read_film_volumes(job.scene)) as stage,
+        ):
+            pictures = verify_pictures(original, stage, files, options, events)
     except HsplatError as error:
-        _write_report(json_file, {**_facts(job, files.problems), "passes": False, "error": str(error)}, reporter)
+        _write_report(
+            json_file, {**_facts(job, original, files.problems), "passes": False, "error": str(error)}, reporter
+        )
         if json_file != _STDOUT and files.problems:
             reporter.result(_problem_lines(files.problems))
         raise
-    problems = [*files.problems, *verified.problems]
-    _write_report(json_file, _facts(job, problems) | _measured_facts(files, verified), reporter)
+    problems = [*files.problems, *pictures.problems]
+    _write_report(json_file, _facts(job, original, problems) | _measured_facts(files, pictures), reporter)
     if json_file != _STDOUT:
         show = reporter.result if problems else reporter.line
-        show(f"{job.scene.output.file}: {'; '.join(_summary(job, files, verified))}")
-        for note in [*files.notes, *verified.notes]:
+        show(f"{job.scene.output.file}: {'; '.join(_summary(job, files, pictures))}")
+        for note in [*files.notes, *pictures.notes]:
             reporter.note(note)
         if problems:
             show(_problem_lines(problems))
@@ -89,21 +101,21 @@ def verify(
         raise click.exceptions.Exit(1)
 
 
-def _summary(job: FilmJob, files: FilmFiles, verified: VerifiedFilm) -> Iterator[str]:
+def _summary(job: FilmJob, files: FilesCheck, pictures: PicturesCheck) -> Iterator[str]:
     """Yield `whole, 120 frames`, `of this volume`, `file PSNR 43.6 dB (43.3 to 43.9), 7680 rays`."""
-    from renderer.job import accuracy_text
+    from renderer.record import accuracy_text
 
     num = len(job.frames)
     yield "not whole" if files.problems else f"whole, {counted(num, 'frame')}"
     yield "of this volume"
-    if verified.measured is not None:
-        accuracy, num_measured = verified.measured.accuracy, verified.measured.num_frames
+    if pictures.measured is not None:
+        accuracy, num_measured = pictures.measured.accuracy, pictures.measured.num_frames
         through = f" through {counted(num_measured, 'frame')}" * (num_measured < num)
         yield f"{accuracy_text(accuracy)}, {accuracy.rays} rays{through}"
 
 
 def _problem_lines(problems: Sequence[Problem]) -> str:
-    """Return a line for each problem, of many the first ones."""
+    """Return a line for each of the first _MAX_LINES problems, and the number of the others."""
     lines = [
         ": ".join(filter(None, (each.location, each.what, each.got)))
         + (f" (expected: {each.expected})" if each.expected else "")
@@ -117,7 +129,7 @@ def _problem_lines(problems: Sequence[Problem]) -> str:
 
 
 def _prepare_report(path: Path | None, job: FilmJob) -> None:
-    """Refuse a name that is not that of a report, or of what is read, before the work begins."""
+    """Refuse, before the work begins, a name that no report may have, or that a file of the film or its inputs has."""
     if path is None or path == _STDOUT:
         return
     from hsplat_cli.compare import ReportFiles
@@ -137,13 +149,12 @@ def _write_report(path: Path | None, facts: dict[str, Any], reporter: Reporter) 
         write_staged(path, content)
 
 
-def _facts(job: FilmJob, problems: Sequence[Problem]) -> dict[str, Any]:
-    """Return what is known without the volume, as plain data."""
-    assert job.original is not None
+def _facts(job: FilmJob, original: FinishedFilm, problems: Sequence[Problem]) -> dict[str, Any]:
+    """Return the facts that are known without the volume, as plain data."""
     return {
         "passes": not problems,
         "film": str(job.scene.output.file),
-        "sidecar": str(job.original.path),
+        "sidecar": str(original.path),
         "frames": len(job.frames),
         "problems": [
             {"where": each.location, "what": each.what, "got": each.got, "expected": each.expected, "hint": each.hint}
@@ -152,11 +163,11 @@ def _facts(job: FilmJob, problems: Sequence[Problem]) -> dict[str, Any]:
     }
 
 
-def _measured_facts(files: FilmFiles, verified: VerifiedFilm) -> dict[str, Any]:
-    from renderer.job import record_to_json
+def _measured_facts(files: FilesCheck, pictures: PicturesCheck) -> dict[str, Any]:
+    from renderer.record import record_to_json
 
-    measured = verified.measured
-    facts: dict[str, Any] = {"notes": [*files.notes, *verified.notes]}
+    measured = pictures.measured
+    facts: dict[str, Any] = {"notes": [*files.notes, *pictures.notes]}
     if measured is not None:
         facts |= {"accuracy": record_to_json(measured.accuracy), "is_precise": measured.is_precise}
         facts |= {"measured_frames": measured.num_frames}

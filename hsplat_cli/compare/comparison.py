@@ -1,4 +1,4 @@
-"""Compare frames given by two paths, for the command line and for tests."""
+"""Compares frames that two paths name, for the command line and for tests."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from renderer.errors import HsplatError, InputError
 from renderer.film import folder_files
 from renderer.system import join_lines
 
-# A scene, or the sidecar of a film.
+# Suffixes of a scene, or of the sidecar of a film.
 _SCENE_SUFFIXES = (".yaml", ".yml", ".json")
 
 
@@ -39,7 +39,7 @@ def compare_frames(
     """Compare two paths and write the reports.
 
     request, actual: two paths as in `open_pairs`; or a scene, or the sidecar of a film, and the folder of its goldens.
-    level, limits: as for `--level` and `--limit`, or the `option_names`.
+    level, limits: the values of `--level` and `--limit`. option_names: their names in messages.
 
     Raises HsplatError if they cannot be compared.
     """
@@ -81,7 +81,7 @@ def _reject_scene_options(request: SceneRequest, actual: Path) -> None:
 
 
 def _input_files(request: SceneRequest, actual: Path) -> Iterator[Path]:
-    """Yield all files that a comparison may read, also in the wrong order; no volume of a scene that is wrong."""
+    """Yield all files that a comparison may read, in either order of the sides, except for volumes of a wrong scene."""
     for side in (request.path, actual):
         if _is_scene(side):
             with contextlib.suppress(HsplatError):
@@ -98,7 +98,7 @@ def _is_scene(path: Path) -> bool:
 def _compare(
     pairs: Pairs, rules: Rules, reports: ReportFiles, reporter: Reporter, names: tuple[str, str]
 ) -> Comparison:
-    """Compare all pairs and write the reports; names: of both sides."""
+    """Compare all pairs and write the reports. names: of the golden and the actual side."""
     rules.require_frames(pairs.names)
     gallery, outcomes = Gallery(), []
     with reporter.progress(len(pairs.names), label="comparing") as bar:
@@ -122,9 +122,9 @@ def require_match(
     limits: Mapping[str, float | None] | None = None,
     html: str | Path | None = None,
 ) -> None:
-    """Raise AssertionError, with the table of `hsplat compare`, if frames differ by more than they may.
+    """Raise AssertionError, with the table of `hsplat compare`, if frames exceed their limits.
 
-    The arguments are those of the fixture in `pytest_plugin`.
+    The arguments are as for the fixture in `pytest_plugin`.
     """
     __tracebackhide__ = True  # pytest shows the line of the test
     overrides = [f"{figure}={'none' if limit is None else limit}" for figure, limit in (limits or {}).items()]

@@ -1,4 +1,4 @@
-"""Render a comparison as an HTML page: the verdict, the error over the frames, the worst frames, and all frames."""
+"""Renders a comparison as an HTML page: the verdict, the error over the frames, the worst frames, and all frames."""
 
 from __future__ import annotations
 
@@ -27,24 +27,26 @@ from hsplat_cli.compare.strictness import STRICTNESSES, severity
 from hsplat_cli.reports import Axis, Chart, Curve, Tick, bytes_text, png_data_uri, render_page, round_numbers
 from renderer.film import Pixels
 
-# Longest side of a picture. Three fit side by side on a wide screen without scaling, which would blend a single wrong
-# pixel with its neighbours.
+# Longest side of a picture, in pixels. Three pictures fit side by side on a wide screen without scaling, which would
+# blend a single wrong pixel with its neighbours.
 PICTURE_PX = 512
-# Longest side of the enlarged crop around the pixel with the largest error.
+# Longest side of the enlarged crop around the pixel with the largest error, in pixels.
 CROP_PX = 48
-# Number of frames shown, of those that pass but are not the same, if no frame fails.
+# If no frame fails: most frames that are shown, among the frames that differ.
 NUM_PASSING_SHOWN = 6
-# Limits the size of all pictures on the page. Incompressible pictures of a frame take 4 MB: seven frames always fit.
+# Most bytes of all pictures on the page. Incompressible pictures of a frame take 4 MB: seven frames always fit.
 MAX_PICTURE_BYTES = 30_000_000
+# Factors on the difference that a reader of the page can choose.
 GAINS = (1, 10, 50)
-# The chart of errors: as wide as a figure on the page, so that its text is as large as the page's.
+# Width and height of the chart of errors, in pixels: as wide as a figure on the page, so that texts have one size.
 _SIZE = (864, 344)
-# The share of the range of frames by which the axis is longer, at each end.
+# Share of the range of frame numbers by which the axis is longer than the range, at each end.
 _MARGIN = 0.013
+# Most ticks of the axis of frame numbers.
 _MOST_TICKS = 11
-# From this number of frames on, points are small.
+# Number of frames from which on points are small.
 _MIN_DENSE_FRAMES = 200
-# Larger errors are drawn at this many decades above the limit.
+# Height of the chart above the limit, in decades; larger errors are drawn at its top.
 _MAX_DECADES = 4
 # Colour and dashes of the curve of each metric; the colour series-2 marks failures.
 _STYLES = (
@@ -87,7 +89,7 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         size=bytes_text(num_bytes),
         picture_px=PICTURE_PX,
         gains=GAINS,
-        default_gain=GAINS[-1] if largest * GAINS[-1] <= 255 else GAINS[-2],  # tells the errors of all frames apart
+        default_gain=GAINS[-1] if largest * GAINS[-1] <= 255 else GAINS[-2],  # the errors of all frames differ visibly
         metrics=[metric for name, metric in COMPARISON_METRICS.items() if any(name in o.figures for o in outcomes)],
         value_text=value_text,
         limit_text=limit_text,
@@ -101,9 +103,9 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
 
 
 def _plot_errors(comparison: Comparison) -> Chart:
-    """Lay out the chart of each limited metric as a share of its limit.
+    """Lay out the chart of each metric as a share of its limit.
 
-    Heights are linear up to the limit and logarithmic above it, so that near misses and large errors can both be read.
+    Heights are linear up to the limit and logarithmic above it, so that both near misses and large errors are legible.
     """
     outcomes = comparison.outcomes
     names = [name for name in COMPARISON_METRICS if any(name in outcome.figures for outcome in outcomes)]
@@ -136,8 +138,7 @@ def _plot_errors(comparison: Comparison) -> Chart:
             for name, (color, dash) in zip(names, _STYLES, strict=False)
         ],
         _CAPTION,
-        f"Errors of {len(outcomes)} frames as shares of their limits, of which {comparison.num_failing} fail: "
-        f"{metrics}",
+        f"Errors of {len(outcomes)} frames as shares of their limits; {comparison.num_failing} frames fail: {metrics}",
         marks=[(x, f"{o.name}: {o.why}") for x, o in zip(numbers, outcomes, strict=True) if not o.passes],
         size=_SIZE,
     )
@@ -147,12 +148,12 @@ def _plot_errors(comparison: Comparison) -> Chart:
 
 
 class GalleryPicture(NamedTuple):
-    """A picture of a frame.
+    """Holds a picture of a frame.
 
     kind: `golden` and `actual` are uint8 [h, w, 3 or 4], None for a side without the frame. `difference` is uint8
     [h, w, 3], None if nothing can be compared: red and blue are the steps, rounded up, by which the most different
     channel of a pixel is brighter or darker than in the golden; green is 0.
-    extent: words on the part of the frame that is shown; empty for all of it.
+    extent: words on the part of the frame that is shown; empty for the whole frame.
     """
 
     kind: str
@@ -162,12 +163,12 @@ class GalleryPicture(NamedTuple):
 
 @dataclass(frozen=True)
 class GalleryFrame:
-    """A frame on the page.
+    """Holds the pictures of a frame on the page.
 
-    pictures: golden, actual and difference, at most PICTURE_PX wide and high, and the same of CROP_PX pixels around the
-    worst one, unless the frame is small or nothing can be compared.
-    pixels_per_side: side of the block of frame pixels behind each pixel of the former; golden and actual show the
-    block's mean, the difference its largest error.
+    pictures: golden, actual and difference, reduced to at most PICTURE_PX pixels along a side; then the crops of
+    CROP_PX pixels around the worst pixel, unless the frame is small or nothing can be compared.
+    pixels_per_side: a pixel of a reduced picture stands for a block of this many frame pixels along each side; golden
+    and actual show the block's mean, the difference its largest error.
     worst: (x, y) of the first frame pixel with the largest error; None if nothing can be compared.
     """
 
@@ -178,14 +179,14 @@ class GalleryFrame:
 
 
 class Gallery:
-    """A collection of the pictures of the worst `max_frames` frames, of those that are not the same."""
+    """Collects the pictures of the worst `max_frames` frames that differ from their goldens."""
 
     def __init__(self, max_frames: int = 24) -> None:
         self._max_frames = max_frames
         self._frames: list[GalleryFrame] = []  # sorted, worst first
 
     def add(self, outcome: Outcome, pair: Pair) -> None:
-        """Add a frame; of equal ranks the earlier one comes first."""
+        """Add a frame; among frames of equal rank, the earlier one comes first."""
         is_full = len(self._frames) == self._max_frames
         if outcome.status == "same" or (is_full and outcome.rank >= self._frames[-1].outcome.rank):
             return
@@ -194,7 +195,7 @@ class Gallery:
 
     @property
     def gallery_frames(self) -> list[GalleryFrame]:
-        """Return the failing frames, worst first; if none fails, the NUM_PASSING_SHOWN closest to their limits."""
+        """Return the failing frames, worst first; if none fails, NUM_PASSING_SHOWN frames closest to their limits."""
         failing = [frame for frame in self._frames if not frame.outcome.passes]
         return failing or self._frames[:NUM_PASSING_SHOWN]
 

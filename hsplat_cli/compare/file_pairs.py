@@ -1,4 +1,4 @@
-"""Pair the frames of two pictures, folders, templates or films."""
+"""Pairs the frames of two pictures, folders, templates or films."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from renderer.film import (
     frame_path,
     sidecar_path_of_file,
 )
-from renderer.job import accuracy_text, parse_film_record
 from renderer.readers import natural_sort_key
+from renderer.record import accuracy_text, parse_film_record
 from renderer.scene import (
     FILM_SUFFIXES,
     FRAME_FIELD,
@@ -32,10 +32,15 @@ from renderer.scene import (
     nearest_file_hint,
 )
 
+# Suffixes of pictures that are not compared; a note says so.
 _OTHER_SUFFIXES = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 
-_FOLDER, _TEMPLATE, _PICTURE = "a folder", "a template of frames", "a PNG picture"
+# Kinds of a path, as messages name them.
+_FOLDER = "a folder"
+_TEMPLATE = "a template of frames"
+_PICTURE = "a PNG picture"
 _EXPECTED = "two folders or templates of PNG files, two PNG pictures, or two films in one format"
+# Most unreadable frames that a message lists.
 _MAX_ERRORS_SHOWN = 10
 
 
@@ -44,7 +49,7 @@ def open_pairs(golden: Path, actual: Path) -> Iterator[Pairs]:
     """Pair the frames of two paths. Raises InputError if nothing can be compared.
 
     Each path is a PNG picture; a folder, whose PNG files are paired by name; a template such as
-    `frames/{frame:04}.png`, whose files are paired by number, or by name with those of a folder; or a film, whose
+    `frames/{frame:04}.png`, whose files are paired by number, or by name with files of a folder; or a film, whose
     frames are paired by index.
     """
     kinds = _kind(golden), _kind(actual)
@@ -86,7 +91,7 @@ def _kind(path: Path) -> str:
 
 
 def _files_by_pair(golden: Path, actual: Path, kinds: tuple[str, str]) -> Sequence[dict[str, Path]]:
-    """Return the files of both sides by the name of their pair."""
+    """Return the files of each side, by the names of their pairs."""
     if kinds == (_TEMPLATE, _TEMPLATE):
         return [
             {frame_path(golden, number).name: path for number, path in _template_files(template).items()}
@@ -137,7 +142,7 @@ def _pattern(template: Path) -> re.Pattern[str]:
 
 
 def _ignored_notes(side: Path, compared: Collection[Path]) -> Iterator[str]:
-    """Return notes on pictures that are not compared although they look like frames."""
+    """Yield notes on pictures that are not compared although they look like frames."""
     if not side.is_dir():
         pattern = _pattern(side)
         others = [path for path in _entries(side.parent) if pattern.fullmatch(path.name) and path not in compared]
@@ -194,7 +199,7 @@ def _file_pairs(
 def read_pairs(
     names: Sequence[str], goldens: Mapping[str, Path], actuals: Mapping[str, Path], *, are_recorded: bool = False
 ) -> Iterator[Pair]:
-    """Read the pictures of both sides, by the name of their pair. are_recorded: as `is_recorded` of a Pair.
+    """Read the pictures of both sides, by the names of their pairs. are_recorded: as `is_recorded` of a Pair.
 
     Raises SceneError with all pictures that cannot be read.
     """
@@ -265,7 +270,7 @@ def _open_films(golden: Path, actual: Path) -> Iterator[Pairs]:
 
 
 def _recorded_accuracy(film: Path) -> str:
-    """Return how exact a film is by the sidecar beside it; empty where none says it."""
+    """Return the accuracy of a film by the sidecar beside it; an empty text where it is not recorded."""
     sidecar = sidecar_path_of_file(film, (), 0)
     try:
         record = parse_film_record(sidecar.read_bytes(), sidecar)

@@ -1,8 +1,8 @@
-"""Compare a picture of 8 bits with its golden frame, by several metrics.
+"""Compares a picture of 8 bits with its golden frame, by several metrics.
 
-Most metrics are in grey steps, of which a channel has 255. If a picture has alpha, a colour is weighted by its opacity,
-in the more opaque of both pictures, and alpha is a channel beside the colours. Premultiplied colours would count a
-change of alpha twice: a colour and an alpha that are each rounded by one step differently would differ by up to two.
+Most metrics are in grey steps; a channel has 255 of them. If the pictures have alpha, alpha is a channel beside the
+colours, and the error of a colour is weighted by the larger of both opacities. Premultiplied colours would count a
+change of alpha twice: if a colour and its alpha each differ by one step of rounding, they would differ by two steps.
 """
 
 from __future__ import annotations
@@ -16,17 +16,19 @@ from renderer.accuracy import REACH_PX, SSIM_WINDOW_PX, Metric, metric_map
 from renderer.film import Pixels
 from renderer.volume import Array, Float32, Int32
 
+# Side of the windows of the metric `densest`, in pixels.
 WINDOW_PX = 8
 
-_UNITS_PER_STEP = 255  # errors are exact in 255ths of a step: a step at an opacity of 1
-# Perceptual metrics are computed in squares of this size: all of a large picture would take gigabytes.
+# Units of error in a step at an opacity of 1. Errors weighted by 8-bit opacities are whole numbers in this unit.
+_UNITS_PER_STEP = 255
+# Side of the squares in which perceptual metrics are computed, in pixels: a large picture would take gigabytes at once.
 _BLOCK_PX = 256
 
 _Block = tuple[slice, slice]
 
 
 class FrameDifference:
-    """A difference of a picture, `actual`, from another of the same shape.
+    """Measures the difference of a picture, `actual`, from its golden, a picture of the same shape.
 
     Both are uint8 [h, w, 3] or, with straight alpha, [h, w, 4].
     """
@@ -50,7 +52,7 @@ class FrameDifference:
         return tuple((self._signed_errors.mean(axis=(0, 1)) / _UNITS_PER_STEP).tolist())
 
     def metrics(self, names: Iterable[str]) -> dict[str, float]:
-        """Compute these of COMPARISON_METRICS, in their order; without SSIM if a picture is smaller than its window.
+        """Compute the named metrics, in the order of COMPARISON_METRICS; SSIM only if the picture holds its window.
 
         FLIP needs the package flip-evaluator, SSIM scikit-image.
         """
@@ -68,9 +70,9 @@ class FrameDifference:
         return float(np.percentile(np.abs(self._signed_errors).max(axis=2), 99)) / _UNITS_PER_STEP
 
     def densest(self) -> float:
-        """Return the largest mean error of a channel in a square of WINDOW_PX pixels, or what fits of it.
+        """Return the largest mean error of a channel in a square window of WINDOW_PX pixels, cut to a smaller picture.
 
-        It shows many small errors that are close together.
+        It detects many small errors that are close together.
         """
         errors = np.abs(self._signed_errors)
         sums = [int(_sums_down(_sums_down(errors[..., channel]).T).max()) for channel in range(errors.shape[2])]
@@ -78,7 +80,7 @@ class FrameDifference:
         return float(max(sums) / (_UNITS_PER_STEP * height * width))
 
     def perceptual_metric(self, name: str) -> float:
-        """Return SSIM or FLIP of the pictures; of transparent ones over black or white, whichever is worse."""
+        """Return SSIM or FLIP of the pictures; for transparent pictures, the worse value over black and over white."""
         height, width, channels = self._golden.shape
         if name == "ssim" and min(height, width) < SSIM_WINDOW_PX:
             return math.nan
@@ -92,7 +94,7 @@ class FrameDifference:
         return float(abs(perfect - max(errors) / (height * width)))
 
 
-# In the order in which they are checked: the first one that exceeds its limit is given as the reason.
+# The metrics in the order in which they are checked: the first that exceeds its limit is the reason of a failure.
 _FUNCTIONS: dict[Metric, Callable[[FrameDifference], float]] = {
     Metric("largest", "largest error of a channel", "steps"): FrameDifference.largest,
     Metric("p99", "99th percentile of the pixels' largest errors", "steps"): FrameDifference.p99,
@@ -109,7 +111,7 @@ COMPARISON_METRICS = {metric.name: metric for metric in _FUNCTIONS}
 
 
 def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> Int32:
-    """Return actual minus golden, [h, w, 3 or 4], in 255ths of a step, which are exact."""
+    """Return actual minus golden, [h, w, 3 or 4], in 255ths of a step, in which errors are whole numbers."""
     errors: Int32 = actual.astype(np.int32) - golden
     if golden.shape[2] == 4:
         errors[..., :3] *= np.maximum(golden[..., 3:], actual[..., 3:])
@@ -120,7 +122,10 @@ def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> Int32:
 
 
 def _sums_down(values: Int32) -> Int32:
-    """Return the sums over every WINDOW_PX rows, or over all rows of fewer. Sums of both axes stay below 2^23."""
+    """Return the sums over each run of WINDOW_PX rows, or over all rows if there are fewer.
+
+    Sums along both axes stay below 2^23.
+    """
     num = min(WINDOW_PX, len(values))
     sums: Int32 = values[: len(values) - num + 1].copy()
     for first in range(1, num):
@@ -129,7 +134,7 @@ def _sums_down(values: Int32) -> Int32:
 
 
 def _blocks(height: int, width: int) -> Iterator[tuple[_Block, _Block]]:
-    """Yield the squares of a picture, each with a margin of REACH_PX, and the square's place in it."""
+    """Yield the squares of a picture, each with a margin of REACH_PX, and the place of the square within its margin."""
     for top in range(0, height, _BLOCK_PX):
         for left in range(0, width, _BLOCK_PX):
             y, x = max(top - REACH_PX, 0), max(left - REACH_PX, 0)

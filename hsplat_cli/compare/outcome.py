@@ -1,4 +1,4 @@
-"""Pairs of frames, the outcome of comparing them with their limits, and the text of errors and limits."""
+"""Defines pairs of frames and the outcomes of comparing them, and formats errors and limits."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from renderer.errors import InputError
 from renderer.film import Pixels
 from renderer.scene import counted, format_value
 
-# `same`: equal pixels. `close`: within the limits. All others fail.
+# `same`: equal pixels. `close`: within the limits. Frames of any other status fail.
 Status = Literal["same", "close", "different", "missing", "extra", "other size", "other channels"]
 _PASSES = ("same", "close")
+# The statuses in the words and in the order of summaries.
 _WORDS: dict[Status, str] = {
     "different": "different",
     "missing": "missing",
@@ -30,14 +31,16 @@ _WORDS: dict[Status, str] = {
     "same": "the same",
     "close": "close",
 }
+# Names of the kinds of pictures, by their number of channels.
 _KINDS = {3: "RGB", 4: "RGBA"}
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A golden frame and the actual one: uint8 [h, w, 3 or 4], straight alpha; None for a side without this frame.
+    """Holds a golden frame and the actual one: uint8 [h, w, 3 or 4], straight alpha; None for a side without the frame.
 
-    name: of the file, or `frame 12` of a film. is_recorded: a golden of None is missing, because it is recorded.
+    name: of the file, or `frame 12` of a film. is_recorded: whether golden.json lists the golden, so that a golden of
+    None is missing.
     """
 
     name: str
@@ -48,7 +51,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Pairs:
-    """All pairs of a comparison, read one at a time, in the order of `names`.
+    """Holds all pairs of a comparison, read one at a time, in the order of `names`.
 
     Iterating over `pairs` raises InputError if a frame cannot be read. notes, facts: as in Comparison.
     """
@@ -61,11 +64,11 @@ class Pairs:
 
 @dataclass(frozen=True)
 class Outcome:
-    """An outcome of one pair of frames.
+    """Holds the outcome of one pair of frames.
 
-    name: as in Pair. why: one sentence; every number in it has its metric, its unit and its limit.
+    name: as in Pair. why: the reason in one sentence; every number in it has its metric, its unit and its limit.
     limits: of this frame. figures: errors by the names of COMPARISON_METRICS; empty if nothing can be compared.
-    exceeded: metrics over their limits, the reason first.
+    exceeded: metrics over their limits; the first is the reason.
     bias: mean signed error of each channel, in steps, actual minus golden.
     """
 
@@ -90,16 +93,16 @@ class Outcome:
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """Sort key, worst first: failing frames before passing ones, then by severity."""
+        """Return a sort key, worst first: failing frames before passing ones, then by severity."""
         return (self.passes, -self.severity)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """An outcome of all pairs, at least one, in the order of their names.
+    """Holds the outcomes of all pairs, at least one, in the order of their names.
 
-    golden, actual: what was compared, as text. level: name of the strictness. notes: for the user. facts: both sides of
-    a fact such as the device, by its name: (golden, actual). other_limits: as in `Rules.other_limits`.
+    golden, actual: descriptions of both sides. level: name of the strictness. notes: for the user. facts: values of a
+    fact such as the device on both sides, (golden, actual), by its name. other_limits: as in `Rules.other_limits`.
     """
 
     golden: str
@@ -112,7 +115,7 @@ class Comparison:
 
     @property
     def strictness(self) -> str:
-        """Return the level, with the limits that replace its own."""
+        """Return the name of the level, with the limits that replace the level's own ones."""
         return f"{self.level} (with other limits: {'; '.join(self.other_limits)})" if self.other_limits else self.level
 
     @property
@@ -141,12 +144,12 @@ class Comparison:
 
     @property
     def worst_first(self) -> list[Outcome]:
-        """Return the outcomes by `Outcome.rank`, equal ones in the order of their names."""
+        """Return the outcomes sorted by `Outcome.rank`, then in the order of their names."""
         return sorted(self.outcomes, key=lambda outcome: outcome.rank)
 
     @cached_property
     def frame_numbers(self) -> Mapping[str, int]:
-        """Return the last number in each frame's name; empty unless the names differ in it alone."""
+        """Return the last number in each frame's name; empty if the names differ in more than this number."""
         names = [outcome.name for outcome in self.outcomes]
         found = {name: re.split("([0-9]{1,18})", name) for name in names}
         patterns = {(*parts[:-2], parts[-1]) if len(parts) > 1 else None for parts in found.values()}
@@ -231,6 +234,6 @@ def share_text(share: float) -> str:
 
 
 def _with_unit(name: str, text: str) -> str:
-    """Return a text that ends with a number, and the unit after it: `1 step`, `at most 4 steps`."""
+    """Return a text that ends with a number, followed by the metric's unit: `1 step`, `at most 4 steps`."""
     unit = COMPARISON_METRICS[name].unit
     return f"{text} {unit.removesuffix('s') if f' {text}'.endswith(' 1') else unit}".rstrip()

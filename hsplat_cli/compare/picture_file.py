@@ -1,4 +1,4 @@
-"""Read PNG files strictly, without the repairs and omissions of a decoder, which would go uncompared.
+"""Reads PNG files strictly: a decoder repairs and omits parts of a file, and a comparison would not notice it.
 
 Stored values are compared. Gamma, colour spaces and profiles (gAMA, sRGB, cHRM, iCCP) are ignored, and no picture is
 converted. Interlaced pictures are supported.
@@ -19,21 +19,25 @@ from renderer.errors import InputError
 from renderer.film import Pixels, decode_png, join_png_chunks, png_chunks
 from renderer.scene import read_bounded, require_file
 
-# The header's size is checked before memory is allocated. 8192 x 4096 pixels with alpha take 2 GB to compare.
+# Most pixels of a picture, checked in its header before memory is taken. Comparing 8192 x 4096 with alpha takes 2 GB.
 MAX_PIXELS = 2**25
-# Twice such a picture with alpha, uncompressed.
+# Most bytes of a file: twice the largest picture with alpha, uncompressed.
 MAX_FILE_BYTES = 2**28
 
 _EXPECTED = "a PNG file, 8-bit RGB or RGBA"
+# Names of PNG's colour types.
 _COLOR_TYPES = {0: "grey", 2: "RGB", 3: "palette", 4: "grey with alpha", 6: "RGBA"}
+# Number of channels of the colour types that are compared.
 _CHANNELS = {2: 3, 6: 4}
-# They change the picture that the channels hold, or add pictures.
+# Chunks that change the picture or add pictures; files with them are refused.
 _REFUSED_CHUNKS = {b"tRNS": "a transparent colour (tRNS)", b"acTL": "an animation (APNG)"}
-# Others may be skipped if their names begin with a lower-case letter (ISO/IEC 15948, 5.4).
+# Chunks that must be understood. Unknown chunks may be skipped if their names begin with a lower-case letter (ISO/IEC
+# 15948, 5.4).
 _KNOWN_CHUNKS = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
-# First column and row, and steps, of the passes of an interlaced picture (ISO/IEC 15948, 8.2).
+# First column, first row, and steps along both axes, of each pass of an interlaced picture (ISO/IEC 15948, 8.2).
 _ADAM7_PASSES = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
 
+# The first bytes of a file that Git LFS has not fetched.
 _LFS_POINTER = b"version https://git-lfs.github.com/"
 
 
@@ -45,14 +49,14 @@ def is_picture(name: str) -> bool:
 def read_picture(path: Path) -> Pixels:
     """Read a PNG file: uint8 [h, w, 3] or, with straight alpha, [h, w, 4].
 
-    Raises InputError for anything else: another format, 16 bits, a palette, grey, a file that is cut off or damaged,
-    more than MAX_PIXELS.
+    Raises InputError for any other file: another format, 16 bits, a palette, grey, a truncated or damaged file, more
+    than MAX_PIXELS pixels.
     """
     return decode_picture(file_content(path), path)
 
 
 def file_content(path: Path, max_bytes: int = MAX_FILE_BYTES, expected: str = _EXPECTED) -> bytes:
-    """Read a regular file of a limited size, by default a picture. Raises InputError."""
+    """Read a regular file of limited size, by default a picture. Raises InputError."""
     require_file(path, expected)
     return read_bounded(path, max_bytes, expected)
 
@@ -68,14 +72,14 @@ def decode_picture(content: bytes, path: Path) -> Pixels:
     if not _is_complete(data, shape, is_interlaced=is_interlaced):
         raise _damaged_error(path)
     try:
-        # Other chunks could change the picture or its cost.
+        # Decoded without its other chunks, which could change the picture or the cost of decoding.
         return decode_png(join_png_chunks([chunks[0], (b"IDAT", data), chunks[-1]]))
     except ValueError as error:
         raise _damaged_error(path) from error
 
 
 def _parse_header(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> tuple[tuple[int, int, int], bool]:
-    """Return height, width and channels, and whether rows are interlaced. Raises InputError if not supported."""
+    """Return (height, width, channels), and whether the picture is interlaced. Raises InputError if unsupported."""
     content, names = chunks[0][1], [name for name, _ in chunks]
     strange = [name for name in names if name[:1].isupper() and name not in _KNOWN_CHUNKS]
     if len(content) != 13 or names.count(b"IHDR") > 1 or strange:
@@ -99,7 +103,7 @@ def _parse_header(chunks: Sequence[tuple[bytes, bytes]], path: Path) -> tuple[tu
 
 
 def _is_complete(data: bytes, shape: tuple[int, int, int], *, is_interlaced: bool) -> bool:
-    """Return whether the data has exactly as many bytes as the picture, which decoders do not check."""
+    """Return whether the data has exactly as many bytes as the picture needs; decoders do not check that."""
     expected = 0
     height, width, channels = shape
     for x, y, dx, dy in _ADAM7_PASSES if is_interlaced else ((0, 0, 1, 1),):

@@ -1,6 +1,6 @@
-"""A pytest fixture that compares frames as `hsplat compare` does.
+"""Offers a pytest fixture that compares frames as `hsplat compare` does.
 
-pytest loads it wherever hsplat is installed, so it imports the rest only when it is used.
+pytest loads this file wherever hsplat is installed, so the fixture imports the rest of hsplat only when it is used.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import pytest
 
 @pytest.fixture(scope="session")
 def assert_frames_match() -> Callable[..., None]:
-    """Return a function that fails the test, with a table, if frames differ by more than they may.
+    """Return a function that fails the test, with a table, if frames exceed their limits.
 
     golden, actual: as on the command line: images, folders, templates or films, or a scene and its folder of goldens.
     level: replaces the file of limits beside the goldens. limits: by metric; None removes one.

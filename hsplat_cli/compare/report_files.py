@@ -1,6 +1,6 @@
-"""Report a comparison, worst frames first: as text for the terminal, and as files of JSON, JUnit XML and HTML.
+"""Reports a comparison, worst frames first: as text for the terminal, and as files of JSON, JUnit XML and HTML.
 
-Equal comparisons give equal text. Text is printable, except in JSON.
+Equal comparisons give equal reports. All texts are printable, except in JSON.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hsplat_cli.compare.comparison_html import Gallery, comparison_page
@@ -25,18 +25,20 @@ from renderer.film import WrittenFiles, locked_files, require_writable, staged_f
 from renderer.scene import MAX_SIDECAR_BYTES, counted, read_json_object
 from renderer.system import PrintableText, join_lines, printable
 
-# No frame or scene file has these suffixes, so that a typing mistake overwrites none of them.
+# Suffixes of each report. No frame or scene file has them, so that a typing mistake overwrites no such file.
 _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".htm"), "--output": (".html", ".htm")}
-# Only the worst failing frames are printed, so that they fit on a screen; files have all frames.
+# Most failing frames that the terminal shows, so that they fit on a screen; files have all frames.
 MAX_ROWS = 20
 
+# The fact whose difference explains small errors.
 _DEVICE = "device"
+# The strictness that allows for the differences between drivers.
 _LOOSEST = "cross-driver"
 
 
 @dataclass(frozen=True)
 class ReportFiles:
-    """A set of paths of the requested reports, by option."""
+    """Holds the paths of the requested reports, by option, and writes the reports."""
 
     paths: Mapping[str, Path]
 
@@ -64,7 +66,7 @@ class ReportFiles:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Lock the reports, whose missing folders are made; raises as `renderer.film.locked_files`."""
+        """Make missing folders and lock the reports. Raises the errors of `renderer.film.locked_files`."""
         for path in self.paths.values():
             with translate_os_errors(path):
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -72,7 +74,7 @@ class ReportFiles:
             yield
 
     def prepare(self) -> None:
-        """Remove the reports of an earlier comparison, which would be wrong if this one fails.
+        """Remove the reports of an earlier comparison, which must not stay if this one fails.
 
         Raises InputError or RenderError if one of them cannot be written.
         """
@@ -83,17 +85,17 @@ class ReportFiles:
             require_writable(path)
 
     def write(self, comparison: Comparison, gallery: Gallery) -> None:
-        """Write all reports, or none."""
+        """Write all reports; if one of them cannot be written, write none."""
         page = partial(comparison_page, gallery=gallery)
         self._write({"--json": comparison_json, "--junit": comparison_junit, "--html": page}, comparison)
 
     def write_failure(self, golden: Path, actual: Path, error: Exception) -> None:
-        """Report in JSON and JUnit, where requested, why nothing was compared."""
+        """Report the reason why nothing was compared, as JSON and JUnit where they are requested."""
         why = str(error) if isinstance(error, HsplatError) else f"{type(error).__name__}: {error}"
         self._write({"--json": failure_json, "--junit": failure_junit}, str(golden), str(actual), why)
 
-    def _write(self, makers: Mapping[str, Callable[..., str]], *contents: Any) -> None:
-        """Write the requested reports of those that can be made of these contents."""
+    def _write(self, makers: Mapping[str, Callable[..., str]], *contents: object) -> None:
+        """Write the requested reports among the given ones. makers: return the text of a report from the contents."""
         with staged_files() as write:
             for option, path in self.paths.items():
                 if option in makers:
@@ -164,8 +166,8 @@ def failure_json(golden: str, actual: str, why: str) -> str:
     return _json_text({"passes": False, "golden": golden, "actual": actual, "error": why})
 
 
-def _json_text(data: dict[str, Any]) -> str:
-    # ASCII can represent names with invalid UTF-8.
+def _json_text(data: dict[str, object]) -> str:
+    # In ASCII, which can represent names with invalid UTF-8.
     return f"{json.dumps(data, indent=2, allow_nan=False)}\n"
 
 
@@ -197,7 +199,7 @@ def _new_suite(name: str, num_tests: int, num_failures: int, num_errors: int) ->
 
 
 def failure_junit(golden: str, actual: str, why: str) -> str:
-    """Return a test suite with one error, for frames that cannot be compared; CI systems ignore a missing report."""
+    """Return a test suite with one error, for frames that cannot be compared: CI systems ignore a missing report."""
     name = printable(golden)
     root, suite = _new_suite(name, 1, 0, 1)
     case = SubElement(suite, "testcase", classname=name, name="could not be compared")

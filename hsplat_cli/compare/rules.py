@@ -1,4 +1,4 @@
-"""Read the limits of a comparison: a strictness, changed by a file beside the goldens and the command line.
+"""Reads the limits of a comparison: a strictness, changed by a file beside the goldens and by the command line.
 
 The file is called `compare.yaml`:
 
@@ -7,8 +7,8 @@ The file is called `compare.yaml`:
     frames:
       frame-0007.png: {largest: 8, flip: 0.02}
 
-A limit of the command line overrides that of the frame, which overrides `limits`, which overrides the level; `none`
-removes a limit. A level on the command line replaces the whole file. Frames of a film are called `frame 7`.
+A limit of the command line overrides the limit of the frame, which overrides `limits`, which overrides the level;
+`none` removes a limit. A level on the command line replaces the whole file. Frames of a film are called `frame 7`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from hsplat_cli.compare.frame_difference import COMPARISON_METRICS
 from hsplat_cli.compare.picture_file import file_content, is_picture
@@ -40,18 +39,20 @@ from renderer.scene import (
 LIMITS_FILE = "compare.yaml"
 _MISSPELLED_FILE = "compare.yml"
 DEFAULT_LEVEL = "same-machine"
-# Metrics that need another package: its name and the extra that installs it.
+# Metrics that need another package: the name of the package, and the extra that installs it.
 _PACKAGES = {"flip": ("flip_evaluator", "compare"), "ssim": ("skimage", "measure")}
 
-LimitChanges = Mapping[str, float | None]  # by the metric's name; None removes a limit
+# Changes of limits by the metric's name; None removes a limit.
+LimitChanges = Mapping[str, float | None]
 
 
 @dataclass(frozen=True)
 class Rules:
-    """A set of limits of all frames.
+    """Holds the limits of all frames.
 
-    level: of STRICTNESSES. limits: changes for all frames. frames: changes for some, by name. overrides: changes
-    for all frames, applied last. file: that names frames. places: of the names in the file. notes: for the user.
+    level: a key of STRICTNESSES. limits: changes for all frames. frames: changes for single frames, by name. overrides:
+    changes for all frames, applied last. file: the file of limits. places: the lines in it that name frames, by name.
+    notes: for the user.
     """
 
     level: str = DEFAULT_LEVEL
@@ -83,7 +84,7 @@ class Rules:
                 descriptions.append(f"{', '.join(others)} by {source}")
         num_frames = sum(self.limits_for(name) != self.limits_for("") for name in self.frames)
         if num_frames:
-            descriptions.append(f"those of {counted(num_frames, 'frame')} by {self.file}")
+            descriptions.append(f"limits of {counted(num_frames, 'frame')} by {self.file}")
         return descriptions
 
     def require_frames(self, names: Collection[str]) -> None:
@@ -104,7 +105,7 @@ def load_rules(
     """Load the rules from the file beside the goldens, if it exists, and from the command line.
 
     golden: a folder that may hold the file, or a file beside it. level: of the command line. overrides: `FIGURE=VALUE`.
-    option_names: of level and overrides, for messages.
+    option_names: the names of level and overrides in messages.
 
     Raises InputError if the file cannot be read, and SceneError with all problems in it or the command line.
     """
@@ -131,16 +132,16 @@ def load_rules(
     return rules
 
 
-def _limit(figure: Metric) -> schema.FieldType[Any]:
-    """Return the field of a limit: a number in the metric's range, or `none`, read as None."""
+def _limit(figure: Metric) -> schema.FieldType[float | None]:
+    """Return the field type of a limit: a number in the metric's range, or `none`, which is read as None."""
     plain = schema.number_field(minimum=0, maximum=255 if figure.unit == "steps" else 1)
     words = " ".join(filter(None, (plain.expected, figure.unit)))
     return replace(schema.word_or({"none": None}, plain, f"{words}, or none"), empty_hint="none removes a limit")
 
 
-_LEVEL: schema.FieldType[Any] = schema.choice_field(*STRICTNESSES)
+_LEVEL = schema.choice_field(*STRICTNESSES)
 _FIGURES = {name: _limit(figure) for name, figure in COMPARISON_METRICS.items()}
-_LIMITS: schema.FieldType[dict[str, Any]] = schema.section_field(_FIGURES, lambda _, given: given)
+_LIMITS: schema.FieldType[dict[str, float | None]] = schema.section_field(_FIGURES, lambda _, given: given)
 _FRAMES = schema.mapping_field(_LIMITS, "a mapping of frames to their limits", "a frame's name")
 
 

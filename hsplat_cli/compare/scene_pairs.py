@@ -1,4 +1,4 @@
-"""Render frames of a scene as `hsplat render` does, and pair its goldens with them, with notes on what has changed."""
+"""Renders frames of a scene as `hsplat render` does, pairs its goldens with them, and notes changes of the scene."""
 
 from __future__ import annotations
 
@@ -26,10 +26,12 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames
 from renderer.errors import InputError, RenderError
 from renderer.film import file_matches_digest, frame_path
-from renderer.job import FilmJob, FilmRecord
+from renderer.job import FilmJob
+from renderer.record import FilmRecord
 from renderer.scene import MetricTarget, TimeBudget, counted, first_few, schedule_to_dict
 
 _TEMPLATE = Path("frame-{frame}.png")
+# Digits of a fingerprint in messages.
 _SHOWN_DIGITS = 8
 
 
@@ -67,9 +69,9 @@ def load_reproducible_job(request: SceneRequest) -> FilmJob:
 def rendered_frames(
     job: FilmJob, frames: Sequence[int], reporter: Reporter
 ) -> Iterator[tuple[Mapping[int, Path], FilmRecord]]:
-    """Render frames of a job of `load_reproducible_job`, and yield their files, by number, and the record of the film.
+    """Render frames of a job of `load_reproducible_job`; yield their files, by number, and the record of the film.
 
-    The files last for the block. Raises HsplatError.
+    The files exist within the context. Raises HsplatError.
     """
     # Imported here: comparing files needs neither kernels nor OpenGL.
     from renderer.job import make_film, one_pass, open_local_executor
@@ -84,18 +86,19 @@ def rendered_frames(
     with temporary_folder as folder:
         template = Path(folder) / _TEMPLATE
         output = replace(job.scene.output, file=template)
-        job = replace(job, scene=replace(job.scene, output=output), frames=frames)
-        with _DrawingEvents(reporter, job.scene.splat.primitive_name) as events:
-            film = make_film(job, open_local_executor, one_pass, events)
-        assert film.shortfall is None, "a reproducible job has no goal to miss"
-        yield {frame: frame_path(template, frame) for frame in frames}, film.record
+        scene = job.scene.changed(lambda each: replace(each, output=output))
+        job = replace(job, scene=scene, frames=frames)
+        with _DrawingEvents(reporter, job.scene.primitive_name) as events:
+            result = make_film(job, open_local_executor, one_pass, events)
+        assert result.shortfall is None, "a reproducible job has no goal to miss"
+        yield {frame: frame_path(template, frame) for frame in frames}, result.film.record
 
 
 class _DrawingEvents(FilmEvents):
-    """A listener that shows only progress, for frames that are a means to another end."""
+    """Shows only the progress of frames whose files are temporary."""
 
     def started(self, label: str, num_frames: int) -> None:
-        """Show a bar for the frames, whose temporary names nobody needs to know."""
+        """Show a bar for the frames, without their temporary names."""
         super().started("drawing", num_frames)
 
     def note(self, text: str) -> None:
@@ -104,10 +107,11 @@ class _DrawingEvents(FilmEvents):
 
 @contextlib.contextmanager
 def open_scene_pairs(request: SceneRequest, folder: Path, rules: Rules, reporter: Reporter) -> Iterator[Pairs]:
-    """Render the frames of a scene, or of a film's sidecar, that have goldens in a folder. Pictures last for the block.
+    """Render the frames of a scene, or of a film's sidecar, that have goldens in a folder, and pair them.
 
-    Raises InputError if the folder has none of these goldens, or goldens that golden.json does not list; SceneError if
-    `rules` name frames that do not exist; and the errors of reading the scene and rendering.
+    The pictures exist within the context. Raises InputError if the folder has no golden of the scene's frames, or
+    goldens that golden.json does not list; SceneError if `rules` name frames that do not exist; and the errors of
+    reading the scene and rendering.
     """
     provenance, unlisted = _read_folder(folder)
     job = load_reproducible_job(request)
@@ -134,14 +138,14 @@ def open_scene_pairs(request: SceneRequest, folder: Path, rules: Rules, reporter
 def _read_folder(folder: Path) -> tuple[Provenance, Sequence[str]]:
     """Return the content of golden.json, and the pictures in the folder that it does not list.
 
-    Raises InputError if the folder has no golden.json, or a picture named like a golden that it does not list.
+    Raises InputError if the folder has no golden.json, or has an unlisted picture whose name is a golden's.
     """
     hint = f"`hsplat golden SCENE {folder}` renders goldens and records their origin"
     try:
         names = {path.name for path in folder.iterdir() if is_picture(path.name)}
     except (FileNotFoundError, NotADirectoryError) as error:
-        what = "not a folder of goldens" if folder.exists() else "no such folder"
-        raise InputError(what, where=str(folder), hint=hint) from error
+        problem = "not a folder of goldens" if folder.exists() else "no such folder"
+        raise InputError(problem, where=str(folder), hint=hint) from error
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=str(folder)) from error
     if not (folder / PROVENANCE_FILE).exists():
@@ -165,7 +169,7 @@ def _read_folder(folder: Path) -> tuple[Provenance, Sequence[str]]:
 
 
 def _select_goldens(goldens: Sequence[Golden], frames: str | None, job: FilmJob, folder: Path) -> Sequence[Golden]:
-    """Return the goldens in a range of frames. Raises InputError if there are none."""
+    """Return the goldens of the requested frames. Raises InputError if there are none."""
     if frames is None:
         return goldens
     requested = frozenset(parse_frames(frames, job.scene.num_frames))
@@ -190,7 +194,7 @@ def _origin_notes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator
 
 
 def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]) -> Iterator[str]:
-    """Return notes on missing and changed goldens, and on other pictures."""
+    """Yield notes on missing and changed goldens, and on other pictures."""
     gone = [golden.file for golden in goldens if not (folder / golden.file).exists()]
     kept = [golden for golden in goldens if golden.file not in gone]
     changed = [golden.file for golden in kept if not file_matches_digest(folder / golden.file, golden.digest)]
@@ -203,7 +207,7 @@ def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]
 
 
 def _facts(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
-    """Return device, volume and common versions, of the goldens and of now."""
+    """Return the device, the volume and the versions of common packages, each (at the goldens' time, now)."""
     common = before["versions"].keys() & now["versions"]
     versions = {name: (before["versions"][name], now["versions"][name]) for name in sorted(common)}
     return {"device": (before["device"], now["device"]), "volume": (_volume(before), _volume(now)), **versions}

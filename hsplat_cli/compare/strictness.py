@@ -1,4 +1,4 @@
-"""Judge the metrics of a comparison by named sets of limits: how strict it is, and what exceeds a limit."""
+"""Judges the metrics of a comparison by named sets of limits, from `exact` to `cross-driver`."""
 
 from __future__ import annotations
 
@@ -7,26 +7,35 @@ from dataclasses import dataclass
 
 from hsplat_cli.compare.frame_difference import COMPARISON_METRICS
 
-Limits = Mapping[str, float]  # by the name of the metric
+# Limits by the name of the metric.
+Limits = Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Strictness:
-    """A set of limits. purpose: when to use it, in one sentence."""
+    """Holds a named set of limits. purpose: its use, in one sentence."""
 
     purpose: str
     limits: Limits
 
 
-# docs/benchmarks/goldens.md has each metric beside changes that must pass and defects that must not, in frames of
-# eleven kinds with splats and of ten with bricks. At `same-machine` must pass: other numbers of threads and vectors of
-# 128 to 512 bits, which change nothing, and one value in a thousand rounded differently: densest 0.047, FLIP 0.0003,
-# bias 0.0008. At `cross-driver`, with splats: softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX, which
-# stay at 1 step and densest 0.02, except that softpipe draws a splat that the near plane clips 4 steps off, with 0.66;
-# with bricks: llvmpipe, softpipe and a processor without AVX, which change nothing, and rays moved by 0.0001 pixels: 2
-# steps, densest 0.05; with both: one value in five rounded differently: densest 0.45, FLIP 0.009, bias 0.10. Others
-# have seen up to 3 steps between processors. Limits that are not whole numbers leave a factor of at least 1.29. In
-# return, a change of a pixel by 2 steps always fails at `same-machine`.
+# The named sets of limits. docs/benchmarks/goldens.md has the metrics of changes that must pass and of defects that
+# must fail, in frames of eleven kinds with splats and of ten with bricks.
+#
+# Changes that must pass at `same-machine`:
+# - other numbers of threads, and vectors of 128 to 512 bits: nothing differs;
+# - one value in a thousand rounded differently: densest 0.047, FLIP 0.0003, bias 0.0008.
+#
+# Changes that must pass at `cross-driver`:
+# - splats by softpipe, Mesa of 2021 and of 2025, zink, a processor without AVX: 1 step, densest 0.02; softpipe draws a
+#   splat that the near plane clips 4 steps off, densest 0.66;
+# - bricks by llvmpipe, softpipe and a processor without AVX: nothing differs;
+# - bricks with rays moved by 0.0001 pixels: 2 steps, densest 0.05;
+# - one value in five rounded differently: densest 0.45, FLIP 0.009, bias 0.10;
+# - other processors: up to 3 steps, as others have reported.
+#
+# Limits that are not whole numbers leave a factor of at least 1.29 to these values. A pixel that changes by 2 steps
+# always fails at `same-machine`.
 STRICTNESSES = {
     "exact": Strictness(
         "the same picture, but for colours at an alpha of 0: one program, one driver, one kind of processor",
@@ -44,7 +53,7 @@ STRICTNESSES = {
 
 
 def exceeded_limits(values: Mapping[str, float], limits: Limits) -> list[str]:
-    """Return the names of the metrics that are not within their limits, in the order of COMPARISON_METRICS."""
+    """Return the names of the metrics that exceed their limits, in the order of COMPARISON_METRICS."""
     return [
         name
         for name, metric in COMPARISON_METRICS.items()
@@ -52,15 +61,15 @@ def exceeded_limits(values: Mapping[str, float], limits: Limits) -> list[str]:
     ]
 
 
-# The unit of an error whose limit allows nothing: a grey step, and about its equivalent for the eye.
+# The unit of an error whose limit is 0, by the metric's unit: a grey step, or about as large an error of FLIP or SSIM.
 _UNIT_ERRORS = {"steps": 1.0, "": 0.01}
 
 
 def severity(values: Mapping[str, float], limits: Limits) -> float:
-    """Return the largest ratio of an error to what its limit allows.
+    """Return the largest ratio of an error to the error that its limit allows.
 
-    If a limit allows nothing, an error of n steps, or n hundredths of FLIP and SSIM, counts as 1 + n: it exceeds the
-    limit, but by no more than what is further off in another metric.
+    If a limit allows no error, an error of n steps, or n hundredths of FLIP and SSIM, counts as 1 + n: it exceeds the
+    limit, but a far larger error of another metric still counts more.
     """
     return max((_share(name, values[name], limit) for name, limit in limits.items() if name in values), default=0.0)
 

@@ -1,11 +1,11 @@
 """Draws the frames of a film: in this process, or on a Dask cluster.
 
-In: a plan and frame numbers. Out: drawn frames in order, the same bytes from every executor. `open_executor` is the
-entrance; it opens an `Executor` of `renderer.job`.
+In: a plan and frame numbers. Out: drawn frames in order, with the same bytes from every executor. `open_executor` opens
+an `Executor` of `renderer.job`.
 
 - `scheduler.py`: `open_executor` and the executor that uses Dask; `drawing_options.py`: `--scheduler` and `--memory`.
-- `cluster/`: Dask: `cluster_drawing.py` (frames are drawn ahead, and come in order), `connection.py`, `registry.py`
-  (workers come and go), `worker.py`.
+- `cluster/` uses Dask: `cluster_drawing.py` draws frames ahead and returns them in order, `connection.py` connects to
+  the scheduler, `registry.py` keeps track of the workers, `worker.py` runs on them.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Declares the options that say how frames are drawn, `--scheduler` and `--memory`, and checks them."""
+"""Declares and checks the options on drawing frames, `--scheduler` and `--memory`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import click
 
 from hsplat_cli.terminal import option_group, parse_bytes
 from renderer.errors import InputError, require_package
-from renderer.scene import Scene, TimeBudget, format_value
+from renderer.scene import FilmScene, TimeBudget, format_value
 
 ADDRESSES = "the address of a Dask scheduler such as tcp://node7:8786"
 _ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
@@ -17,10 +17,10 @@ _ADDRESS = re.compile(r"(?:(?:tcp|tls)://)?(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+
 
 @dataclass(frozen=True)
 class ExecutorSpec:
-    """A choice of the executor that draws.
+    """Describes the executor that draws.
 
     scheduler: the address of a Dask scheduler; None for this process. memory: bytes for the bricks of all processes of
-    a machine; None for half of what is free.
+    a machine; None for half of its free memory.
     """
 
     scheduler: str | None = None
@@ -31,7 +31,7 @@ memory_option = click.option(
     "--memory",
     metavar="SIZE",
     callback=lambda _context, _option, text: None if text is None else parse_bytes(text, where="--memory"),
-    help="Let what is drawn take 2GB of a machine's memory; half of what is free by default.",
+    help="Use at most this much of a machine's memory for bricks, such as 2GB; half of the free memory by default.",
 )
 executor_options = option_group(
     click.option(
@@ -51,9 +51,9 @@ def require_scheduler(address: str | None) -> None:
     require_package("distributed", extra="cluster")
 
 
-def require_untimed(address: str | None, scene: Scene, *, progressive: bool) -> None:
-    """Raise InputError for a cluster that would draw timed frames: they need one process."""
+def require_untimed(address: str | None, scene: FilmScene, *, progressive: bool) -> None:
+    """Raise InputError where a cluster would draw timed frames, which need one process."""
     if address is None or not (progressive or isinstance(scene.error.goal, TimeBudget)):
         return
-    what = "frames of --progressive" if progressive else "frames on a budget of time, error.seconds,"
-    raise InputError(f"{what} are timed and drawn one after the other, by one process", where="--scheduler")
+    frames = "frames of --progressive" if progressive else "frames on a budget of time, error.seconds,"
+    raise InputError(f"{frames} are timed and drawn one after the other, by one process", where="--scheduler")

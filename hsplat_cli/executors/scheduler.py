@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from hsplat_cli.executors.drawing_options import ExecutorSpec
 from hsplat_cli.terminal import Reporter
 from renderer.job import DrawnFrame, Executor, FilmPlan, open_local_executor
-from renderer.scene import MetricTarget, Scene
+from renderer.scene import FilmScene, MetricTarget
 from renderer.system import MemoryShare
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @contextlib.contextmanager
-def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: Scene) -> Iterator[Executor]:
+def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: FilmScene) -> Iterator[Executor]:
     """Open an executor that can draw this scene.
 
     Raises RenderError where the scene needs OpenGL and this process has none, and InputError where no scheduler
@@ -36,22 +36,22 @@ def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: Scene) -> Itera
     with contextlib.ExitStack() as stack:
         client = stack.enter_context(connect(spec.scheduler))
         executor = SchedulerExecutor(client, spec, scene, stack, reporter)
-        if isinstance(scene.error.goal, MetricTarget):  # the search runs here: it fails early where it cannot
+        if isinstance(scene.error.goal, MetricTarget):  # its search draws in this process: fail now, if it cannot
             _ = executor.rasterizer
         yield executor
 
 
 class SchedulerExecutor:
-    """An executor that draws with the workers of a scheduler; their devices are known once they have drawn.
+    """Draws with the workers of a scheduler.
 
-    brick_memory: not known here.
+    device: a placeholder; records of frames have the devices of the workers. brick_memory: not known in this process.
     """
 
-    device = "that of a cluster's workers"
+    device = "the devices of a cluster's workers"
     brick_memory = None
 
     def __init__(
-        self, client: Client, spec: ExecutorSpec, scene: Scene, stack: contextlib.ExitStack, reporter: Reporter
+        self, client: Client, spec: ExecutorSpec, scene: FilmScene, stack: contextlib.ExitStack, reporter: Reporter
     ) -> None:
         self._client, self._spec, self._scene = client, spec, scene
         self._stack, self._reporter = stack, reporter
@@ -59,7 +59,7 @@ class SchedulerExecutor:
 
     @property
     def notes(self) -> Sequence[str]:
-        """Return what the user should know about the drawing so far."""
+        """Return notes for the user on all drawings so far."""
         return [note for drawing in self._drawings for note in drawing.notes]
 
     @cached_property
@@ -69,7 +69,7 @@ class SchedulerExecutor:
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Yield these frames, in this order; may be closed before its end."""
-        assert not plan.is_timing_dependent, "the time of this machine says nothing about others"
+        assert not plan.is_timing_dependent, "frames on a budget of time are drawn by one process"
         from hsplat_cli.executors.cluster.cluster_drawing import ClusterDrawing
 
         where = f"--scheduler {self._spec.scheduler}"

@@ -1,4 +1,4 @@
-"""Find the Pareto fronts of a study, and what a PSNR costs on them."""
+"""Finds the Pareto fronts of a study, and the cost of a PSNR on them."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from hsplat_cli.measure.sweep import Measurement, Setting
 
 CostOf = Callable[[Measurement], float]
 
-# The rows of the table of costs, in dB; it begins lower if no measurement reaches the first.
+# PSNR of the first row of the table of costs, in dB; the table begins lower if no measurement reaches it.
 _FIRST_DB = 25
+# Step between two rows, in dB.
 _STEP_DB = 5
 
 
 def has_bricks(measurements: Sequence[Measurement]) -> bool:
-    """Return whether any setting draws bricks; its `num_cells` counts them."""
+    """Return whether any setting draws bricks, so that `num_cells` of its measurement is a number of bricks."""
     return any(m.setting.options.get("footprint") == "integrated" for m in measurements)
 
 
 def cost_in_splats(measurement: Measurement) -> float:
-    """Return the mean number of splats of a frame; NaN without any: a brick does far more than a splat."""
+    """Return the mean number of splats of a frame; NaN for bricks, each of which is far more work than a splat."""
     return math.nan if has_bricks([measurement]) else measurement.num_primitives
 
 
@@ -40,26 +41,26 @@ def group_by_series(measurements: Sequence[Measurement]) -> dict[str, list[int]]
 
 
 def cost_in_time(measurement: Measurement) -> float:
-    """Return the seconds of a frame."""
+    """Return the median seconds of a frame."""
     return measurement.frame_seconds
 
 
 def front_of(measurements: Sequence[Measurement], cost: CostOf) -> list[int]:
-    """Return the Pareto front of a cost and PSNR, by rising cost, as indices."""
+    """Return the indices of the measurements on the Pareto front of a cost and PSNR, by rising cost."""
     return pareto_front([cost(m) for m in measurements], [-m.overall.everywhere["psnr"] for m in measurements])
 
 
 def on_pareto_fronts(measurements: Sequence[Measurement]) -> list[tuple[bool, bool]]:
-    """Return for each measurement whether it is on a front of time, and whether on one of splats."""
+    """Return for each measurement whether it is on the front of time, and whether it is on the front of splats."""
     time, splats = (set(front_of(measurements, cost)) for cost in (cost_in_time, cost_in_splats))
     return [(i in time, i in splats) for i in range(len(measurements))]
 
 
 @dataclass(frozen=True)
 class CostAtPsnr:
-    """A cost of a PSNR (dB), interpolated on the Pareto fronts: seconds and splats of a frame.
+    """Holds the cost of a PSNR (dB), interpolated on the Pareto fronts: seconds and splats of a frame.
 
-    splats: None without measurements of splats. setting: the fastest one measured that reaches the PSNR.
+    splats: None without measurements of splats. setting: the fastest measured setting that reaches the PSNR.
     """
 
     psnr: float

@@ -1,4 +1,4 @@
-"""Find the settings that no other one beats in accuracy and cost, and interpolate between them."""
+"""Finds the settings that no other one beats in accuracy and cost, and interpolates between them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 
 class Cost(NamedTuple):
-    """A cost at which a PSNR is reached, infinite if it is not.
+    """Holds the cost at which a PSNR is reached; infinite if it is not.
 
-    is_bound: the cheapest setting measured is already more exact, and the true cost may be lower.
+    is_bound: whether the cheapest measured setting is already more exact, so that the true cost may be lower.
     """
 
     value: float
@@ -18,7 +18,7 @@ class Cost(NamedTuple):
 
 
 def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
-    """Return the indices of the points that no other point beats in cost or error without losing in the other.
+    """Return the indices of the points on the Pareto front: no other point has both a lower cost and a lower error.
 
     They are sorted by rising cost. The first of equal points is kept; points with a NaN are never on the front.
     """

@@ -1,4 +1,4 @@
-"""Lay out the charts of error against cost: a curve for each series, and the Pareto front."""
+"""Lays out the charts of error against cost: a curve for each series, and the Pareto front."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from hsplat_cli.measure.sweep import Measurement
 from hsplat_cli.reports import MARKERS, SERIES, Chart, Curve, Point, linear_axis, log_axis
 from renderer.accuracy import METRICS
 
-# Pixels of the line that lies below the points of the Pareto front.
+# Width of the line below the points of the Pareto front, in pixels.
 _FRONT_WIDTH = 9.0
-# The metrics beside PSNR that have a chart each, and the pixels that they are taken over.
+# Further metrics that have a chart each, and the pixels over which they are taken.
 _FURTHER = (("psnr", "on_volume"), ("ssim", "everywhere"), ("flip", "everywhere"), ("delta_e_share", "everywhere"))
+# Width and height of the charts of further metrics, in pixels.
 _FURTHER_SIZE = (640, 300)
 
 ValueOf = Callable[[Measurement], float]
@@ -23,7 +24,10 @@ ValueOf = Callable[[Measurement], float]
 
 @dataclass(frozen=True)
 class CostAxis:
-    """A logarithmic axis of cost. cost: that of a measurement, NaN without one. has_bars: from quartile to quartile."""
+    """Describes a logarithmic axis of cost.
+
+    cost: returns the cost of a measurement, or NaN. has_bars: whether bars reach from the first to the third quartile.
+    """
 
     title: str
     cost: costs.CostOf
@@ -42,7 +46,7 @@ _psnr, _psnr_low, _psnr_high = (partial(_error, f"psnr{end}", "everywhere") for 
 
 
 def has_intervals(measurements: Sequence[Measurement]) -> bool:
-    """Return whether PSNRs are estimates with intervals."""
+    """Return whether the PSNRs are estimates with intervals."""
     return bool(measurements) and all("psnr_low" in m.overall.everywhere for m in measurements)
 
 
@@ -88,7 +92,7 @@ def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis, front
     lacks_bricks = axis is SPLATS_AXIS and costs.has_bricks(measurements)
     parts += ["Settings with bricks are not in this plot."] * lacks_bricks
     parts += ["Bars reach from the first to the third quartile of the time."] if axis.has_bars else []
-    parts += ["Those of the PSNR hold it in 95 % of cases or more."] if has_intervals(measurements) else []
+    parts += ["Bars of the PSNR hold it in 95 % of cases or more."] if has_intervals(measurements) else []
     exact = sum(m.overall.everywhere["psnr"] == math.inf for m in measurements if axis.cost(m) > 0)
     parts += [f"Not shown, because equal to the truth: {exact}."] if exact else []
     return " ".join(parts)
@@ -131,7 +135,7 @@ def _series_curves(measurements: Sequence[Measurement], axis: CostAxis, value: V
 
 
 def _bars(measurement: Measurement, axis: CostAxis, value: ValueOf) -> list[tuple[Point, Point]]:
-    """Return the bar between the quartiles of the time, and that of the interval of a PSNR."""
+    """Return the bar between the quartiles of the time, and the bar over the interval of the PSNR."""
     x, y = _point(measurement, axis, value)
     bars = []
     if axis.has_bars:

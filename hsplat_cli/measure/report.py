@@ -1,6 +1,6 @@
-"""Write the report of a study: CSV, JSON, and an HTML page.
+"""Writes the report of a study: CSV, JSON, and an HTML page.
 
-The page has plots, the cost of an accuracy, the truth, and every setting with its pictures.
+The page has plots, the cost of each PSNR, pictures of the truth, and every setting with its pictures.
 """
 
 from __future__ import annotations
@@ -23,22 +23,23 @@ from renderer.accuracy import Truth
 from renderer.bricks import BRICK_SIZE
 from renderer.film import write_staged
 
-# The page comes last: if it exists, the others do.
 PAGE_FILE = "index.html"
+# The files of a report, in the order in which they are written: if the page exists, the others do.
 REPORT_FILES = ("measure.csv", "measure.json", PAGE_FILE)
-# In the order of the table: the metric of the plots comes first.
+# The metrics of the table, in its order.
 _METRICS = ("psnr", "ssim", "flip", "flip_p99", "delta_e_share", "rmse", "max_error")
 
 
 def write_study(study: Study, folder: Path, *, date: str) -> list[Path]:
     """Write measure.csv, measure.json and index.html into `folder`, and return their paths.
 
-    date: shown in the report. Equal studies and dates give equal bytes. Missing folders are created. All files are made
-    before the first is written. Raises InputError if a name cannot be a file, and RenderError if the system refuses.
+    date: shown in the report. Equal studies and dates give equal bytes. Missing folders are created. All contents are
+    made before the first file is written. Raises InputError if a name cannot be a file, and RenderError if the system
+    refuses.
     """
     texts = (csv_text(study), json_text(study, date=date), study_page(study, date=date))
     paths = [folder / name for name in REPORT_FILES]
-    # File names that are not UTF-8 have surrogates in Python, which become escapes in JSON.
+    # File names that are not UTF-8 have surrogates in Python; they become escapes.
     contents = [text.encode(errors="backslashreplace") for text in texts]
     for path, content in zip(paths, contents, strict=True):
         write_staged(path, content)
@@ -51,7 +52,7 @@ def study_page(study: Study, *, date: str) -> str:
     on_fronts = costs.on_pareto_fronts(measurements)
     return render_page(
         "study.html",
-        title=f"What accuracy costs: {study.name}",
+        title=f"Cost and accuracy: {study.name}",
         study=study,
         facts=_facts(study, date),
         charts=study_charts(measurements),
@@ -85,7 +86,7 @@ def _facts(study: Study, date: str) -> list[tuple[str, str]]:
 
 
 def _cost_lines(measurements: Sequence[Measurement]) -> list[dict[str, str]]:
-    """Return the text of each column of the table of costs, for each PSNR."""
+    """Return the row of each PSNR in the table of costs: texts by the titles of columns."""
     lines = []
     for cost in costs.costs_by_psnr(measurements):
         line = {"PSNR\ndB": f"{cost.psnr:g}", "time\nms a frame": _cost_text(cost.time, ms_text)}
@@ -113,13 +114,13 @@ def _convergence_line(truth: Truth) -> dict[str, str]:
 
 
 def _primitive_nouns(measurements: Sequence[Measurement]) -> str:
-    """Return `bricks`, `splats` or `bricks or splats`, by the footprints."""
+    """Return the primitives that the settings draw: `bricks`, `splats` or `bricks or splats`."""
     bricks = costs.has_bricks(measurements)
     return " or ".join([*["bricks"] * bricks, *["splats"] * (costs.has_splats(measurements) or not bricks)])
 
 
 def _step_columns(measurements: Sequence[Measurement]) -> list[Column]:
-    """Return the columns of the times of steps, over frames and repetitions together."""
+    """Return the columns of the times of steps, each over all frames and repetitions."""
     names = dict.fromkeys(name for m in measurements for name in _step_times(m))
     titles = {"primitives": _primitive_nouns(measurements)}
     return [_step_column(titles.get(step, step), step, is_once) for step, is_once in names]
@@ -134,7 +135,7 @@ def _step_column(title: str, step: str, is_once: bool) -> Column:
 
 
 def _step_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float, ...]]:
-    """Return seconds by step and whether the step runs once for all frames."""
+    """Return the seconds of each step, by its name and whether it runs once for all frames."""
     times: dict[tuple[str, bool], tuple[float, ...]] = {("pyramid", True): (measurement.pyramid_seconds,)}
     times |= {(step, True): seconds for step, seconds in measurement.seconds.items()}
     for sample in measurement.frames:
@@ -144,7 +145,7 @@ def _step_times(measurement: Measurement) -> dict[tuple[str, bool], tuple[float,
 
 
 def _times_text(seconds: Sequence[float]) -> str:
-    """Format the median of some times, their quartiles and their number."""
+    """Format times by their median, their quartiles and their number."""
     if not seconds:
         return ABSENT
     low, median, high = map(ms_text, np.quantile(seconds, [0.25, 0.5, 0.75]))

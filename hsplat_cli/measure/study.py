@@ -1,4 +1,4 @@
-"""Measure a sweep of settings on one scene, and write its report."""
+"""Measures a sweep of settings on one scene, and writes its report."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from hsplat_cli.measure.report import REPORT_FILES, write_study
 from hsplat_cli.measure.sweep import (
@@ -36,14 +36,25 @@ from renderer.accuracy import (
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import HsplatError
 from renderer.film import locked_files, require_writable_dry_run
-from renderer.frame import Stage, read_film_volumes
-from renderer.scene import Scene, counted, motion_of, relative_path, scene_to_dict, schedule_to_dict, with_files
+from renderer.frame import FilmStage, read_film_volumes
+from renderer.scene import (
+    FilmScene,
+    Motion,
+    Scene,
+    SplatSpec,
+    counted,
+    relative_path,
+    scene_to_dict,
+    schedule_to_dict,
+    with_files,
+)
 from renderer.system import num_cores
 from renderer.volume import Volume, joint_fingerprint
 
 # Number of frames measured by default.
 _NUM_FRAMES = 3
 
+# Settings to measure, grouped by pyramid.
 Plan = Sequence[Sequence[PlannedSetting]]
 
 _QUICK_NOTE = (
@@ -54,14 +65,15 @@ _QUICK_NOTE = (
 
 @dataclass(frozen=True)
 class StudyRequest:
-    """A request for a study: the scene, the settings and the frames to measure.
+    """Describes a requested study: the scene, the settings and the frames to measure.
 
-    name: of the scene's file. frames: None for a few spread over the path. folder: of the report.
-    is_quick: whether a few exact rays take the place of truths. The sweep then has one footprint and error measure.
+    name: of the scene's file. frames: None for a few frames spread over the path. folder: of the report.
+    is_quick: whether pictures are compared with a few exact rays in place of whole exact pictures. The sweep then has
+    one footprint and one error measure.
     """
 
     name: str
-    scene: Scene
+    scene: FilmScene
     sweep: Sweep
     frames: list[int] | None
     repeats: int
@@ -71,14 +83,14 @@ class StudyRequest:
 
 
 class _Openers(NamedTuple):
-    """A pair of functions that open the stage, and the rasterizer, of a scene."""
+    """Holds the functions that open the stage and the rasterizer of a scene."""
 
-    stage: Callable[[Scene], AbstractContextManager[Stage]]
-    rasterizer: Callable[[Scene], AbstractContextManager[Rasterizer]]
+    stage: Callable[[FilmScene], AbstractContextManager[FilmStage]]
+    rasterizer: Callable[[FilmScene], AbstractContextManager[Rasterizer]]
 
 
 def run_study(request: StudyRequest, reporter: Reporter) -> None:
-    """Measure, write the report and print the table; an interrupt or error still writes what was measured before it."""
+    """Measure, write the report and print the table; after an interrupt or error, report the finished measurements."""
     _require_all(request)
     with locked_files([request.folder / name for name in REPORT_FILES]):
         _run_study(request, reporter)
@@ -89,14 +101,14 @@ def _run_study(request: StudyRequest, reporter: Reporter) -> None:
     machine = describe_machine(_devices(request))  # fails before a voxel is read
     volumes = read_film_volumes(scene).first
     volume = volumes[0]
-    camera = scene.camera
+    camera = scene.at(0).camera
     frames = request.frames or spread_evenly(range(camera.num_frames), _NUM_FRAMES, is_loop=is_loop(camera.path))
     sweep = request.sweep
     measurements: list[Measurement] = []
     end: KeyboardInterrupt | HsplatError | None = None
     with _openers(request, volumes) as opened:
         plan = plan_sweep(scene, opened.stage, sweep.errors, sweep.splats, sweep.tolerances)
-        with opened.stage(scene) as stage, FilmEvents(reporter, scene.splat.primitive_name) as events:
+        with opened.stage(scene) as stage, FilmEvents(reporter, scene.primitive_name) as events:
             if request.is_quick:
                 truths = _sample_truths(request, opened, plan, frames)
             else:
@@ -115,23 +127,20 @@ def _run_study(request: StudyRequest, reporter: Reporter) -> None:
         if end:
             why = f"ended by an error ({end.what})" if isinstance(end, HsplatError) else "interrupted"
             notes.insert(0, f"{why}: {counted(len(measurements), 'setting')} had been measured")
-        record: dict[str, Any] = {
-            "scene": with_files(scene_to_dict(scene), lambda _, file: relative_path(file, request.folder)),
-            "volume": {
+        study = Study(
+            name=request.name,
+            scene=with_files(scene_to_dict(scene), lambda _, file: relative_path(file, request.folder)),
+            volume={
                 "name": Path(volume.name).name,
                 "fingerprint": joint_fingerprint(volumes),
                 "dtype": str(volume.values.dtype),
                 "shape": volume.shape_xyz,
             },
-            "notes": notes,
-        }
-        study = Study(
-            name=request.name,
             machine=machine,
             truth_tolerance=request.truth_tolerance,
             truths=tuple(truth for truth in truths if isinstance(truth, Truth)),
             measurements=tuple(measurements),
-            **record,
+            notes=tuple(notes),
         )
         _report(study, request.folder, reporter)
     if end:
@@ -146,18 +155,25 @@ def _require_all(request: StudyRequest) -> None:
         require_writable_dry_run(request.folder / name)
 
 
+def _with_splat(scene: Scene, splat: SplatSpec) -> Scene:
+    return replace(scene, splat=splat)
+
+
 def _devices(request: StudyRequest) -> str:
-    """Return what draws the footprints of a sweep. Raises RenderError where one needs OpenGL and there is none."""
+    """Return the devices that draw the footprints of a sweep. Raises RenderError where one needs OpenGL in vain."""
     devices = []
     for splat in request.sweep.splats:
-        with open_rasterizer(replace(request.scene, splat=splat)) as rasterizer:
+        with open_rasterizer(request.scene.changed(partial(_with_splat, splat=splat))) as rasterizer:
             devices.append(rasterizer.device)
     return " and ".join(dict.fromkeys(devices))
 
 
 @contextmanager
 def _openers(request: StudyRequest, volumes: Sequence[Volume]) -> Iterator[_Openers]:
-    """Yield what opens stages and rasterizers; a quick study has one of each, as only the tolerance changes."""
+    """Yield the functions that open stages and rasterizers; in a quick study they return the same stage and rasterizer.
+
+    There, settings differ only in their tolerances.
+    """
     scene = request.scene
     opened = _Openers(partial(open_at_any_tolerance, volumes=volumes), open_rasterizer)
     if request.is_quick:
@@ -168,7 +184,7 @@ def _openers(request: StudyRequest, volumes: Sequence[Volume]) -> Iterator[_Open
 
 
 def _sample_truths(request: StudyRequest, opened: _Openers, plan: Plan, frames: Sequence[int]) -> Truths:
-    """Compute the truths of some pixels, chosen by pictures at a middle tolerance."""
+    """Compute the truth at some pixels of each frame, chosen by pictures at the middle tolerance of the sweep."""
     scene = plan[0][len(plan[0]) // 2].scene
     with opened.stage(scene) as stage, opened.rasterizer(scene) as rasterizer:
         return sample_truths(
@@ -177,7 +193,7 @@ def _sample_truths(request: StudyRequest, opened: _Openers, plan: Plan, frames: 
 
 
 def _with_progress(drawn: Iterator[Measurement], work: Sequence[float], reporter: Reporter) -> Iterator[Measurement]:
-    """Yield the measurements, and tell how far they are. work: predicted seconds of each."""
+    """Yield the measurements, and show their progress. work: the predicted seconds of each."""
     with reporter.progress(work, label="measuring", unit="settings") as bar:
         for measurement in drawn:
             yield measurement
@@ -185,9 +201,9 @@ def _with_progress(drawn: Iterator[Measurement], work: Sequence[float], reporter
 
 
 def _measure_hsplat(request: StudyRequest, plan: Plan, opened: _Openers, truths: Truths) -> Iterator[Measurement]:
-    """Measure the settings, planned by pyramid, with one stage open at a time; equal pictures are drawn once.
+    """Measure the settings, pyramid by pyramid, with one open stage at a time; equal pictures are drawn once.
 
-    Each setting gets a new GL context, unless the study is quick: a software driver keeps the memory of its largest
+    Each setting gets a new OpenGL context, unless the study is quick: a software driver keeps the memory of its largest
     picture, which would count for all later settings.
     """
     measured: dict[Hashable, Measurement] = {}
@@ -204,7 +220,7 @@ def _measure_hsplat(request: StudyRequest, plan: Plan, opened: _Openers, truths:
                             clock=time.perf_counter,
                             repeats=request.repeats,
                         )
-                setting = splat_setting(scene.error, scene.splat)
+                setting = splat_setting(scene.error, planned.splat)
                 yield replace(measured[key], setting=setting, pyramid_seconds=stage.seconds["pyramid"])
 
 
@@ -217,13 +233,13 @@ def _report(study: Study, folder: Path, reporter: Reporter) -> None:
     reporter.result("written: " + ", ".join(map(str, paths)))
 
 
-def scene_notes(scene: Scene) -> list[str]:
-    """Return notes on differences between the scene and what is measured."""
+def scene_notes(scene: FilmScene) -> list[str]:
+    """Return notes on differences between the scene and the measured settings."""
     notes, here = [], "here each tolerance is measured by itself"
     if scene.error.goal is not None:
         (schedule,) = schedule_to_dict(scene.error)
         notes.append(f"the scene asks for error.{schedule}, not for a tolerance; {here}")
-    elif motion_of(scene.error.tolerance) is not None:
+    elif isinstance(scene.error.tolerance, Motion):
         notes.append(f"the scene changes its tolerance over the film; {here}")
     if scene.output.background is None:
         notes.append("the scene's background is transparent; pictures are compared over black")

@@ -1,6 +1,6 @@
-"""Measure the cost and the accuracy of a film at each of many settings, and plan which settings to measure.
+"""Measures the cost and the accuracy of a film at each of many settings, and plans the settings to measure.
 
-Every setting is drawn by the loop that makes films. A first pass over the frames warms up (shaders, buffers, caches)
+Every setting is drawn by the loop that makes films. A first pass over the frames warms up shaders, buffers and caches,
 and gives the pictures; the passes after it are timed.
 """
 
@@ -17,35 +17,45 @@ from typing import Any
 import numpy as np
 
 from hsplat_cli.measure.thumbnails import amplified_difference, thumbnail
+from hsplat_cli.terminal import Machine
 from renderer.accuracy import Accuracy, FloatImage, SampledTruth, Truth, pool_accuracies, spread_tolerances
 from renderer.draw import Rasterizer
 from renderer.film import over_background
-from renderer.frame import Clock, Stage, make_primitive, render_frames
-from renderer.scene import ErrorSpec, Scene, SplatSpec, with_tolerance
+from renderer.frame import Clock, FilmStage, make_primitive, render_frames
+from renderer.scene import ErrorSpec, FilmScene, SplatSpec, tolerance_at, with_tolerance
 from renderer.system import PeakMemory
 from renderer.volume import UInt8
 
-# The number of tolerances of a series, unless they are given.
+# Most tolerances of a series, unless they are given.
 _MAX_TOLERANCES = 10
-# Seconds on a software renderer with two cores. Only ratios matter, for the time remaining.
-_PER_CELL, _PER_TRIANGLE, _PER_SAMPLE, _PER_PICTURE = 1e-6, 1.2e-7, 1e-7, 0.4
-# Steps that are timed once a frame, and once a cut.
+# Seconds to draw a cell as a splat, by a software renderer on two cores. Only the ratios of these four numbers matter:
+# they predict the remaining time.
+_PER_CELL = 1e-6
+# Seconds to draw a triangle of a Gouraud splat.
+_PER_TRIANGLE = 1.2e-7
+# Seconds to take a sample of a ray in a brick.
+_PER_SAMPLE = 1e-7
+# Seconds for each picture, whatever it shows.
+_PER_PICTURE = 0.4
+# Steps that are timed for each frame.
 FRAME_STEPS = ("order", "draw", "quantize")
+# Steps that are timed once for a cut, which many frames may share.
 _CUT_STEPS = ("cut", "primitives")
-# After this time a setting is not drawn again.
+# Seconds of drawing a setting after which it is not drawn again.
 _REPEAT_LIMIT_S = 4.0
 
-Seconds = Mapping[str, float]  # by step
+# Seconds by step.
+Seconds = Mapping[str, float]
 Truths = Sequence[Truth] | Sequence[SampledTruth]
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A point of a series: the parameters of one measurement.
+    """Holds the parameters of one measurement, which is a point of a series.
 
-    series: the curve, such as "gaussian, optical" or "gouraud 8x3, rms, uncorrected".
-    label: the point, such as "tolerance 0.1".
-    options: the choices by name, for tables: tolerance, footprint, ...
+    series: the name of the curve, such as "gaussian, optical" or "gouraud 8x3, rms, uncorrected".
+    label: the name of the point, such as "tolerance 0.1".
+    options: the parameters by name, for tables: tolerance, footprint, ...
     """
 
     series: str
@@ -55,10 +65,10 @@ class Setting:
 
 @dataclass(frozen=True)
 class FrameMeasurement:
-    """A record of what was measured of one frame at one setting.
+    """Holds the measurement of one frame at one setting.
 
-    num_primitives: splats or bricks that the frame can show.
-    seconds: by step, one for each warm repetition.
+    num_primitives: number of splats or bricks that the frame can show.
+    seconds: for each step, the seconds of each warm repetition.
     """
 
     frame: int
@@ -74,15 +84,15 @@ class FrameMeasurement:
 
 @dataclass(frozen=True)
 class Measurement:
-    """A record of what was measured of one setting, frame by frame.
+    """Holds the measurement of one setting, frame by frame.
 
-    num_cells: cells or bricks in the cut.
+    num_cells: number of cells or bricks in the cut.
     pyramid_seconds: the time to build the pyramid and bricks, once.
-    seconds: of the steps that serve many frames (cut, splats), one for each repetition.
+    seconds: for each step that serves many frames (cut, splats), the seconds of each repetition.
     overall: the accuracy over all frames together.
     peak_bytes: the peak memory of the process; None if the system does not know it.
     picture, difference: uint8 [h, w, 3], thumbnails of the first frame and of its difference from the truth, times
-        DIFFERENCE_GAIN; there is no difference from a truth of some pixels.
+        DIFFERENCE_GAIN; the difference is None if the truth has only some pixels.
     """
 
     setting: Setting
@@ -117,11 +127,11 @@ class Measurement:
 
 
 def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
-    """Return the setting of a scene with a constant tolerance, named by what differs between series."""
+    """Return the setting of a scene with a constant tolerance; its footprint and error measure name its series."""
     footprint = f"gouraud {splat.angular}x{splat.radial}" if splat.footprint == "gouraud" else splat.footprint
     measure = error.measure if error.of == "classified" else f"{error.measure} of {error.of}"
-    tolerance = error.tolerance
-    options: dict[str, Any] = {"tolerance": tolerance, "footprint": footprint, "measure": measure}
+    tolerance = tolerance_at(error, 0)
+    options: dict[str, str | float | bool] = {"tolerance": tolerance, "footprint": footprint, "measure": measure}
     words = [footprint, measure]
     if splat.footprint != "integrated":
         words += [] if splat.opacity_correction else ["uncorrected"]
@@ -129,10 +139,12 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
     return Setting(", ".join(words), f"tolerance {tolerance:g}", options)
 
 
-def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int) -> Measurement:
-    """Measure the scene's constant tolerance and footprint, on the frames of the truths.
+def measure_setting(
+    stage: FilmStage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int
+) -> Measurement:
+    """Measure the scene at its constant tolerance and with its footprint, on the frames of the truths.
 
-    repeats: the most timed passes. With 0 the first pass is timed, in which the first frame may be slower.
+    repeats: the largest number of timed passes. With 0 the first pass is timed, in which the first frame may be slower.
     """
     numbers = [truth.frame for truth in truths]
     accuracies: list[Accuracy] = []
@@ -144,7 +156,7 @@ def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clo
     for number, frame in enumerate(render_frames(stage, numbers, rasterizer, clock=clock)):
         truth = truths[number]
         peaks += [peak] if (peak := memory.peak_bytes()) is not None else []
-        picture = over_background(frame.radiance, frame.stage.scene.output.background)
+        picture = over_background(frame.radiance, frame.stage.scene.background)
         accuracies.append(truth.accuracy_of(picture))
         thumbnails += [] if thumbnails else [_thumbnails(picture, truth)]
         nums_primitives.append(frame.num_primitives)
@@ -153,7 +165,7 @@ def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clo
     passes = _timed_passes(stage, numbers, rasterizer, clock, repeats, first_pass)
     times = [_repetitions(repetitions, FRAME_STEPS) for repetitions in zip(*passes, strict=True)]
     return Measurement(
-        setting=splat_setting(stage.scene.error, stage.scene.splat),
+        setting=splat_setting(stage.scene.error, stage.first.scene.splat),
         num_cells=frame.num_cells,
         pyramid_seconds=stage.seconds["pyramid"],
         seconds=_repetitions([seconds[0] for seconds in passes], _CUT_STEPS),
@@ -166,17 +178,22 @@ def measure_setting(stage: Stage, truths: Truths, rasterizer: Rasterizer, *, clo
 
 
 def _thumbnails(picture: FloatImage, truth: Truth | SampledTruth) -> tuple[UInt8, UInt8 | None]:
-    """Return small pictures of a frame and of its difference from the truth, which some pixels do not show."""
+    """Return small pictures of a frame and of its difference from the truth; None for a truth of some pixels only."""
     difference = thumbnail(amplified_difference(picture, truth.picture)) if isinstance(truth, Truth) else None
     return thumbnail(picture), difference
 
 
 def _timed_passes(
-    stage: Stage, numbers: Sequence[int], rasterizer: Rasterizer, clock: Clock, repeats: int, first_pass: list[Seconds]
+    stage: FilmStage,
+    numbers: Sequence[int],
+    rasterizer: Rasterizer,
+    clock: Clock,
+    repeats: int,
+    first_pass: list[Seconds],
 ) -> list[list[Seconds]]:
-    """Return the seconds of the frames in up to `repeats` warm passes; of the first pass for none.
+    """Return the seconds of the frames in up to `repeats` warm passes; with `repeats` of 0, in the first pass.
 
-    If the first pass takes too long to repeat, only its first frame is drawn again; the others were warm.
+    If the first pass takes too long to repeat, only its first frame is drawn again; the other frames were warm.
     """
 
     def draw(numbers: Sequence[int]) -> list[Seconds]:
@@ -194,64 +211,68 @@ def _timed_passes(
 
 
 def _repetitions(repetitions: Sequence[Seconds], steps: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """Return the seconds by step of repetitions of a frame; steps that the film lacks are left out."""
+    """Return for each step the seconds of the repetitions of a frame, without steps that the film lacks."""
     there = [name for name in steps if all(name in seconds for seconds in repetitions)]
     return {name: tuple(seconds[name] for seconds in repetitions) for name in there}
 
 
 @dataclass(frozen=True)
 class PlannedSetting:
-    """A setting to measure: the scene with its constant tolerance and footprint, and its work, as in Primitive."""
+    """Holds a setting to measure: the scene at its constant tolerance and footprint, and its work, as in Primitive."""
 
-    scene: Scene
+    scene: FilmScene
+    splat: SplatSpec
     work: float
 
     @property
     def tolerance(self) -> float:
         """Return the constant tolerance."""
-        return self.scene.error.tolerance
+        return tolerance_at(self.scene.error, 0)
 
     def picture_key(self) -> Hashable:
-        """Return a key that is equal for equal pictures: single voxels need no correction and have no error."""
-        error, splat = self.scene.error, self.scene.splat
+        """Return a key that is equal for settings with equal pictures.
+
+        At tolerance 0 splats are single voxels: neither the error measure nor the opacity correction changes them.
+        """
+        error, splat = self.scene.error, self.splat
         if self.tolerance == 0 and error.finest_level == 0 and splat.footprint != "integrated":
             return replace(splat, opacity_correction=True)
         return error, splat
 
     def predicted_seconds(self, num_frames: int, repeats: int) -> float:
-        """Estimate the time to measure it."""
-        splat, each = self.scene.splat, _PER_CELL
+        """Estimate the seconds to measure this setting."""
+        splat, each = self.splat, _PER_CELL
         if splat.footprint == "gouraud":
             each += _PER_TRIANGLE * splat.angular * (2 * splat.radial - 1)
         elif splat.footprint == "integrated":
             each = _PER_SAMPLE
         pass_seconds = num_frames * self.work * each
-        passes = 1 + repeats if pass_seconds * repeats < 4.0 else 1
+        passes = 1 + repeats if pass_seconds * repeats < _REPEAT_LIMIT_S else 1
         return num_frames * _PER_PICTURE + passes * pass_seconds
 
 
 def plan_sweep(
-    scene: Scene,
-    open_stage: Callable[[Scene], AbstractContextManager[Stage]],
+    scene: FilmScene,
+    open_stage: Callable[[FilmScene], AbstractContextManager[FilmStage]],
     errors: Sequence[ErrorSpec],
     splats: Sequence[SplatSpec],
     tolerances: Sequence[float] | None,
 ) -> list[list[PlannedSetting]]:
-    """Plan every error measure, with all footprints, at all tolerances, from coarse to fine; by pyramid.
+    """Plan every error measure, with all footprints, at all tolerances, from coarse to fine, grouped by pyramid.
 
     open_stage: prepares a scene; called once for each measure, and once more for bricks.
-    tolerances: None for a spread that suits each pyramid, including the scene's own first tolerance, if it has one.
+    tolerances: None for a choice that suits each pyramid, with the scene's own first tolerance, if it has one.
     """
     plan = []
     own = scene.error
     for error, kind in product(errors, dict.fromkeys(splat.primitive_name for splat in splats)):
         alike = [splat for splat in splats if splat.primitive_name == kind]
         is_own = (error.measure, error.of) == (own.measure, own.of) and own.goal is None
-        with open_stage(replace(scene, error=error, splat=alike[0])) as stage:
-            works = _work_by_tolerance(stage, tolerances, float(own.tolerance) if is_own else None)
+        with open_stage(_with_setting(scene, error, alike[0])) as stage:
+            works = _work_by_tolerance(stage, tolerances, float(tolerance_at(own, 0)) if is_own else None)
         plan.append(
             [
-                PlannedSetting(with_tolerance(replace(scene, error=error, splat=splat), tolerance), work)
+                PlannedSetting(with_tolerance(_with_setting(scene, error, splat), tolerance), splat, work)
                 for splat in alike
                 for tolerance, work in works.items()
             ]
@@ -259,12 +280,16 @@ def plan_sweep(
     return plan
 
 
-def _work_by_tolerance(stage: Stage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
-    """Return the tolerances to measure on a stage, and how much is drawn at each, from coarse to fine.
+def _with_setting(scene: FilmScene, error: ErrorSpec, splat: SplatSpec) -> FilmScene:
+    return scene.changed(lambda each: replace(each, error=error, splat=splat))
 
-    own: a tolerance to include among those that are chosen.
+
+def _work_by_tolerance(stage: FilmStage, tolerances: Sequence[float] | None, own: float | None) -> dict[float, float]:
+    """Return the tolerances to measure on a stage, from coarse to fine, with the work of drawing at each.
+
+    own: a tolerance that is added to the chosen ones.
     """
-    work = cache(make_primitive(stage).work)
+    work = cache(make_primitive(stage.first).work)
     if tolerances is None:
         tolerances = spread_tolerances(stage.largest_error, work, _MAX_TOLERANCES)
         tolerances += () if own is None else (own,)
@@ -273,18 +298,17 @@ def _work_by_tolerance(stage: Stage, tolerances: Sequence[float] | None, own: fl
 
 @dataclass(frozen=True)
 class Study:
-    """A study with its results.
+    """Holds a study with its results.
 
     name: of the scene file. scene: with all defaults, from `scene_to_dict`. volume: name, fingerprint, dtype, shape.
-    machine: what the numbers depend on: processor, cores, system, device, commit, versions.
-    measurements: in the planned order.
-    notes: what a reader must know: where an error is not monotonic, what was left out, whether it was interrupted.
+    machine: the machine and the program that measured. measurements: in the planned order.
+    notes: for the reader, such as on an interruption.
     """
 
     name: str
     scene: Mapping[str, Any]
-    volume: Mapping[str, Any]
-    machine: Mapping[str, Any]
+    volume: Mapping[str, object]
+    machine: Machine
     truth_tolerance: float
     truths: tuple[Truth, ...]
     measurements: tuple[Measurement, ...]

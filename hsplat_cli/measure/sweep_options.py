@@ -1,9 +1,9 @@
-"""Parse the lists on the command line of `hsplat measure`: settings to sweep, and a wanted accuracy."""
+"""Parses the lists of settings, and the wanted accuracy, on the command line of `hsplat measure`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from renderer.errors import InputError, Problem
 from renderer.scene import (
@@ -19,7 +19,9 @@ from renderer.scene import (
 
 T = TypeVar("T")
 
+# `measure` and `of` of the section `error`, by the words of --measures.
 _MEASURES = {"optical": ("optical", "classified"), "rms": ("rms", "classified"), "rms:scalar": ("rms", "scalar")}
+# The types of a wanted accuracy, by metric.
 _WANTED: schema.FieldTable = {
     "psnr": schema.number_field(above=0, maximum=MAX_PSNR_DB),
     **dict.fromkeys(("rmse", "ssim", "flip"), schema.number_field(above=0, maximum=1)),
@@ -28,9 +30,9 @@ _WANTED: schema.FieldTable = {
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep: lists of which all combinations are measured.
+    """Holds the lists of a sweep, all of whose combinations are measured.
 
-    errors: one for each measure; their tolerance is ignored. splats: each footprint, corrected or not.
+    errors: one for each measure; their tolerances are ignored. splats: each footprint, with and without correction.
     tolerances: None for a choice that suits the volume.
     """
 
@@ -44,7 +46,7 @@ def parse_sweep(
 ) -> Sweep:
     """Parse lists with commas. Raises SceneError or InputError with the name of the option.
 
-    footprints, measures: None for those that can show the scene, of the defaults.
+    footprints, measures: None for the defaults that can show the scene.
     """
     footprints = footprints or ("integrated" if scene.key_for_bricks else "integrated,gaussian")
     measures = measures or ("optical" if scene.mode.is_projection else "optical,rms")
@@ -53,11 +55,11 @@ def parse_sweep(
     pairs = [_MEASURES[word] for word in _items("--measures", measures, schema.choice_field(*_MEASURES))]
     splats = [_with_correction(shape, is_on) for is_on in are_corrected for shape in shapes]
     if scene.key_for_bricks and any(splat.footprint != "integrated" for splat in splats):
-        what = f"splats cannot show what {scene.key_for_bricks} asks for"
-        raise InputError(what, where="--footprints", got=footprints, expected="integrated")
+        problem = f"splats cannot draw a scene with {scene.key_for_bricks}"
+        raise InputError(problem, where="--footprints", got=footprints, expected="integrated")
     if scene.mode.is_projection and measures != "optical":
-        what = "the tolerance of a projection is a share of its colour range"
-        raise InputError(what, where="--measures", got=measures, expected="optical")
+        problem = "the tolerance of a projection is a share of its colour range"
+        raise InputError(problem, where="--measures", got=measures, expected="optical")
     return Sweep(
         errors=tuple(replace(scene.error, measure=measure, of=of) for measure, of in pairs),  # type: ignore[arg-type]
         splats=tuple(dict.fromkeys(splats)),
@@ -85,12 +87,14 @@ def _items(option: str, text: str, field: schema.FieldType[T]) -> tuple[T, ...]:
 
 
 def _footprint_field(splat: SplatSpec) -> schema.FieldType[SplatSpec]:
-    """Return the type of `integrated`, `gaussian`, `gouraud` with the scene's subdivisions, or `gouraud:AxR` with A
-    angular and R radial ones."""
+    """Return the field type of a footprint: `integrated`, `gaussian`, `gouraud`, or `gouraud:AxR`.
+
+    A and R are the numbers of angular and radial subdivisions; without them the scene's subdivisions are taken.
+    """
 
     def parse(node: schema.TreeNode) -> SplatSpec:
         word = str(node.value)
-        given: dict[str, Any] = {"footprint": word}
+        given = {"footprint": word}
         if word.startswith("gouraud:"):
             given["footprint"] = "gouraud"
             given["angular"], _, given["radial"] = word.removeprefix("gouraud:").partition("x")

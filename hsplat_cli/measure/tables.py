@@ -1,4 +1,4 @@
-"""Write a study as text: a table for the terminal, whose columns the page has as well, CSV and JSON."""
+"""Writes a study as text: a table for the terminal, CSV and JSON; the page has the same columns as the table."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,15 +20,22 @@ from hsplat_cli.terminal import format_table
 from renderer.accuracy import METRICS, Accuracy, Truth
 from renderer.system import join_lines
 
+# The type of a column's values.
+Number = TypeVar("Number", float, int | None)
+
+# Version of the format of measure.json.
 FORMAT = 1
 
-# Headings of two lines for the metrics whose labels are too long.
+# Headings of two lines, for metrics whose labels are too long.
 _HEADINGS = {"max_error": ("largest", ""), "flip_p99": ("FLIP", "99 %"), "delta_e_share": ("Delta-E", "> 2.3")}
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table of measurements. unit: below the title. value: sort key; NaN or None if absent."""
+    """Describes a column of a table of measurements.
+
+    unit: the text below the title. value: the sort key of a measurement; NaN or None if it has none. text: its cell.
+    """
 
     title: str
     unit: str
@@ -37,7 +44,7 @@ class Column:
 
 
 def cost_columns(measurements: Sequence[Measurement], format_count: Callable[[float], str]) -> list[Column]:
-    """Return the columns of counts, times and memory, the last two being `once` and `memory`."""
+    """Return the columns of counts, times and memory; the last two are `once` and `memory`."""
     shows_bricks, shows_splats = has_bricks(measurements), has_splats(measurements)
     title, unit = ("bricks", "or cells" * shows_splats) if shows_bricks else ("cells", "")
     counts = [_number(title, unit, lambda m: m.num_cells, format_count)]
@@ -60,7 +67,7 @@ def metric_column(name: str, pixels: str) -> Column:
 
 
 def metric_columns(measurements: Sequence[Measurement], names: Sequence[str], pixels: str) -> list[Column]:
-    """Return the columns of the metrics that all measurements have, each with that of its interval, if it has one."""
+    """Return the columns of the metrics that all measurements have, each followed by its interval, if it has one."""
     columns = []
     for name in names:
         columns += [metric_column(name, pixels)] * all(name in getattr(m.overall, pixels) for m in measurements)
@@ -82,19 +89,19 @@ def _range(
     return Column(title, unit, lambda m: ends(m)[1] - ends(m)[0], lambda m: " to ".join(map(text, ends(m))))
 
 
-def _number(title: str, unit: str, value: Callable[[Measurement], float | None], text: Callable[[Any], str]) -> Column:
+def _number(title: str, unit: str, value: Callable[[Measurement], Number], text: Callable[[Number], str]) -> Column:
     return Column(title, unit, value, lambda m: text(value(m)))
 
 
 def _seconds_once(measurement: Measurement) -> float:
-    """Return the seconds of the steps that serve all frames; NaN without any."""
+    """Return the seconds of the steps that serve all frames; NaN if there are none."""
     return sum(float(np.median(seconds)) for seconds in measurement.seconds.values()) or math.nan
 
 
 def terminal_table(study: Study) -> str:
-    """Return a line for each measurement under a line for its series, with a line break.
+    """Return a line for each measurement, below a line for its series.
 
-    `T` marks the Pareto front of time, `S` that of splats.
+    `T` marks the Pareto front of time, and `S` the Pareto front of splats.
     """
     measurements = study.measurements
     columns = _terminal_columns(measurements)
@@ -116,7 +123,7 @@ def terminal_table(study: Study) -> str:
 
 
 def _terminal_columns(measurements: Sequence[Measurement]) -> list[Column]:
-    """Return the columns of costs, without `once`, and the most telling metrics."""
+    """Return the columns of costs, without `once`, and of the most important metrics."""
     *costs, _, memory = cost_columns(measurements, short_count_text)
     on_volume = [replace(each, title="volume") for each in metric_columns(measurements, ["psnr"], "on_volume")]
     others = ("ssim", "flip", "delta_e_share") if on_volume else ("rmse",)
@@ -127,16 +134,17 @@ def _terminal_columns(measurements: Sequence[Measurement]) -> list[Column]:
 def csv_text(study: Study) -> str:
     """Return CSV (RFC 4180): a header and a row for each measurement and frame.
 
-    Settings have the names of their options. Times are milliseconds: `frame_ms_*` of a whole frame, `frame_STEP_ms_*`
-    of each step, `once_STEP_ms_*` of steps that run once for all frames, `pyramid_ms` of the pyramid, timed once.
-    Metrics cover all pixels, `volume_*` those in which the volume is visible; `*_low` and `*_high` are the ends of the
-    interval of an estimate. Numbers are exact, with `nan` and `inf`;
-    absent values are empty. The fronts are those of the measurement, over all its frames.
+    Columns of settings have the names of their options. Times are milliseconds: `frame_ms_*` of a whole frame,
+    `frame_STEP_ms_*` of each step, `once_STEP_ms_*` of steps that run once for all frames, `pyramid_ms` of the pyramid,
+    timed once. Metrics cover all pixels, `volume_*` only the pixels in which the volume is visible; `*_low` and
+    `*_high` are the ends of the interval of an estimate. Numbers are exact, with `nan` and `inf`; absent values are
+    empty. `on_*_front` belongs to the measurement, over all its frames.
     """
     options = dict.fromkeys((name for m in study.measurements for name in m.setting.options), "")
     on_fronts = on_pareto_fronts(study.measurements)
-    rows = [
-        {"series": m.setting.series, "label": m.setting.label, "frame": sample.frame, **options, **m.setting.options}
+    rows: list[dict[str, object]] = [
+        {"series": m.setting.series, "label": m.setting.label, "frame": sample.frame}
+        | {**options, **m.setting.options}
         | {"on_time_front": on_time, "on_splats_front": on_splats, **_frame_row(m, sample)}
         for m, (on_time, on_splats) in zip(study.measurements, on_fronts, strict=True)
         for sample in m.frames
@@ -149,8 +157,8 @@ def csv_text(study: Study) -> str:
     return text.getvalue()
 
 
-def _frame_row(measurement: Measurement, sample: FrameMeasurement) -> dict[str, Any]:
-    row: dict[str, Any] = {
+def _frame_row(measurement: Measurement, sample: FrameMeasurement) -> dict[str, float | None]:
+    row: dict[str, float | None] = {
         "num_cells": measurement.num_cells,
         "num_primitives": sample.num_primitives,
         "peak_bytes": measurement.peak_bytes,
@@ -200,7 +208,7 @@ def json_text(study: Study, *, date: str) -> str:
     return json.dumps(to_plain(record), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _truth_record(truth: Truth) -> dict[str, Any]:
+def _truth_record(truth: Truth) -> dict[str, object]:
     return {
         "frame": truth.frame,
         "seconds": truth.seconds,
@@ -209,7 +217,7 @@ def _truth_record(truth: Truth) -> dict[str, Any]:
     }
 
 
-def _measurement_record(measurement: Measurement) -> dict[str, Any]:
+def _measurement_record(measurement: Measurement) -> dict[str, object]:
     fields = asdict(measurement)
     setting, steps, samples, *_ = map(fields.pop, ("setting", "seconds", "frames", "picture", "difference"))
     return {
@@ -222,8 +230,8 @@ def _measurement_record(measurement: Measurement) -> dict[str, Any]:
     }
 
 
-def to_plain(value: Any) -> Any:
-    """Convert a value to the types of JSON and YAML, NaN and infinities to None."""
+def to_plain(value: object) -> object:
+    """Convert a value to the types of JSON and YAML, and NaN and infinities to None."""
     if isinstance(value, Mapping):
         return {key: to_plain(item) for key, item in value.items()}
     if isinstance(value, (np.generic, np.ndarray)):

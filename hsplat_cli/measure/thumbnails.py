@@ -1,4 +1,4 @@
-"""Make small pictures, and pictures of differences, for a report."""
+"""Makes small pictures, and pictures of differences, for a report."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from renderer.accuracy import FloatImage
 from renderer.film import rounded
 from renderer.volume import UInt8
 
-# The longest side of a thumbnail.
+# Longest side of a thumbnail, in pixels.
 THUMBNAIL_PX = 256
-# The amplification of differences from the truth.
+# Factor on differences from the truth.
 DIFFERENCE_GAIN = 8.0
 
 

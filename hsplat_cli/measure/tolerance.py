@@ -1,4 +1,4 @@
-"""Find the coarsest tolerance that reaches an accuracy (`hsplat measure --want psnr=38`)."""
+"""Finds the coarsest tolerance that reaches an accuracy (`hsplat measure --want psnr=38`)."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ from renderer.accuracy import (
 )
 from renderer.draw import open_rasterizer
 from renderer.errors import InputError
-from renderer.frame import Stage, prepare_stage, read_film_volumes
-from renderer.scene import MetricTarget, Scene, counted
+from renderer.frame import FilmStage, prepare_stage, read_film_volumes
+from renderer.scene import FilmScene, MetricTarget, counted
 from renderer.system import num_cores
 from renderer.volume import Volume
 
 
-def open_at_any_tolerance(scene: Scene, volumes: Sequence[Volume]) -> Stage:
-    """Prepare the scene's stage for volumes in memory, at any tolerance."""
+def open_at_any_tolerance(scene: FilmScene, volumes: Sequence[Volume]) -> FilmStage:
+    """Prepare a stage of the scene and its volumes that can draw at any tolerance."""
     return prepare_stage(scene, clock=time.perf_counter, num_threads=num_cores(), volumes=volumes, any_tolerance=True)
 
 
 def print_tolerance(
-    scene: Scene, want: MetricTarget, numbers: Sequence[int], truth_tolerance: float | None, reporter: Reporter
+    scene: FilmScene, want: MetricTarget, numbers: Sequence[int], truth_tolerance: float | None, reporter: Reporter
 ) -> None:
-    """Search, and print as the last line one for the scene file.
+    """Search the tolerance for an accuracy; the last printed line is made for the scene file.
 
-    truth_tolerance: of whole exact pictures; None for a few exact rays of each frame, where these tell the metric.
-    Raises RenderError if full resolution is not accurate enough.
+    truth_tolerance: of whole exact pictures; None to compare with a few exact rays of each frame, if they can measure
+    the metric. Raises RenderError if full resolution is not accurate enough.
     """
     _require_measurable(scene, want)
-    noun = scene.splat.primitive_name
+    noun = scene.primitive_name
     with (
         open_rasterizer(scene) as rasterizer,
         open_at_any_tolerance(scene, read_film_volumes(scene).first) as stage,
@@ -68,15 +68,15 @@ def print_tolerance(
     reporter.result(_line(scene, found.worst.tolerance))
 
 
-def find_truth(stage: Stage, tolerance: float, events: FilmEvents, frame: int) -> Truth:
-    """Compute the truth of a frame, and tell how far it is."""
+def find_truth(stage: FilmStage, tolerance: float, events: FilmEvents, frame: int) -> Truth:
+    """Compute the truth of a frame, and show the progress."""
     tell, start = partial(events.truth_progressed, frame), time.perf_counter()
     truth = compute_truth(stage, frame, tolerance, num_threads=num_cores(), on_progress=tell)
     return replace(truth, seconds=time.perf_counter() - start)
 
 
 def nothing_visible_error(num_frames: int) -> InputError:
-    """Return the error for a volume of which no frame shows anything."""
+    """Return the error for a scene whose frames show nothing of its volume."""
     return InputError(
         "the scene draws nothing, so there is nothing to measure",
         got=f"{num_frames} frame{'s' * (num_frames > 1)} without anything of the volume",
@@ -94,7 +94,7 @@ def _comment(found: FoundTolerances, noun: str) -> str:
     return f"{value} or better on the frames {frames}; {drawn}; frame {worst.frame} is the worst"
 
 
-def _require_measurable(scene: Scene, want: MetricTarget) -> None:
+def _require_measurable(scene: FilmScene, want: MetricTarget) -> None:
     if want.metric in ("ssim", "flip"):
         require_measuring_packages()
     if want.metric == "ssim" and min(scene.output.size) < SSIM_WINDOW_PX:
@@ -107,8 +107,8 @@ def _require_measurable(scene: Scene, want: MetricTarget) -> None:
         )
 
 
-def _line(scene: Scene, tolerance: float) -> str:
-    """Return the section of the scene file, on one line."""
+def _line(scene: FilmScene, tolerance: float) -> str:
+    """Return the section `error` for the scene file, on one line."""
     error = scene.error
     parts = [f"measure: {error.measure}"]
     parts += [f"of: {error.of}"] if error.of != "classified" else []

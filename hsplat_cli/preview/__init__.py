@@ -1,11 +1,11 @@
-"""A page that shows a scene before its film is made.
+"""Shows a scene on a page before its film is made.
 
-In: a film job. Out: one HTML page: frames of the film, the object as it turns, histograms with what is seen of them,
-slices, and variants with the lines that make them.
+In: a film job. Out: one HTML page: frames of the film, the object as it turns, histograms with the visible values
+marked, slices, and variants with the lines that make them.
 
-- `watch.py` draws a scene whenever its file changes; `live_page.py` shows that on a page that is open,
-  from a file or from `server.py`.
-- `page.py` puts it together; `studio.py` draws small pictures from layers that are made once; `variants.py`: other
+- `watch.py` draws a scene whenever its file changes; `live_page.py` shows the pictures on an open page, by a file or by
+  `server.py`.
+- `page.py` makes the page; `studio.py` draws small pictures from layers that are made once; `variants.py`: other
   opacities, tolerances and looks; `volume_chart.py`: histograms and slices.
 """
 

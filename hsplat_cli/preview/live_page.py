@@ -1,4 +1,4 @@
-"""Show the states of a scene on a page that is open in a browser: by a file beside it, or by a server for one user."""
+"""Shows the states of a scene on a page in a browser: by a script beside the page, or by a server for one user."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from renderer.errors import InputError
 from renderer.film import WrittenFiles, locked_files, staged_files, translate_os_errors, write_staged
 from renderer.scene import require_file
 
-# The first line of the script beside a page.
+# The first line of the script beside a page, which marks it as one of hsplat.
 _SCRIPT_MARK = b"// by hsplat\n"
 
 
 @contextlib.contextmanager
 def file_states(page: Path, title: str, inputs: Iterable[Path]) -> Iterator[Callable[[State], None]]:
-    """Write a page and the script beside it that it loads again and again; yield a function that writes a state there.
+    """Write a page, and a script beside it that the page loads again and again; yield a function that writes a state.
 
-    Browsers let a page from a file load a script from beside it, and nothing else. Both files are locked until the end
-    of the block. Raises InputError if one of them is an input, or the script is a file of somebody else.
+    Browsers let a page from a file load a script beside it, and nothing else. Both files are locked until the end of
+    the context. Raises InputError if one of them is an input, or if another script has the name.
     """
     script = page.with_name(f"{page.name}.js")
     WrittenFiles([page, script]).require_harmless(inputs)
@@ -36,7 +36,7 @@ def file_states(page: Path, title: str, inputs: Iterable[Path]) -> Iterator[Call
 
     with locked_files([page, script]):
         with staged_files() as write:
-            # A name is no address: with a colon, it would be one of another server.
+            # Quoted, because a name with a colon would be the address of another server.
             address = quote(os.fsencode(script.name))
             write(page, render_page("watch.html", title=title, script=address, is_served=False).encode())
             write(script, _SCRIPT_MARK)
@@ -63,7 +63,7 @@ def served_states(title: str) -> Iterator[tuple[str, Callable[[State], None]]]:
 
 
 def _json(state: State) -> str:
-    """Return a state in one line of ASCII."""
+    """Return a state as JSON, in one line of ASCII."""
     shot = state.shot
     seen = {} if shot is None else {"uri": webp_data_uri(shot.pixels), "alt": shot.seen, "caption": shot.caption}
     return json.dumps({"number": state.number, "error": state.error, **seen})

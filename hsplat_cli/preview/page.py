@@ -1,4 +1,4 @@
-"""Make the page: draw each of its parts, and render them."""
+"""Makes the preview page: draws each of its parts, and renders them to HTML."""
 
 from __future__ import annotations
 
@@ -12,35 +12,43 @@ from hsplat_cli.preview.variants import draw_tolerances, suggest_looks, variants
 from hsplat_cli.preview.volume_chart import chart_of
 from hsplat_cli.reports import render_page
 from renderer.accuracy import Glance, is_loop, look_ahead, scalar_ranges, spread_evenly
+from renderer.annotation import require_annotation
 from renderer.draw import open_rasterizer
-from renderer.job import (
-    FilmJob,
-    FilmVisibility,
-    VisibleRange,
-    film_visibility,
-    range_record,
-    require_annotation,
-    visibility_text,
-)
+from renderer.job import FilmJob
+from renderer.record import FilmVisibility, VisibleRange, film_visibility, range_record, visibility_text
 from renderer.scene import PathSequence, Scene, TurntablePath, counted, min_tolerance, with_tolerance
 from renderer.system import num_cores, start_threads
 
-# Of the calls of `advance`.
+# Number of calls of `advance`.
 NUM_PARTS = 4
-# Numbers of pictures, and the lengths of their longer sides; annotation is drawn in larger ones, which are reduced.
-_NUM_FRAMES, _FRAME_PX, _ANNOTATED_PX = 12, 192, 512
-_NUM_TURNED, _TURN_COLUMNS, _TURN_PX = 24, 6, 192
+# Frames of the film on the page.
+_NUM_FRAMES = 12
+# Longer side of a frame, in pixels.
+_FRAME_PX = 192
+# Longer side of a frame with annotation, which is reduced to _FRAME_PX after drawing.
+_ANNOTATED_PX = 512
+# Pictures of the turning object.
+_NUM_TURNED = 24
+# Turning pictures in a row.
+_TURN_COLUMNS = 6
+# Longer side of a turning picture, in pixels.
+_TURN_PX = 192
+# Longer side of the pictures of variants, in pixels.
 _OTHERS_PX = 256
-# The tolerance of turning pictures, unless the scene's is larger, and their elevation, unless the film is a turntable.
-_TURN_TOLERANCE, _ELEVATION = 0.3, 20.0
+# Tolerance of turning pictures, unless the scene's tolerance is larger.
+_TURN_TOLERANCE = 0.3
+# Elevation of turning pictures in degrees, unless the film is a turntable.
+_ELEVATION = 20.0
+# Exact rays of each frame, which find the visible values.
 _RAYS_A_FRAME = 96
+# Most layers that have a chart.
 _MOST_CHARTS = 8
 
 
 def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> tuple[str, Sequence[Glance]]:
     """Return the page of a film, and the faults of its pictures.
 
-    advance: takes the name of each part that is done. Raises InputError, SceneError, and RenderError where a scene with
+    advance: gets the name of each finished part. Raises InputError, SceneError, and RenderError where a scene with
     splats finds no OpenGL.
     """
     film = job.scene
@@ -48,7 +56,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
     with open_rasterizer(film) as rasterizer, start_threads(1) as beside:
         studio, still = Studio(rasterizer), small_scene(film.at(frame), _OTHERS_PX)
         with studio.stage(still) as stage:
-            looks = beside.submit(suggest_looks, stage)  # these take one processor
+            looks = beside.submit(suggest_looks, stage.first)  # in one thread, while others draw
             sheet, visibility, glances = _sheet(studio, job)
             advance("frames")
             shown = [*enumerate(stage.layers[:_MOST_CHARTS])]
@@ -57,7 +65,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
             advance("tolerances")
             turn = _turn(studio, small_scene(film.at(frame), _TURN_PX))
             advance("turning")
-            rows = [*variants(studio, stage, frame, coarser, looks.result())]
+            rows = [*variants(studio, stage.first, frame, coarser, looks.result())]
             advance("variants")
     page = render_page(
         "preview.html",
@@ -78,7 +86,7 @@ def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> 
 
 
 def _facts(job: FilmJob) -> list[tuple[str, str]]:
-    """Return what the film will be, for the head of the page."""
+    """Return the facts about the film for the head of the page."""
     output = job.scene.output
     seconds = len(job.frames) / output.frames_per_second
     size = f"{output.size[0]} × {output.size[1]} pixels"
@@ -87,23 +95,23 @@ def _facts(job: FilmJob) -> list[tuple[str, str]]:
 
 def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None, Sequence[Glance]]:
     """Draw some frames of the film with their annotation; find the visible values, and the faults of pictures."""
-    has_text = bool(job.scene.annotation.entries)  # which is made for larger pictures
+    has_text = bool(job.scene.at(0).annotation.entries)  # it is laid out for larger pictures
     scene = small_scene(job.scene, _ANNOTATED_PX if has_text else _FRAME_PX, is_annotated=True)
-    frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.camera.path))
+    frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.at(0).camera.path))
     with studio.stage(scene) as stage:
         require_annotation(stage, frames)
         ranges = scalar_ranges(stage)
         drawn = studio.draw(stage, frames, _RAYS_A_FRAME if ranges else 0)
         glances = look_ahead(stage, job.frames, num_threads=num_cores())
     shots = [
-        shot_of(each, scene.at(number).output.background, f"frame {number}", side=_FRAME_PX)
+        shot_of(each, scene.at(number).background, f"frame {number}", side=_FRAME_PX)
         for number, each in zip(frames, drawn, strict=True)
     ]
     return shots, film_visibility([each.record for each in drawn], [*map(range_record, ranges)]), glances
 
 
 def _of_layer(visibility: FilmVisibility | None, number: int) -> list[VisibleRange]:
-    """Return the ranges of one volume."""
+    """Return the visible ranges of the layer with this number."""
     return [each for each in visibility.ranges if each.layer in (None, number)] if visibility is not None else []
 
 
@@ -118,7 +126,7 @@ def _turn(studio: Studio, still: Scene) -> Shot:
         camera = replace(camera, path=TurntablePath(_NUM_TURNED, elevation=_ELEVATION, axis=axis), distance=None)
     scene = with_tolerance(still, max(_TURN_TOLERANCE, min_tolerance(still.error)))
     with studio.stage(replace(scene, camera=camera)) as stage:
-        shots = [shot_of(each, still.output.background, "") for each in studio.draw(stage, range(_NUM_TURNED))]
+        shots = [shot_of(each, still.background, "") for each in studio.draw(stage, range(_NUM_TURNED))]
     rows = [
         np.hstack([shot.pixels for shot in shots[k : k + _TURN_COLUMNS]]) for k in range(0, _NUM_TURNED, _TURN_COLUMNS)
     ]

@@ -1,7 +1,7 @@
-"""Serve one page and its news to one user of this machine.
+"""Serves one page and its news to one user of this machine.
 
-Every user of the machine can connect to the port, so that the address has a token, and connections that hold their
-places without asking for anything are closed.
+Every user of the machine can connect to the port. Therefore the address has a secret token, and connections that make
+no request are closed.
 """
 
 from __future__ import annotations
@@ -15,19 +15,22 @@ import threading
 import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
+
+# As in socketserver: a connection, and the address of its client.
+_Request = socket.socket | tuple[bytes, socket.socket]
+_Address = tuple[str, int] | str
 
 _LOOPBACK = "127.0.0.1"
-# The most connections at one time: each open tab has one, and a browser opens some in advance.
+# Most connections at a time: each open tab has one, and a browser opens some in advance.
 MAX_CONNECTIONS = 32
-# Seconds in which a request must have come, and a client must take an answer.
+# Seconds in which a client must complete a request, and in which it must take an answer.
 IDLE_S = 10.0
-# Seconds after which a connection without news hears that there are none, so that a closed one is noticed.
+# Seconds without news after which a connection gets a line that says so: writing it detects a closed connection.
 _HEARTBEAT_S = 5.0
 
 
 class Channel:
-    """The last text of news, for all who wait for another one."""
+    """Holds the latest news, and hands it to every thread that waits for it."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -35,14 +38,14 @@ class Channel:
         self._changed = threading.Condition()
 
     def send(self, text: str) -> None:
-        """Replace the text, and tell all who wait."""
+        """Replace the text, and wake all waiting threads."""
         with self._changed:
             self._text = text
             self._number += 1
             self._changed.notify_all()
 
     def texts(self) -> Iterator[str | None]:
-        """Yield the text and each later one, without end; None where there is none for a while."""
+        """Yield the text and each later text, without end; None after each _HEARTBEAT_S without a new one."""
         sent = -1
         while True:
             with self._changed:
@@ -55,7 +58,7 @@ class Channel:
 
 @contextlib.contextmanager
 def serve_page(page: bytes, news: Channel) -> Iterator[str]:
-    """Serve a page at a free port of this machine, and yield its address; texts of news are sent as events."""
+    """Serve a page at a free port of this machine, and yield its address; the texts of `news` are sent as events."""
     with _Server(page, news) as server:
         threading.Thread(target=server.serve_forever, name="hsplat-server", daemon=True).start()
         try:
@@ -65,7 +68,7 @@ def serve_page(page: bytes, news: Channel) -> Iterator[str]:
 
 
 class _Server(ThreadingHTTPServer):
-    """A server with a limit of connections, each of which has a limited time for its request."""
+    """Serves a limited number of connections, each with a limited time for its request."""
 
     daemon_threads = True
 
@@ -75,11 +78,12 @@ class _Server(ThreadingHTTPServer):
         self.news = news
         self.token = secrets.token_urlsafe(24)
         self._places = threading.BoundedSemaphore(MAX_CONNECTIONS)
-        # When connections without a whole request are closed, by `time.monotonic`.
+        # Time, by `time.monotonic`, at which a connection is closed that has made no whole request by then.
         self.deadlines: dict[socket.socket, float] = {}
 
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer in a thread, or close the connection where there are too many."""
+    def process_request(self, request: _Request, client_address: _Address) -> None:
+        """Answer in a thread, or close the connection if there are too many."""
+        assert isinstance(request, socket.socket), "a TCP server has no datagrams"
         if not self._places.acquire(blocking=False):
             self.shutdown_request(request)
             return
@@ -90,8 +94,9 @@ class _Server(ThreadingHTTPServer):
             self._leave(request)
             raise
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
+    def process_request_thread(self, request: _Request, client_address: _Address) -> None:
         """Answer, in the connection's own thread."""
+        assert isinstance(request, socket.socket), "a TCP server has no datagrams"
         try:
             super().process_request_thread(request, client_address)
         finally:
@@ -102,14 +107,14 @@ class _Server(ThreadingHTTPServer):
         self._places.release()
 
     def service_actions(self) -> None:
-        """Close connections whose request takes too long, however many bytes of it arrive."""
+        """Close connections whose requests take too long, even if bytes still arrive."""
         now = time.monotonic()
         for request in [request for request, deadline in self.deadlines.copy().items() if now > deadline]:
             with contextlib.suppress(OSError):  # it is closed
                 request.shutdown(socket.SHUT_RDWR)
 
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Print nothing about a client that leaves, or takes too long."""
+    def handle_error(self, request: _Request, client_address: _Address) -> None:
+        """Print nothing about a client that has left or takes too long."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
@@ -121,7 +126,7 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         self.server.deadlines.pop(self.connection, None)
         name = self.path.removeprefix("/").split("/")
-        # A page of another origin can ask for a name of its own that leads to this address.
+        # A page of another origin can use a host name of its own that leads to this address: require ours.
         is_own = self.headers.get("Host") == f"{_LOOPBACK}:{self.server.server_port}"
         if len(name) != 2 or not is_own or not hmac.compare_digest(name[0].encode(), self.server.token.encode()):
             self.send_error(404)

@@ -1,4 +1,4 @@
-"""Draw variants of a scene, each with the lines that make it."""
+"""Draws variants of a scene, each with the lines that make it."""
 
 from __future__ import annotations
 
@@ -12,35 +12,40 @@ from renderer.errors import HsplatError
 from renderer.frame import Stage
 from renderer.job import FilmJob, JobEvents, LocalExecutor, forecast_frames
 from renderer.scene import Scene, with_tolerance
-from renderer.suggest import VolumeSuggestion, Wish, compute_statistics, hounsfield_zero, suggest_read
+from renderer.statistics import compute_statistics, hounsfield_zero
+from renderer.suggest import VolumeSuggestion, Wish, suggest_read
 from renderer.volume import Volume, sampled_volume
 
+# Factors on the opacity.
 _FACTORS = (0.5, 1.0, 2.0)
 _TOLERANCES = (1.0, 0.3, 0.1)
-# Exact rays, by which it is known how exact they are.
+# Exact rays that measure the accuracy of a picture.
 _NUM_RAYS = 512
-# Words of --preset: of computed tomography, and of all else.
-_CT_PRESETS, _PRESETS = ("bone", "vessels", "skin", "xray"), ("surface", "xray", "glow")
-# The voxels along each axis from which looks are suggested, and drawn.
-_MOST_LOOKED_AT, _MOST_DRAWN = 64, 128
+# Words of --preset for computed tomography.
+_CT_PRESETS = ("bone", "vessels", "skin", "xray")
+# Words of --preset for all other volumes.
+_PRESETS = ("surface", "xray", "glow")
+# Most voxels along each axis from which looks are suggested.
+_MOST_LOOKED_AT = 64
+# Most voxels along each axis that are drawn with other looks.
+_MOST_DRAWN = 128
 
-
-# A word of --preset, and what it suggests.
+# Words of --preset, with their suggestions.
 Looks = Sequence[tuple[str, VolumeSuggestion]]
 
 
 def variants(
     studio: Studio, stage: Stage, frame: int, coarser: list[Shot], looks: Looks
 ) -> Iterator[tuple[str, list[Shot]]]:
-    """Yield rows of variants of a stage's scene, which is plain: a heading, and pictures of a frame.
+    """Yield rows of variants of a scene in which nothing moves: a heading, and pictures of a frame.
 
-    coarser: those of `draw_tolerances`. looks: those of `suggest_looks`.
+    coarser: the pictures by `draw_tolerances`. looks: the looks by `suggest_looks`.
     """
-    scene = replace(stage.scene, camera=stage.camera)  # all are seen from one place
+    scene = replace(stage.scene, camera=stage.camera)  # the same view for all variants
     if not scene.mode.is_projection:
         unit = stage.layers[0].transfer.unit
         yield "Opacity", [_denser(studio, scene, unit / factor, frame, factor) for factor in _FACTORS]
-    yield "Tolerance, and what the whole film costs", coarser
+    yield "Tolerance, and the cost of the whole film", coarser
     if looks:
         drawn = [sampled_volume(stage.layers[0].volume, _MOST_DRAWN)]
         shots = [_look(studio, scene, frame, word, found, drawn) for word, found in looks]
@@ -48,7 +53,7 @@ def variants(
 
 
 def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float) -> Shot:
-    """Draw the scene with all extinctions times a factor. unit: of a transfer function that does the same."""
+    """Draw the scene with all extinctions times a factor. unit: of a transfer function with the same effect."""
     caption = f"opacity × {factor:g}"
     if scene.volumes:
         weights = [f"  - weight: {factor * layer.weight:.6g}" for layer in scene.volumes]
@@ -64,9 +69,9 @@ def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float
 
 
 def draw_tolerances(studio: Studio, job: FilmJob, frame: int, side: int, prepared_s: float) -> list[Shot]:
-    """Draw a frame of a film at some tolerances, measure it by exact rays, and predict what the film costs.
+    """Draw a frame of a film at some tolerances, measure it by exact rays, and predict the cost of the film.
 
-    side: of the pictures, in pixels. prepared_s: how long preparing the film takes.
+    side: of the pictures, in pixels. prepared_s: seconds to prepare the film.
     """
     shots = []
     for tolerance in _TOLERANCES:
@@ -76,18 +81,18 @@ def draw_tolerances(studio: Studio, job: FilmJob, frame: int, side: int, prepare
                 found = forecast_frames(stage, executor, job.frames, start, JobEvents(), num_places=1)
                 cost = f"the film takes about {found.seconds_text} here, and {found.bytes_text(found.num_bytes)}"
             except HsplatError as error:
-                cost = f"what the film costs is not known: {error.summary}"
+                cost = f"the cost of the film is not known: {error.summary}"
             (drawn,) = studio.draw(stage, [frame], _NUM_RAYS)
         assert drawn.record.accuracy is not None, "it was measured"
         low, high = drawn.record.accuracy.interval
         caption = f"tolerance {tolerance:g}: PSNR {low:.1f} to {high:.1f} dB before encoding; {cost}"
         lines = f"error:\n  tolerance: {tolerance:g}"
-        shots.append(shot_of(drawn, stage.scene.at(frame).output.background, caption, lines, side))
+        shots.append(shot_of(drawn, stage.scene.at(frame).background, caption, lines, side))
     return shots
 
 
 def suggest_looks(stage: Stage) -> Looks:
-    """Suggest looks of a stage's only volume by presets that suit its values, from some of its voxels."""
+    """Suggest looks of a stage's only volume, by the presets that suit its values, from some of its voxels."""
     scene, (layer, *others) = stage.scene, stage.layers
     is_plain = not (others or scene.needs_opengl or scene.mode.is_projection or layer.volume.is_labels)
     if not is_plain or scene.volume.has_colors or layer.volume.mask is not None:

@@ -1,33 +1,53 @@
-"""Lay out the histogram of a volume with its transfer function, what is seen of it, and slices in its colours."""
+"""Lays out the histogram of a volume with its transfer function and its visible values, and slices in its colours."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from PIL import Image
 
 from hsplat_cli.preview.studio import Shot
-from renderer.job import VisibleRange
 from renderer.layers import Layer
+from renderer.record import VisibleRange
 from renderer.scene import ColormapSpec, format_value
-from renderer.suggest import Statistics, compute_statistics, format_percent, rebin
+from renderer.statistics import Statistics, compute_statistics, format_percent, rebin
 from renderer.view import visible_centre, visible_points
 from renderer.volume import Array, Float64, Int64, UInt8, Volume
 
+# Bars of a histogram.
 _COLUMNS = 160
-# Voxels along each axis, of which logarithms are counted.
+# Most voxels along each axis whose logarithms are counted.
 _MOST_COUNTED = 128
+# Longer side of a slice, in pixels.
 _SLICE_PX = 256
 
 
-def chart_of(layer: Layer, shown: Sequence[VisibleRange]) -> dict[str, Any]:
-    """Lay out the chart of a layer, from 0 to 1 across and, downwards, up; and draw its slices.
+class VolumeChart(TypedDict):
+    """Describes a chart and the slices of a layer for the template `preview.html`.
 
-    shown: what is seen of it. The template `preview.html` draws it as SVG.
+    The chart goes from 0 to 1 across and downwards. bars, curve: paths of SVG. stops: places and colours of the colour
+    scale. ends: the values at both ends of the axis. largest: the largest opacity. ranges: ends, share of the picture
+    and its text of each visible range of values. rows: of the table of visible values.
     """
+
+    name: str
+    bars: str
+    curve: str
+    stops: list[tuple[str, str]]
+    ends: tuple[str, ...]
+    axis: str
+    largest: str
+    unit: str
+    ranges: list[tuple[float, float, float, str]]
+    rows: list[dict[str, str]]
+    slices: list[Shot]
+
+
+def chart_of(layer: Layer, shown: Sequence[VisibleRange]) -> VolumeChart:
+    """Lay out the chart of a layer, and draw its slices. shown: the visible values of the layer."""
     volume, transfer = layer.volume, layer.transfer
     statistics = compute_statistics(volume.values, volume.source)
     first = _first_of_logarithms(layer)
@@ -35,11 +55,11 @@ def chart_of(layer: Layer, shown: Sequence[VisibleRange]) -> dict[str, Any]:
     low, high = float(edges[0]), float(edges[-1])
     low, high = (low, high) if low < high else (low - 1, high + 1)
 
-    def on_axis(values: Any) -> Any:
+    def on_axis(values: Float64) -> Float64:
         return np.clip(values if first is None else np.log10(np.maximum(values, first)), low, high)
 
-    def across(places: Any) -> Any:
-        return (places / 2 - low / 2) / (high / 2 - low / 2)  # halves do not overflow
+    def across(places: Float64) -> Float64:
+        return (places / 2 - low / 2) / (high / 2 - low / 2)  # halves, whose difference does not overflow
 
     even, places = np.linspace(low, high, _COLUMNS), on_axis(transfer.values)
     inner = transfer.values[(places > low) & (places < high)]
@@ -71,7 +91,7 @@ def chart_of(layer: Layer, shown: Sequence[VisibleRange]) -> dict[str, Any]:
 
 
 def _first_of_logarithms(layer: Layer) -> float | None:
-    """Return the first value of a logarithmic colormap, as which all smaller ones are drawn; None without one."""
+    """Return the first value of a logarithmic colormap, to which smaller values are raised; None for another scale."""
     mapping = layer.spec.transfer_function.mapping
     return mapping.range[0] if isinstance(mapping, ColormapSpec) and mapping.scale == "log" else None
 
@@ -84,20 +104,20 @@ def _count_logarithms(volume: Volume, first: float) -> tuple[Int64, Float64]:
 
 
 def _row(each: VisibleRange) -> dict[str, str]:
-    """Return a row of the table of what is seen."""
+    """Return the row of a range in the table of visible values: texts by the titles of columns."""
     ends = [f"{word} {end:.6g}" for word, end in (("from", each.low), ("to", each.high)) if end is not None]
     seen = {"largest\nopacity": f"{each.opacity:.3g}", "seen": format_percent(each.share)}
     return {"values": each.name or " ".join(ends) or "all"} | seen
 
 
 def _classified(layer: Layer, scalars: Float64) -> tuple[Float64, Float64]:
-    """Return colours, and opacities for the transfer function's unit."""
+    """Return the colours of scalars, and their opacities over the transfer function's unit."""
     colors, extinctions = layer.transfer.classify(scalars)
     return colors, -np.expm1(-extinctions * layer.transfer.unit)
 
 
 def _slices(layer: Layer, statistics: Statistics) -> list[Shot]:
-    """Return slices through the middle of what is visible, across x, y and z, each with the last axis upwards."""
+    """Return slices through the middle of the visible part, across x, y and z, each with its later axis upwards."""
     volume, shots = layer.volume, []
     middle = np.array([*visible_centre(visible_points(layer.pyramid)), 1.0])
     index = np.clip(np.round(np.linalg.solve(volume.world_from_index, middle)[:3]), 0, np.array(volume.shape_xyz) - 1)
@@ -113,7 +133,7 @@ def _slices(layer: Layer, statistics: Statistics) -> list[Shot]:
 
 
 def _colored(layer: Layer, statistics: Statistics, values: Array) -> UInt8:
-    """Return a slice in the colours of the transfer function, by the root of its opacities, over grey."""
+    """Return a slice in grey, covered by the transfer function's colours in proportion to the root of their opacity."""
     has_data = np.isfinite(values)
     scalars = np.where(has_data, values, statistics.minimum).astype(np.float64)
     colors, opacities = _classified(layer, scalars)

@@ -1,4 +1,4 @@
-"""Watch the file of a scene, and draw the scene when the file changes: coarse at once, then finer."""
+"""Watches the file of a scene, and draws the scene when the file changes: coarse at once, then finer."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.draw import open_rasterizer
 from renderer.errors import HsplatError, InputError
 from renderer.frame import StageMaker
-from renderer.scene import Scene, min_tolerance, with_tolerance
+from renderer.scene import FilmScene, min_tolerance, with_tolerance
 from renderer.system import num_cores
 from renderer.volume import Volume, sampled_volume
 
-# The longer side of each picture, and the finest tolerance that it may have.
+# Longer side in pixels, and finest tolerance, of each picture in turn.
 _STEPS = ((256, 1.0), (512, 0.3), (512, 0.0))
-# While layers are made again, the first picture is one of at most this many voxels along each axis.
+# Most voxels along each axis in the first picture, if layers have to be made again.
 _MOST_AT_ONCE = 128
+# Seconds between two looks at the file.
 _POLL_S = 0.1
-# An editor may write a file in pieces: it is read when it has not changed for this long.
+# Seconds without a change after which the file is read: an editor may write it in pieces.
 _SETTLED_S = 0.05
 
 
 @dataclass(frozen=True)
 class State:
-    """A state of the page: the last picture that could be drawn, and what is wrong with the scene now."""
+    """Holds a state of the page: the last picture that could be drawn, and the error of the scene, if it has one."""
 
     number: int
     shot: Shot | None = None
@@ -38,7 +39,8 @@ class State:
 def watch(request: SceneRequest, show: Callable[[State], object], keeps_on: Callable[[], bool] = lambda: True) -> None:
     """Call `show` with each state of a scene, until an interrupt.
 
-    keeps_on: is asked while nothing changes. What is wrong with the scene is shown; the last good picture stays.
+    Mistakes in the scene are shown; the last good picture stays. keeps_on: called while nothing changes, and returns
+    whether to go on.
     """
     state, maker = State(0), StageMaker(num_cores(), any_tolerance=True)
     for mark in _changes(request.path, keeps_on):
@@ -57,7 +59,7 @@ def watch(request: SceneRequest, show: Callable[[State], object], keeps_on: Call
 
 
 def _changes(path: Path, keeps_on: Callable[[], bool]) -> Iterator[tuple[int, ...] | None]:
-    """Yield what a file is known by, at first and when it has changed; None while it is not there."""
+    """Yield the mark of a file, at first and after each change; None while the file is not there."""
     known: tuple[int, ...] | None = ()
     while keeps_on():
         mark = _mark(path)
@@ -71,6 +73,7 @@ def _changes(path: Path, keeps_on: Callable[[], bool]) -> Iterator[tuple[int, ..
 
 
 def _mark(path: Path) -> tuple[int, ...] | None:
+    """Return the time, size and inode of a file, which tell a change; None if it is not there."""
     try:
         status = os.stat(path)
     except OSError:
@@ -78,8 +81,8 @@ def _mark(path: Path) -> tuple[int, ...] | None:
     return status.st_mtime_ns, status.st_size, status.st_ino
 
 
-def _shots(scene: Scene, maker: StageMaker) -> Iterator[Shot]:
-    """Yield the picture of a scene's first frame, or of its middle if it moves: each finer than the one before."""
+def _shots(scene: FilmScene, maker: StageMaker) -> Iterator[Shot]:
+    """Yield ever finer pictures of a scene's first frame, or of its middle frame if something moves."""
     frame = scene.num_frames // 2 if scene.moves else 0
     wanted = min_tolerance(small_scene(scene, 1).error)
     with open_rasterizer(scene) as rasterizer:
@@ -92,16 +95,21 @@ def _shots(scene: Scene, maker: StageMaker) -> Iterator[Shot]:
                 drawn.add((side, tolerance))
                 shot = studio.shoot(small, frame, "", "", some)
                 seconds = time.perf_counter() - start
-                which = ", of some of the voxels" * (some is not None)
-                yield replace(shot, caption=f"frame {frame} at tolerance {tolerance:g}{which}, {seconds:.2f} s")
+                part = ", of some of the voxels" * (some is not None)
+                yield replace(shot, caption=f"frame {frame} at tolerance {tolerance:g}{part}, {seconds:.2f} s")
 
 
-def _some_voxels(scene: Scene, maker: StageMaker) -> list[Volume] | None:
-    """Return some voxels of a scene's volumes where these are known, large and plain, and their layers are not kept."""
+def _some_voxels(scene: FilmScene, maker: StageMaker) -> list[Volume] | None:
+    """Return some voxels of each volume, for a first picture; None if drawing all of them takes no longer.
+
+    That is the case for small volumes, and for layers that are kept. It is also None for volumes that are not read yet,
+    or have labels, colours or a mask.
+    """
     if not maker.layers or scene.moves:
         return None
-    volumes, tolerance = maker.volumes_of(scene), min_tolerance(scene.error)
-    is_kept = maker.layers.keys() >= {*maker.digests_of(scene, tolerance)}
+    still, tolerance = scene.at(0), min_tolerance(scene.error)
+    volumes = maker.volumes_of(still)
+    is_kept = maker.layers.keys() >= {*maker.digests_of(still, tolerance)}
     are_plain = not any(volume.is_labels or volume.colors is not None or volume.mask is not None for volume in volumes)
     is_large = max(max(volume.shape_xyz) for volume in volumes) > _MOST_AT_ONCE
     return (

@@ -1,10 +1,10 @@
-"""Render HTML pages without external resources, and format numbers.
+"""Renders HTML pages without external resources, and formats numbers.
 
-In: a template's name and its values, pictures, curves, numbers. Out: the text of a page, with pictures and charts in
-it; numbers with significant digits only.
+In: a template's name and its values, pictures, curves, numbers. Out: the text of a page with its pictures and charts;
+numbers as text with significant digits only.
 
 - `html.py`: templates, and pictures in a page; `charts.py`: axes, curves and labels, drawn as SVG by `chart.html`;
-  `number_format.py`: significant digits. `templates/`: jinja.
+  `number_format.py`: significant digits. `templates/`: jinja templates.
 """
 
 import lazy_loader

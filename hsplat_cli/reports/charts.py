@@ -1,4 +1,4 @@
-"""Lay out charts: axes with ticks, curves, points and their bars. The template `chart.html` draws them as SVG."""
+"""Lays out charts: axes with ticks, curves, points and their bars. The template `chart.html` draws them as SVG."""
 
 from __future__ import annotations
 
@@ -7,23 +7,28 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-# Pixels around the axes: for the numbers and the title of the y axis, and for those of the x axis.
+# Pixels left of the axes, for the numbers and the title of the y axis.
 _LEFT = 62
+# Pixels right of the axes.
 _RIGHT = 14
+# Pixels above the axes.
 _TOP = 14
+# Pixels below the axes, for the numbers and the title of the x axis.
 _BOTTOM = 52
 # Pixels below the axes for the crosses of marks.
 _CROSSES = 14
-# Of the text of a label: its height, and about the width of a letter, in pixels.
+# Height of the text of a label, in pixels.
 _LABEL_PX = 12.0
+# Approximate width of a letter of a label, in pixels.
 _LETTER_PX = 6.8
 # Pixels between a point and its label.
 _LABEL_GAP_PX = 6.0
-# The share of the range of the values by which an axis is longer, at each end.
+# Share of the range of values by which an axis is longer than the range, at each end.
 _MARGIN = 0.06
+# Most ticks of an axis.
 _MOST_TICKS = 8
 
-# The path of each marker around its point, and the width of its stroke in pixels.
+# The path of each marker relative to its point, and the width of its stroke in pixels.
 MARKERS = {
     "circle": ("h0", 7.0),
     "square": ("m-2.5-2.5h5v5h-5z", 1.5),
@@ -36,13 +41,14 @@ MARKERS = {
     "small circle": ("h0", 5.0),
     "dot": ("h0", 2.5),
 }
+# The names of the colours of curves in PALETTE.
 SERIES = tuple(f"series-{number}" for number in range(1, 9))
 
 Point = tuple[float, float]
 
 
 class Tick(NamedTuple):
-    """A number on an axis. note: at the end of its line, which is then strong."""
+    """Marks a number on an axis. note: text at the end of the tick's line, which is then strong."""
 
     at: float
     text: str
@@ -51,7 +57,7 @@ class Tick(NamedTuple):
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis, linear in its values: those of a logarithmic one are logarithms to the base 10."""
+    """Describes an axis, which is linear in its values; a logarithmic axis has decimal logarithms as values."""
 
     title: str
     low: float
@@ -65,11 +71,11 @@ class Axis:
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve of a chart, with its name in the legend.
+    """Describes a curve of a chart, with its name in the legend.
 
-    points: in the values of the axes; None where the curve breaks. color: of PALETTE. marker: of MARKERS, or empty.
-    dash: as in SVG, `none` for a whole line, empty for points without a line. width: of the line, in pixels. bars: from
-    point to point.
+    points: in the values of the axes; None where the curve breaks. color: a key of PALETTE. marker: a key of MARKERS,
+    or empty. dash: as in SVG, `none` for a whole line, empty for points without a line. width: of the line, in pixels.
+    bars: straight lines, each from a point to another.
     """
 
     name: str
@@ -83,10 +89,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart with its caption.
+    """Describes a chart with its caption.
 
-    alt: describes it to readers who cannot see it. labels: texts beside points. marks: places on the x axis, each with
-    a text that says what happened there. size: in pixels.
+    alt: a description for readers who cannot see the chart. labels: texts beside points. marks: values of the x axis
+    that are marked by a cross, each with a text about it. size: in pixels.
     """
 
     x: Axis
@@ -134,7 +140,7 @@ class Chart:
         return "".join(f"M{self._place(start)}L{self._place(end)}" for start, end in curve.bars)
 
     def shown_labels(self) -> list[tuple[float, float, str]]:
-        """Return right end, base line and text of the labels that cover none before them, above and left of points."""
+        """Return right end, base line and text of each label, above and left of its point, that covers no other."""
         shown: list[tuple[float, float, str]] = []
         for (x, y), text in self.labels:
             right, base = self.across(x) - _LABEL_GAP_PX, self.down(y) - _LABEL_GAP_PX
@@ -152,7 +158,7 @@ class Chart:
 
 
 def linear_axis(title: str, values: Sequence[float], text: Callable[[float], str] = "{:g}".format) -> Axis:
-    """Return an axis that is a little longer than the range of the values."""
+    """Return an axis a little longer than the range of the values, with ticks at round numbers."""
     low, high = min(values), max(values)
     margin = _MARGIN * (high - low) or 0.5 * abs(high) or 0.5
     ticks = [Tick(at, text(at)) for at in round_numbers(low - margin, high + margin, _MOST_TICKS)]
@@ -177,7 +183,7 @@ def log_axis(title: str, values: Sequence[float]) -> Axis:
 
 
 def round_numbers(low: float, high: float, most: int, least_step: float = 0.0) -> list[float]:
-    """Return round numbers from low to high, at most so many, at equal steps of 1, 2 or 5 times a power of ten."""
+    """Return at most `most` round numbers from low to high, in equal steps of 1, 2 or 5 times a power of ten."""
     span = max(high - low, least_step)
     power = math.floor(math.log10(span / most))
     steps = (factor * 10.0 ** (power + more) for more in (0, 1, 2) for factor in (1, 2, 5))

@@ -1,6 +1,6 @@
-"""Render HTML pages: templates, colours, and pictures as data URIs.
+"""Renders HTML pages: templates, colours, and pictures as data URIs.
 
-A page is one file without external resources, and follows the reader's choice of light or dark.
+A page is one file without external resources, and follows the reader's choice of a light or dark scheme.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import io
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +25,8 @@ from renderer.system import join_lines
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-# CSS variable: colour on light and on dark ground. The series have the eight colours of M. Okabe and K. Ito, "Color
-# Universal Design" (2008), darker on white where they would be faint, lighter on black.
+# The colours of CSS variables, on a light and on a dark ground. The series have the eight colours of M. Okabe and
+# K. Ito, "Color Universal Design" (2008), darker on white where they would be faint, and lighter on black.
 PALETTE = {
     "ink": ("#1c1e21", "#e6e6e3"),
     "muted": ("#5c6066", "#a3a6aa"),
@@ -44,11 +44,12 @@ PALETTE = {
     "series-8": ("#6b6f76", "#b4b7bb"),
 }
 
-# In the style of every page. It stands within the first bytes, of which this many are read.
+# The mark of a page that hsplat has made; it is in the page's style, near its beginning.
 _MARK = b"/* by hsplat"
+# Bytes at the beginning of a page in which the mark is looked for.
 _MAX_HEAD_BYTES = 2**16
 
-# Of 100.
+# Quality of WebP pictures, of 100.
 _WEBP_QUALITY = 80
 
 
@@ -65,7 +66,7 @@ def require_own_page(page: Path) -> None:
 
 
 def render_page(template: str, *, title: str, **values: object) -> str:
-    """Return the page of a template of this package; every value but Markup is escaped, and all is printable.
+    """Render a template of this package to a printable page; every value except for Markup is escaped.
 
     values: the template's variables; a missing one raises jinja2.UndefinedError.
     """
@@ -74,10 +75,7 @@ def render_page(template: str, *, title: str, **values: object) -> str:
 
 
 def page_environment() -> Environment:
-    """Return the environment of the templates.
-
-    They have the filters `data_uri` and `webp_uri` for uint8 pixels, and `sort_key` for numbers.
-    """
+    """Return the environment of the templates, with filters for pictures (`data_uri`, `webp_uri`) and `sort_key`."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -99,19 +97,19 @@ def png_data_uri(pixels: npt.NDArray[np.uint8]) -> str:
 
 
 def webp_data_uri(pixels: npt.NDArray[np.uint8]) -> str:
-    """Return `data:image/webp;base64,...` of such pixels, with a loss that is hardly seen: a tenth of the bytes."""
+    """Return `data:image/webp;base64,...` of uint8 pixels, with a hardly visible loss and a tenth of PNG's bytes."""
     stream = io.BytesIO()
     Image.fromarray(pixels).save(stream, "WEBP", quality=_WEBP_QUALITY, method=4)
     return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"
 
 
 def sort_key(value: float | None) -> str:
-    """Return a number as JavaScript spells it; empty for None and NaN, which sort last."""
+    """Return a number as JavaScript spells it, and an empty text for None and NaN, which sort last."""
     return "" if value is None or math.isnan(value) else repr(float(value)).replace("inf", "Infinity")
 
 
-def format_facts(mapping: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return name and text of each entry, for the list at the head of a page."""
+def format_facts(mapping: Mapping[str, object]) -> list[tuple[str, str]]:
+    """Return the name and the text of each entry, for the list at the head of a page."""
     return [(name.replace("_", " "), _format_fact(value)) for name, value in mapping.items()]
 
 

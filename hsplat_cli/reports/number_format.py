@@ -1,4 +1,4 @@
-"""Format numbers for tables, with significant digits only; `-` for an absent one."""
+"""Formats numbers for tables, with significant digits only, and absent numbers as `-`."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def metric_text(metric: Metric, value: float) -> str:
 
 
 def ratio_text(ratio: float) -> str:
-    """Format with three significant digits, and all digits before the point: `3.24`, `12.0`, `1348`."""
+    """Format a number with at least three significant digits, and all digits before the point: `3.24`, `1348`."""
     if ratio == 0:
         return "0"
     magnitude = math.floor(math.log10(abs(float(f"{ratio:.2e}"))))
@@ -53,7 +53,7 @@ def ratio_text(ratio: float) -> str:
 
 
 def _scaled(number: float, units: tuple[str, ...]) -> str:
-    """Format with three digits and the unit of the largest power of 1000 that leaves at least 1."""
+    """Format a number with three digits, in the largest unit, a power of 1000, in which it is at least 1."""
     power = 0
     while power < len(units) - 1 and float(f"{number:.3g}") >= 1000:
         number, power = number / 1000, power + 1

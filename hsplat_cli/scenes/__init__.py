@@ -1,12 +1,14 @@
 """Turns files and options into a `FilmJob`.
 
-In: a scene file, a sidecar, or a volume and options. Out: `FilmJob`, which is a scene with its frames and its output;
-or a scene as text, suggested or with the look of another. Also declares the click options that several commands share.
+In: a scene file, a sidecar, or a volume and options. Out: a `FilmJob`: a scene with its frames and its output; or the
+text of a scene, either suggested for a volume or with the look of another scene. The room also declares the click
+options of commands that take a volume.
 
 - `job.py`: a scene or sidecar and the frames to draw.
 - `volume_arguments.py`: options of commands without a scene; `volume_names.py`: patterns of volumes, and the names of
   their films.
-- `scene_text.py`: a scene that shows a volume, as YAML with comments; `shared_look.py`: one with the look of another.
+- `scene_text.py`: a suggested scene for a volume, as YAML with comments; `shared_look.py`: scenes with the look of
+  another scene.
 """
 
 import lazy_loader

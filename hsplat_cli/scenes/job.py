@@ -1,4 +1,4 @@
-"""Loads what a command draws: a scene, and which frames of it."""
+"""Loads the job of a command: a scene, and the frames of it that are drawn."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Literal
 from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError, SceneError
 from renderer.film import film_path_of_sidecar, sidecar_path_of_file
-from renderer.job import FilmJob, OriginalFilm
+from renderer.job import FilmJob
 from renderer.scene import (
-    Scene,
+    FilmScene,
     TreeEditor,
     YamlTree,
     accuracy_of,
@@ -25,28 +25,29 @@ from renderer.scene import (
     outputs_of,
     raise_problems,
     read_content,
-    tolerance_at,
 )
 
 if TYPE_CHECKING:
-    from renderer.job import FilmRecord
+    from renderer.record import FilmRecord, FinishedFilm
 
-# What names a volume that is not found. These keys say where the voxels are, and change no film.
+# The option that names a volume which is not found, by the key of its file.
 _VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.raw.file=FILE"}
-# Nor does the place of the film.
+# Keys of places of files, which change no pixel of a film.
 _PLACE_KEYS = ("output.file", *_VOLUME_OPTIONS)
 
-# What is read of volumes: what a scene leaves open, such as channels and labels; labels that it names; or nothing.
+# How much of the volumes is read: everything that the scene leaves open, such as channels; the labels that it names; or
+# nothing.
 Reads = Literal["all", "labels", "nothing"]
-# What appears under the name of the output: the film at once, or coarser passes first.
+# The files that appear under the name of the output: the film at once, coarser passes first, or none.
 Draws = Literal["film", "passes", "nothing"]
 
 
 @dataclass(frozen=True)
 class SceneRequest:
-    """A scene that a command line names: the file of a scene or a sidecar, and what options change in it.
+    """Holds the scene that a command line names: the file of a scene or a sidecar, and the changes by options.
 
-    overrides: of `--set`. frames: a Python slice, as text. content: of a file that need not exist.
+    overrides: the values of `--set`. frames: a Python slice, as text. content: the content of the file, if it is known;
+    the file need not exist then.
     """
 
     path: Path
@@ -60,16 +61,16 @@ class SceneRequest:
 def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all") -> FilmJob:
     """Load the job of a scene file or a sidecar, with the changes of the command line's options.
 
-    The job of a sidecar makes its film again, or another one elsewhere. Raises InputError, and SceneError as
-    `load_scene`.
+    The job of a sidecar makes the recorded film again, or another film in another place. Raises InputError, and
+    SceneError as `load_scene`.
     """
     content = read_content(request.path) if request.content is None else request.content
     if may_be_json(content):
-        from renderer.job import parse_film_record
+        from renderer.record import FinishedFilm, parse_film_record
 
         record = parse_film_record(content, request.path)
         if record is not None:
-            return _load_original(record, request, draws)
+            return _load_original(FinishedFilm(request.path, record), request, draws)
     editor = edit_scene_content(content, request.path, request.overrides, request.volume, request.output)
     scene = editor.parse(is_single_frame=is_one_frame(request.frames))
     if reads == "all":
@@ -83,15 +84,15 @@ def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all")
     return job
 
 
-def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
-    """Return a scene in which what depends on voxels is chosen, as by `resolve_scene`; for that, files are read.
+def _resolved(scene: FilmScene, editor: TreeEditor) -> FilmScene:
+    """Return the scene with all values that depend on voxels, found by `resolve_scene`, which reads the volumes.
 
-    editor: from which the scene is; it knows where problems are.
+    editor: the editor that parsed the scene; it knows the lines of problems.
     """
-    if not any(layer.depends_on_voxels for layer in scene.layers):
+    if not any(layer.depends_on_voxels for layer in scene.at(0).layers):
         return scene
     from renderer.readers import read_volume
-    from renderer.suggest import resolve_scene
+    from renderer.resolve import resolve_scene
 
     try:
         return resolve_scene(scene, read_volume)
@@ -99,26 +100,29 @@ def _resolved(scene: Scene, editor: TreeEditor) -> Scene:
         raise SceneError(editor.located_problems(error.problems)) from None
 
 
-def _require_labels(scene: Scene, editor: TreeEditor) -> None:
-    """Raise SceneError for labels that a scene names and its files have not; for that, volumes of labels are read."""
+def _require_labels(scene: FilmScene, editor: TreeEditor) -> None:
+    """Read the volumes of labels; raise SceneError for labels that the scene names and that no voxel has."""
     from renderer.readers import read_volume
-    from renderer.suggest import label_problems
+    from renderer.resolve import label_problems
 
     raise_problems(editor.located_problems(label_problems(scene, read_volume)))
 
 
 def load_film(film: Path, volume: Path | None) -> FilmJob:
-    """Load the job that has made a film: a file, a template of numbered frames, or the sidecar.
+    """Load the job that made a film.
 
-    volume: where its volume is now, if it was moved. Raises InputError where there is no sidecar, and SceneError.
+    film: its file, the template of its numbered frames, or its sidecar. volume: the new place of its volume, if it was
+    moved. Raises InputError where there is no sidecar, and SceneError.
     """
+    from renderer.record import FinishedFilm
+
     path, record = read_film_record(film)
-    return _load_original(record, SceneRequest(path, volume=volume), "nothing")
+    return _load_original(FinishedFilm(path, record), SceneRequest(path, volume=volume), "nothing")
 
 
 def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
-    """Return the sidecar of a film and the record in it; `film`, and what is raised, as in `load_film`."""
-    from renderer.job import parse_film_record
+    """Return the sidecar of a film and the record in it. The parameter and the errors are as in `load_film`."""
+    from renderer.record import parse_film_record
 
     is_sidecar = output_suffix(film) == ".json"
     path = film if is_sidecar or not film.name else sidecar_path_of_file(film, (), 0)
@@ -131,11 +135,11 @@ def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
     return path, record
 
 
-def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> FilmJob:
-    """Load the job of a sidecar; parameters as in `load_job`."""
-    from renderer.job import late_frame_problems
+def _load_original(original: FinishedFilm, request: SceneRequest, draws: Draws) -> FilmJob:
+    """Load the job that makes a film again; parameters as in `load_job`."""
+    from renderer.record import late_frame_problems
 
-    path, frames, original = request.path, request.frames, OriginalFilm(request.path, record)
+    path, record, frames = original.path, original.record, request.frames
     editor = _editor(record, path)
     editor.apply(request.overrides, request.volume, request.output)
     scene = _resolved(editor.parse(is_single_frame=is_one_frame(frames) or len(record.frames) <= 1), editor)
@@ -152,19 +156,12 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> F
         raise InputError("this would overwrite the recorded film", where=str(path), hint="--output names another file")
     if draws != "nothing":
         job.require_harmless()
-    if is_changed or not _has_recorded_tolerances(record, scene):
-        return replace(job, original=replace(original, keeps_accuracy=False, keeps_versions=False))
+    if is_changed or not original.has_tolerances_of(scene):
+        return replace(job, repeats="nothing")
     requested = record.schedule.requested
     if not is_whole and is_film_wide_goal(requested):
-        return replace(job, original=replace(original, keeps_accuracy=False))
+        return replace(job, repeats="frames")
     return replace(job, requested=requested)
-
-
-def _has_recorded_tolerances(record: FilmRecord, scene: Scene) -> bool:
-    """Return whether the recorded scene has the tolerances at which the frames were drawn, unchanged by hand."""
-    return scene.error.goal is None and all(
-        tolerance_at(scene.error, frame.frame) == frame.tolerance for frame in record.frames
-    )
 
 
 def _has_whole_schedule(record: FilmRecord, editor: TreeEditor) -> bool:
@@ -174,12 +171,12 @@ def _has_whole_schedule(record: FilmRecord, editor: TreeEditor) -> bool:
 
 
 def _editor(record: FilmRecord, path: Path) -> TreeEditor:
-    """Return an editor of the recorded scene; its output is the film beside the sidecar, wherever they are now."""
+    """Return an editor of the recorded scene, whose output is the film beside the sidecar, even if both were moved."""
     scene, (first, *others) = {**record.scene}, outputs_of(record.scene)
     if isinstance(first.get("file"), str):
         first = {**first, "file": str(film_path_of_sidecar(path, Path(first["file"])))}
         others = [{**each, "file": found_path(str(each.get("file")), path.parent)} for each in others]
         scene["output"] = [first, *others] if others else first
-    options = {**_VOLUME_OPTIONS, "volume.file.0": "--volume"}  # of a list, the first of the files that are missing
+    options = {**_VOLUME_OPTIONS, "volume.file.0": "--volume"}  # the first missing file of a list of files
     hints = {key: f"if it was moved, {option} names it" for key, option in options.items()}
     return TreeEditor(YamlTree(scene), path, path_prefix="scene", hints=hints)

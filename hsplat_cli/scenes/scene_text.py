@@ -1,6 +1,6 @@
-"""Suggests a scene that shows a volume, as text.
+"""Suggests a scene that shows a volume, and writes it as text.
 
-It is written as a person would: in a natural order, with comments, to be changed by hand.
+The text is made to be changed by hand: its sections are in a natural order, and comments explain them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 from hsplat_cli.scenes.volume_arguments import read_with_options
 from hsplat_cli.scenes.volume_names import name_volumes
@@ -37,30 +37,33 @@ if TYPE_CHECKING:
     from renderer.suggest import FilmOptions, Suggestion, VolumeSuggestion
     from renderer.volume import Volume
 
-# Comments begin here, unless the line is longer.
+# A file, or a list of the files of steps in time.
+FileOrFiles = TypeVar("FileOrFiles", str, list[str])
+
+# Column of a comment behind a value, unless the line is longer.
 _COMMENT_COLUMN = 30
 
 SCENE_HINT = "Everything here may be changed; `hsplat check` looks for mistakes, docs/scene.md lists all keys."
 _TRANSFER_COMMENT = (
-    "# What a value looks like. An opacity is what one `unit` of length holds back of the light: 0 nothing, 1 all."
+    "# The look of each value. An opacity is the share of light that one `unit` of length holds back: 0 none, 1 all."
 )
 _SHADING_COMMENT = (
     "# Darker where a surface faces away from the light, which turns with the object. Delete it for even light."
 )
-_CLIP_COMMENT = "# Planes that clip away what is not the object, such as a table; delete them to see everything."
+_CLIP_COMMENT = "# Planes that clip away everything but the object, such as a table; delete them to see all of it."
 _LABELS_COMMENT = "# Which labels are shown, by number or by name, and how: `hide: [...]` leaves some out."
 
 _CHANNELS_COMMENT = (
-    "# Each channel of the file, in its colour: from the first value of its range, which is dark, to the second."
+    "# Each channel of the file, in its colour: dark at the first value of its range, brightest at the second."
 )
 
 # The kind of a volume whose film shows nothing but its box.
 _CONSTANT = "constant volume"
 
-# Keys of a light that are written even if they are the defaults.
+# Keys of a light that are written even if they have their defaults.
 _ALWAYS_SHOWN = ("ambient", "diffuse", "light")
 
-# The option that each value of a scene came from.
+# The option that gave a value of the scene, by the value's key.
 _OPTIONS = {
     "volume.spacing": "--spacing",
     "volumes.0.spacing": "--spacing",
@@ -75,7 +78,7 @@ _OPTIONS = {
 def suggest_scene(
     volume: VolumeSpec, film: FilmOptions, reporter: Reporter, *, scene: Path, output: Path
 ) -> tuple[str, VolumeSuggestion]:
-    """Return a scene for the file `scene`, as YAML, and what it was made from; report what the volume is taken for.
+    """Return a scene for the file `scene`, as YAML, with the suggestion behind it; report the kind of the volume.
 
     Raises InputError for a volume that cannot be read or drawn, and SceneError for an option, such as the background,
     that cannot be in a scene.
@@ -83,7 +86,7 @@ def suggest_scene(
     from renderer.suggest import Wish, suggest_for, suggest_over
 
     def read(spec: VolumeSpec) -> Volume:
-        """Read a volume; notes on how it was read are printed once for all of its channels and steps."""
+        """Read a volume, and print the reader's notes once for all of its channels and steps."""
         is_other = spec.source == volume.source and (
             spec.component not in ("all", 0, volume.component) or spec.time not in (0, volume.time)
         )
@@ -107,9 +110,9 @@ def suggest_scene(
 
 
 def _check(text: str, scene: Path) -> None:
-    """Raise SceneError, with the options, for values that cannot be in a scene, such as odd sizes of an MP4.
+    """Raise SceneError for values that no scene may have, such as odd sizes of an MP4, with the options they came from.
 
-    Nothing is written yet, so no line can be shown.
+    The scene is not written yet, so the error cannot show lines of it.
     """
     try:
         parse_scene_content(text.encode(), scene)
@@ -127,8 +130,9 @@ def compose_scene(
 ) -> str:
     """Return the YAML of a turntable.
 
-    found: its volume's file is relative to the current folder. folder: of the scene's file, to which the scene's volume
-    is relative. output: relative to the current folder. under: the volume underneath.
+    found: the suggestion; the path of its volume is relative to the current folder. folder: the folder of the scene's
+    file; the scene names its volume relative to it. output: relative to the current folder. under: the suggestion for
+    the volume underneath.
     """
     elevation, about = format_value(film.elevation), [*_about(found)]
     subject = (_channel_lines if found.layers else _one_volume_lines)(found, folder)
@@ -144,7 +148,7 @@ def compose_scene(
         *subject,
         "",
         "camera:",
-        "  target: visible             # the middle of what can be seen; from as near as shows all of it",
+        "  target: visible             # the middle of the visible part; as near as shows all of it",
         f"  path: {{type: turntable, frames: {film.frames}, elevation: {elevation}, axis: {film.axis}}}",
         "",
         "error:",
@@ -181,7 +185,7 @@ def _one_volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
 
 
 def look_lines(suggestion: Suggestion) -> Iterator[str]:
-    """Yield the sections of a scene that say how its volume looks: colours and opacities, light, and clip planes."""
+    """Yield the sections on the look of a volume: colours and opacities, light, and clip planes."""
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
     yield from _light_lines(suggestion)
 
@@ -201,7 +205,7 @@ def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Pat
 
 
 def volume_file(volume: VolumeSpec) -> Path:
-    """Return the file or folder of a volume, of steps the first or what lists them."""
+    """Return the file or folder of a volume; for steps in time the file that lists them, or else the first step."""
     file = getattr(volume.source, "collection", None) or getattr(volume.source, "file", None)
     assert isinstance(file, Path), volume.source
     return file
@@ -216,10 +220,10 @@ def _channel_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
         lines += [f'color: "{_hex_color(layer.color)}"', f"range: {_list(layer.range)}"]
         lines += [f"weight: {format_value(layer.weight)}"] * (layer.weight != 1.0)
         yield from (f"  {' ' if number else '-'} {line}" for number, line in enumerate(lines))
-    yield _with_comment("blend: add", "light adds up, as of fluorescence; mix: colours hide each other")
+    yield _with_comment("blend: add", "light adds up, as in fluorescence; mix: colours hide each other")
 
 
-def place_in(folder: Path, file: Any) -> Any:
+def place_in(folder: Path, file: FileOrFiles) -> FileOrFiles:
     """Return a file, or a list of files, as a scene in a folder names it: relative, unless it is absolute."""
     if isinstance(file, list):
         return [place_in(folder, each) for each in file]
@@ -235,7 +239,7 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
     else:
         yield _with_comment(f"file: {place}", "relative to this file", indent=2)
         if (spacing := getattr(source, "spacing", None)) is not None:
-            yield _with_comment(f"spacing: {_list(spacing)}", "lengths of a voxel, in place of the file's", indent=2)
+            yield _with_comment(f"spacing: {_list(spacing)}", "size of a voxel, in place of the file's", indent=2)
     for key in ("time", "component"):
         if (index := getattr(volume, key)) is not None:
             all_steps = "all steps over the film; or a map from frames to steps: {0: 0, 30: 7}"
@@ -245,12 +249,12 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
     if has_absent or volume.nodata != "auto":
         nodata = volume.nodata if isinstance(volume.nodata, str) else _list(volume.nodata)
         yield _with_comment(
-            f"nodata: {nodata}", "values that are left out, as NaN is: auto (fill values), none, or numbers", indent=2
+            f"nodata: {nodata}", "values without data, as NaN is: auto (fill values), none, or numbers", indent=2
         )
 
 
 def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterator[str]:
-    """Yield the section `transfer_function`, one line for each point, with a note behind it, or `labels`."""
+    """Yield the section `transfer_function`, with a line and a note for each point, or the section `labels`."""
     mapping = transfer.mapping
     yield "labels:" if isinstance(mapping, LabelsSpec) else "transfer_function:"
     if transfer.unit is not None:
@@ -274,7 +278,7 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
 
 
 def _label_lines(labels: LabelsSpec) -> Iterator[str]:
-    """Yield the rest of the section `labels` of labels with colours, one line for each."""
+    """Yield the keys of the section `labels`, with a line for each label that has a colour."""
     styles = labels.styles
     flow = ", ".join(str(style.value) for style in styles)
     yield from wrap(f"[{flow}]", 100, initial_indent="  show: ", subsequent_indent="         ")
@@ -302,7 +306,7 @@ def _light_lines(suggestion: Suggestion) -> Iterator[str]:
 
 
 def _shading_text(shading: ShadingSpec) -> str:
-    """Return the light, and what else is not the default."""
+    """Return the light's keys of _ALWAYS_SHOWN, and its other keys whose values differ from their defaults."""
     defaults, given = spec_to_dict(ShadingSpec()), spec_to_dict(shading)
     shown = {key: value for key, value in given.items() if key in _ALWAYS_SHOWN or value != defaults.get(key)}
     return ", ".join(f"{key}: {format_value(value)}" for key, value in shown.items())
@@ -321,7 +325,7 @@ def _hex_color(color: Color) -> str:
 
 
 def yaml_string(text: str | Path) -> str:
-    """Return a string as YAML reads it back, in double quotes where needed.
+    """Return a string as YAML, in double quotes where needed, so that YAML reads the same string.
 
     Control characters, and bytes of a file name that are not UTF-8 (surrogates in Python), become escapes.
     """

@@ -1,4 +1,4 @@
-"""Give volumes the look of a scene: all of it but its volume, what frames that, and the names of its outputs."""
+"""Gives volumes the look of a scene: all of its sections except for its volume, its framing and its output names."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError, Problem, SceneError
 from renderer.scene import (
     FRAME_FIELD,
+    FilmScene,
     FlightPath,
     LayerSpec,
     OutputFile,
     OutputSpec,
+    OverFrames,
     PathSequence,
-    Scene,
     TreeEditor,
     VolumeSpec,
     dump_yaml,
@@ -36,23 +37,23 @@ from renderer.scene import (
     raise_problems,
     read_content,
     spec_to_dict,
-    values_at,
     with_files,
 )
 from renderer.system import printable
 
 if TYPE_CHECKING:
-    from renderer.suggest import ValueLine
+    from renderer.statistics import ValueLine
 
-# Keys that say where the voxels are.
+# Keys of a volume that name its voxels.
 _SOURCE_KEYS = ("file", "raw", "procedural", "spacing")
 
 
 @dataclass(frozen=True)
 class SharedLook:
-    """A scene whose look other volumes have.
+    """Holds a scene whose look is given to other volumes.
 
-    content: of its file. reference: the volume whose values it has, if those of others are matched with them.
+    content: the content of its file. reference: the volume that the scene's values belong to, if values of the other
+    volumes are matched with it.
     """
 
     path: Path
@@ -61,7 +62,7 @@ class SharedLook:
 
     @classmethod
     def load(cls, path: Path, reference: Path | None) -> SharedLook:
-        """Read a look. Raises InputError, and SceneError with all that is wrong with it for any volume."""
+        """Read a look. Raises InputError, and SceneError with all mistakes that would concern every volume."""
         look = cls(path, read_content(path), reference)
         if may_be_json(look.content):
             hint = "the YAML file of the scene, such as that beside a film of turntable"
@@ -72,13 +73,13 @@ class SharedLook:
         return look
 
     @cached_property
-    def scene(self) -> Scene:
-        """Return the scene, with its own file, which is surely there, in the place of its volume."""
+    def scene(self) -> FilmScene:
+        """Return the scene, with its own file, which exists, as a stand-in for its volume."""
         return self._editor.parse()
 
     @property
     def _editor(self) -> TreeEditor:
-        """Return an editor of that scene, in which each volume is framed on its own."""
+        """Return an editor of the scene without its volume and its framing, so that each volume gets its own."""
         editor = edit_scene_content(self.content, self.path)
         tree = editor.tree.data
         for entry in _own_entries(tree):
@@ -91,28 +92,29 @@ class SharedLook:
         return editor
 
     def _problems(self) -> Iterator[Problem]:
-        """Yield why a scene cannot be the look of other volumes, or its values not be matched."""
-        path, first = self.scene.camera.path, self.scene.layers[0]
+        """Yield a problem for each reason why other volumes cannot have this look, or cannot be matched with it."""
+        scene = self.scene.at(0)
+        path, first = scene.camera.path, scene.layers[0]
         if any(isinstance(piece, FlightPath) for piece in (path.pieces if isinstance(path, PathSequence) else [path])):
-            expected, hint = "turntable, rocker, keyframes or hold", "its places are those of one volume"
+            expected, hint = "turntable, rocker, keyframes or hold", "its places belong to one volume"
             yield Problem("camera.path", "a flight cannot frame other volumes", "", expected, hint)
         if self.reference is None:
             return
-        transfer, place = first.transfer_function, "volumes.0." if self.scene.volumes else ""
+        transfer, place = first.transfer_function, "volumes.0." if self.scene.has_list else ""
         has_several = first.volume.component == "all" or len(_own_entries(self._editor.tree.data)) > 1
         refused = {
             f"{place}labels": transfer.labels is not None,
             f"{place}transfer_function.relative": transfer.relative,
             f"{place or 'volume.'}component": first.volume.has_colors or has_several,
             "shading.gradient_opacity": first.shading is not None and isinstance(first.shading.gradient_opacity, tuple),
-            "mode": self.scene.mode.type == "attenuation",
+            "mode": scene.mode.type == "attenuation",
         }
         for key in filter(refused.__getitem__, refused):
             expected = "a transfer function with values of one component, and nothing else that has values"
             yield Problem(key, "cannot be matched with other volumes", "", expected, "leave out --match")
 
     def outputs(self, folder: Path, name: str) -> OutputSpec:
-        """Return the outputs of the film of this name: NAME.mp4, and further ones with their own names, too."""
+        """Return the outputs of the film NAME: NAME.mp4, and NAME_OTHER.png for an output OTHER.png of the scene."""
         first, *others = self.scene.output.files
         file = folder / f"{name}{'/{frame:04}' * first.is_numbered}{output_suffix(first.file)}"
         moved = [replace(each, file=folder / f"{name}_{_own_name(each)}") for each in others]
@@ -120,7 +122,7 @@ class SharedLook:
 
     @contextmanager
     def located(self) -> Iterator[None]:
-        """Say of problems with the scene of a volume where they are in this one."""
+        """Locate problems with the scene of a volume, raised in this context, in the lines of this scene."""
         try:
             yield
         except SceneError as error:
@@ -142,28 +144,29 @@ class SharedLook:
             entry.update({key: plain[key] for key in _SOURCE_KEYS if key in plain} | others)
             entry.update({key: plain[key] for key in own})
         if self.reference is not None:
-            line = self._match(replace(self.scene.layers[0].volume, source=volume.source, **own), reporter)
-            notes.append(f"values of {name} are those of {printable(self.reference.name)} {line}")
+            own_volume = replace(self.scene.at(0).layers[0].volume, source=volume.source, **own)
+            line = self._match(own_volume, reporter)
+            notes.append(f"values of {name} are values of {printable(self.reference.name)} {line}")
             reporter.status(notes[0])
-            _map_layer(_own_entries(tree)[0] if "volumes" in tree else tree, self.scene.layers[0], line)
+            _map_layer(_own_entries(tree)[0] if "volumes" in tree else tree, self.scene.film_layers[0], line)
         for output, file in zip(outputs_of(tree), self.outputs(scene.parent, scene.stem).files, strict=True):
             output["file"] = str(file.file)
         about = [f"A film of {name} with the look of {printable(self.path.name)}.", *notes, SCENE_HINT]
         return "\n".join([*(f"# {line}" for line in about), dump_yaml(tree)]), notes
 
     def _match(self, volume: VolumeSpec, reporter: Reporter) -> ValueLine:
-        """Return how values of the reference become those of a volume; of steps in time those of the first."""
-        from renderer.suggest import match_values
+        """Return the line that maps values of the reference to values of a volume; of steps in time, the first ones."""
+        from renderer.statistics import match_values
 
         assert self.reference is not None
-        own = replace(self.scene.layers[0].volume, source=file_source(self.reference))
-        firsts = (replace(each, time=0) if each.time == "auto" else values_at(each, 0) for each in (own, volume))
+        own = replace(self.scene.at(0).layers[0].volume, source=file_source(self.reference))
+        firsts = (replace(each, time=0) if each.time == "auto" else each for each in (own, volume))
         reference, scan = (read_with_options(each, replace(reporter, is_quiet=True)) for each in firsts)
         return match_values(reference, scan)
 
 
 def _own_entries(tree: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return what a scene says of its volume; in a list of volumes the first one, and components of the same file."""
+    """Return the sections on a scene's volume; in a list of volumes the first and all others of the same file."""
     volumes = tree.get("volumes")
     if not isinstance(volumes, list):
         section = tree.get("volume")
@@ -174,27 +177,31 @@ def _own_entries(tree: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _own_name(output: OutputFile) -> str:
-    """Return the name of an output, of numbered frames without a name that of their folder with theirs."""
+    """Return the name of an output's file, after the name of its folder for frames that are only numbered."""
     stem = FRAME_FIELD.sub("", output.file.stem)
     return output.file.name if stem else f"{output.file.parent.name}/{output.file.name}"
 
 
 def _given(volume: VolumeSpec) -> dict[str, Any]:
-    """Return what options say of a volume besides its source."""
+    """Return the values of a volume, by key and without its source, that differ from the defaults."""
     plain = VolumeSpec(volume.source)
     return {key: value for key, value in vars(volume).items() if value != getattr(plain, key)}
 
 
 def _place_from(folder: Path, base: Path, key: str, name: str) -> str:
-    """Return the name of a file for a scene in another folder, if there is one. base: the folder that it is from."""
+    """Return the name of a file of a scene in `base` for a scene in `folder`; a name without a file stays."""
     file, is_preset = base / name, key == "import" and not Path(name).suffix
     return place_in(folder, str(file)) if not is_preset and (file.exists() or is_pattern(file)) else name
 
 
-def _map_layer(section: dict[str, Any], layer: LayerSpec, line: ValueLine) -> None:
-    """Map the values of a layer in its section of a scene, which has a transfer function, or a colour and a range."""
-    if layer.color is None:
-        section["transfer_function"] = spec_to_dict(map_values(layer.transfer_function, line))
+def _map_layer(section: dict[str, Any], layer: OverFrames[LayerSpec], line: ValueLine) -> None:
+    """Map the values of a layer's section in a scene: its transfer function, or the range of its colour."""
+    if layer.at(0).color is None:
+        mapped = layer.map(lambda each: map_values(each.transfer_function, line))
+        section["transfer_function"] = spec_to_dict(mapped)
     else:
-        span = moving_result(lambda ends: tuple(map(line, ends)), layer.range)
-        section["range"] = spec_to_dict(replace(layer, range=span))["range"]
+        section["range"] = spec_to_dict(layer.map(lambda each: _with_mapped_range(each, line)))["range"]
+
+
+def _with_mapped_range(layer: LayerSpec, line: ValueLine) -> LayerSpec:
+    return replace(layer, range=moving_result(lambda ends: tuple(map(line, ends)), layer.range))

@@ -1,4 +1,4 @@
-"""Declares the click options of commands without a scene: how to read a volume, and its turntable."""
+"""Declares the click options of commands without a scene: on reading a volume, and on its turntable."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ import re
 import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import click
 
-from hsplat_cli.terminal import Reporter, option_group
+from hsplat_cli.terminal import Command, Reporter, option_group
 from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
 from renderer.scene import (
@@ -33,10 +32,11 @@ if TYPE_CHECKING:
     from renderer.volume import Volume
 
 
-# How messages name keys of a scene's `volume`: `time: k` or `component` in the text, and `time: 7` as what was got.
+# A key of a scene's `volume` in the text of a message: `time: k` or `component`.
 _KEY = re.compile(r"`(time|component|dataset|nodata|spacing)(?::( [^`]*))?`")
-_HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16"
+# The same key with its value, as a message quotes it: `time: 7`.
 _GOT = re.compile(r"^(time|component|dataset): (.+)$")
+_HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16"
 
 
 def split_numbers(text: str) -> list[str]:
@@ -44,8 +44,15 @@ def split_numbers(text: str) -> list[str]:
     return re.split("[,xX]", text)
 
 
-_LENGTHS: dict[str, Any] = {"split": split_numbers, "example": "0.1,0.1,0.5"}
-_NUMBERS: dict[str, Any] = {"split": split_numbers, "example": "128,96,114"}
+class _ListText(TypedDict):
+    """Holds the parameters `split` and `example` of `_keyed` for an option that is a list."""
+
+    split: Callable[[str], list[str]]
+    example: str
+
+
+_LENGTHS: _ListText = {"split": split_numbers, "example": "0.1,0.1,0.5"}
+_NUMBERS: _ListText = {"split": split_numbers, "example": "128,96,114"}
 _RAW, _VOLUME, _PATH, _OUTPUT = map(schema.field_table, (RawSource, VolumeSpec, TurntablePath, OutputSpec))
 
 
@@ -58,15 +65,15 @@ def _keyed(
     split: Callable[[str], object] = str,
     example: str | None = None,
     keeps_text: bool = False,
-    **others: Any,
-) -> Callable[[Any], Any]:
-    """Declare an option that is read as the key of a scene that has this type.
+    default: str | float | None = None,
+) -> Callable[[Command], Command]:
+    """Declare an option whose text is read as the value of a scene's key of this field type.
 
-    split: makes a list of the text, for a type that is one. example: a correct text, for a hint. keeps_text: pass a
-    correct text on as it was given. others: parameters of click's.
+    split: makes a list of the text, if the field is a list. example: a correct text, for a hint. keeps_text: give the
+    command the text itself, once it is known to be correct. default: shown in the help.
     """
 
-    def read(_context: click.Context, _parameter: click.Parameter, text: str | None) -> Any:
+    def read(_context: click.Context, _parameter: click.Parameter, text: str | None) -> object:
         problems: list[Problem] = []
         value = None if text is None else field.read(schema.TreeNode(split(text), "", problems))
         if problems:
@@ -74,35 +81,45 @@ def _keyed(
             raise SceneError([replace(each, path="", location=location, hint=each.hint or hint) for each in problems])
         return text if keeps_text else value
 
-    return click.option(name, type=str, metavar=metavar, callback=read, help=help_text, **others)
+    return click.option(
+        name,
+        type=str,
+        metavar=metavar,
+        callback=read,
+        help=help_text,
+        default=default,
+        show_default=default is not None,
+    )
 
 
-def volume_options() -> Callable[[Any], Any]:
+def volume_options() -> Callable[[Command], Command]:
     """Declare --time, --component, --dataset, --spacing, --nodata, and the options of a headerless file."""
     return option_group(
-        _keyed("--time", SUBSET_INDEX_FIELD, "N", "Which of several time steps, from 0.  [default: the first]"),
+        _keyed("--time", SUBSET_INDEX_FIELD, "N", "Read this one of several time steps, from 0.  [default: the first]"),
         _keyed(
             "--component",
             _VOLUME["component"],
             "N|color",
-            "Which of several components, from 0; or color.  [default: the first, or colours]",
+            "Read this one of several components, from 0; or color.  [default: the first, or colours]",
         ),
-        _keyed("--dataset", _VOLUME["dataset"], "NAME", "Which of HDF5 or netCDF-4.  [default: the only volume]"),
+        _keyed(
+            "--dataset",
+            _VOLUME["dataset"],
+            "NAME",
+            "Read this dataset of an HDF5 or netCDF-4 file.  [default: the only volume]",
+        ),
         _keyed(
             "--nodata",
             _VOLUME["nodata"],
             "auto|none|NUMBER,...",
-            "Values that are left out, as NaN is: fill values, none, or these.",
+            "Leave out voxels with fill values (auto), with these numbers, or none; NaN is always left out.",
             split=lambda text: text.split(",") if "," in text else text,
             default="auto",
-            show_default=True,
         ),
-        _keyed(
-            "--spacing", _RAW["spacing"], "X,Y,Z", "Lengths of a voxel, in place of what the file says.", **_LENGTHS
-        ),
+        _keyed("--spacing", _RAW["spacing"], "X,Y,Z", "Size of a voxel, in place of the file's own.", **_LENGTHS),
         _keyed("--shape", _RAW["shape"], "X,Y,Z", "Read a headerless file of this shape; needs --dtype.", **_NUMBERS),
         _keyed("--dtype", _RAW["dtype"], "TYPE", "Type of a headerless file's voxels: uint8, int16, float32, ..."),
-        _keyed("--byte-order", _RAW["byte_order"], "little|big", "Of a headerless file.  [default: little]"),
+        _keyed("--byte-order", _RAW["byte_order"], "little|big", "Order in a headerless file.  [default: little]"),
         _keyed("--offset", _RAW["offset"], "BYTES", "Bytes to skip in a headerless file."),
     )
 
@@ -111,24 +128,25 @@ _DEFAULT = FilmOptions()
 
 
 def _split_size(text: str) -> list[str]:
-    """Split `640x480`; `512` is both sides."""
+    """Split `640x480`, or return `512` twice."""
     parts = split_numbers(text)
     return parts * 2 if len(parts) == 1 else parts
 
 
-_SIZES: dict[str, Any] = {"split": _split_size, "example": "640x480"}
-_option = partial(_keyed, show_default=True)
+_SIZES: _ListText = {"split": _split_size, "example": "640x480"}
 _RATE = _OUTPUT["frames_per_second"]
-_AXIS_HELP = "Around which the eye goes; it is upright in the picture."
+_AXIS_HELP = "Turn around this axis, which is upright in the picture."
 
-# For FilmOptions.
+# Declares the options of FilmOptions.
 film_options = option_group(
-    _option("--frames", _PATH["frames"], "N", "Of the whole turn.", default=_DEFAULT.frames),
-    _option("--size", _OUTPUT["size"], "SIZE", "In pixels: 512, or 640x480.", **_SIZES, default="512"),
-    _option("--elevation", _PATH["elevation"], "DEGREES", "Of the eye above the object.", default=_DEFAULT.elevation),
-    _option("--axis", _PATH["axis"], "x|y|z|-x|-y|-z", _AXIS_HELP, keeps_text=True, default=_DEFAULT.axis),
-    _option("--fps", _RATE, "RATE", "Frames per second.", default=_DEFAULT.fps),
-    _option(
+    _keyed("--frames", _PATH["frames"], "N", "Frames of the whole turn.", default=_DEFAULT.frames),
+    _keyed("--size", _OUTPUT["size"], "SIZE", "Pixels of a frame: 512, or 640x480.", **_SIZES, default="512"),
+    _keyed(
+        "--elevation", _PATH["elevation"], "DEGREES", "Height of the eye above the object.", default=_DEFAULT.elevation
+    ),
+    _keyed("--axis", _PATH["axis"], "x|y|z|-x|-y|-z", _AXIS_HELP, keeps_text=True, default=_DEFAULT.axis),
+    _keyed("--fps", _RATE, "RATE", "Frames per second.", default=_DEFAULT.fps),
+    _keyed(
         "--background",
         _OUTPUT["background"],
         "COLOR",
@@ -136,22 +154,22 @@ film_options = option_group(
         keeps_text=True,
         default=_DEFAULT.background,
     ),
-    _option("--colormap", COLORMAP_FIELD, "NAME", "Take the colours from it: viridis, gray, ..."),
+    _keyed("--colormap", COLORMAP_FIELD, "NAME", "Take the colours from it: viridis, gray, ..."),
     click.option(
         "--preset",
         metavar="WORD|NAME|FILE[#NAME]",
         help=f"Show {', '.join(PRESET_WORDS)}; or take a preset such as ct-bone, or another program's file.",
     ),
-    click.option("--over", type=Path, metavar="FILE", help="Show it over this volume, each in its place in the world."),
-    _option("--tolerance", TOLERANCE_FIELD, "ERROR", "Smaller is more exact and slower.", default=_DEFAULT.tolerance),
+    click.option("--over", type=Path, metavar="FILE", help="Show it over this volume, both in world coordinates."),
+    _keyed("--tolerance", TOLERANCE_FIELD, "ERROR", "Smaller is more exact and slower.", default=_DEFAULT.tolerance),
 )
 
 
 def volume_spec(volume: Path, options: Mapping[str, Any], problems: list[InputError] | None = None) -> VolumeSpec:
-    """Return the volume that the options of `volume_options` describe, by their names.
+    """Return the volume that the options of `volume_options` describe.
 
-    problems: takes the error about a file that names several steps and is damaged, which otherwise is raised. Raises
-        InputError where one of --shape and --dtype is missing, or another option needs them.
+    options: their values, by name. problems: gets the error about a damaged file that lists steps in time; without it
+    the error is raised. Raises InputError where only one of --shape and --dtype is given, or another option needs them.
     """
     shape, dtype, spacing = options["shape"], options["dtype"], options["spacing"]
     time, component = options["time"], options["component"]
@@ -186,9 +204,10 @@ def volume_spec(volume: Path, options: Mapping[str, Any], problems: list[InputEr
 
 
 def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool = False) -> Volume:
-    """Read a volume that options describe, and report the reader's note; with `in_time` none on a choice of steps.
+    """Read a volume that options describe, and report the reader's note.
 
-    Raises InputError, with hints about the options and not about a scene.
+    in_time: the film shows all steps in time, so a note on the step that was read is left out. Raises InputError, with
+    hints that name options and not the keys of a scene.
     """
     from renderer.readers import read_volume
 
@@ -206,7 +225,7 @@ def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool =
 
 
 def _headerless_hint(error: UnknownFormatError) -> str:
-    """Return the options that read a file as voxels without a header: whole ones if its name and size tell them."""
+    """Return a hint with the options that read a headerless file, and their values if its name and size tell them."""
     found = error.declaration
     if found is None:
         return _HEADERLESS_HINT
@@ -217,5 +236,5 @@ def _headerless_hint(error: UnknownFormatError) -> str:
 
 
 def _as_options(text: str | None) -> str | None:
-    """Return a message about a scene's `volume` with options for its keys: `--time k` for `time: k`."""
+    """Return a message about a scene's `volume` with options in place of keys: `--time k` for `time: k`."""
     return text and _GOT.sub(r"--\1 \2", _KEY.sub(r"`--\1\2`", text.replace("[x, y, z]", "X,Y,Z")))

@@ -14,7 +14,7 @@ from renderer.job import expand_pattern, header_data_files
 from renderer.readers import series_of_slice, volumes_in
 from renderer.scene import join_some
 
-# Endings of volumes; only the last one of a name such as scan.v2.nii.gz is removed.
+# Endings of volumes that names of films leave out; of scan.v2.nii.gz only the last, .nii.gz.
 _ENDINGS = re.compile(
     r"\.(nii|img|hdr|nrrd|nhdr|m(h[ad]|g[hz]|rcs?|ap|at)|ccp4|rec|raw|tiff?|np[yz]|cube?|dcm|vt[kir]|pvd|pvti|h(df)?5|nc4?|ims)"
     r"(\.gz|\.bz2)?$",
@@ -40,14 +40,14 @@ def _safe(name: str) -> str:
 
 
 def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """Return the volumes, each once, in the order given, and notes about those left out.
+    """Return the volumes, each once, in the order given, and notes about volumes that are left out.
 
     Expands patterns that the shell did not, sorted, and folders of several volumes, to any depth. Leaves out data files
-    whose headers are among the volumes, and takes the folder for single slices of a DICOM series. What cannot be read,
-    such as a pattern that matches nothing, stays, and is an error when its turn comes.
+    whose headers are among the volumes, and replaces single slices of a DICOM series by their folder. An argument that
+    cannot be read, such as a pattern that matches nothing, stays, and is an error when its turn comes.
     """
     found: dict[Path, Path] = {}
-    others: dict[Path, list[Path]] = {}  # what else is in the folders
+    others: dict[Path, list[Path]] = {}  # other files, by folder
     for text in arguments:
         try:
             paths = expand_pattern(text)
@@ -71,12 +71,12 @@ def expand_volumes(arguments: Sequence[str]) -> tuple[list[Path], list[str]]:
 
 
 def _real(path: Path) -> Path:
-    """Return a path without links; of a link that leads to itself, which `resolve` refuses, as far as it goes."""
+    """Return a path without links; a link that leads to itself, which `resolve` refuses, stays in it."""
     return Path(os.path.realpath(path))
 
 
 def _volumes_in(path: Path) -> list[Path]:
-    """Return the volumes in a folder of several; none for all else, and where the reader of the folder will fail."""
+    """Return the volumes in a folder of several volumes; none for another path, and for an unreadable folder."""
     if path.is_dir():
         with contextlib.suppress(InputError, OSError):
             return volumes_in(path)
@@ -100,10 +100,10 @@ def _join_slices(found: dict[Path, Path]) -> tuple[dict[Path, Path], list[str]]:
 
 
 def name_volumes(volumes: Sequence[Path]) -> dict[str, Path]:
-    """Return the volumes by the names of their films, each unique, also on systems that ignore case.
+    """Return the volumes by the names of their films; the names are unique, also on systems that ignore case.
 
-    `scan`; for several of them with the folder, `a_scan`, else with the ending, `scan.nrrd`, else with two folders,
-    else with a number.
+    A name is `scan`. Where several volumes would have it, it gets the folder, `a_scan`, or else the ending,
+    `scan.nrrd`, or both, or two folders, or a number.
     """
     alike: dict[str, list[Path]] = {}
     for volume in volumes:
@@ -121,7 +121,7 @@ def name_volumes(volumes: Sequence[Path]) -> dict[str, Path]:
 
 
 def _distinguishing_form(group: Sequence[Path]) -> Callable[[Path], str]:
-    """Return the first form of names that differ for these volumes."""
+    """Return the first form of names that gives each of these volumes another name."""
     forms: list[Callable[[Path], str]] = [
         base_name,
         lambda volume: _safe(f"{volume.absolute().parent.name}_{base_name(volume)}"),

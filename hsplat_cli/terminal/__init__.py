@@ -1,11 +1,10 @@
-"""Prints, and reads values of the command line.
+"""Prints results and progress, and reads values of the command line.
 
-`Reporter` is the one thing that prints: results, lines, notes and progress; a command makes one and hands it down. The
-rest turns durations, frame ranges and output paths of the command line into values, and describes the machine for
-reports.
+Only the `Reporter` prints: results, lines, notes and progress. A command makes one and hands it down. The other files
+turn durations, frame ranges and output paths of the command line into values, and describe the machine for reports.
 
 - `reporter.py`: the `Reporter`; `progress_bar.py`: progress and the time that remains.
-- `film_events.py`: prints what a film job tells.
+- `film_events.py`: prints the progress and the result of a film job.
 - `arguments.py`: groups of options, output paths, `--frames A:B`, `90s`.
 - `machine.py`: the machine and its versions.
 """

@@ -1,4 +1,5 @@
 from .arguments import (
+    Command as Command,
     OutputPath as OutputPath,
     is_one_frame as is_one_frame,
     option_group as option_group,
@@ -7,7 +8,7 @@ from .arguments import (
     parse_frames as parse_frames,
 )
 from .film_events import FilmEvents as FilmEvents, report_film as report_film
-from .machine import describe_machine as describe_machine
+from .machine import Machine as Machine, describe_machine as describe_machine
 from .reporter import Reporter as Reporter, format_table as format_table
 
 # isort: split

@@ -1,5 +1,4 @@
-"""Read values of the command line: outputs, durations (`90s`), amounts of memory (`2GB`), and frames of a film
-(`--frames A:B:STEP`)."""
+"""Reads values of the command line: output paths, durations (`90s`), memory (`2GB`), frames (`--frames A:B:STEP`)."""
 
 from __future__ import annotations
 
@@ -8,26 +7,28 @@ import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import click
 
 from renderer.errors import InputError
 from renderer.scene import TILDE_HINT, format_value, has_unexpanded_tilde
 
-_Command = TypeVar("_Command", bound=Callable[..., Any])
+# A command while it is declared: a function, or the click command made of it.
+Command = TypeVar("Command", bound="Callable[..., object] | click.Command")
 _NUMBER = r"(\d+(?:\.\d*)?)"
 _FRACTION_ONLY_IN_LAST_PART = r"(?!.*\..*[hms].)"
 _PARTS = f"(?=.)(?:{_NUMBER}h)?(?:{_NUMBER}m)?(?:{_NUMBER}s)?"
 _DURATION = re.compile(f"{_FRACTION_ONLY_IN_LAST_PART}{_PARTS}|{_NUMBER}", re.ASCII)
+# Most characters of each of the three parts of a duration, on average.
 _MOST_DIGITS = 9
 _BYTES = re.compile(r"(\d{1,15}(?:\.\d{1,9})?) ?([KMGT]?)(i?)B?", re.ASCII | re.IGNORECASE)
 
 
-def option_group(*options: Callable[[Any], Any]) -> Callable[[_Command], _Command]:
+def option_group(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
     """Return a decorator that declares several click options, in this order."""
 
-    def declare(command: _Command) -> _Command:
+    def declare(command: Command) -> Command:
         for option in reversed(options):
             command = option(command)
         return command
@@ -36,17 +37,19 @@ def option_group(*options: Callable[[Any], Any]) -> Callable[[_Command], _Comman
 
 
 class OutputPath(click.Path):
-    """A Path that refuses a leading `~`: shells keep it in `--output=~/films`, and a folder `~` would be made.
+    """Reads an output path, and refuses a leading `~`, which shells keep in `--output=~/films`.
 
-    dir_okay: whether it may end as the name of a folder does; a Path drops the slash of `scene.yaml/`.
+    dir_okay: whether the path may be a folder. If not, `scene.yaml/` is refused, too; click alone drops the slash.
     """
 
     def __init__(self, *, file_okay: bool = True, dir_okay: bool = True) -> None:
         super().__init__(path_type=Path, file_okay=file_okay, readable=False)
         self._may_be_folder = dir_okay
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the path; raises InputError for one in a folder `~`, and for a folder in the place of a file."""
+    def convert(
+        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | bytes | os.PathLike[str]:
+        """Return the path. Raises InputError for a path in a folder `~`, and for a folder in place of a file."""
         name = "" if param is None else max(param.opts, key=len)
         where = name if name.startswith("-") else name.upper()
         if has_unexpanded_tilde(str(value)):
@@ -86,8 +89,8 @@ def parse_bytes(text: str, *, where: str) -> int:
 
 
 def is_one_frame(text: str | None) -> bool:
-    """Return whether this picks at most one frame, however long the path is: `7`, `7:8`."""
-    if text is None or ":" not in text:  # also `-1`, the last one, which every path has
+    """Return whether a value of --frames picks at most one frame in a film of any length: `7`, `7:8`."""
+    if text is None or ":" not in text:  # `-1` included: every film has a last frame
         return text is not None
     match _parts(text):
         case [int(start), int(stop)] | [int(start), int(stop), None | 1]:
@@ -100,7 +103,8 @@ def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | No
 
     Negative numbers count from the end. recorded: the frames that a film has, ascending.
 
-    Raises InputError for what is not a slice, has a step below 1, picks nothing, or picks a frame that is not recorded.
+    Raises InputError for text that is not a slice, has a step below 1, picks nothing, or picks a frame that is not
+    recorded.
     """
     if text is None:
         return range(num_frames) if recorded is None else recorded
@@ -124,7 +128,7 @@ def parse_frames(text: str | None, num_frames: int, recorded: Sequence[int] | No
 
 
 def _parts(text: str) -> list[int | None]:
-    """Return the numbers between the colons, None for those left out; nothing where one is not a number."""
+    """Return the numbers between the colons, with None for an empty part; an empty list if a part is not a number."""
     try:
         return [int(part) if part.strip() else None for part in text.split(":")]
     except ValueError:

@@ -1,4 +1,4 @@
-"""Prints what a film job tells while it runs, and its result."""
+"""Prints the progress of a film job, and its result."""
 
 from __future__ import annotations
 
@@ -7,19 +7,20 @@ from typing import TYPE_CHECKING
 
 from hsplat_cli.terminal.progress_bar import Progress
 from hsplat_cli.terminal.reporter import Reporter
-from renderer.job import FrameRecord, JobEvents
+from renderer.job import JobEvents
+from renderer.record import FrameRecord
 from renderer.scene import counted
 
 if TYPE_CHECKING:
-    from renderer.job import FinishedFilm, Forecast
+    from renderer.job import Forecast, JobResult
 
 _PERCENT = 100
 
 
 class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
-    """A listener that prints what a film job tells; the block leaves the line of its last bar.
+    """Prints the events of a film job; a context, whose end closes the last progress bar.
 
-    noun: what is drawn, a brick or a splat.
+    noun: the primitive that is drawn, `brick` or `splat`.
     """
 
     def __init__(self, reporter: Reporter, noun: str) -> None:
@@ -41,7 +42,7 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
         self._bar.advance(counted(record.primitives, self._noun))
 
     def predicted(self, forecast: Forecast) -> None:
-        """Print what a long pass costs."""
+        """Print the predicted cost of a long pass."""
         assert self._bar is not None, "a pass has started"
         size = forecast.bytes_text(forecast.num_bytes)
         self._bar.say(f"about {forecast.seconds_text}, {size}, if all frames are like the first ones")
@@ -52,7 +53,7 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
         self._reporter.line(summary)
 
     def truth_progressed(self, frame: int, share: float) -> None:
-        """Show a bar for the exact picture of a frame, in percent; it stays where the share falls."""
+        """Show a bar for the exact picture of a frame, in percent; the bar never goes back."""
         if frame != self._truth or self._bar is None:
             self._open_bar([1.0] * _PERCENT, f"truth of frame {frame}", unit="percent")
             self._truth, self._percent = frame, 0
@@ -64,7 +65,7 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
             self._bars.close()
 
     def note(self, text: str) -> None:
-        """Print a status."""
+        """Print a line about the job."""
         self._bars.close()
         self._reporter.status(text)
 
@@ -74,16 +75,17 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
         self._bar = self._bars.enter_context(self._reporter.progress(steps, label=label, unit=unit))
 
 
-def report_film(film: FinishedFilm, reporter: Reporter) -> None:
-    """Print what was made and what it cost, in a few lines; nothing for a film that was up to date."""
-    from renderer.job import visibility_text  # which imports numpy
+def report_film(result: JobResult, reporter: Reporter) -> None:
+    """Print a film's files and their cost in a few lines; nothing for a film that was up to date."""
+    from renderer.record import visibility_text  # imports numpy
 
-    if film.summary:
-        reporter.line(f"{film.file}: {film.summary}")
-        if film.record.visibility is not None and (text := visibility_text(film.record.visibility)):
+    record = result.film.record
+    if result.summary:
+        reporter.line(f"{result.file}: {result.summary}")
+        if record.visibility is not None and (text := visibility_text(record.visibility)):
             reporter.line(text)
-        for note in film.record.notes:
+        for note in record.notes:
             reporter.note(note)
-        if film.record.outputs:
-            reporter.line(f"beside it: {', '.join(each.file for each in film.record.outputs)}")
-        reporter.line(f"how it was made: {film.sidecar}")
+        if record.outputs:
+            reporter.line(f"beside it: {', '.join(each.file for each in record.outputs)}")
+        reporter.line(f"how it was made: {result.film.path}")

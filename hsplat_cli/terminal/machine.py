@@ -1,17 +1,31 @@
-"""Tells what measurements depend on: the machine, the system, the commit."""
+"""Describes the machine, the system and the commit, which measurements depend on."""
 
 from __future__ import annotations
 
 import os
 import platform
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from renderer.system import MEASURING_PACKAGES, commit, package_versions
 
 
-def describe_machine(device: str) -> dict[str, Any]:
-    """Return processor, cores, system, what draws, commit and the versions of the packages used."""
+class Machine(TypedDict):
+    """Describes the machine and the program that measured.
+
+    device: the kernels or the OpenGL renderer that draw. versions: by package.
+    """
+
+    processor: str
+    cores: int | None
+    system: str
+    device: str
+    commit: str
+    versions: dict[str, str]
+
+
+def describe_machine(device: str) -> Machine:
+    """Return the machine, its system, the device that draws, the commit and the versions of packages."""
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
@@ -23,7 +37,7 @@ def describe_machine(device: str) -> dict[str, Any]:
 
 
 def _processor() -> str:
-    """Return the trade name of the processor where Linux tells it, else what Python knows."""
+    """Return the trade name of the processor if Linux tells it, else the name that Python knows."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

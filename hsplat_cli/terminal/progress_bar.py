@@ -1,4 +1,4 @@
-"""Shows how far the work is: in one line on a terminal, elsewhere by a line now and then."""
+"""Shows progress: in one line on a terminal, elsewhere by a line now and then."""
 
 from __future__ import annotations
 
@@ -9,20 +9,23 @@ from typing import TextIO
 
 from renderer.system import printable
 
-# A line is due after this part of the work or this time, whichever comes first, but never sooner than the least time:
-# a short film prints a few lines, a long one does not look dead, and neither floods a log.
+# Outside of a terminal: share of the work after which another line is due.
 _LINE_EVERY_FRACTION = 0.1
+# Longest time between two lines: a long film does not look dead.
 _MAX_LINE_INTERVAL_S = 60.0
+# Shortest time between two lines: no film floods a log.
 _MIN_LINE_INTERVAL_S = 2.0
 
+# On a terminal: time between two updates of the line.
 _TERMINAL_INTERVAL_S = 0.1
+# Width of the bar, in characters.
 _BAR_WIDTH = 20
 
 
 class Progress:
-    """Counts finished steps, and shows them in a stream, if there is one; to be closed.
+    """Counts finished steps and shows them in a stream, until it is closed.
 
-    clock: returns seconds. The rest is as in `Reporter.progress`.
+    stream: None shows nothing. clock: returns seconds. steps, label and unit are as in `Reporter.progress`.
     """
 
     def __init__(
@@ -40,12 +43,12 @@ class Progress:
         self._total_work = sum(self._work)
         self._num_finished, self._finished_work, self._work_at_line = 0, 0.0, 0.0
         self._start = self._time_of_line = clock()
-        self._first = (self._start, 0.0)  # when the first step was finished, and its work
+        self._first = (self._start, 0.0)  # time at which the first step was finished, and the work of that step
         if self._is_terminal:
             self._show(self._start, "")
 
     def advance(self, note: str = "") -> None:
-        """Count one step more, and show it if that is due. note: a few words about it."""
+        """Count a finished step, and show the progress if it is due. note: a few words about the step."""
         self._finished_work += self._work[self._num_finished]
         self._num_finished += 1
         now = self._clock()
@@ -55,12 +58,12 @@ class Progress:
             self._show(now, note)
 
     def say(self, text: str) -> None:
-        """Print a line; on a terminal below the bar, which the next step shows below it."""
+        """Print a line; on a terminal, it goes below the bar, and the next step shows the bar below the line."""
         if self._stream is not None:
             print(f"{chr(10) * self._is_terminal}{self._label}: {printable(text)}", file=self._stream, flush=True)
 
     def close(self) -> None:
-        """Leave the line of a terminal."""
+        """End the bar's line on a terminal."""
         if self._is_terminal:
             print(file=self._stream, flush=True)
 
@@ -78,7 +81,7 @@ class Progress:
         yield f"{self._num_finished}/{len(self._work)} {self._unit}"
         if self._has_rate and self._num_finished:
             yield f"{self._num_finished / max(now - self._start, 1e-9):.2f} {self._unit}/s"
-        # The first step includes the start: the rate is that of the later ones, once there are some.
+        # The first step includes the start of the work: once there are later steps, only these give the rate.
         since, before = self._first if self._finished_work > self._first[1] else (self._start, 0.0)
         if self._num_finished < len(self._work) and self._finished_work > before:
             remaining = (now - since) * (self._total_work - self._finished_work) / (self._finished_work - before)
@@ -87,7 +90,7 @@ class Progress:
             yield note
 
     def _finished_part(self, since: float) -> float:
-        """Return the part of the work that was finished after this amount of it."""
+        """Return the share of the total work that was finished after `since`, an amount of finished work."""
         return (self._finished_work - since) / max(self._total_work, 1e-9)
 
     def _is_due(self, now: float) -> bool:

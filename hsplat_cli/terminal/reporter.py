@@ -1,7 +1,7 @@
-"""Prints what a command has to say; nothing else in the package prints.
+"""Prints the output of commands; nothing else in the package prints.
 
-Results and lines go to the standard output stream, all else to the standard error stream. Text is one line, in which
-what is not printable is escaped, unless `join_lines` made it of several.
+Results and lines go to the standard output stream, all else to the standard error stream. A text is one line, with line
+breaks and other unprintable characters escaped, unless `join_lines` made it.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from renderer.system import PrintableText, join_lines, printable
 class Reporter:
     """Prints the output of a command. The command makes one from its option `--quiet` and hands it down.
 
-    is_quiet: print results and warnings alone.
+    is_quiet: print only results and warnings.
     """
 
     is_quiet: bool = False
 
     def result(self, text: str) -> None:
-        """Print what the user asked for, also when quiet."""
+        """Print a result that the user asked for, also when quiet."""
         click.echo(printable(text))
 
     def content(self, content: bytes) -> None:
@@ -39,7 +39,7 @@ class Reporter:
         return click.confirm(question)
 
     def line(self, text: str) -> None:
-        """Print what came of the work, such as the file that was written."""
+        """Print an outcome of the work, such as the file that was written; nothing when quiet."""
         if not self.is_quiet:
             self.result(text)
 
@@ -48,21 +48,21 @@ class Reporter:
         self.line(f"note: {text}")
 
     def status(self, text: str) -> None:
-        """Print what happens, on the standard error stream."""
+        """Print the current step on the standard error stream; nothing when quiet."""
         if not self.is_quiet:
             self.warning(text)
 
     def warning(self, text: str) -> None:
-        """Print what the user must not miss, also when quiet, on the standard error stream."""
+        """Print a warning or an error on the standard error stream, also when quiet."""
         click.echo(printable(text), err=True)
 
     def progress(
         self, steps: int | Sequence[float], *, label: str, unit: str = "frames"
     ) -> AbstractContextManager[Progress]:
-        """Show how many steps are finished, and the time remaining, on the standard error stream.
+        """Show the number of finished steps and the remaining time on the standard error stream.
 
         steps: the number of steps of equal cost, whose rate is shown, too; or the predicted work of each step, at
-            least 0, in any unit. unit: what a step is, in the plural.
+            least 0, in any unit. unit: the plural noun of a step.
         """
         return closing(Progress(steps, label, None if self.is_quiet else sys.stderr, unit=unit))
 

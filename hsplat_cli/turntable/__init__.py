@@ -1,10 +1,10 @@
-"""Many volumes to as many films.
+"""Makes a film of each of many volumes.
 
-In: names and patterns of volumes. Out: a scene, suggested or with the look of another, and a film for each, a table,
-turntable.json, and a page of all films. A volume that fails does not stop the others.
+In: names and patterns of volumes. Out: a scene for each volume, suggested or with the look of another scene, its film,
+a table, turntable.json, and a page of all films. A volume that fails does not stop the others.
 
-- `batch.py`: a process for each volume, one after the other; `up_to_date.py`: which need none; `one_film.py`: a scene
-  and its film; `manifest.py`: the table and turntable.json.
+- `batch.py`: a process for each volume, one after the other; `up_to_date.py`: films that need no process;
+  `one_film.py`: a scene and its film; `manifest.py`: the table and turntable.json.
 - `gallery.py`: index.html, a page of all films; `posters.py`: their small pictures.
 """
 

@@ -1,6 +1,6 @@
-"""Make films of several volumes, each in its own process, so that a failure of one does not affect the others.
+"""Makes films of several volumes, each in its own process, so that a failure of one film does not affect the others.
 
-The memory of a process is freed with it, and a reader that crashes ends its own film only.
+The memory of a process is freed at its end, and a reader that crashes ends only its own film.
 """
 
 from __future__ import annotations
@@ -22,19 +22,20 @@ from hsplat_cli.turntable.one_film import FilmRequest
 from hsplat_cli.turntable.up_to_date import up_to_date_record
 from renderer.errors import InputError, RenderError
 from renderer.film import require_writable
+from renderer.record import round_seconds
 from renderer.scene import counted
 from renderer.system import ChildProcesses, describe_exit, join_lines
 
-# An interrupted process removes its unfinished work. One that does not end within this time is killed, because an
-# interrupt can get lost in a library that is being loaded.
+# Time in which an interrupted process must remove its unfinished work and end. Then it is killed: a library that is
+# being loaded can lose an interrupt.
 _TERMINATE_TIMEOUT_S = 10.0
 
 
 def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder: Path, reporter: Reporter) -> None:
     """Make the films, and print a table, also after an interrupt.
 
-    arguments: of the command line, for all of them. Each process adds its film to turntable.json.
-    Raises InputError if films failed for their inputs or locked outputs alone, RenderError if one failed otherwise.
+    arguments: of the command line, for all films. Each process adds its film to turntable.json. Raises InputError if
+    wrong inputs and locked outputs were the only reasons of failures, and RenderError if a film failed otherwise.
     """
     require_writable(folder / manifest.MANIFEST_FILE)
     records: list[FilmEntry] = []
@@ -55,7 +56,7 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
         statuses = [manifest.INTERRUPTED, *[manifest.NOT_STARTED] * len(remaining)]
         rows = [request.record(status) for request, status in zip(remaining, statuses, strict=False)]
         reporter.result(manifest.manifest_table(folder, [*records, *rows]))
-        # Records of films without scene and volume go with each update.
+        # Each update removes the records of films whose scene and volume are gone.
         missing = [record for record in records if not manifest.has_volume(folder, record)]
         manifest.try_to_update(folder, missing, reporter)
     gallery.finish()
@@ -65,19 +66,19 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
         raise error(
             f"{len(exit_codes)} of {counted(len(records), 'film')} could not be made",
             where=str(folder),
-            hint=f"the same command{' without --force' * requests[0].force} makes only what is missing",
+            hint=f"the same command{' without --force' * requests[0].force} makes only the missing films",
         )
 
 
 def _make_in_process(request: FilmRequest, arguments: Sequence[str], reporter: Reporter) -> FilmEntry:
-    """Make a film in another process; return its record, which describes the failure if there was one."""
+    """Make a film in another process; return its record, or a record of the failure."""
     start = time.perf_counter()
     of_film = [f"--name={request.scene.stem}", "--", str(volume_file(request.volume))]
     with ChildProcesses() as child_processes:
         process = child_processes.start("hsplat_cli", ["turntable", *arguments, *of_film], stdout=subprocess.PIPE)
         try:
             output, _ = process.communicate()
-        except KeyboardInterrupt:  # no signal has reached the process
+        except KeyboardInterrupt:  # the process has not received the signal
             process.terminate()
             with suppress(subprocess.TimeoutExpired):
                 process.wait(_TERMINATE_TIMEOUT_S)
@@ -93,7 +94,7 @@ def _make_in_process(request: FilmRequest, arguments: Sequence[str], reporter: R
         got=describe_exit(process.returncode),
         hint="where memory runs out the system sends this signal" if process.returncode == -signal.SIGKILL else None,
     )
-    seconds = {"seconds": round(time.perf_counter() - start, 3)}
+    seconds = {"seconds": round_seconds(time.perf_counter() - start)}
     record = request.failure_record(error) | {"exit_code": process.returncode} | seconds
     manifest.try_to_update(request.scene.parent, [record], reporter)
     return record

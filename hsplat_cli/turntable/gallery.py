@@ -1,6 +1,6 @@
-"""Write index.html, a page over all films of turntable.json, with their posters, and contact.png.
+"""Writes index.html, a page of all films of turntable.json with their posters, and contact.png.
 
-The page refers to files of its folder alone. turntable.json may come from anywhere: all in it is shown as text. A film
+The page refers only to files of its folder. turntable.json is untrusted: the page shows all its values as text. A film
 that cannot be shown has a note, and does not stop the others.
 """
 
@@ -10,7 +10,6 @@ import os
 import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 from hsplat_cli.terminal import Reporter
@@ -28,20 +27,24 @@ from renderer.film import frame_path, write_staged
 from renderer.scene import FORMATS, output_suffix
 from renderer.system import join_lines
 
-PAGE_FILE, CONTACT_FILE = "index.html", "contact.png"
-# While a batch runs, writing takes at most this part of the time, and adds at most this number of older posters.
-_SHARE, _MAX_POSTERS = 0.05, 100
+PAGE_FILE = "index.html"
+CONTACT_FILE = "contact.png"
+# Share of a batch's time that writing the page may take.
+_SHARE = 0.05
+# Most posters of older films that are made at each writing of a running batch.
+_MAX_POSTERS = 100
+# Entries of a record that the page shows as text.
 _TEXTS = ("status", "kind", "values", "hidden", "error", "command")
 
 
 class Gallery:
-    """A gallery of the films of a folder, which grows while they are made. Failures to write it are warnings."""
+    """Writes the page of the films of a folder while they are made. Failures to write it are warnings."""
 
     def __init__(self, folder: Path, reporter: Reporter) -> None:
         self._folder, self._reporter, self._next_s = folder, reporter, 0.0
 
     def grow(self) -> None:
-        """Write the page, unless that was done a moment ago."""
+        """Write the page, unless it was written a moment ago."""
         start = time.perf_counter()
         if start >= self._next_s:
             self._write(_MAX_POSTERS)
@@ -52,7 +55,7 @@ class Gallery:
         self._write(None)
 
     def _write(self, max_posters: int | None) -> None:
-        """Write posters that are missing, and the page; without a limit contact.png, too."""
+        """Write missing posters, at most `max_posters`, and the page; without a limit also contact.png."""
         # Imported here to keep --help fast.
         from hsplat_cli.reports import render_page, require_own_page
         from hsplat_cli.turntable.posters import contact_sheet
@@ -62,12 +65,13 @@ class Gallery:
             return
         try:
             require_own_page(folder / PAGE_FILE)
-            problems = _make_posters(folder, films.values(), max_posters)  # nobody waits for the lock meanwhile
+            problems = _make_posters(folder, films.values(), max_posters)  # slow, so before the lock is taken
             with locked_manifest(folder, self._reporter, LOCK_TIMEOUT_S):
                 shown = [_shown(folder, record, problems) for record in read_films(folder).values()]
                 page = render_page("gallery.html", title=f"Films in {folder.resolve().name}", films=shown)
                 write_staged(folder / PAGE_FILE, page.encode(errors="backslashreplace"), is_durable=False)
-            posters = [(poster_file(folder, film["name"]), film["name"]) for film in shown if film["poster"]]
+            names = [str(film["name"]) for film in shown if film["poster"]]
+            posters = [(poster_file(folder, name), name) for name in names]
             if max_posters is None and posters:
                 write_staged(folder / CONTACT_FILE, contact_sheet(posters), is_durable=False)
         except HsplatError as error:
@@ -75,12 +79,12 @@ class Gallery:
 
 
 def poster_file(folder: Path, name: str) -> Path:
-    """Return the file of a film's poster. name: of the scene, without its suffix."""
+    """Return the file of a film's poster. name: of the film's scene, without its suffix."""
     return folder / "posters" / f"{name}.jpg"
 
 
 def _make_posters(folder: Path, films: Iterable[FilmEntry], limit: int | None) -> dict[str, str]:
-    """Make up to `limit` missing posters; return what is wrong with the films that have none, by their scenes."""
+    """Make up to `limit` missing posters; return the problems of films that cannot have one, by their scenes."""
     from hsplat_cli.turntable.posters import is_poster_of, make_poster
 
     found = ((record["scene"], _film_file(folder, record)) for record in films)
@@ -95,15 +99,15 @@ def _make_posters(folder: Path, films: Iterable[FilmEntry], limit: int | None) -
 
 
 def _film_file(folder: Path, record: FilmEntry) -> Path | None:
-    """Return a film, or the file of its first frame; None where it is not made, or is not a film in the folder."""
+    """Return a film, or the file of its first frame; None if it is not finished, or is not a film in the folder."""
     film = frame_path(Path(record["film"]), 0)
     is_inside = not film.is_absolute() and ".." not in film.parts
     is_film = record["status"] == FINISHED and is_inside and output_suffix(film) in FORMATS
     return folder / film if is_film and os.path.isfile(folder / film) else None
 
 
-def _shown(folder: Path, record: FilmEntry, problems: Mapping[str, str]) -> dict[str, Any]:
-    """Return what the page shows of a film: texts and numbers, and references to the film and its poster."""
+def _shown(folder: Path, record: FilmEntry, problems: Mapping[str, str]) -> dict[str, object]:
+    """Return the values of a film for the page: texts and numbers, and references to the film and its poster."""
     from hsplat_cli.turntable.posters import is_poster_of
 
     name, film, notes = Path(record["scene"]).stem, _film_file(folder, record), record.get("notes")

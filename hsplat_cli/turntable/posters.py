@@ -1,7 +1,7 @@
-"""Keep a small picture of each film of a folder, and draw them with their names on one picture.
+"""Keeps a small picture, a poster, of each film of a folder, and draws all posters with their names on one picture.
 
-A poster has the time of its film, by which it is known to be that film's. Posters are files of their own: a page whose
-films are sorted or searched loads those that it shows, and no other.
+A poster has the modification time of its film, so a poster of an earlier film is recognised. Each poster is a file, so
+that a page loads only the posters that it shows.
 """
 
 from __future__ import annotations
@@ -19,15 +19,27 @@ from renderer.errors import InputError
 from renderer.film import Picture, decode_film, over_black, rounded, translate_os_errors, write_staged
 from renderer.scene import format_of
 
-_POSTER_PX, _QUALITY = 320, 85
-_MAX_FILM_PIXELS = 2**26  # anybody may have put the film there
-# The picture with names: the largest number of films, in rows of ten, their size, and the space for a name below.
-_MAX_NAMED, _COLUMNS, _NAMED_PX = 200, 10, 160
-_LINE_PX, _FONT_PX, _NAME_COLOR = 20, 11, "#e6e6e3"
+# Longest side of a poster, in pixels.
+_POSTER_PX = 320
+# Quality of a poster's JPEG file, of 100.
+_QUALITY = 85
+# Most pixels of a film's frame. The film may come from anywhere.
+_MAX_FILM_PIXELS = 2**26
+# On the picture with names: most films.
+_MAX_NAMED = 200
+# Films in a row.
+_COLUMNS = 10
+# Width and height of a film's picture, in pixels.
+_NAMED_PX = 160
+# Height of the space for a name, in pixels.
+_LINE_PX = 20
+# Size of the letters of a name, in pixels.
+_FONT_PX = 11
+_NAME_COLOR = "#e6e6e3"
 
 
 def is_poster_of(film: Path, poster: Path) -> bool:
-    """Return whether a poster is there, and that of this film."""
+    """Return whether a poster exists and belongs to this film."""
     try:
         return poster.stat().st_mtime_ns == film.stat().st_mtime_ns
     except OSError:
@@ -35,7 +47,7 @@ def is_poster_of(film: Path, poster: Path) -> bool:
 
 
 def make_poster(film: Path, poster: Path) -> None:
-    """Write the first picture of a film, or of a file with its first frame. Raises HsplatError."""
+    """Write the poster of a film, which is a film file or the file of its first frame. Raises HsplatError."""
     with translate_os_errors(film):
         time_ns = film.stat().st_mtime_ns
     if format_of(film).is_frames:
@@ -52,7 +64,7 @@ def make_poster(film: Path, poster: Path) -> None:
 
 
 def contact_sheet(posters: Sequence[tuple[Path, str]]) -> bytes:
-    """Return a PNG file of the first posters, each with a name below. Raises InputError for what is no poster."""
+    """Return a PNG file of the first _MAX_NAMED posters and names. Raises InputError for an unreadable poster."""
     posters, font = posters[:_MAX_NAMED], Font(None)
     height, content = _NAMED_PX + _LINE_PX, io.BytesIO()
     sheet = Image.new("RGB", (min(_COLUMNS, len(posters)) * _NAMED_PX, -(-len(posters) // _COLUMNS) * height))

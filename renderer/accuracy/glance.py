@@ -14,10 +14,10 @@ import numpy as np
 
 from renderer.accuracy.truths import is_loop, spread_evenly
 from renderer.film import over_background
-from renderer.frame import Stage, StageMaker, prepare_stage, view_of
+from renderer.frame import FilmStage, Stage, StageMaker, prepare_stage, view_of
 from renderer.layers import Layer
-from renderer.scene import LayerSpec, Scene
-from renderer.suggest import drawn_background
+from renderer.scene import FilmScene, LayerSpec
+from renderer.statistics import background_value
 from renderer.truth import SceneRays, chord_lengths
 from renderer.view import View
 from renderer.volume import Bools, Float64, Int64, Volume, sampled_volume
@@ -57,16 +57,16 @@ NOTHING_VISIBLE = (
 )
 
 
-def look_ahead(stage: Stage, frames: Sequence[int], *, num_threads: int) -> list[Glance]:
+def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> list[Glance]:
     """Look at some frames of a film, and return the faults of their pictures, which do not depend on `num_threads`.
 
     Dark frames are a fault if they are at least half of these frames: films fade in and out.
     """
-    numbers = spread_evenly(frames, _MOST_FRAMES, is_loop=is_loop(stage.scene.camera.path))
+    numbers = spread_evenly(frames, _MOST_FRAMES, is_loop=is_loop(stage.scene.at(0).camera.path))
     seen, are_boxes = list[float](), list[list[bool]]()
-    rays = SceneRays(stage, num_threads=num_threads) if stage.maker is None else None
+    rays = SceneRays(stage, num_threads=num_threads) if isinstance(stage, Stage) else None
     for number in numbers:
-        at = stage if rays is not None else _stage_at(stage, number, num_threads)
+        at = stage if isinstance(stage, Stage) else _stage_at(stage, number, num_threads)
         view = _small(view_of(at, number))
         pixels = np.arange(view.size[0] * view.size[1])
         radiance = (rays or SceneRays(at, num_threads=num_threads)).integrate(view, pixels, _STEP_VOXELS)
@@ -84,7 +84,7 @@ def look_ahead(stage: Stage, frames: Sequence[int], *, num_threads: int) -> list
     ]
 
 
-def look_at_scene(scene: Scene, frames: Sequence[int], *, num_threads: int) -> list[Glance]:
+def look_at_scene(scene: FilmScene, frames: Sequence[int], *, num_threads: int) -> list[Glance]:
     """Return the faults of a film as `look_ahead` does, by some of its voxels; raises as `prepare_stage`.
 
     Parts that do not count for its frame may not be among these voxels, and then they are not told.
@@ -94,17 +94,19 @@ def look_at_scene(scene: Scene, frames: Sequence[int], *, num_threads: int) -> l
         return look_ahead(stage, frames, num_threads=num_threads)
 
 
-def _stage_at(film: Stage, number: int, num_threads: int) -> Stage:
+def _stage_at(film: FilmStage, number: int, num_threads: int) -> Stage:
     """Return the stage of a frame of a film in motion, made from some of its voxels: layers of all voxels take long."""
     assert film.maker is not None
     scene = film.scene.at(number)
     camera = replace(scene.camera, distance=scene.camera.distance or film.distance)
     camera = camera if camera.follow else replace(camera, target=film.target)
     volumes = film.maker.volumes_of(scene)
-    return _coarse_stage(replace(scene, camera=camera), scene.layers, volumes, num_threads)
+    return _coarse_stage(replace(scene, camera=camera), scene.layers, volumes, num_threads).first
 
 
-def _coarse_stage(scene: Scene, layers: Sequence[LayerSpec], volumes: Sequence[Volume], num_threads: int) -> Stage:
+def _coarse_stage(
+    scene: FilmScene, layers: Sequence[LayerSpec], volumes: Sequence[Volume], num_threads: int
+) -> FilmStage:
     """Return a stage of some of the voxels of the volumes of layers.
 
     Small labels may have none of these, so that volumes of labels are whole.
@@ -126,12 +128,12 @@ def _small(view: View) -> View:
 def _seen(stage: Stage, view: View, radiance: Float64) -> float:
     """Return by how much a picture differs from its background, in the mean, as a part of white."""
     width, height = view.size
-    shown, background = radiance.reshape(height, width, 4), stage.scene.output.background
+    shown, background = radiance.reshape(height, width, 4), stage.scene.background
     differs = np.abs(over_background(shown, background) - over_background(np.zeros_like(shown), background)).max(axis=2)
     return float((np.maximum(differs, shown[..., 3]) if background is None else differs).mean())
 
 
-def _dark_glance(stage: Stage, numbers: Sequence[int], most: float) -> Glance:
+def _dark_glance(stage: FilmStage, numbers: Sequence[int], most: float) -> Glance:
     """Return the glance of frames that show too little. most: of all frames that were looked at, a part of white."""
     *others, last = map(str, numbers)
     which = f"frames {', '.join(others)} and {last} show" if others else f"frame {last} shows"
@@ -154,7 +156,8 @@ def _is_box(layer: Layer, view: View, pixels: Int64, opacities: Float64) -> bool
 
 def _box_glances(layer: Layer) -> Iterator[Glance]:
     """Yield the glance of a layer that looks like its box, unless it is a block that fills it."""
-    if (value := drawn_background(layer.volume, layer.transfer)) is not None:
+    value = background_value(layer.volume)
+    if value is not None and float(layer.transfer.classify(np.array([value]))[1][0]) > 0:
         name = Path(layer.volume.name).name
         why = f"its background, near {value:.4g}, is visible"
         yield Glance("its box", f"the picture shows the box of {name}: {why}; `hsplat info` suggests other opacities")

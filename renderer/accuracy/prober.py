@@ -11,7 +11,7 @@ from renderer.accuracy.estimate import ErrorSamples, error_samples
 from renderer.accuracy.pixels import ChosenPixels, choose_pixels
 from renderer.accuracy.visibility import scalar_ranges, sum_ranges
 from renderer.film import Pixels, behind_rows, over_black, over_rows
-from renderer.frame import Stage, view_of
+from renderer.frame import FilmStage, Stage, view_of
 from renderer.truth import SceneRays
 from renderer.volume import Bools, Float32, Float64
 
@@ -102,7 +102,7 @@ class FrameProber:
         """Choose pixels of a frame by its picture, [h, w, channels], and compute their exact colours."""
         coarse = image if image.dtype == np.uint8 else (over_black(image) * 255).astype(np.uint8)
         chosen = choose_pixels(coarse, self._num_rays, (self._seed, number))
-        behind = behind_rows(self._stage.scene.output.background, len(image))[chosen.numbers // image.shape[1]]
+        behind = behind_rows(self._stage.scene.background, len(image))[chosen.numbers // image.shape[1]]
         view = view_of(self._stage, number)
         visible: tuple[float, ...] = ()
         if self._tolerance is None:
@@ -117,10 +117,10 @@ class FrameProber:
         return self.exact_pixels(number, image).compare_image(image, covered)
 
 
-def open_prober(stage: Stage, num_threads: int) -> FrameProber | None:
+def open_prober(film: FilmStage, num_threads: int) -> FrameProber | None:
     """Return a prober with the rays that a scene wants; None where it wants none."""
-    scene, num_rays = stage.scene, stage.scene.error.probes
+    scene, num_rays = film.scene, film.scene.error.probes
     if num_rays is None:
         width, height = scene.output.size
         num_rays = max(_MIN_RAYS, width * height // _PIXELS_PER_RAY, _MIN_RAYS_OF_PATH // scene.num_frames)
-    return FrameProber(stage, num_rays, num_threads=num_threads) if num_rays else None
+    return FrameProber(film.first, num_rays, num_threads=num_threads) if num_rays else None

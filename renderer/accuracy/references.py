@@ -18,7 +18,7 @@ from renderer.accuracy.metrics import compute_metric
 from renderer.accuracy.prober import ExactPixels, FrameProber
 from renderer.accuracy.truths import NUM_SAMPLED_PIXELS, Truth
 from renderer.film import over_background
-from renderer.frame import Frame, Stage
+from renderer.frame import FilmStage, Frame
 from renderer.scene import MetricTarget
 
 
@@ -30,8 +30,8 @@ class ExactRays:
 
     num_frames, step = 16, 1.12
 
-    def __init__(self, stage: Stage, want: MetricTarget, *, num_threads: int) -> None:
-        self.want, self._prober = want, FrameProber(stage, NUM_SAMPLED_PIXELS, num_threads=num_threads)
+    def __init__(self, film: FilmStage, want: MetricTarget, *, num_threads: int) -> None:
+        self.want, self._prober = want, FrameProber(film.first, NUM_SAMPLED_PIXELS, num_threads=num_threads)
         self._exact: dict[int, ExactPixels] = {}  # by frame
         self.shows_volume = False  # any of the pictures
 
@@ -69,7 +69,7 @@ class ExactPictures:
         if frame.number not in self._truths:
             truth = self._find_truth(frame.number)
             self._truths[frame.number] = replace(truth, picture=truth.picture.astype(np.float32))
-        background = frame.stage.scene.output.background
+        background = frame.stage.scene.background
         picture = over_background(frame.radiance, background).astype(np.float32).astype(np.float64)
         return compute_metric(self.want.metric, picture, self._truths[frame.number].picture), 0.0
 

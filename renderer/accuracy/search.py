@@ -22,8 +22,8 @@ from renderer.accuracy.tolerances import tolerance_ladder
 from renderer.accuracy.truths import spread_evenly
 from renderer.draw import Rasterizer
 from renderer.errors import RenderError
-from renderer.frame import Clock, Frame, ScheduleController, Stage, make_primitive, render_frames
-from renderer.scene import AnnotationSpec, MetricTarget, Scene, counted, with_tolerance
+from renderer.frame import Clock, FilmStage, Frame, ScheduleController, make_primitive, render_frames
+from renderer.scene import AnnotationSpec, FilmScene, MetricTarget, counted, with_tolerance
 
 # By how many deviations key frames, and those between them, are to be good enough: nine of ten are, and more.
 _MARGIN, _MARGIN_BETWEEN = 1.5, 0.5
@@ -64,10 +64,10 @@ class FoundTolerances:
     tried: tuple[int, ...]
     worst: Trial
 
-    def shortfall(self, scene: Scene, *, where: str, hint: str) -> RenderError:
+    def shortfall(self, scene: FilmScene, *, where: str, hint: str) -> RenderError:
         """Return the error where no tolerance is good enough. hint: what to do about it."""
         level, worst = scene.error.finest_level, self.worst
-        drawn = counted(worst.num_cells, scene.splat.primitive_name)
+        drawn = counted(worst.num_cells, scene.primitive_name)
         is_limited = f"error.finest_level: {level} lets no cell be smaller"
         return RenderError(
             "the requested accuracy is beyond full resolution",
@@ -79,7 +79,7 @@ class FoundTolerances:
 
 
 def find_tolerances(
-    stage: Stage,
+    stage: FilmStage,
     frames: Sequence[int],
     reference: Reference,
     rasterizer: Rasterizer,
@@ -94,10 +94,11 @@ def find_tolerances(
         which are no error. frames: ascending. is_constant: whether all get the same tolerance.
     on_trial: called after every picture. None is drawn twice.
     """
-    stage = replace(stage, scene=replace(stage.scene, annotation=AnnotationSpec()))
+    bare = stage.scene.changed(lambda scene: replace(scene, annotation=AnnotationSpec()))
+    stage = replace(stage, scene=bare)
 
     @lru_cache(maxsize=1)  # has a level of detail in memory
-    def controller_at(tolerance: float) -> tuple[Stage, ScheduleController]:
+    def controller_at(tolerance: float) -> tuple[FilmStage, ScheduleController]:
         at_tolerance = replace(stage, scene=with_tolerance(stage.scene, tolerance))
         return at_tolerance, ScheduleController(at_tolerance)
 
@@ -106,7 +107,7 @@ def find_tolerances(
         (frame,) = render_frames(at_tolerance, [number], rasterizer, clock=clock, controller=controller)
         return frame
 
-    ladder = tolerance_ladder(stage.largest_error, make_primitive(stage).work, reference.step)
+    ladder = tolerance_ladder(stage.largest_error, make_primitive(stage.first).work, reference.step)
     trials = _Trials(ladder, reference, draw, on_trial)
     guess = typical_tolerance(psnr(wanted_error(reference.want)))  # has this accuracy with many scans
     start = min(bisect_left(ladder, -guess, key=lambda each: -each), len(ladder) - 1)

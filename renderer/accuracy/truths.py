@@ -12,7 +12,7 @@ from renderer.accuracy.metrics import Accuracy, FloatImage, measure_accuracy, sa
 from renderer.accuracy.prober import ExactPixels, FrameProber
 from renderer.draw import Rasterizer
 from renderer.film import over_background
-from renderer.frame import Clock, Stage, render_frames, view_of
+from renderer.frame import Clock, FilmStage, render_frames, view_of
 from renderer.scene import CameraPath, KeyframePath
 from renderer.truth import Convergence, Progress, SceneRays, ignore
 from renderer.volume import Bools
@@ -69,35 +69,35 @@ class SampledTruth:
 
 
 def compute_truth(
-    stage: Stage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress = ignore
+    film: FilmStage, frame: int, tolerance: float, *, num_threads: int = 2, on_progress: Progress = ignore
 ) -> Truth:
     """Compute the truth of a frame to `tolerance` in every channel. Raises RenderError if it does not converge.
 
     on_progress: as in `RayIntegrator.converge`.
     """
-    stage = stage.at(frame)
+    stage = film.at(frame)
     scene, view = stage.scene, view_of(stage, frame)
     (width, height), rays = view.size, SceneRays(stage, num_threads=num_threads)
     pixels, convergence = rays.converge(view, np.arange(width * height), tolerance, on_progress)
     image = pixels.reshape(height, width, 4)
-    return Truth(frame, over_background(image, scene.output.background), image[..., 3] > 0, convergence)
+    return Truth(frame, over_background(image, scene.background), image[..., 3] > 0, convergence)
 
 
 def sample_truths(
-    stage: Stage, frames: Sequence[int], tolerance: float, rasterizer: Rasterizer, *, clock: Clock, num_threads: int
+    film: FilmStage, frames: Sequence[int], tolerance: float, rasterizer: Rasterizer, *, clock: Clock, num_threads: int
 ) -> list[SampledTruth]:
     """Compute the truth of some pixels of each frame, chosen by its picture at the scene's tolerance.
 
     tolerance: as in `compute_truth`.
     """
-    prober = FrameProber(stage, NUM_SAMPLED_PIXELS, num_threads=num_threads, tolerance=tolerance)
+    prober = FrameProber(film.first, NUM_SAMPLED_PIXELS, num_threads=num_threads, tolerance=tolerance)
     return [
         SampledTruth(
             frame.number,
             prober.on(frame.stage).exact_pixels(frame.number, frame.image),
             bool(frame.radiance[..., 3].any()),
         )
-        for frame in render_frames(stage, frames, rasterizer, clock=clock)
+        for frame in render_frames(film, frames, rasterizer, clock=clock)
     ]
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.frame import Stage
+from renderer.frame import FilmStage
 from renderer.layers import Layer
 from renderer.scene import LabelStyle
 from renderer.transfer import TransferFunction
@@ -21,8 +21,6 @@ from renderer.volume import Float64
 _MOST_RANGES = 12
 # Up to this many labels have a range each. Several volumes share these numbers.
 _MOST_LABELS = 48
-# A millionth of a picture is less than a pixel of most, and keeps records short.
-_DIGITS = 6
 
 
 class ScalarRange(NamedTuple):
@@ -40,10 +38,10 @@ class ScalarRange(NamedTuple):
     layer: int | None = None
 
 
-def scalar_ranges(stage: Stage) -> list[ScalarRange]:
+def scalar_ranges(stage: FilmStage) -> list[ScalarRange]:
     """Return the ranges of a stage's layers, of each ascending; none where the mode has no opacities."""
     found, first, num = list[ScalarRange](), 0, len(stage.layers)
-    for number, layer in enumerate(() if stage.scene.mode.is_projection else stage.layers):
+    for number, layer in enumerate(() if stage.scene.is_projection else stage.layers):
         place = number if num > 1 else None
         found += [each._replace(first=first + each.first, layer=place) for each in _ranges_of(layer, num)]
         first += len(layer.optics.values) + 1
@@ -102,4 +100,4 @@ def visible_ranges(
 def sum_ranges(by_interval: Float64, ranges: Sequence[ScalarRange]) -> tuple[float, ...]:
     """Return the sums over ranges of what intervals show, float64 [intervals]; those in no range show nothing."""
     firsts = np.array([each.first for each in ranges], np.int64)
-    return tuple(np.add.reduceat(by_interval, firsts).round(_DIGITS).tolist())
+    return tuple(np.add.reduceat(by_interval, firsts).tolist())

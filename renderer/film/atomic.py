@@ -15,9 +15,9 @@ from renderer.errors import HsplatError, InputError, RenderError
 
 
 class StageFile(Protocol):
-    """Makes a temporary file for a path, and its missing folders.
+    """A function that makes a temporary file for a path, and its missing folders.
 
-    folder: where the temporary file lies, on the disk of the path; it exists. None for beside the path.
+    folder: an existing folder for the temporary file, on the disk of the path; None for the folder of the path.
     """
 
     def __call__(self, path: Path, folder: Path | None = None) -> Path: ...
@@ -25,12 +25,14 @@ class StageFile(Protocol):
 
 @contextlib.contextmanager
 def staging(*, is_durable: bool = True) -> Iterator[StageFile]:
-    """Yield a function that makes a temporary file for a path. After the block, all are renamed, one by one.
+    """Yield a function that makes a temporary file for a path. After the block, all files are renamed, one by one.
 
-    is_durable: the files are on the disk before they are renamed. Without it a power failure may leave a file empty
-    under its final name. If the block raises, KeyboardInterrupt included, temporary files are removed and nothing else
-    changes. Refusals of the operating system become InputError or RenderError, as in `translate_os_errors`; an OSError
-    that the block raises passes unchanged.
+    If the block raises, KeyboardInterrupt included, temporary files are removed and nothing else changes. Refusals of
+    the operating system become InputError or RenderError, as in `translate_os_errors`; an OSError that the block raises
+    passes unchanged.
+
+    is_durable: whether to wait until the files are on the disk before they are renamed. Without it, a power failure may
+    leave a file empty under its final name.
     """
     staged: list[tuple[Path, Path]] = []
 
@@ -49,7 +51,7 @@ def staging(*, is_durable: bool = True) -> Iterator[StageFile]:
             with translate_os_errors(path):
                 os.replace(temporary, path)
     finally:
-        # A failure to remove must not hide the error that led here.
+        # A failure to remove a file must not hide the error of the block.
         for temporary, _ in staged:
             with contextlib.suppress(OSError):
                 temporary.unlink()
@@ -57,7 +59,7 @@ def staging(*, is_durable: bool = True) -> Iterator[StageFile]:
 
 @contextlib.contextmanager
 def staged_files(folder: Path | None = None, *, is_durable: bool = True) -> Iterator[Callable[[Path, bytes], None]]:
-    """Yield a function that writes whole files, which get their names after the block; as `staging`."""
+    """Yield a function that writes whole files, which get their names after the block. See `staging`."""
     with staging(is_durable=is_durable) as stage:
 
         def write(path: Path, content: bytes) -> None:
@@ -68,7 +70,7 @@ def staged_files(folder: Path | None = None, *, is_durable: bool = True) -> Iter
 
 
 def write_staged(path: Path, content: bytes, folder: Path | None = None, *, is_durable: bool = True) -> None:
-    """Write one file, whole or not at all; as `staging`."""
+    """Write one file, whole or not at all. See `staging`."""
     with staged_files(folder, is_durable=is_durable) as write:
         write(path, content)
 
@@ -83,7 +85,7 @@ def sync_to_disk(descriptor: int) -> None:
 
 
 def require_writable(path: Path, folder: Path | None = None) -> None:
-    """Make the folder of `path`, try to write there or in `folder`, and leave no file; errors as in `staging`."""
+    """Make the folder of `path`, and raise as `staging` does unless a file can be written there or in `folder`."""
     temporary = _temporary_path(path, folder)
     try:
         _create(temporary, path, folder)
@@ -96,13 +98,13 @@ def require_writable(path: Path, folder: Path | None = None) -> None:
 
 
 def require_writable_dry_run(path: Path) -> None:
-    """Raise what `require_writable` would raise, as far as that shows without making a folder or a file."""
+    """Raise the error of `require_writable`, if it can be known without making a folder or a file."""
     with translate_os_errors(path):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             path.lstat()  # fails for a name that is too long
         _require_replaceable(path)
         folder = _nearest_existing_parent(path)
-        if not folder.is_dir():  # or a broken link
+        if not folder.is_dir():  # it may be a broken link
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
         if _is_kernel_filesystem(path):
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
@@ -125,7 +127,7 @@ def translate_os_errors(path: Path) -> Iterator[None]:
 
 
 def output_error(error: OSError, path: Path) -> HsplatError:
-    """Return the error to show to the user for `error`, met while writing `path`."""
+    """Return the error for the user, for an OSError while writing `path`."""
     where = str(path)
     if isinstance(error, IsADirectoryError):
         return InputError("the output is a folder", where=where, expected="the name of a file")
@@ -133,7 +135,7 @@ def output_error(error: OSError, path: Path) -> HsplatError:
         broken = next((parent for parent in path.parents if parent.is_symlink() and not parent.exists()), None)
         if broken is not None:
             return InputError("the output folder is a broken link", where=where, got=str(broken))
-        if error.errno != errno.ELOOP:  # which a link elsewhere in the path may cause, too
+        if error.errno != errno.ELOOP:  # a link elsewhere in the path may cause ELOOP, too
             file = next((parent for parent in path.parents if parent.is_file()), path.parent)
             return InputError("the output folder is a file", where=where, got=str(file))
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
@@ -154,9 +156,11 @@ def remove_temporaries(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-_TEMPORARY_PATTERN = re.compile(r"\..+\.partial-[0-9a-f]{8}", re.DOTALL)  # of `_temporary_path`
+# The names of temporary files, as `_temporary_path` makes them.
+_TEMPORARY_PATTERN = re.compile(r"\..+\.partial-[0-9a-f]{8}", re.DOTALL)
+# The hint of several errors.
 _ANOTHER_FOLDER = "choose another folder for the output"
-# Nobody can make files here, although `os.access` says that the superuser can.
+# Folders of the kernel, in which nobody can make files, although `os.access` says that the superuser can.
 _KERNEL_MOUNTS = (Path("/proc"), Path("/sys"))
 
 
@@ -166,28 +170,28 @@ def _nearest_existing_parent(path: Path) -> Path:
 
 
 def _is_kernel_filesystem(path: Path) -> bool:
-    with contextlib.suppress(OSError):  # the current folder is gone
+    with contextlib.suppress(OSError):  # the current folder may be gone
         device = _nearest_existing_parent(path).stat().st_dev
         return any(place.is_mount() and place.stat().st_dev == device for place in _KERNEL_MOUNTS)
     return False
 
 
 def _temporary_path(path: Path, folder: Path | None = None) -> Path:
-    # Random, because frames in different folders, and programs on other machines, must not share a temporary file.
+    # The name is random, as frames in different folders, and programs on other machines, must not share a file.
     return (folder or path.parent) / f".{path.name}.partial-{os.urandom(4).hex()}"
 
 
 def _create(temporary: Path, path: Path, folder: Path | None) -> None:
     with translate_os_errors(path):
         if folder is not None:
-            temporary.touch(exist_ok=False)  # first: fail if the folder has vanished
+            temporary.touch(exist_ok=False)  # fails if the folder has vanished
         path.parent.mkdir(parents=True, exist_ok=True)
         _require_replaceable(path)
         temporary.touch()
 
 
 def _require_replaceable(path: Path) -> None:
-    """Raise InputError or OSError if something has this name that cannot be replaced by a file, or should not be."""
+    """Raise InputError or OSError if the path is taken by something other than a file, such as a device."""
     try:
         status = path.lstat()
     except (FileNotFoundError, NotADirectoryError):

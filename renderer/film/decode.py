@@ -1,7 +1,7 @@
 """Decode a film, frame by frame, with the ffmpeg that imageio-ffmpeg contains.
 
-The file may come from anywhere: its format and protocol are fixed, and ffmpeg is a process of its own. PyAV and imageio
-could not replace the pipe: they offer no exact, processor-independent conversion of colours.
+The file may come from anywhere, so its format and protocol are fixed, and ffmpeg is a process of its own. PyAV and
+imageio could not replace the pipe: they offer no exact, processor-independent conversion of colours.
 """
 
 from __future__ import annotations
@@ -23,19 +23,21 @@ from renderer.film.stream_tail import StreamTail
 from renderer.scene import OutputFile, counted, format_of, require_file
 from renderer.system import join_lines
 
-# ffmpeg's most exact conversion, the same on every processor; its fast one makes all pixels about one step darker. The
-# chroma position is H.264's default, left, as in encode.py.
+# The filter of ffmpeg's most exact conversion to RGB, which is the same on every processor; the fast one makes all
+# pixels about one step of 255 darker. The chroma position is H.264's default, left, as in encode.py.
 _TO_RGB = "scale=in_h_chr_pos=0:flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format={0}"
+# The number of first bytes of a film that show its format and its encoder.
 _HEADER_BYTES = 2**14
-_PADDING_PX = 64  # decoders may fill up each side to blocks and vectors
+# The pixels by which decoders may pad each side, to whole blocks and vectors.
+_PADDING_PX = 64
 
 
 @contextlib.contextmanager
 def decode_known_film(output: OutputFile, num_frames: int) -> Iterator[Iterator[Pixels]]:
-    """Decode a film whose pictures and their number are known, in order: pictures of its kind.
+    """Decode the frames of a film whose size, kind of pictures and number of frames are known, in order.
 
-    Read it to the end, which says whether frames are missing. Raises InputError as `decode_film`, and for another size
-    or number of frames.
+    Only reading it to the end shows whether frames are missing. Raises InputError as `decode_film`, and for another
+    size or number of frames.
     """
     width, height = output.size
     max_pixels = (width + _PADDING_PX) * (height + _PADDING_PX)
@@ -67,13 +69,14 @@ def count_film_frames(path: Path, max_pixels: int) -> int:
 def decode_film(
     path: Path, max_pixels: int, *, known: tuple[OutputFile, int] | None = None
 ) -> Iterator[Iterator[Pixels]]:
-    """Decode the frames of a film in order: [h, w, 4], or [h, w, 3] of codecs without alpha.
+    """Decode the frames of a film in order: [h, w, 4], or [h, w, 3] for codecs without alpha.
 
-    known: an output, and its number of frames. Else pictures have 8 bits, and of equal ones that a WebP shows one after
-        the other only the first comes. ffmpeg ends with the block.
-    Raises InputError if the file is not what its suffix says, is cut off, cannot be decoded to its end, or has larger
-    frames than `max_pixels`, which ffmpeg refuses before it allocates them; RenderError without ffmpeg. A file that
-    ends between two frames is a shorter film, and video has no checksum: some damage shows in the pictures alone.
+    known: the output of the film, and its number of frames. Without it, pictures have 8 bits, and equal consecutive
+        frames of a WebP come once. ffmpeg ends with the block.
+
+    Raises InputError if the file has another format than its suffix, is cut off, cannot be decoded to its end, or has
+    frames with more than `max_pixels`, which ffmpeg refuses before it allocates them; RenderError without ffmpeg. Not
+    all damage is found: a file that ends between two frames looks like a shorter film, and video has no checksum.
     """
     arguments = _arguments(path, _first_bytes(path), max_pixels, known)
     process = start_ffmpeg(arguments, path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
@@ -87,18 +90,18 @@ def decode_film(
 
 
 def _arguments(path: Path, begin: bytes, max_pixels: int, known: tuple[OutputFile, int] | None) -> list[str]:
-    """Return those of ffmpeg for a film that begins with these bytes."""
+    """Return the arguments of ffmpeg. begin: the first bytes of the film."""
     file_format, codecs = format_of(path), tuple(format_of(path).codecs.values())
-    # The first bytes say which encoder it was, or it is that of the format by default.
+    # The first bytes may show the encoder; otherwise, it is the default one of the format.
     codec = next((codec for codec in codecs if any(mark in begin for mark in codec.marks)), codecs[0])
     still = _still_demuxer(begin)
-    # The format is fixed, because other formats may refer to further files. PAM has the size of each picture.
+    # The format is fixed, as other formats may refer to further files. PAM has the size of each picture.
     source = ["-protocol_whitelist", "file", "-f", still or file_format.demuxer, "-max_pixels", str(max_pixels)]
     source += [] if codec.decoder is None else ["-c:v", codec.decoder]
     has_alpha = bool(codec.with_alpha) or file_format.filters == "palette"
     depth = known[0].kind.depth if known else 8
     to_rgb = _TO_RGB.format({8: ("rgb24", "rgba"), 16: ("rgb48be", "rgba64be")}[depth][has_alpha])
-    if known and known[1] > 1 and codec.merges_frames:  # the only frame may have no duration
+    if known and known[1] > 1 and codec.merges_frames:  # a single frame may have no duration
         output, num_frames = known
         to_rgb += f",loop={num_frames - 1}:1" if still else f",fps={frame_rate(output)}"
     picked = ["-map", "0:v:0", "-vf", to_rgb]
@@ -110,9 +113,9 @@ def _arguments(path: Path, begin: bytes, max_pixels: int, known: tuple[OutputFil
 
 
 def _still_demuxer(begin: bytes) -> str | None:
-    """Return the demuxer of a WebP or APNG that is no animation, as those of one frame; None for other files.
+    """Return the demuxer of a WebP or APNG without animation, such as a film of one frame; None for other files.
 
-    An animated WebP has an extended header (VP8X) with a bit that says so, an APNG has a chunk acTL.
+    An animated WebP has an extended header (VP8X) with a bit for it; an animated PNG has a chunk acTL.
     """
     if begin[8:12] == b"WEBP" and (begin[12:16] != b"VP8X" or not int.from_bytes(begin[20:21], "big") & 2):
         return "webp_pipe"
@@ -120,9 +123,9 @@ def _still_demuxer(begin: bytes) -> str | None:
 
 
 def _avif_streams(begin: bytes) -> str:
-    """Return the filter of the streams that have the colours of an AVIF, and the alpha, if there is one.
+    """Return the filter that selects the streams of an AVIF with the colours of the film, and with its alpha, if any.
 
-    The first frame comes first, as a still picture, and then the film: brand `avis` of ISO/IEC 23000-22.
+    An animated AVIF has its first frame as a still picture before the film: brand `avis` of ISO/IEC 23000-22.
     """
     has_alpha, is_film = b"auxid:1" in begin or b"auxiliary:alpha" in begin, begin[8:12] == b"avis"
     first = (1 + has_alpha) * is_film
@@ -142,13 +145,13 @@ def _frames(
             yield np.frombuffer(content, dtype).astype(dtype.newbyteorder("="), copy=False).reshape(shape)
     status = process.wait()
     messages = stderr_tail.lines()
-    if status != 0 or messages or not is_whole:  # some errors leave the exit status at 0
+    if status != 0 or messages or not is_whole:  # the exit status is 0 after some errors
         got = join_lines(messages) or f"exit status {status} of ffmpeg and no message"
         raise InputError("the film cannot be decoded", where=str(path), got=got)
 
 
 def _read_pam_header(stream: IO[bytes]) -> tuple[tuple[int, int, int], np.dtype[Any]] | None:
-    """Return (height, width, channels) and the type of the next picture; None at the end."""
+    """Return (height, width, channels) and the type of the next picture; None at the end of the film."""
     fields: dict[bytes, bytes] = {}
     while (line := stream.readline()).strip() != b"ENDHDR":
         if not line:
@@ -160,7 +163,7 @@ def _read_pam_header(stream: IO[bytes]) -> tuple[tuple[int, int, int], np.dtype[
 
 
 def _first_bytes(path: Path) -> bytes:
-    """Return how a film begins. Raises InputError for what is none."""
+    """Return the first bytes of a film. Raises InputError if it has another format than its suffix, or is cut off."""
     file_format = format_of(path)
     kind = f"{file_format.name} file"
     require_file(path, kind)

@@ -1,4 +1,4 @@
-"""Compute digests, by which files and records are known again: 32 hexadecimal digits that tell contents apart."""
+"""Compute digests of files and records: 32 hexadecimal digits that differ for different contents."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from typing import Any
 
 from renderer.scene import PictureKind
 
+# The number of bytes of a file that are read at once.
 _BLOCK_BYTES = 2**20
 
 
 def bytes_digest(content: bytes) -> str:
-    """Return the digest of some bytes."""
+    """Return the digest of bytes."""
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
 def data_digest(data: Any) -> str:
-    """Return the digest of plain data, such as what frames depend on, whatever the order of its keys."""
+    """Return the digest of plain data, such as a record, whatever the order of its keys."""
     return bytes_digest(json.dumps(data, sort_keys=True).encode())
 
 
@@ -32,7 +33,7 @@ def file_digest(path: Path) -> str:
 
 
 def file_matches_digest(path: Path, expected: str | None) -> bool:
-    """Return whether a file exists and has this digest."""
+    """Return whether a file exists and has the expected digest."""
     try:
         return path.is_file() and file_digest(path) == expected
     except OSError:
@@ -40,8 +41,8 @@ def file_matches_digest(path: Path, expected: str | None) -> bool:
 
 
 def frame_matches_digest(path: Path, expected: str | None, kind: PictureKind) -> bool:
-    """Return whether a frame's file exists and has this digest, and a picture of this kind."""
-    from renderer.film.picture import picture_layout  # imports numpy, which digests alone do not need
+    """Return whether a frame's file exists, and has the expected digest and a picture of the given kind."""
+    from renderer.film.picture import picture_layout  # imports numpy, which the other functions do not need
 
     try:
         content = path.read_bytes() if path.is_file() else b""

@@ -19,25 +19,28 @@ from renderer.film.stream_tail import StreamTail
 from renderer.scene import OutputFile
 from renderer.system import address_space_hint, join_lines
 
-# Without out_color_matrix, ffmpeg converts RGB with the BT.601 matrix, whatever the tags say. The chroma position is
-# H.264's default, left; `accurate_rnd` and `bitexact` give the same result on every processor.
+# The filter that converts RGB to YUV. Without out_color_matrix, ffmpeg uses the BT.601 matrix, whatever the tags say.
+# The chroma position is H.264's default, left; `accurate_rnd` and `bitexact` give the same result on every processor.
 _TO_YUV = (
     "scale=out_color_matrix=bt709:out_range={0}:out_h_chr_pos=0:out_v_chr_pos=128"
     ":flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact,format={1},"
     "setparams=color_primaries=bt709:color_trc=bt709:colorspace=bt709:range={0}"
 )
-# One palette for each frame keeps memory independent of the length of the film. Of ffmpeg's ditherings this one kept
-# local averages best on renderings of the engine CT: 52.8 dB after a 3 x 3 mean, against 51.2 without dithering and
-# 50.8 with Bayer's.
+# The filter that converts RGB to colours of a palette. A palette for each frame keeps memory independent of the length
+# of the film. Of ffmpeg's ditherings, this one kept local averages best on renderings of the engine CT: 52.8 dB after a
+# 3 x 3 mean, against 51.2 without dithering and 50.8 with Bayer's.
 _TO_PALETTE = (
     "split[pictures][samples];[samples]palettegen=stats_mode=single:reserve_transparent=0[palettes];"
     "[pictures][palettes]paletteuse=new=1:dither=sierra2_4a"
 )
-# AVIF has alpha as a second, grey film.
+# The filter that splits RGBA into two films, as AVIF has alpha as a second, grey film.
 _TO_PLANES = "[0:v]split[all][same];[all]{0}[colors];[same]alphaextract,format=gray,setparams=range=full:{1}[alpha]"
+# The colour tags of grey films.
 _GREY_COLORS = "color_primaries=bt709:color_trc=bt709:colorspace=bt709"
-_SHORTEST_GIF_DELAY_CS = 2  # browsers show shorter delays as 10
-_LONGEST_GIF_DELAY_CS = 65535  # 16 bits
+# The shortest delay of a GIF's frame, in hundredths of a second. Browsers show shorter delays as 10.
+_SHORTEST_GIF_DELAY_CS = 2
+# The longest delay of a GIF's frame, in hundredths of a second: the largest number of 16 bits.
+_LONGEST_GIF_DELAY_CS = 65535
 
 
 def encoder_options(output: OutputFile) -> list[str]:
@@ -59,13 +62,13 @@ def encoder_options(output: OutputFile) -> list[str]:
 
 
 def gif_delay_cs(frames_per_second: float) -> int:
-    """Return how long a GIF shows each frame, in the hundredths of a second that players honour."""
+    """Return the delay of each frame of a GIF in hundredths of a second, within the range that players support."""
     nearest = int(100 / frames_per_second + 0.5)
     return min(max(nearest, _SHORTEST_GIF_DELAY_CS), _LONGEST_GIF_DELAY_CS)
 
 
 def frame_rate(output: OutputFile) -> Fraction:
-    """Return the rate that a film has, as near to the one that is wanted as its format allows."""
+    """Return the frame rate of a film: the possible rate of its format that is nearest to the requested one."""
     if output.format.ticks_per_second:
         return Fraction(100, gif_delay_cs(output.frames_per_second))
     # A few decimals are enough to find television's fractions of 1001; rates with two decimals stay exact.
@@ -76,10 +79,8 @@ def frame_rate(output: OutputFile) -> Fraction:
 def open_encoder(output: OutputFile, file: Path) -> Iterator[Callable[[Pixels], None]]:
     """Run ffmpeg, and yield a function that encodes a picture of the output's kind; `file` is complete after the block.
 
-    output: its `file` is the final name, for messages.
-
-    Raises RenderError with the end of ffmpeg's messages if it cannot start, stops early or fails. However the block
-    ends, ffmpeg has ended too.
+    output: the output, whose `file` is the final name for messages. Raises RenderError with the end of ffmpeg's
+    messages if it cannot start, stops early or fails. At the end of the block, ffmpeg has ended in any case.
     """
     arguments, name = _arguments(output, file), output.file
     process = start_ffmpeg(arguments, name, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
@@ -103,12 +104,12 @@ def open_encoder(output: OutputFile, file: Path) -> Iterator[Callable[[Pixels], 
     finally:
         process.kill()
         process.wait()
-        with contextlib.suppress(OSError):  # what is still buffered is lost
+        with contextlib.suppress(OSError):  # buffered bytes are lost
             pictures.close()
 
 
 def _failure(what: str, status: int, lines: Sequence[str], output: Path) -> HsplatError:
-    """Return the error for a failure of ffmpeg with this exit status, which printed these lines."""
+    """Return the error for a failure of ffmpeg, with its exit status and the lines that it printed."""
     words = join_lines(lines)
     if os.strerror(errno.ENOSPC) in words:
         return output_error(OSError(errno.ENOSPC, words), output)
@@ -144,7 +145,10 @@ def require_codec(output: OutputFile) -> None:
 
 
 def start_ffmpeg(arguments: Sequence[str], file: Path, *, stdin: int, stdout: int) -> subprocess.Popen[bytes]:
-    """Start ffmpeg, which the caller has to end. Raises RenderError. file: for messages. stdin, stdout: as of Popen."""
+    """Start ffmpeg, which the caller has to end. Raises RenderError if it cannot start.
+
+    file: the name of the film, for messages. stdin, stdout: the arguments of Popen.
+    """
     command = [_find_ffmpeg(file), *arguments]
     try:
         # In a new session, Ctrl-C in the terminal does not reach ffmpeg.
@@ -154,7 +158,7 @@ def start_ffmpeg(arguments: Sequence[str], file: Path, *, stdin: int, stdout: in
 
 
 def _find_ffmpeg(output: Path) -> str:
-    """Return the path of ffmpeg. Raises RenderError if there is none. output: for messages."""
+    """Return the path of ffmpeg. Raises RenderError if there is none. output: the name of the film, for messages."""
     import imageio_ffmpeg
 
     try:

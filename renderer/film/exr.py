@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from renderer.errors import require_package
 
+# The first bytes of a file.
 EXR_BEGIN = b"v/1\x01"
-# What the numbers mean stands in the header, because EXR files of other programs are scene-linear.
+# The comment in the header about the meaning of the numbers, as EXR files of other programs are scene-linear.
 _COMMENTS = (
     "hsplat: display-referred colours as composited, 1 is white, neither rounded nor clipped; not scene-linear. "
     "Alpha, where there is one, is 1 minus transmittance, and colours are multiplied by it."
@@ -40,6 +41,6 @@ def decode_exr(content: bytes) -> npt.NDArray[np.float32]:
 
 
 def require_openexr() -> ModuleType:
-    """Return the package. Raises InputError if it is not installed."""
+    """Return the module OpenEXR. Raises InputError if it is not installed."""
     require_package("OpenEXR", extra="exr")
     return import_module("OpenEXR")

@@ -1,6 +1,6 @@
-"""Lock an output, so that one job at a time writes it, in this process or another.
+"""Lock an output, so that only one job at a time writes it, in this process or another.
 
-A lock ends with its process, however that ends.
+A lock ends with its process, even if that is killed.
 """
 
 from __future__ import annotations
@@ -23,32 +23,39 @@ from renderer.film.names import frame_path, unfinished_folder
 from renderer.film.runs import consecutive_ranges
 from renderer.scene import OutputSpec, place_of
 
+# The name of the lock file in a folder for unfinished work.
 _LOCK_FILE = "lock"
+# The content of a lock file: the job that wrote it.
 _OWNER_PATTERN = re.compile(rb"process [0-9]+ on .+", re.DOTALL)
+# The most bytes of this content.
 _MAX_OWNER_BYTES = 200
-# The gate: a job holds the file's first byte while it enters or leaves, so that none is refused because of one that is
-# just leaving.
-_GATE_BYTE, _FIRST_SLOT_BYTE = 0, 1
-# Locks of an open file exclude other threads of this process, too, which open it themselves. POSIX locks, for systems
-# that lack these, belong to the process. Both work over NFS, and need no bytes in the file.
+# The byte of a lock file that is its gate. A job locks it while it enters or leaves, so that no job is refused because
+# of another that is just leaving.
+_GATE_BYTE = 0
+# The byte of a lock file that is its first slot.
+_FIRST_SLOT_BYTE = 1
+# The command that sets a lock. Locks of an open file exclude other threads of this process, too, as each opens the file
+# itself. POSIX locks, for systems without them, belong to the process. Both work over NFS, and need no bytes in the
+# file.
 _SET_LOCK = getattr(fcntl, "F_OFD_SETLK", fcntl.F_SETLK)
+# The command that waits for a lock.
 _WAIT_FOR_LOCK = getattr(fcntl, "F_OFD_SETLKW", fcntl.F_SETLKW)
 
 
 @contextlib.contextmanager
 def locked_output(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> Iterator[Path]:
-    """Lock all files of an output that have any of the frames; yield the first one's folder for unfinished work.
+    """Lock all files of an output that show any of the frames; yield the first file's folder for unfinished work.
 
     After the block, folders for unfinished work are removed if they are empty. Raises OutputLockedError if another job
-    is writing one of the files; InputError and RenderError if one cannot be written.
+    is writing one of the files; InputError or RenderError if a file cannot be written.
     """
     slots, names = defaultdict[Path, set[int]](set), dict[Path, Path]()
     for each in output.shown(frames):
-        folder = unfinished_folder(each)  # that of two templates may be one
+        folder = unfinished_folder(each)  # two templates may share a folder
         slots[folder].update(filter(each.shows, frames) if each.is_numbered else [0])
         names.setdefault(folder, each.file)
     with contextlib.ExitStack() as stack:
-        # In one order, so that of jobs with the same files one has them all.
+        # All jobs lock folders in the same order, so that one of two jobs with the same files gets all of them.
         for folder in sorted(slots, key=place_of):
             stack.enter_context(lock_slots(folder, sorted(slots[folder]), names[folder]))
         for each in output.shown(frames):
@@ -61,7 +68,7 @@ def locked_output(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> I
 def locked_files(files: Iterable[Path]) -> Iterator[None]:
     """Lock files that have no folder for unfinished work, each by a hidden file beside it; raises as `lock_slots`.
 
-    Missing folders are made; those in which nothing is written are removed at the end.
+    Missing folders are made, and removed at the end if they are still empty.
     """
     files = sorted(files, key=place_of)
     made = dict.fromkeys(each for file in files for each in file.parents if not os.path.lexists(each))
@@ -72,7 +79,7 @@ def locked_files(files: Iterable[Path]) -> Iterator[None]:
             yield
     finally:
         for folder in made:
-            with contextlib.suppress(OSError):  # it is not empty
+            with contextlib.suppress(OSError):  # the folder may not be empty
                 folder.rmdir()
 
 
@@ -81,12 +88,12 @@ def lock_slots(folder: Path, slots: Sequence[int], output: Path, *, shared_file:
     """Lock ascending slots, one for each frame, of a folder for unfinished work, which is made if it is missing.
 
     Jobs without a common slot do not exclude each other. The last job to leave removes the temporary files of killed
-    jobs, and the folder if nothing else is in it; otherwise the lock file stays, which shows who made the folder. On a
-    file system without locks no job is excluded.
+    jobs, and the folder if it is empty; otherwise the lock file stays and shows that hsplat made the folder. On a file
+    system without locks, no job is excluded.
 
-    output: for messages. shared_file: the name of the lock file in a folder for other things, which then stay.
-    Raises OutputLockedError if another job holds one of the slots; InputError if something else has the name of the
-    folder or the lock file, RenderError if the folder cannot be made.
+    output: the name of the output, for messages. shared_file: the name of the lock file, for a folder that also holds
+    other files; they stay. Raises OutputLockedError if another job holds one of the slots; InputError if something else
+    has the name of the folder or the lock file, RenderError if the folder cannot be made.
     """
     file = folder / (shared_file or _LOCK_FILE)
     with translate_os_errors(output):
@@ -100,9 +107,9 @@ def lock_slots(folder: Path, slots: Sequence[int], output: Path, *, shared_file:
 
 
 def require_own_folder(folder: Path) -> None:
-    """Raise InputError if a folder for unfinished work exists that no job has made, or something else has its name.
+    """Raise InputError if the path of a folder for unfinished work is taken by anything that no job has made.
 
-    Such a folder is empty, or has the lock file of a job. Raises OSError.
+    A folder that a job has made is empty, or has a job's lock file. Raises OSError.
     """
     with contextlib.suppress(FileNotFoundError):
         mode = folder.lstat().st_mode
@@ -120,7 +127,7 @@ def require_own_folder(folder: Path) -> None:
 
 
 def _is_own_folder(folder: Path) -> bool:
-    # The names come first: a job makes the lock file before all others, and removes it after them.
+    # Names are listed before the lock file is read: a job makes the lock file first, and removes it last.
     names = {*os.listdir(folder)}
     has_others = bool(names - {_LOCK_FILE})
     note = _read_note(folder / _LOCK_FILE)
@@ -130,7 +137,7 @@ def _is_own_folder(folder: Path) -> bool:
 
 
 def _read_note(file: Path) -> bytes | None:
-    """Return the first bytes of a lock file, in which jobs write who they are; None if it is missing."""
+    """Return the first bytes of a lock file, where a job writes its process and its machine; None without a file."""
     with contextlib.suppress(FileNotFoundError):
         _require_regular(file)
         with file.open("rb") as stream:
@@ -144,7 +151,7 @@ def _foreign_lock_file(file: Path, got: str) -> InputError:
 
 
 def _acquire_gate(file: Path, *, owns_folder: bool) -> int:
-    """Return the descriptor of a lock file that exists, with its gate locked."""
+    """Open or make a lock file, and return its descriptor with the gate locked."""
     folder = file.parent
     while True:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -154,7 +161,7 @@ def _acquire_gate(file: Path, *, owns_folder: bool) -> int:
             require_own_folder(folder)
         elif (note := _read_note(file)) and not _OWNER_PATTERN.fullmatch(note):
             raise _foreign_lock_file(file, "a file of another program")
-        # The last holder may just have removed the folder, or then the file.
+        # A job that leaves may just have removed the file and the folder.
         with contextlib.suppress(FileNotFoundError), contextlib.ExitStack() as stack:
             descriptor = _open(file)
             stack.callback(os.close, descriptor)
@@ -165,12 +172,12 @@ def _acquire_gate(file: Path, *, owns_folder: bool) -> int:
 
 
 def _open(file: Path) -> int:
-    """Open a lock file, or make it. Raises FileNotFoundError if its folder is missing, InputError if it is no file."""
+    """Open or make a lock file. Raises FileNotFoundError without its folder, InputError if the path is not a file."""
     flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
     while True:
         with contextlib.suppress(FileNotFoundError):
             _require_regular(file)
-            return os.open(file, flags)  # without O_CREAT, with which files of other users in /tmp do not open
+            return os.open(file, flags)  # with O_CREAT, files of other users in /tmp could not be opened
         with contextlib.suppress(FileExistsError):
             descriptor = os.open(file, flags | os.O_CREAT | os.O_EXCL, 0o600)
             _copy_folder_permissions(descriptor, file.parent)
@@ -185,11 +192,11 @@ def _require_regular(file: Path) -> None:
 
 
 def _copy_folder_permissions(descriptor: int, folder: Path) -> None:
-    """Permit all who may write in the folder to lock the file, even if its maker is killed and it stays."""
-    with contextlib.suppress(OSError):  # not every file system has owners
+    """Permit all users who may write in the folder to lock the file, as it stays if its maker is killed."""
+    with contextlib.suppress(OSError):  # some file systems have no owners
         status = folder.stat()
-        for owner in (-1, status.st_uid):  # the second for a superuser in the folder of another user
-            with contextlib.suppress(OSError):  # the writer may not belong to the folder's group
+        for owner in (-1, status.st_uid):  # a superuser also gives the file to the owner of the folder
+            with contextlib.suppress(OSError):  # this user may not belong to the folder's group
                 os.fchown(descriptor, owner, status.st_gid)
         is_same_group = os.fstat(descriptor).st_gid == status.st_gid
         group = 0o060 if status.st_mode & stat.S_IWGRP and is_same_group else 0
@@ -198,7 +205,7 @@ def _copy_folder_permissions(descriptor: int, folder: Path) -> None:
 
 
 def _acquire_slots(descriptor: int, slots: Sequence[int], output: Path) -> None:
-    """Lock these slots and leave the gate."""
+    """Lock slots, and unlock the gate; raises OutputLockedError if another job holds one of them."""
     for start, stop in consecutive_ranges(slots):
         if _lock(descriptor, _FIRST_SLOT_BYTE + start, stop - start) is False:
             raise OutputLockedError(
@@ -214,36 +221,36 @@ def _acquire_slots(descriptor: int, slots: Sequence[int], output: Path) -> None:
 def _write_owner(descriptor: int) -> None:
     note, is_new = f"process {os.getpid()} on {os.uname().nodename}".encode(), os.fstat(descriptor).st_size == 0
     os.pwrite(descriptor, note, 0)
-    os.ftruncate(descriptor, len(note))  # last: at no moment is it empty again
-    if is_new:  # it shows whose folder it is, also after a power failure
+    os.ftruncate(descriptor, len(note))  # comes last, so that the file is never empty
+    if is_new:  # the file must show after a power failure, too, that hsplat made the folder
         sync_to_disk(descriptor)
 
 
 def _release_slots(file: Path, descriptor: int, *, owns_folder: bool) -> None:
-    """Give the slots back. The last job removes what is left."""
+    """Unlock the slots. The last job removes temporary files, the lock file, and the folder if it is empty."""
     try:
         _lock(descriptor, _GATE_BYTE, 1, wait=True)
         is_last = _lock(descriptor, _GATE_BYTE, 0)
         if is_last is False or (is_last and not _is_there(file, descriptor)):
             return
-        if is_last and owns_folder:  # None, without locks, may be one of many
+        if is_last and owns_folder:  # without locks, `is_last` is None, as there may be other jobs
             remove_temporaries(file.parent)
         if owns_folder and any(entry.name != file.name for entry in os.scandir(file.parent)):
             return
         file.unlink(missing_ok=True)
         if owns_folder:
             file.parent.rmdir()
-    except OSError:  # something is in it, or it has vanished
+    except OSError:  # the folder is not empty, or has vanished
         pass
     finally:
-        _unlock(descriptor, _GATE_BYTE, 0)  # a child that is just being started has the open file, too
+        _unlock(descriptor, _GATE_BYTE, 0)  # closing is not enough: a child that just starts may share the open file
         os.close(descriptor)
 
 
 def _lock(descriptor: int, first: int, length: int, *, wait: bool = False) -> bool | None:
-    """Lock a run of bytes, to the end of the file for length 0; return False if another job holds one of them.
+    """Lock a range of bytes, and return whether it is locked, or None if the file system has no locks.
 
-    None if the file system has no locks.
+    length: 0 stands for all bytes from the first on. The range is not locked if another job holds one of its bytes.
     """
     try:
         fcntl.fcntl(descriptor, _WAIT_FOR_LOCK if wait else _SET_LOCK, _flock(fcntl.F_WRLCK, first, length))
@@ -257,12 +264,12 @@ def _lock(descriptor: int, first: int, length: int, *, wait: bool = False) -> bo
 
 
 def _unlock(descriptor: int, first: int, length: int) -> None:
-    with contextlib.suppress(OSError):  # the file system has no locks
+    with contextlib.suppress(OSError):  # the file system may have no locks
         fcntl.fcntl(descriptor, _SET_LOCK, _flock(fcntl.F_UNLCK, first, length))
 
 
 def _flock(kind: int, first: int, length: int) -> bytes:
-    """Return C's `struct flock`, of bytes counted from the start of the file."""
+    """Return C's `struct flock` for a range of bytes, counted from the start of the file."""
     if sys.platform == "darwin":
         return struct.pack("qqihh", first, length, 0, kind, os.SEEK_SET)
     return struct.pack("hhqqi", kind, os.SEEK_SET, first, length, 0)

@@ -1,4 +1,4 @@
-"""Name the files of a film. Needs no numpy."""
+"""Name the files of a film, without loading numpy."""
 
 from __future__ import annotations
 
@@ -8,36 +8,37 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from renderer.scene import FRAME_FIELD, OutputFile, Scene
+from renderer.scene import FRAME_FIELD, FilmScene, OutputFile
 
-# Of the folders for frames of films that are not finished.
+# The suffix of the folders for unfinished work.
 UNFINISHED_SUFFIX = ".unfinished"
-# What is meant as FRAME_FIELD, well-formed or not, in names that are not checked yet.
+
+# A field that is probably meant as FRAME_FIELD, well-formed or not, in a name that is not checked yet.
 ANY_FRAME_FIELD = re.compile(r"\{frame(:[^{}]*)?\}")
 
 
 def frame_path(template: Path, frame: int) -> Path:
-    """Return the name of one frame's file: `{frame}`, or `{frame:04}`, is replaced by the number.
+    """Return the path of one frame's file: the number replaces `{frame}` or `{frame:04}` in the template.
 
-    Other braces and formats stay part of the name, because some formats are invalid or ask for gigabytes.
+    Other braces and formats stay part of the name, as some formats are invalid or ask for gigabytes.
     """
     return Path(FRAME_FIELD.sub(lambda field: field.group().format(frame=frame), str(template)))
 
 
-def sidecar_path(scene: Scene, frames: Sequence[int]) -> Path:
-    """Return the JSON file beside the output of these frames of the scene's path."""
+def sidecar_path(scene: FilmScene, frames: Sequence[int]) -> Path:
+    """Return the path of the sidecar, the JSON file beside the output, for some frames of a scene."""
     return sidecar_path_of_file(scene.output.file, frames, scene.num_frames)
 
 
 def sidecar_path_of_file(file: Path, frames: Sequence[int], num_frames: int) -> Path:
-    """Return the sidecar of an output file or template.
+    """Return the path of the sidecar of an output file or template.
 
-    `engine.mp4` has `engine.mp4.json`, and the template `frames/{frame:04}.png` has `frames/frames.json`: the field
-    becomes the word `frames`, which keeps two templates in one folder apart. Parts of a path differ, too: frames 30 to
-    59 have `frames/frames.30-59.json`, every third of them `frames.30-57-by-3.json`, and a selection without a step has
-    a digest in its name.
+    `engine.mp4` has `engine.mp4.json`, and the template `frames/{frame:04}.png` has `frames/frames.json`: the word
+    `frames` replaces the field, so that two templates in one folder have different sidecars. Parts of a film have
+    sidecars of their own: frames 30 to 59 have `frames/frames.30-59.json`, every third of them
+    `frames.30-57-by-3.json`, and a selection without a regular step has a digest in its name.
 
-    num_frames: of the whole path.
+    num_frames: the number of frames of the whole film.
     """
     whole = _sidecar_path_of_whole_film(file)
     if not FRAME_FIELD.search(str(file)) or len(frames) == num_frames:
@@ -52,14 +53,14 @@ def _sidecar_path_of_whole_film(file: Path) -> Path:
 
 
 def film_sidecars(file: Path) -> list[Path]:
-    """Return the sidecars that exist beside an output file or template: of the whole film, and of its parts."""
+    """Return the existing sidecars of an output file or template, of the whole film and of its parts."""
     whole = _sidecar_path_of_whole_film(file)
     parts = sorted(whole.parent.glob(f"{glob.escape(whole.stem)}.*.json")) if FRAME_FIELD.search(str(file)) else []
     return [path for path in (whole, *parts) if path.exists()]
 
 
 def _part_name(frames: Sequence[int]) -> str:
-    """Return the name of a part of a path: `30-59`, `30-57-by-3`, `7`."""
+    """Return the name of a part of a film, such as `30-59`, `30-57-by-3` or `7`."""
     first, last = frames[0], frames[-1]
     if len(frames) == 1:
         return str(first)
@@ -71,17 +72,18 @@ def _part_name(frames: Sequence[int]) -> str:
 
 
 def unfinished_folder(output: OutputFile) -> Path:
-    """Return the folder for the lock and the unfinished work of a file: `engine.mp4.unfinished`.
+    """Return the folder for the lock and the unfinished work of an output file, such as `engine.mp4.unfinished`.
 
-    Numbered files share `frames/frames.unfinished`, as do all parts of a path.
+    Numbered files share one folder, `frames/frames.unfinished`, and so do all parts of a film.
     """
     return _sidecar_path_of_whole_film(output.file).with_suffix(UNFINISHED_SUFFIX)
 
 
 def film_path_of_sidecar(sidecar: Path, recorded: Path) -> Path:
-    """Return the output that a sidecar belongs to by its name and folder; `recorded` is the path in the sidecar.
+    """Return the path of the output of a sidecar, by the sidecar's name and folder.
 
-    `engine.mp4` for `engine.mp4.json` and for `engine.json`; frames keep their template.
+    It is `engine.mp4` for `engine.mp4.json` and for `engine.json`. recorded: the path in the sidecar, which has the
+    template of numbered frames.
     """
     if ANY_FRAME_FIELD.search(recorded.name) or not recorded.suffix:
         return sidecar.with_name(recorded.name) if recorded.name else recorded
@@ -90,6 +92,6 @@ def film_path_of_sidecar(sidecar: Path, recorded: Path) -> Path:
 
 
 def picture_files(output: OutputFile, frames: Sequence[int]) -> Iterator[Path]:
-    """Yield the film, or the picture of each of these frames that it shows."""
+    """Yield the file of a film, or the files of the frames that a numbered output shows."""
     shown = [frame for frame in frames if output.shows(frame)]
     return (frame_path(output.file, frame) for frame in (shown if output.is_numbered else shown[:1]))

@@ -1,4 +1,4 @@
-"""A finished frame as pixels and as a PNG or EXR file, each made from the other on demand."""
+"""Hold a finished frame as pixels and as a PNG or EXR file, and make each from the other on demand."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ from renderer.film.atomic import translate_os_errors
 from renderer.film.exr import EXR_BEGIN, decode_exr, encode_exr
 from renderer.film.png import decode_png, encode_png, png_layout
 
-# uint8, uint16 or float32, [h, w, 3] or [h, w, 4]: with straight alpha, but for floats, which are premultiplied.
+# The pixels of a picture, uint8, uint16 or float32, [h, w, 3] or [h, w, 4]. Alpha is straight for integers, and
+# premultiplied for floats.
 Pixels = npt.NDArray[Any]
 
 
 class Picture:
     """A read-only picture, made from its pixels or from a file: EXR for floats, else PNG.
 
-    pixels: as `quantize` returns them. content: of the file. file: where it is; read on demand.
+    pixels: the pixels, as `quantize` returns them. content: the content of the file. file: the path of the file, which
+    is read on demand. One of the three is given.
     """
 
     def __init__(self, pixels: Pixels | None = None, *, content: bytes | None = None, file: Path | None = None) -> None:
@@ -50,14 +52,17 @@ class Picture:
 
 
 def picture_layout(content: bytes) -> tuple[tuple[int, int, int], int]:
-    """Return (height, width, channels) and depth of the picture in a file; raises ValueError with the reason."""
+    """Return (height, width, channels) and depth of the picture in a file; raises ValueError with the fault."""
     if content.startswith(EXR_BEGIN):
         return decode_exr(content).shape, 32
     return png_layout(content)
 
 
 def over_black(pixels: Pixels) -> npt.NDArray[np.float64]:
-    """Return pixels of any depth, [..., 3] or with alpha [..., 4], over black in [0, 1], with their alpha: float64."""
+    """Return pixels as float64 in [0, 1], composited over black, with their alpha if they have any.
+
+    pixels: of any depth, [..., 3] or [..., 4].
+    """
     if pixels.dtype == np.float32:
         return np.clip(pixels, 0.0, 1.0).astype(np.float64)
     values: npt.NDArray[np.float64] = pixels / np.float64(np.iinfo(pixels.dtype).max)

@@ -1,7 +1,8 @@
 """Encode pictures of 8 or 16 bits as PNG files (ISO/IEC 15948), and decode them.
 
-One filter and the fastest zlib level are used. On renderings this takes less than half the time of a general encoder at
-the same level, and files are a tenth larger. No chunk describes gamma or colour space: colours are stored as given.
+The encoder always uses one filter and the fastest zlib level. On renderings, it takes less than half the time of a
+general encoder at the same level, and files are a tenth larger. No chunk describes gamma or colour space: colours are
+stored as given.
 """
 
 from __future__ import annotations
@@ -17,12 +18,18 @@ import numpy.typing as npt
 from PIL.PngImagePlugin import PngImageFile
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_COLOR_TYPES = {3: 2, 4: 6}  # number of channels: RGB is type 2, RGB with straight alpha type 6
-_FILTER_UP = 2  # stores the difference to the byte above, which suits smooth shading on an even background
+# The colour type by the number of channels: 2 for RGB, 6 for RGB with straight alpha.
+_COLOR_TYPES = {3: 2, 4: 6}
+# The filter that stores the difference to the byte above, which suits smooth shading on an even background.
+_FILTER_UP = 2
+# The level of zlib.
 _LEVEL = 1
-# The largest expansion of a byte by deflate: 258 bytes from two bits (RFC 1951, 3.2.5).
+
+# The largest ratio of decompressed to compressed bytes of deflate: 258 bytes from two bits (RFC 1951, 3.2.5).
 _MAX_DEFLATE_RATIO = 258 * 4
-# Encoders write pieces of 8 KiB or more, so that this allows half a gigabyte. Empty chunks cost time and memory, too.
+
+# The most chunks of a file, as empty chunks cost time and memory, too. Encoders write chunks of 8 KiB or more, so that
+# this allows half a gigabyte.
 _MAX_CHUNKS = 2**16
 
 
@@ -33,7 +40,7 @@ def encode_png(image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]) -> bytes:
     filtered = np.empty((height, 1 + rows.shape[1]), np.uint8)
     filtered[:, 0] = _FILTER_UP
     filtered[0, 1:] = rows[0]
-    np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])  # modulo 256, as in the standard
+    np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])  # wraps modulo 256, as the standard demands
     header = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, _COLOR_TYPES[channels], 0, 0, 0)
     data = zlib.compress(filtered.tobytes(), _LEVEL)
     return join_png_chunks([(b"IHDR", header), (b"IDAT", data), (b"IEND", b"")])
@@ -42,22 +49,23 @@ def encode_png(image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]) -> bytes:
 def decode_png(png: bytes) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
     """Return the picture in a file from `encode_png`: uint8 or uint16 [h, w, 3] or [h, w, 4].
 
-    Raises ValueError with the reason, also for pictures that are neither RGB nor RGBA, or of 16 bits by other programs.
+    Raises ValueError with the fault, also for pictures that are neither RGB nor RGBA, and for pictures of 16 bits by
+    other programs.
     """
     shape, depth = png_layout(png)
     if math.prod(shape) * depth // 8 > _MAX_DEFLATE_RATIO * len(png):
         raise ValueError("cut off")
-    if depth == 16:  # which Pillow rounds to 8 bits
+    if depth == 16:  # Pillow would round to 8 bits
         return _decode_16_bits(png, shape)
     try:
-        with PngImageFile(io.BytesIO(png)) as image:  # without Pillow's limit of the size
+        with PngImageFile(io.BytesIO(png)) as image:  # unlike Image.open, it has no limit of the size
             return np.array(image)
     except (OSError, SyntaxError, ValueError) as error:
         raise ValueError("damaged") from error
 
 
 def join_png_chunks(chunks: Iterable[tuple[bytes, bytes]]) -> bytes:
-    """Return a PNG file of these chunks, each a name and its content."""
+    """Return a PNG file of chunks, each a name and its content."""
     return _SIGNATURE + b"".join(_chunk(name, content) for name, content in chunks)
 
 
@@ -66,9 +74,9 @@ def _chunk(name: bytes, content: bytes) -> bytes:
 
 
 def png_chunks(content: bytes) -> list[tuple[bytes, bytes]]:
-    """Return name and content of every chunk of a file, from IHDR to IEND, and check all checksums.
+    """Return the name and the content of every chunk of a file, from IHDR to IEND, after checking all checksums.
 
-    Raises ValueError with the reason if the file is damaged.
+    Raises ValueError with the fault if the file is damaged.
     """
     if not content.startswith(_SIGNATURE):
         raise ValueError("not a PNG file")
@@ -112,7 +120,7 @@ def _decode_16_bits(png: bytes, shape: tuple[int, int, int]) -> npt.NDArray[np.u
 def png_layout(content: bytes) -> tuple[tuple[int, int, int], int]:
     """Return (height, width, channels) and depth of the picture in a file from `encode_png`; all checksums are checked.
 
-    Raises ValueError with the reason if the file is damaged.
+    Raises ValueError with the fault if the file is damaged.
     """
     header = png_chunks(content)[0][1]
     if len(header) != struct.calcsize(">IIBBBBB"):

@@ -1,4 +1,4 @@
-"""Put float images over their background, and round them: the only place where a picture loses precision."""
+"""Composite float images over their background, and round them: the only place where a picture loses precision."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ def quantize(image: npt.NDArray[np.float32], background: Background, depth: int 
     """Composite over `background`, clip to [0, 1], scale to 255, or 65535, and round half up.
 
     image: float32 [h, w, 4], premultiplied RGBA.
-    background: what is behind it, or None for a transparent picture. depth: as of a PictureKind.
-
+    background: the colours behind the image, or None for a transparent picture. depth: the bits of a PictureKind.
     Returns uint8 or uint16 [h, w, 3]; without a background [h, w, 4] with straight (not premultiplied) alpha, and
-    colour 0 where the rounded alpha is 0. With a depth of 32, float32, neither clipped nor rounded, with premultiplied
-    alpha. Raises RenderError for a value that is not finite.
+    colour 0 where the rounded alpha is 0. For a depth of 32, returns float32, neither clipped nor rounded, with
+    premultiplied alpha. Raises RenderError for a value that is not finite.
     """
     require_finite(image)
     rows = behind_rows(background, len(image)).astype(np.float32)
@@ -50,14 +49,14 @@ def rounded(picture: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.uint8]:
 
 
 def behind_rows(background: Background, height: int) -> npt.NDArray[np.float64]:
-    """Return what is behind each row of a picture, float64 [height, 3]; black behind a transparent one."""
+    """Return the background colour of each row of a picture, float64 [height, 3]; black for a transparent picture."""
     top, bottom = background if background is not None and len(background) == 2 else (background or _BLACK,) * 2
     share = (np.arange(height)[:, None] + 0.5) / height
     return np.asarray(top + share * np.subtract(bottom, top))
 
 
 def over_background(radiance: npt.NDArray[np.floating[Any]], background: Background) -> npt.NDArray[np.float64]:
-    """Return the picture before it is rounded, which metrics compare: `c + (1 - a) b`, clipped to [0, 1].
+    """Return the unrounded picture that metrics compare: `c + (1 - a) b`, clipped to [0, 1].
 
     radiance: [h, w, 4], premultiplied RGBA. background: None, for a transparent film, counts as black.
 
@@ -69,7 +68,7 @@ def over_background(radiance: npt.NDArray[np.floating[Any]], background: Backgro
 def over_rows(
     radiance: npt.NDArray[np.floating[Any]], behind: npt.NDArray[np.floating[Any]]
 ) -> npt.NDArray[np.float64]:
-    """Return `over_background` of rows of pixels, [n, w, 4], with a colour behind each: [n, 3]."""
+    """Return `over_background` for rows of pixels, [n, w, 4], with a background colour for each row, [n, 3]."""
     require_finite(radiance)
     picture = np.empty((*radiance.shape[:2], 3))
     transparency = 1 - radiance[..., 3].astype(np.float64)
@@ -79,16 +78,19 @@ def over_rows(
 
 
 def reduce_radiance(image: npt.NDArray[np.float32], factor: int) -> npt.NDArray[np.float32]:
-    """Return means of factor x factor pixels of an image [h, w, channels], whose sides are multiples of it."""
+    """Return the means of blocks of factor x factor pixels of an image [h, w, channels].
+
+    The sides of the image are multiples of the factor.
+    """
     if factor == 1:
         return image
     parts = [image[row::factor, column::factor] for row in range(factor) for column in range(factor)]
-    total = sum(parts[1:], parts[0])  # in one order, on every processor
+    total = sum(parts[1:], parts[0])  # the order of additions is the same on every processor
     return np.asarray(total * np.float32(1 / factor**2), np.float32)
 
 
 def require_finite(image: npt.NDArray[np.floating[Any]]) -> None:
-    """Raise RenderError, naming the first bad pixel, if an image [h, w, channels] has values that are not finite."""
+    """Raise RenderError, with the first such pixel, if an image [h, w, channels] has values that are not finite."""
     finite = np.isfinite(image)
     if finite.all():
         return

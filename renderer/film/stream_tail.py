@@ -1,4 +1,4 @@
-"""Keep the end of a child's output: read all the time, so that the child never blocks, in bounded memory."""
+"""Keep the end of a child's output in bounded memory, reading all the time so that the child never blocks."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import os
 import threading
 from typing import IO
 
+# The number of last bytes that are kept.
 _NUM_BYTES = 2000
-# A stream ends with its writer, unless the writer left it to another process.
+# The seconds to wait for the end of the stream. It ends with its writer, unless another process has it open, too.
 _MAX_WAIT_S = 1.0
 
 
 class StreamTail:
-    """A buffer of the last bytes of a stream, which a background thread reads to its end, and closes."""
+    """A buffer of the last bytes of a stream; a background thread reads the stream to its end, and closes it."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream, self._tail = stream, b""
@@ -25,7 +26,7 @@ class StreamTail:
                 self._tail = (self._tail + block)[-_NUM_BYTES:]
 
     def lines(self) -> list[str]:
-        """Return the last lines that are not empty. Call it after the writer has ended."""
+        """Return the last lines that are not empty. To be called after the writer has ended."""
         self._thread.join(_MAX_WAIT_S)
         lines = self._tail.decode("utf-8", "replace").splitlines()
         return [line.strip() for line in lines if line.strip()]

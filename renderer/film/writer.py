@@ -1,4 +1,4 @@
-"""Write finished frames to films and numbered files, each complete or not there at all."""
+"""Write finished frames to films and numbered files, each of them completely or not at all."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from renderer.film.names import frame_path, unfinished_folder
 from renderer.film.picture import Picture
 from renderer.scene import OutputFile, OutputSpec, PictureKind
 
-# Takes the number of a frame, and its pictures by the numbers of their kinds.
+# A function that writes a frame, given its number and its pictures by the indices of their kinds.
 WriteFrame = Callable[[int, Mapping[int, Picture]], None]
 
 
@@ -33,14 +33,14 @@ def open_films(
     is_locked: bool = False,
     before_rename: Callable[[], None] = lambda: None,
 ) -> Iterator[WriteFrame]:
-    """Yield a function that writes the next frame to each of the outputs that shows it.
+    """Yield a function that writes the next frame to all outputs that show it.
 
-    kinds: as of an OutputSpec. Files get their final names at the end of the block, one by one, when all are written.
-    If the block raises, nothing is written. Films wait for the disk before they are renamed; frames in files do not:
-    they are known by their digests.
+    Files get their final names at the end of the block, one by one, when all are written. If the block raises, nothing
+    is written. Films wait for the disk before they are renamed. Frames in files do not, as their digests show damage.
 
-    is_locked: the outputs have folders for unfinished work, in which incomplete files lie. Else they lie beside.
-    before_rename: called when everything is written, before files get their final names.
+    kinds: the kinds of pictures of an OutputSpec. is_locked: whether the outputs have folders for unfinished work, for
+    incomplete files; otherwise these lie beside the outputs. before_rename: called when everything is written, before
+    files get their final names.
     """
     films = [each for each in outputs if not each.is_frames]
     folders = {each.file: unfinished_folder(each) if is_locked else None for each in outputs}
@@ -65,7 +65,7 @@ def open_films(
 
 
 def film_notes(output: OutputSpec) -> list[str]:
-    """Return notes where a format cannot have the frame rate that was requested, and where pixels are means."""
+    """Return notes on formats that cannot have the requested frame rate, and on files whose pixels are means."""
     notes = []
     for each in output.files:
         rate = frame_rate(each)

@@ -1,7 +1,7 @@
-"""List the files that a job writes, and refuse those that would harm an input, unfinished work or each other.
+"""List the files that a job writes, and refuse files that would harm an input, unfinished work or each other.
 
-Every command that writes files lists them here before it draws anything. Files are compared by the places that their
-names lead to, through links of files and of folders, also where these folders do not exist yet.
+Every command that writes files lists them here before it draws anything. Paths are compared after following all links,
+also where folders do not exist yet.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from renderer.errors import InputError
 from renderer.film.names import UNFINISHED_SUFFIX, picture_files, unfinished_folder
 from renderer.scene import OutputSpec, place_name, place_of
 
+# The hint of all errors.
 _HINT = "give the output another name or folder"
 
 
@@ -26,18 +27,18 @@ _HINT = "give the output another name or folder"
 class WrittenFiles:
     """A list of all files that a job may write, replace or remove.
 
-    files: those with their final names. folders: for unfinished work, of which any file may be removed.
+    files: the files, by their final names. folders: the folders for unfinished work, where any file may be removed.
     """
 
     files: Sequence[Path]
     folders: Sequence[Path] = ()
 
     def __add__(self, other: WrittenFiles) -> WrittenFiles:
-        """Return a list of both."""
+        """Return the list of the files and folders of both."""
         return WrittenFiles((*self.files, *other.files), (*self.folders, *other.folders))
 
     def all_files(self) -> Iterator[Path]:
-        """Yield the files, and the entries that the folders have now."""
+        """Yield the files, and the present entries of the folders."""
         yield from self.files
         for folder in self.folders:
             yield from folder_files(folder)
@@ -45,21 +46,21 @@ class WrittenFiles:
     def require_harmless(self, inputs: Iterable[Path]) -> None:
         """Raise InputError if a file is an input, another file of the list, or in a folder for unfinished work.
 
-        inputs: not read if no file of the list exists.
+        inputs: the input files, which are only iterated if a file of the list exists.
         """
         _require_different_places(self.files)
         require_no_input(self.all_files(), inputs)
 
 
 def film_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> WrittenFiles:
-    """Return the files of a job that draws these frames: pictures, sidecar, and unfinished work."""
+    """Return the files of a job that draws frames: pictures, sidecar, and unfinished work."""
     pictures = chain.from_iterable(picture_files(each, frames) for each in output.files)
     folders = dict.fromkeys(unfinished_folder(each) for each in output.files)
     return WrittenFiles((*pictures, sidecar), (*folders,))
 
 
 def folder_files(folder: Path) -> Iterator[Path]:
-    """Yield the entries of a folder; nothing where there is none, or it cannot be read."""
+    """Yield the entries of a folder; none if it is missing or cannot be read."""
     with contextlib.suppress(OSError):
         yield from folder.iterdir()
 
@@ -67,7 +68,7 @@ def folder_files(folder: Path) -> Iterator[Path]:
 def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
     """Raise InputError if an existing output is the same file as one of the inputs, through any links.
 
-    inputs: not read if no output exists.
+    inputs: the input files, which are only iterated if an output exists.
     """
     there: dict[tuple[int, int] | None, Path] = {mark: path for path in outputs if (mark := _mark(path)) is not None}
     if not there:
@@ -79,8 +80,8 @@ def require_no_input(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
 
 
 def _require_different_places(files: Iterable[Path]) -> None:
-    """Raise InputError if two files have one place, one is a folder of another, or one is in unfinished work."""
-    place_of_folder = cache(place_of)  # frames by the thousand have one folder
+    """Raise InputError if two paths are one file, or a file is the folder of another, or lies in unfinished work."""
+    place_of_folder = cache(place_of)  # thousands of frames share a folder
     known, folders = dict[str, Path](), dict[str, Path]()
     for file in files:
         folder, name = os.path.split(file)
@@ -104,9 +105,9 @@ def _refuse(what: str, output: Path, got: str, expected: str) -> NoReturn:
 
 
 def _mark(path: Path) -> tuple[int, int] | None:
-    """Return the device and the number of a file, which all links to it share; None if it does not exist.
+    """Return the device and inode number of a file, which all links to it share; None if it does not exist.
 
-    `missing/../film.mp4` exists, if `film.mp4` does: folders of outputs are made.
+    `missing/../film.mp4` exists if `film.mp4` does, as folders of outputs will be made.
     """
     try:
         status = os.stat(path)

@@ -20,6 +20,7 @@ from .preparation import (
 from .primitives import make_primitive as make_primitive
 from .stage import (
     Clock as Clock,
+    FilmStage as FilmStage,
     Stage as Stage,
     Stopwatch as Stopwatch,
     finest_level_at as finest_level_at,

@@ -20,7 +20,7 @@ import numpy as np
 from renderer.draw import Rasterizer
 from renderer.frame.frame import UPLOAD_STEP, DrawList, draw_frame, make_draw_list
 from renderer.frame.primitives import LOD, TYPICAL_CELL_SECONDS, make_primitive
-from renderer.frame.stage import Clock, Stage, Stopwatch
+from renderer.frame.stage import Clock, FilmStage, Stage, Stopwatch
 from renderer.scene import tolerance_at
 
 # Seconds to write a frame, until one was written.
@@ -55,7 +55,7 @@ class LODCostEstimator:
     frames of the film took of that.
     """
 
-    def __init__(self, stage: Stage) -> None:
+    def __init__(self, stage: FilmStage) -> None:
         self.stage, self.primitive = stage, make_primitive(stage.at(0))
         self._fixed, self._rate = 0.0, 1.0
         self._trials: list[tuple[float, float]] = []  # typical seconds, and those that it took
@@ -205,15 +205,16 @@ class ScheduleController:
     estimator: predicts the frames, and learns from them.
     """
 
-    def __init__(self, stage: Stage, estimator: LODCostEstimator | None = None) -> None:
+    def __init__(self, stage: FilmStage, estimator: LODCostEstimator | None = None) -> None:
         self._stage, self._estimator = stage, estimator
         self._lod: LOD | None = None
-        self._made_for = stage
+        self._made_for: Stage | None = None
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
         """Return the frame to draw, and its predicted seconds from its start to that of the next one."""
         stage, tolerance = self._stage.at(number), tolerance_at(self._stage.scene.error, number)
-        if self._lod is None or self._lod.tolerance != tolerance or not stage.has_lods_of(self._made_for):
+        is_same = self._made_for is not None and stage.has_lods_of(self._made_for)
+        if self._lod is None or self._lod.tolerance != tolerance or not is_same:
             self._lod = None  # two at a time would take twice the memory
             self._lod, self._made_for = make_primitive(stage).make_lod(tolerance, watch.lap), stage
         draw_list = make_draw_list(stage, self._lod, number, watch)
@@ -231,7 +232,7 @@ class BudgetController:
     def __init__(self, estimator: LODCostEstimator, seconds_of: Callable[[int], float]) -> None:
         self._estimator, self._seconds_of = estimator, seconds_of
         self._lod: LOD | None = None
-        self._made_for = estimator.stage
+        self._made_for: Stage | None = None
         self._seconds, self._expected_share, self._num_frames = 0.0, _TARGET_SHARE, 0
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
@@ -240,7 +241,7 @@ class BudgetController:
             return self.choose(number, watch)
         seconds = self._seconds_of(number)
         stage = self._estimator.stage.at(number)
-        if not stage.has_lods_of(self._made_for):
+        if self._made_for is None or not stage.has_lods_of(self._made_for):
             self._lod, self._made_for = make_primitive(stage).make_lod(self._lod.tolerance, watch.lap), stage
         draw_list = make_draw_list(stage, self._lod, number, watch)
         predicted = self._estimator.predict(draw_list)

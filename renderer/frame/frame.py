@@ -86,8 +86,7 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     is_projection = stage.scene.mode.is_projection
     image = _add_projections(draw_list, rasterizer) if is_projection else _blend_orders(draw_list, rasterizer)
     watch.lap("draw")
-    kind = stage.scene.output.kind
-    pixels = quantize(image, kind.background, kind.depth)
+    pixels = quantize(image, stage.scene.background, stage.scene.output.kind.depth)
     stage.require_unchanged()  # while it was drawn, too
     watch.lap("quantize")
     num_primitives = sum(map(len, draw_list.orders[0][1]))

@@ -1,6 +1,7 @@
 """The program's table of contents: from a scene to its frames, and the only frame loop.
 
-Scene -> Volume -> Pyramid -> (per frame: View, tolerance) -> Cut -> splats or bricks -> float image -> 8 bits
+FilmScene -> Volume -> Pyramid -> (per frame: Scene, View, tolerance) -> Cut -> splats or bricks -> float image
+-> 8 bits
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from concurrent.futures import Future
 from contextlib import ExitStack
 from dataclasses import replace
 from itertools import zip_longest
+from operator import itemgetter
 
 import numpy as np
 
@@ -18,18 +20,17 @@ from renderer.errors import Problem
 from renderer.frame.budget import ScheduleController, ToleranceController
 from renderer.frame.frame import Frame, draw_frame
 from renderer.frame.preparation import StageMaker, points_in_frame, volume_key
-from renderer.frame.stage import Clock, Stage, Stopwatch
-from renderer.layers import Layer, layer_parts, placement_problems, reach_text
+from renderer.frame.stage import Clock, FilmStage, Stage, Stopwatch
+from renderer.layers import Layer, parts_over_frames, placement_problems, reach_text
 from renderer.scene import (
     CameraSpec,
     ClipSpec,
-    Scene,
+    FilmScene,
+    OverFrames,
     Vector,
     VolumeSpec,
     camera_problems,
-    changing_frames,
     min_tolerance,
-    motions_in,
     raise_problems,
     volume_extent,
     with_draw_order,
@@ -55,7 +56,7 @@ _MAX_SIDE_OF_SMALL = 24
 
 
 def prepare_stage(
-    scene: Scene,
+    scene: FilmScene,
     *,
     clock: Clock,
     num_threads: int,
@@ -63,7 +64,7 @@ def prepare_stage(
     known: Mapping[VolumeSpec, str] | None = None,
     any_tolerance: bool = False,
     maker: StageMaker | None = None,
-) -> Stage:
+) -> FilmStage:
     """Read the volumes, make their layers, and frame what is visible. Raises InputError for an unusable volume.
 
     volumes: drawn in place of the scene's volumes on the first frame, which are then not read.
@@ -87,12 +88,14 @@ def prepare_stage(
     raise_problems(_clip_problems(scene, volumes))
     stage = maker.stage_of(first, layers, target, distance)
     watch.lap("framing")
-    kept = maker if scene.moves else None
-    return replace(stage, scene=scene, seconds=watch.seconds, maker=kept, not_framed=left_out)
+    if scene is first:
+        return replace(stage, seconds=watch.seconds, not_framed=left_out)
+    made = stage.layers, stage.target, stage.distance, stage.groups, stage.resolutions, stage.order_blending
+    return FilmStage(scene, *made, watch.seconds, maker, left_out)
 
 
 def render_frames(
-    stage: Stage,
+    stage: FilmStage,
     frames: Sequence[int],
     rasterizer: Rasterizer,
     *,
@@ -116,15 +119,22 @@ def render_frames(
             controller.finish_frame(draw_list, watch)
 
 
-def _clip_problems(scene: Scene, volumes: Sequence[Volume]) -> Iterator[Problem]:
+def _clip_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Problem]:
     """Yield the planes and boxes, fixed to the object, that leave nothing of any volume, or nothing of their own."""
-    for number, each in enumerate(scene.clip):
-        if not any(motions_in(each)) and all(_leaves_nothing(each, volume) for volume in volumes):
+    for number, clip in _still_clips(scene.map(lambda each: each.clip)):
+        if all(_leaves_nothing(clip, volume) for volume in volumes):
             yield _clip_problem(f"clip.{number}", volumes[0])
-    for layer, (spec, volume) in enumerate(zip(scene.layers, volumes, strict=True)):
-        for number, each in enumerate(spec.clip):
-            if not any(motions_in(each)) and _leaves_nothing(each, volume):
+    for layer, (spec, volume) in enumerate(zip(scene.film_layers, volumes, strict=True)):
+        for number, clip in _still_clips(spec.map(lambda each: each.clip)):
+            if _leaves_nothing(clip, volume):
                 yield _clip_problem(f"volumes.{layer}.clip.{number}", volume)
+
+
+def _still_clips(clips: OverFrames[tuple[ClipSpec, ...]]) -> Iterator[tuple[int, ClipSpec]]:
+    """Yield the planes and boxes that do not move, with their numbers."""
+    for number, clip in enumerate(clips.at(0)):
+        if not clips.map(itemgetter(number)).moves:
+            yield number, clip
 
 
 def _leaves_nothing(each: ClipSpec, volume: Volume) -> bool:
@@ -138,7 +148,7 @@ def _clip_problem(key: str, volume: Volume) -> Problem:
     return Problem(key, "leaves nothing of the volume", expected=expected)
 
 
-def _framing(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float, float]:
+def _framing(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float, float]:
     """Return target and distance: the scene's, or a pair with which all frames hold everything that any frame shows.
 
     The third number is the part of a picture that does not count for that.
@@ -165,7 +175,7 @@ def _framing(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> tupl
         distance = max(found)
     volume = layers[0].volume
     if scene.needs_opengl and max(volume.shape_xyz) <= _MAX_SIDE_OF_SMALL:
-        reach = GAUSSIAN_CUTOFF * scene.splat.sigma - 0.5
+        reach = GAUSSIAN_CUTOFF * scene.at(0).splat.sigma - 0.5
         whole = corners_around(volume, points, reach)
         distance = max(distance, fit_distance(camera, whole, target, size, margin=0.0))
     return target, distance, left_out
@@ -183,7 +193,7 @@ def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vec
     return float(x), float(y), float(z)
 
 
-def _other_points(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[tuple[Float64, float]]:
+def _other_points(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[tuple[Float64, float]]:
     """Yield the points of `points_in_frame` for some frames of a film in motion, without the first."""
     tolerance, known = min_tolerance(scene.error), [layer.digest for layer in layers]
     for frame in _sampled(scene, _MOST_SAMPLED_LAYERS)[1:] if scene.moves else ():
@@ -194,17 +204,21 @@ def _other_points(scene: Scene, maker: StageMaker, layers: tuple[Layer, ...]) ->
         yield points_in_frame(sampled, maker.layers_of(sampled, tolerance))
 
 
-def framing_note(scene: Scene) -> str | None:
+def framing_note(scene: FilmScene) -> str | None:
     """Return a sentence on the frames by which a film is framed, if its layers change and others may show more."""
-    frames, camera = _sampled(scene, _MOST_SAMPLED_LAYERS), scene.camera
+    frames, camera = _sampled(scene, _MOST_SAMPLED_LAYERS), scene.at(0).camera
     is_open = camera.distance is None or not isinstance(camera.target, tuple)
-    changes = any(changing_frames((layer.volume, *layer_parts(layer, scene))) for layer in scene.layers)
+    layers = enumerate(scene.film_layers)
+    changes = any(
+        layer.map(lambda each: each.volume).changing_frames or parts_over_frames(scene, number).changing_frames
+        for number, layer in layers
+    )
     if not (is_open and changes and len(frames) < scene.num_frames):
         return None
     return f"framed by what is visible on {len(frames)} of {scene.num_frames} frames"
 
 
-def _sampled(scene: Scene, num: int) -> list[int]:
+def _sampled(scene: FilmScene, num: int) -> list[int]:
     """Return some frames of a film: its keys, if these are few, and others between them; one where nothing moves."""
     if not scene.moves:
         return [0]

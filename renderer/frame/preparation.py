@@ -8,30 +8,30 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import repeat
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.frame.stage import Resolution, Stage
+from renderer.frame.stage import FilmStage, Resolution, Stage
 from renderer.layers import Layer, LayerGroup, group_layers, layer_digest, make_layer, mask_volume
 from renderer.pyramid import EVERY_CUT, FinestCut
 from renderer.readers import mix_steps, read_volume
 from renderer.scene import (
     CameraSpec,
     ClipSpec,
+    FilmScene,
     LayerSpec,
     MaskSpec,
+    OverFrames,
     Scene,
     Vector,
     VolumeSpec,
     camera_problems,
     min_tolerance,
-    motion_of,
-    motions_in,
     raise_problems,
     steps_in_time,
-    values_at,
     volume_extent,
 )
 from renderer.view import (
@@ -68,7 +68,7 @@ class StageMaker:
     last: Stage | None = None
     known: Mapping[VolumeSpec, str] = field(default_factory=dict)
 
-    def stage_at(self, film: Stage, frame: int) -> Stage:
+    def stage_at(self, film: FilmStage, frame: int) -> Stage:
         """Return the stage of a frame of a film in which something moves."""
         scene = film.scene.at(frame)
         layers, target = self.layers_of(scene, min_tolerance(film.scene.error)), scene.camera.target
@@ -179,29 +179,36 @@ class FilmVolumes:
     known: Mapping[VolumeSpec, str]
 
 
-def read_film_volumes(scene: Scene) -> FilmVolumes:
+def read_film_volumes(scene: FilmScene) -> FilmVolumes:
     """Read the volumes of a film, all steps of those that change in time, one after the other.
 
     Raises InputError for what cannot be read, and for steps that differ in shape or kind.
     """
     first = [*StageMaker(1, any_tolerance=False).volumes_of(scene.at(0))]
-    moving = dict.fromkeys(spec for layer in scene.layers for spec in layer.volumes.values() if any(motions_in(spec)))
+    volumes = (volume for layer in scene.film_layers for volume in _volumes_of(layer))
+    moving = dict.fromkeys(volume for volume in volumes if volume.moves)
     digest, known = hashlib.blake2b(joint_fingerprint(first).encode(), digest_size=16), dict[VolumeSpec, str]()
-    for spec in moving:
-        digest.update(repr([*motions_in(spec)]).encode())
-        one = read_volume(values_at(spec, 0))
-        for step in _steps_of(spec):
-            known[step] = read_volume(step, like=one if step.crop == values_at(spec.crop, 0) else None).fingerprint
+    for volume in moving:
+        digest.update(repr(volume.motions).encode())
+        spec = volume.at(0)
+        one = read_volume(spec)
+        for step in _steps_of(volume):
+            known[step] = read_volume(step, like=one if step.crop == spec.crop else None).fingerprint
             digest.update(known[step].encode())
     return FilmVolumes(first, digest.hexdigest() if moving else joint_fingerprint(first), known)
 
 
-def _steps_of(spec: VolumeSpec) -> Sequence[VolumeSpec]:
-    """Return what is read of a volume for a film: its steps in time, or what it is at the keys of another motion."""
-    if motion_of(spec.time) is not None:
-        return steps_in_time(spec)
-    keys = sorted({frame for motion in motions_in(spec) for frame in motion.frames})
-    return [values_at(spec, frame) for frame in keys]
+def _volumes_of(layer: OverFrames[LayerSpec]) -> Sequence[OverFrames[VolumeSpec]]:
+    """Return the volume of a layer, and that of its mask if it has one."""
+    volumes = layer.map(lambda each: tuple(each.volumes.values()))
+    return [volumes.map(itemgetter(number)) for number in range(len(volumes.at(0)))]
+
+
+def _steps_of(volume: OverFrames[VolumeSpec]) -> Sequence[VolumeSpec]:
+    """Return the volumes that a film reads in place of one that moves: its steps in time, or it at each key."""
+    if volume.map(lambda spec: spec.time).moves:
+        return steps_in_time(volume)
+    return [volume.at(frame) for frame in volume.key_frames]
 
 
 def volume_key(layer: LayerSpec) -> VolumeKey:

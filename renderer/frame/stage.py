@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from renderer.layers import Layer, LayerGroup
 from renderer.pyramid import root_error
-from renderer.scene import CameraSpec, ClipSpec, Scene, SplatBudget, Vector
+from renderer.scene import CameraSpec, ClipSpec, FilmScene, Scene, SplatBudget, Vector
 from renderer.view import OrderBlending, View, are_near_faces, make_view, place_object_clips
 from renderer.volume import Bools, Float64, Volume
 
 Clock = Callable[[], float]
+AnyStage = TypeVar("AnyStage", bound="FilmStage")
 
 
 @dataclass(frozen=True)
@@ -31,16 +32,16 @@ class Resolution:
 class FrameStageMaker(Protocol):
     """A maker of the stages of a film's frames."""
 
-    def stage_at(self, film: Stage, frame: int) -> Stage: ...
+    def stage_at(self, film: FilmStage, frame: int) -> Stage: ...
 
     def volumes_of(self, scene: Scene) -> Sequence[Volume]: ...
 
 
 @dataclass
-class Stage:
-    """All that a frame is drawn from; of a film in which nothing moves, the same for all frames. It owns its layers.
+class FilmStage:
+    """All that a film is drawn from; `at` a frame it is a `Stage`. It owns its layers, those of the first frame.
 
-    Use as a context manager, or call `close`. The stage of a film has all else as it is on the first frame.
+    Use as a context manager, or call `close`. A `Stage` is the stage of a film in which nothing moves.
 
     target: the world position that the camera looks at.
     distance: from the eye to the target, in world units.
@@ -50,7 +51,7 @@ class Stage:
     not_framed: the part of a picture that did not count when the film was framed; 0 where all did.
     """
 
-    scene: Scene
+    scene: FilmScene
     layers: tuple[Layer, ...]
     target: Vector
     distance: float
@@ -62,8 +63,51 @@ class Stage:
     not_framed: float = 0.0
 
     def at(self, frame: int) -> Stage:
-        """Return the stage of a frame, with plain numbers in its scene; the last one stays usable."""
-        return self if self.maker is None else self.maker.stage_at(self, frame)
+        """Return the stage of a frame, with plain values in its scene; the last one stays usable."""
+        assert self.maker is not None, "of a film in which something moves"
+        return self.maker.stage_at(self, frame)
+
+    @property
+    def first(self) -> Stage:
+        """Return the stage of the first frame, with the layers of this one."""
+        made = self.layers, self.target, self.distance, self.groups, self.resolutions, self.order_blending
+        return Stage(self.scene.at(0), *made, self.seconds)
+
+    def __enter__(self: AnyStage) -> AnyStage:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release voxels, pyramids and bricks; nothing can be drawn from the stage any more."""
+        self.layers, self.groups, self.maker = (), (), None
+
+    @property
+    def largest_error(self) -> float:
+        """Return the error of the whole volume as a single cell; of several, the largest."""
+        return max(root_error(layer.pyramid) for layer in self.layers)
+
+    def require_unchanged(self) -> None:
+        """Raise InputError if the file of a volume has changed."""
+        for layer in self.layers:
+            layer.volume.require_unchanged()
+
+
+@dataclass
+class Stage(FilmStage):
+    """All that a frame is drawn from; of a film in which nothing moves, the same for all frames."""
+
+    scene: Scene
+
+    def at(self, frame: int) -> Stage:
+        """Return itself: nothing moves."""
+        return self
+
+    @property
+    def first(self) -> Stage:
+        """Return itself."""
+        return self
 
     def has_lods_of(self, other: Stage) -> bool:
         """Return whether levels of detail are the same as those of the stage of another frame."""
@@ -108,26 +152,6 @@ class Stage:
         """Return the camera with the target and the distance that were found."""
         return replace(self.scene.camera, target=self.target, distance=self.distance)
 
-    def __enter__(self) -> Stage:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Release voxels, pyramids and bricks; nothing can be drawn from the stage any more."""
-        self.layers, self.groups, self.maker = (), (), None
-
-    @property
-    def largest_error(self) -> float:
-        """Return the error of the whole volume as a single cell; of several, the largest."""
-        return max(root_error(layer.pyramid) for layer in self.layers)
-
-    def require_unchanged(self) -> None:
-        """Raise InputError if the file of a volume has changed."""
-        for layer in self.layers:
-            layer.volume.require_unchanged()
-
 
 class Stopwatch:
     """Measures seconds between laps, by name. The caller passes the clock."""
@@ -144,9 +168,9 @@ class Stopwatch:
         return seconds
 
 
-def view_of(stage: Stage, frame: int) -> View:
+def view_of(film: FilmStage, frame: int) -> View:
     """Return the view of a frame of the film."""
-    stage = stage.at(frame)
+    stage = film.at(frame)
     view = make_view(stage.scene.camera, frame, stage.target, stage.distance, stage.scene.output.size)
     return replace(view, clip=stage.scene.clip)
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.frame.stage import Stage
+from renderer.frame.stage import FilmStage
 from renderer.volume import MappedFile
 
 ALIGNMENT = 64
@@ -34,7 +34,7 @@ class _StagePickler(pickle.Pickler):
         return (type(None), ()) if isinstance(value, MappedFile) else NotImplemented
 
 
-def serialize_stage(stage: Stage) -> npt.NDArray[np.uint8]:
+def serialize_stage(stage: FilmStage) -> npt.NDArray[np.uint8]:
     """Return the bytes of a stage, uint8 [n]. An array that occurs twice is written once.
 
     Raises InputError if the volume's file was changed.
@@ -50,7 +50,7 @@ def serialize_stage(stage: Stage) -> npt.NDArray[np.uint8]:
     return content
 
 
-def deserialize_stage(content: memoryview) -> Stage:
+def deserialize_stage(content: memoryview) -> FilmStage:
     """Return the stage in these bytes, which must be writable. Its arrays are views of them."""
     (length,) = _LENGTH.unpack_from(content)
     at = _LENGTH.size + length
@@ -61,7 +61,7 @@ def deserialize_stage(content: memoryview) -> Stage:
         buffers.append(content[at : at + size])
         at += size
     stage = pickle.loads(pickled, buffers=buffers)  # noqa: S301
-    assert isinstance(stage, Stage)
+    assert isinstance(stage, FilmStage)
     return stage
 
 

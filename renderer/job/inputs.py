@@ -10,13 +10,14 @@ from pathlib import Path
 
 from renderer.errors import InputError
 from renderer.film import folder_files
-from renderer.scene import ArraySource, FileSource, OutputFile, ProceduralSource, Scene, VolumeSpec, place_of
+from renderer.scene import ArraySource, FileSource, FilmScene, OutputFile, ProceduralSource, VolumeSpec, place_of
 
 
-def scene_files(scene: Scene) -> Iterator[Path]:
+def scene_files(scene: FilmScene) -> Iterator[Path]:
     """Yield the files that a scene names: of imported transfer functions, of its volumes, and of its annotation."""
-    yield from scene.annotation.files
-    for layer in scene.layers:
+    first = scene.at(0)
+    yield from first.annotation.files
+    for layer in first.layers:
         imported = layer.transfer_function.imported
         if imported is not None and imported.file is not None:
             yield imported.file
@@ -52,7 +53,7 @@ def volume_files(volume: VolumeSpec) -> Iterator[Path]:
             yield from voxels
 
 
-def require_no_new_slices(outputs: Iterable[OutputFile], scene: Scene) -> None:
+def require_no_new_slices(outputs: Iterable[OutputFile], scene: FilmScene) -> None:
     """Raise InputError if an output's pictures would be slices of a volume that is a folder of pictures."""
     pictures = [each for each in outputs if each.is_frames]
     if not pictures:
@@ -70,11 +71,11 @@ def require_no_new_slices(outputs: Iterable[OutputFile], scene: Scene) -> None:
             )
 
 
-def _picture_folders(scene: Scene) -> Iterator[Path]:
+def _picture_folders(scene: FilmScene) -> Iterator[Path]:
     """Yield the folders whose pictures are the slices of a volume or a mask."""
     from renderer.readers import find_volume
 
-    sources = [volume.source for layer in scene.layers for volume in layer.volumes.values()]
+    sources = [volume.source for layer in scene.at(0).layers for volume in layer.volumes.values()]
     for source in (source for source in sources if isinstance(source, FileSource)):
         for folder in filter(os.path.isdir, source.steps or (source.file,)):
             with contextlib.suppress(InputError, OSError):  # its reader reports it

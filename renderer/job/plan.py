@@ -5,29 +5,39 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from renderer.draw import Rasterizer
 from renderer.errors import RenderError
 from renderer.frame import (
     BudgetController,
+    FilmStage,
     LODCostEstimator,
     ScheduleController,
-    Stage,
     Stopwatch,
     ToleranceController,
     calibrate_costs,
 )
 from renderer.job.events import JobEvents
-from renderer.scene import MetricTarget, SplatBudget, TimeBudget, values_at, with_tolerances
+from renderer.job.film_job import FilmJob
+from renderer.record import (
+    BEST_EFFORT_HINT,
+    FrameRecord,
+    MeasuredRecord,
+    ScheduleRecord,
+    min_max,
+    missed_goal,
+    not_refined,
+)
+from renderer.scene import ErrorSpec, FilmScene, MetricTarget, SplatBudget, TimeBudget, value_at, with_tolerances
 from renderer.system import num_cores
 
 if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
     from renderer.accuracy import FoundTolerances, Trial
 
-# A trial drawing that takes this part of a frame's time tells enough about the whole.
+# The part of a frame's time that a trial drawing takes at most: it tells enough about the whole.
 _MAX_TRIAL_FRACTION = 0.3
-BEST_EFFORT_HINT = "with --best-effort it is good enough"
 
 
 @dataclass(frozen=True)
@@ -40,7 +50,7 @@ class FilmPlan:
     found: the result of the search for an accuracy.
     """
 
-    stage: Stage
+    stage: FilmStage
     controller: ToleranceController
     shortfall: RenderError | None = None
     is_unfinished: bool = False
@@ -69,7 +79,7 @@ def make_plan(
         return _plan_time(estimator, goal, frames, rasterizer(), on_step)
     if isinstance(goal, SplatBudget):
         find = estimator.primitive.tolerance_for_cells
-        tolerances = {frame: find(values_at(goal.value, frame)) for frame in frames}
+        tolerances = {frame: find(value_at(goal.value, frame)) for frame in frames}
         stage = replace(stage, scene=with_tolerances(stage.scene, tolerances))
     return FilmPlan(stage, ScheduleController(stage))
 
@@ -82,16 +92,16 @@ def _plan_time(
     on_step: Callable[[], None],
 ) -> FilmPlan:
     """Learn the costs of drawing, and prepare the first frame before its time begins."""
-    least, clock = min(values_at(goal.value, frame) for frame in frames), time.perf_counter
+    least, clock = min(value_at(goal.value, frame) for frame in frames), time.perf_counter
     calibrate_costs(estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=clock, on_step=on_step)
-    controller = BudgetController(estimator, lambda frame: values_at(goal.value, frame))
+    controller = BudgetController(estimator, lambda frame: value_at(goal.value, frame))
     draw_list, _ = controller.choose(frames[0], Stopwatch(clock))
     draw_list.upload(rasterizer)
     return FilmPlan(estimator.stage, controller, is_timing_dependent=True)
 
 
 def search_tolerances(
-    stage: Stage,
+    stage: FilmStage,
     frames: Sequence[int],
     want: MetricTarget,
     rasterizer: Rasterizer,
@@ -103,7 +113,7 @@ def search_tolerances(
 
     def tell(trial: Trial) -> None:
         on_step()
-        events.note(trial.text(want, stage.scene.splat.primitive_name))
+        events.note(trial.text(want, stage.scene.primitive_name))
 
     rays = ExactRays(stage, want, num_threads=num_cores())
     # Films of splats have one tolerance: a new cut for each frame would take longer than to draw it.
@@ -111,7 +121,7 @@ def search_tolerances(
     return find_tolerances(stage, frames, rays, rasterizer, is_constant=is_constant, clock=clock, on_trial=tell)
 
 
-def _plan_accuracy(stage: Stage, goal: MetricTarget, found: FoundTolerances) -> FilmPlan:
+def _plan_accuracy(stage: FilmStage, goal: MetricTarget, found: FoundTolerances) -> FilmPlan:
     """Plan the tolerances that were found; 0 if none is good enough."""
     shortfall = None
     if not found.is_reachable:
@@ -119,3 +129,45 @@ def _plan_accuracy(stage: Stage, goal: MetricTarget, found: FoundTolerances) -> 
         shortfall = found.shortfall(stage.scene, where=where, hint=hint)
     exact = replace(stage, scene=with_tolerances(stage.scene, found.by_frame))
     return FilmPlan(exact, ScheduleController(exact), shortfall=shortfall, found=found)
+
+
+def find_shortfall(
+    plan: FilmPlan, scene: FilmScene, requested: ErrorSpec, frames: Sequence[FrameRecord]
+) -> RenderError | None:
+    """Return the error for a film that does not have the accuracy that was requested, or None.
+
+    scene: with its goal, which the plan's scene lacks.
+    """
+    if plan.is_unfinished:
+        return not_refined(scene.output.file.name, requested, frames)
+    return plan.shortfall or missed_goal(scene.error.goal, frames)
+
+
+def schedule_record(
+    plan: FilmPlan, job: FilmJob, frames: Sequence[FrameRecord], shortfall: RenderError | None
+) -> ScheduleRecord:
+    """Return the record of the accuracy; the measurement of an original holds while the same is requested."""
+    schedule = ScheduleRecord(
+        job.requested,
+        min_max([frame.tolerance for frame in frames]),
+        min_max([frame.cells for frame in frames]),
+        met=shortfall is None,
+        reproducible=not plan.is_timing_dependent,
+        shortfall=None if shortfall is None else str(shortfall),
+        measured=_measured_record(plan),
+    )
+    if job.original is None:
+        return schedule
+    schedule, before = replace(schedule, made_from=job.original.path.name), job.original.record.schedule
+    if plan.is_unfinished or job.repeats != "film" or job.requested != before.requested:
+        return schedule
+    return replace(before, tolerance=schedule.tolerance, cells=schedule.cells, made_from=schedule.made_from)
+
+
+def _measured_record(plan: FilmPlan) -> MeasuredRecord | None:
+    """Return the record of the search for an accuracy, if there was one."""
+    found = plan.found
+    if found is None:
+        return None
+    worst = found.worst.value if isfinite(found.worst.value) else None  # the PSNR of equal pictures is infinite
+    return MeasuredRecord(found.want.metric, found.worst.frame, found.tried, worst)

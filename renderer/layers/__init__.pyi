@@ -2,9 +2,10 @@ from .groups import LayerGroup as LayerGroup, group_layers as group_layers
 from .label_numbers import mask_volume as mask_volume
 from .layer import (
     Layer as Layer,
+    frames_of_new_layers as frames_of_new_layers,
     layer_digest as layer_digest,
-    layer_parts as layer_parts,
     make_layer as make_layer,
+    parts_over_frames as parts_over_frames,
 )
 from .placement import (
     placement_notes as placement_notes,

@@ -9,12 +9,13 @@ from functools import partial
 from typing import Any
 
 from renderer.bricks import BrickBatch, BrickLayer, BrickLayers, Bricks, extreme_bricks, make_bricks
+from renderer.kernels import LightGrid
 from renderer.layers.label_numbers import leave_out_masked, number_labels
 from renderer.lighting import compute_light_grid
 from renderer.modes import Projection, make_projection
 from renderer.pyramid import EVERY_CUT, FinestCut, Pyramid, build_pyramid
-from renderer.scene import RAMP_THICKNESS, LayerSpec, Scene
-from renderer.transfer import NO_LIGHT_GRID, LightGrid, TransferFunction, make_transfer_function
+from renderer.scene import RAMP_THICKNESS, FilmScene, LayerSpec, OverFrames, Scene
+from renderer.transfer import NO_LIGHT_GRID, TransferFunction, make_transfer_function
 from renderer.view import are_clipped_away, place_object_clips
 from renderer.volume import Volume
 
@@ -50,21 +51,55 @@ def layer_parts(spec: LayerSpec, scene: Scene) -> tuple[Any, ...]:
 
     Its name, its weight and the camera do not count, and clipping counts only where light or extremes depend on it.
     """
-    is_clipped = scene.mode.is_extremum or (spec.shading is not None and spec.shading.has_light_grid)
+    return _parts(spec, scene, _Held.by(spec, scene))
+
+
+def parts_over_frames(film: FilmScene, number: int) -> OverFrames[tuple[Any, ...]]:
+    """Return the parts of `layer_parts` for a layer of a film, by its number: those that count on the first frame."""
+    first = film.at(0)
+    held = _Held.by(first.layers[number], first)
+    return film.map(lambda scene: _parts(scene.layers[number], scene, held))
+
+
+def frames_of_new_layers(film: FilmScene, number: int) -> list[tuple[int, int]]:
+    """Return the runs of frames, first and last, for which a layer of a film is made anew."""
+    placed = film.film_layers[number].map(lambda layer: (layer.volume, layer.transform))
+    return OverFrames((placed, parts_over_frames(film, number))).changing_frames
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A choice of the parts of a scene that a layer holds.
+
+    clip: the planes and boxes. shading: the whole shading, in the means of cells; else the light that reaches each
+    place. light: the direction of the light, which casts shadows.
+    """
+
+    clip: bool
+    shading: bool
+    light: bool
+
+    @classmethod
+    def by(cls, spec: LayerSpec, scene: Scene) -> _Held:
+        """Return the parts that a layer of a scene holds."""
+        shading = spec.shading
+        has_light_grid = shading is not None and shading.has_light_grid
+        has_shadow = shading is not None and shading.shadow > 0
+        is_whole = shading is None or (shading.lambert is not None and spec.transfer_function.labels is None)
+        return cls(scene.mode.is_extremum or has_light_grid, is_whole, has_shadow)
+
+
+def _parts(spec: LayerSpec, scene: Scene, held: _Held) -> tuple[Any, ...]:
+    """Return the parts of `layer_parts`. Values in them may be motions, with which nothing is calculated here."""
+    shading: Any = spec.shading
+    if shading is not None and not held.shading:
+        light = shading.light if held.light else None
+        shading = light, shading.occlusion, shading.shadow, shading.occlusion_radius
     return (
-        spec.mask, spec.transfer_function, spec.color, _shading_part(spec),
-        scene.clip + spec.clip if is_clipped else (),
+        spec.mask, spec.transfer_function, spec.color, shading,
+        scene.clip + spec.clip if held.clip else (),
         scene.mode, scene.pyramid, scene.error.measure, scene.error.of, scene.needs_opengl,
     )  # fmt: skip
-
-
-def _shading_part(spec: LayerSpec) -> object:
-    """Return what of its shading a layer holds: all, in the means of cells, or the light that reaches each place."""
-    shading = spec.shading
-    if shading is None or (shading.lambert is not None and spec.transfer_function.labels is None):
-        return shading
-    light = shading.light if shading.shadow > 0 else None
-    return light, shading.occlusion, shading.shadow, shading.occlusion_radius
 
 
 def layer_digest(spec: LayerSpec, scene: Scene, volume: Volume, finest_cut: FinestCut) -> str:

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from renderer.errors import Problem
-from renderer.scene import LayerSpec, Scene, changing_frames, format_value, motion_of, volume_extent, volume_problems
+from renderer.scene import FilmScene, LayerSpec, OverFrames, format_value, volume_extent, volume_problems
 from renderer.volume import Float64, Volume, move_volume
+
+Matrix = tuple[tuple[float, ...], ...]
 
 # Half the diagonals of two volumes in one world differ by less: a body has 300 times the length of a vessel wall.
 _MAX_SIZE_RATIO = 300.0
@@ -26,12 +28,12 @@ def reach_text(volume: Volume) -> str:
     return f"from {low} to {high}"
 
 
-def placement_problems(scene: Scene, volumes: Sequence[Volume]) -> Iterator[Problem]:
+def placement_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Problem]:
     """Yield the problems of the places of volumes, on the first frame that has any.
 
     volumes: of the layers of a scene, on its first frame.
     """
-    for frame, placed in _placed_by_frame(scene.layers, volumes):
+    for frame, placed in _placed_by_frame(scene.film_layers, volumes):
         problems = [problem for each in placed for problem in volume_problems(volume_extent(each), each.name)]
         problems += [*_size_problems(placed), *_mixing_problems(scene, placed)]
         if problems:
@@ -40,26 +42,31 @@ def placement_problems(scene: Scene, volumes: Sequence[Volume]) -> Iterator[Prob
             return
 
 
-def _placed_by_frame(layers: Sequence[LayerSpec], volumes: Sequence[Volume]) -> Iterator[tuple[int, Sequence[Volume]]]:
+def _placed_by_frame(
+    layers: Sequence[OverFrames[LayerSpec]], volumes: Sequence[Volume]
+) -> Iterator[tuple[int, Sequence[Volume]]]:
     """Yield volumes where they are on the first frame, and on each one on which any is somewhere else than before."""
     yield 0, volumes
-    transforms = tuple(layer.transform for layer in layers)
-    for first, last in changing_frames(transforms):
+    transforms = [layer.map(lambda each: each.transform) for layer in layers]
+    runs = OverFrames(tuple(transforms)).changing_frames
+    for first, last in runs:
         for frame in range(first, last + 1):
             yield frame, [_placed(*each, frame) for each in zip(volumes, transforms, strict=True)]
 
 
-def _placed(volume: Volume, transform: object, frame: int) -> Volume:
+def _placed(volume: Volume, transform: OverFrames[Matrix | None], frame: int) -> Volume:
     """Return a volume where it is on a frame. volume: on the first frame. transform: of its layer."""
-    motion = motion_of(transform)
-    return volume if motion is None else move_volume(volume, motion.at(frame) @ np.linalg.inv(motion.at(0)))
+    first, now = transform.at(0), transform.at(frame)
+    if first is None or now is None or not transform.moves:
+        return volume
+    return move_volume(volume, np.array(now) @ np.linalg.inv(first))
 
 
-def _mixing_problems(scene: Scene, volumes: Sequence[Volume]) -> Iterator[Problem]:
+def _mixing_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Problem]:
     """Yield the volumes that are too flat to be mixed with others at every point of a ray."""
-    clips = (layer.clip for layer in scene.layers)
+    clips = (layer.map(lambda each: each.clip) for layer in scene.film_layers)
     grids = {(each.shape_xyz, each.world_from_index.tobytes(), clip) for each, clip in zip(volumes, clips, strict=True)}
-    if len(grids) == 1 or scene.blend == "add" or scene.mode.is_projection or scene.needs_opengl:
+    if len(grids) == 1 or scene.blend == "add" or scene.is_projection or scene.needs_opengl:
         return
     for number, volume in enumerate(volumes):
         thinnest = float(np.linalg.svd(volume.world_from_index[:3, :3], compute_uv=False)[-1])

@@ -1,19 +1,18 @@
-"""Transfer functions made by other programs, and named ones of our own.
+"""Import transfer functions and tables of labels from the files of other programs, and read our own presets.
 
 In: the content of a file and a name in it, or the name of a preset. Out: a `Look`, colours and opacities by value, with
-what the file says of their unit and light, and what was left out; `place_look` makes points in data units of it. Or
-the labels of a table, with names.
-Importing it imports no numpy. Files are untrusted: every importer checks what it takes, and says where a mistake is.
+their unit, their light and a list of the features left out; `place_look` makes its points in data units. Or labels.
+Importing it imports no numpy. Files are untrusted: every importer checks all values, and its errors name their places.
 
-- `look_import.py` chooses the importer by a table of suffixes and signs, and reads presets, which are in
-  `presets.yaml`.
-- `look.py`: `Look`, and its points where the scene wants them; `curves.py`: piecewise linear curves merged, opacities
-  made piecewise linear in extinction; `color_spaces.py`: colours between two points.
-- `look_file.py` reads text, numbers, curves, JSON and XML of a file, and makes its errors.
-- An importer for each program: `paraview.py`, `slicer.py`, `voreen.py`, `inviwo.py`, `mricrogl.py`, `niivue.py`,
-  `imagej.py`, `fsleyes.py`. `color_tables.py` has what several of them share: colours at even distances, at
-  intensities, and of labels.
-- `label_tables.py`: names and colours of labels, in files, also beside a volume, and in headers of images.
+- `look_import.py`: the choice of an importer by a table of suffixes and contents, and the presets in `presets.yaml`
+- `look.py`: `Look`, and its points in data units
+- `look_file.py`: text, numbers, curves, JSON and XML of a file, with errors that name the place
+- `curves.py`: piecewise linear curves, merged, and made linear in extinction
+- `color_spaces.py`: colours between two points
+- `paraview.py`, `slicer.py`, `voreen.py`, `inviwo.py`, `mricrogl.py`, `niivue.py`, `imagej.py`, `fsleyes.py`: an
+  importer for each program
+- `color_tables.py`: tables of colours that several importers share
+- `label_tables.py`: names and colours of labels, in files, beside a volume, and in headers of images
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Colours between two points in the spaces that ParaView interpolates in, as points between which RGB is linear."""
+"""Interpolate colours in ParaView's colour spaces, by adding points until the curve is nearly linear in RGB."""
 
 from __future__ import annotations
 
@@ -11,23 +11,31 @@ from operator import itemgetter
 
 from renderer.looks.curves import Curve, CurvePoint, Numbers, mix
 
-# The smallest and the largest share of the way between two points that is taken as linear.
-_SMALLEST_SHARE, _LARGEST_SHARE = 1 / 64, 1 / 4
-# Colours this near are the same: half a step of 8 bits.
+# The smallest step between added points, as a share of the way between two given points.
+_SMALLEST_SHARE = 1 / 64
+# The largest step between added points, as a share of the way between two given points.
+_LARGEST_SHARE = 1 / 4
+# The largest difference of a colour from the straight line in RGB: half a step of 8 bits.
 _SAME_COLOR = 0.5 / 255
-
-# sRGB with the white of D65 (IEC 61966-2-1), and the constants of CIE L*a*b*.
+# The matrices and the white point of sRGB with D65 (IEC 61966-2-1).
 _XYZ_FROM_RGB = ((0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505))
 _RGB_FROM_XYZ = ((3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -0.2040, 1.0570))
 _WHITE = (0.9505, 1.0, 1.089)
-_DARK, _SLOPE = 0.008856, 7.787
-
-# Msh, polar Lab, by Moreland, "Diverging Color Maps for Scientific Visualization", 2009.
-_GRAY_SATURATION, _SIMILAR_HUES, _WHITE_MAGNITUDE = 0.05, math.pi / 3, 88.0
+# The share of white below which CIE L*a*b* is linear.
+_DARK = 0.008856
+# The slope of that linear part.
+_SLOPE = 7.787
+# The saturation up to which a colour is grey in Msh, polar L*a*b*, by Moreland, "Diverging Color Maps for Scientific
+# Visualization", 2009.
+_GRAY_SATURATION = 0.05
+# The largest difference between two hues, in radians, at which Moreland puts no white between them.
+_SIMILAR_HUES = math.pi / 3
+# The least magnitude of that white.
+_WHITE_MAGNITUDE = 88.0
 
 
 def in_color_space(curve: Curve, space: str) -> Iterator[CurvePoint]:
-    """Yield the points of a curve of colours, and more between them where they are not linear in RGB."""
+    """Yield the points of a curve of colours, with further points where colours between them are not linear in RGB."""
     between = _BETWEEN.get(space)
     yield curve[0]
     for (low, first), (high, second) in pairwise(curve):
@@ -40,7 +48,7 @@ def in_color_space(curve: Curve, space: str) -> Iterator[CurvePoint]:
 
 
 def _needed(color_at: Callable[[float], Numbers], first: CurvePoint, second: CurvePoint) -> Iterator[CurvePoint]:
-    """Yield the shares between two others, and their colours, at which points are needed to be near the colours."""
+    """Yield the points that are needed between two others, each with its share of the way and its colour."""
     size = second[0] - first[0]
     if size <= _SMALLEST_SHARE:
         return
@@ -75,7 +83,7 @@ def _between_msh(first: Numbers, second: Numbers, share: float) -> Numbers:
 
 
 def _hue_towards_gray(full: Numbers, gray_magnitude: float) -> float:
-    """Return the hue at which a saturated colour fades to gray, for steps that look even."""
+    """Return the hue of grey towards which a saturated colour fades in steps that look even."""
     magnitude, saturation, hue = full
     if magnitude >= gray_magnitude:
         return hue
@@ -105,14 +113,16 @@ def rgb_from_lab(lab: Numbers) -> Numbers:
            for root, white in zip(roots, _WHITE, strict=True)]  # fmt: skip
     linear = (sum(a * b for a, b in zip(row, xyz, strict=True)) for row in _RGB_FROM_XYZ)
     r, g, b = (12.92 * part if part <= 0.0031308 else 1.055 * part ** (1 / 2.4) - 0.055 for part in linear)
-    brightest = max(r, g, b, 1.0)  # beyond 1 a colour keeps its hue, as in VTK
+    brightest = max(r, g, b, 1.0)  # a colour beyond 1 keeps its hue, as in VTK
     return max(r / brightest, 0.0), max(g / brightest, 0.0), max(b / brightest, 0.0)
 
 
+# The interpolation of colours in each space, by its name.
 _BETWEEN: dict[str, Callable[[Numbers, Numbers, float], Numbers]] = {
     "lab": _between_lab,
     "cielab": _between_lab,
     "hsv": _between_hsv,
     "diverging": _between_msh,
 }
+# The names of all spaces; colours of `step` do not change between two points.
 COLOR_SPACES = {"rgb", "step", *_BETWEEN}

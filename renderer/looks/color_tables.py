@@ -1,4 +1,4 @@
-"""Looks of tables: colours at even distances, at intensities of a range, and of labels."""
+"""Make looks of tables of colours: at even distances, at intensities of a range, or for labels."""
 
 from __future__ import annotations
 
@@ -14,18 +14,20 @@ _CLEAR = (0.0, 0.0, 0.0, 0.0)
 
 
 def even_look(file: LookFile, rows: Sequence[Sequence[Any]], white: float, last: float = 0.0) -> Look:
-    """Return the look of rows of a place, red, green and blue, evenly over a range.
+    """Return a look with colours at even distances over a range.
 
-    last: the number of the row, from 0, that is at the end of the range, if that is not the last one.
+    rows: for each colour its place for messages, red, green and blue. last: the index of the row at the end of the
+    range, if that is not the last row.
     """
     end = last or max(len(rows) - 1, 1)
     return Look(file.curve(((at, k / end, *rgb) for k, (at, *rgb) in enumerate(rows)), 3, white), is_share=True)
 
 
 def table_look(file: LookFile, rows: Iterable[Sequence[Any]], lowest: object, highest: object) -> Look:
-    """Return the look of rows of a place, an intensity, red, green, blue and alpha, from 0 to 255.
+    """Return a look with colours at intensities of a range.
 
-    lowest, highest: the values of intensities 0 and 255; both are 0 where the table has no range.
+    rows: for each colour its place for messages, then its intensity, red, green, blue and alpha, from 0 to 255.
+    lowest, highest: the values of intensities 0 and 255; both are 0 if the table has no range.
     """
     low, high = file.number(lowest, "min"), file.number(highest, "max")
     is_share = high <= low
@@ -37,7 +39,7 @@ def table_look(file: LookFile, rows: Iterable[Sequence[Any]], lowest: object, hi
 def labels_look(labels: Iterable[Label]) -> Look:
     """Return the look of the labels that have a colour.
 
-    Each label has its colour half-way to the next ones. Label 0 and those that the table lacks are transparent.
+    A label's colour reaches half-way to the next labels. Label 0 and labels that the table lacks are transparent.
     """
     colors: dict[float, Numbers] = {
         each.value: (*each.color, 1.0 if each.opacity is None else each.opacity) for each in labels if each.color

@@ -1,4 +1,4 @@
-"""Piecewise linear curves: sorted, merged, and with opacities that are linear in extinction."""
+"""Sort and merge piecewise linear curves, and approximate linear opacities by opacities linear in extinction."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ from operator import itemgetter
 Color = tuple[float, float, float]
 Numbers = tuple[float, ...]
 CurvePoint = tuple[float, Numbers]
-# Numbers by value, values not descending: linear in between, constant outside, a step between two at one value.
+# Points in order of their values. A curve is linear between points, constant outside, and has a step at two points of
+# one value.
 Curve = Sequence[CurvePoint]
 
-# How far opacities may be from a straight line between two points.
+# The largest difference of opacities from a straight line between two points.
 MAX_OPACITY_ERROR = 1e-3
-# The optical depth of opacity 1, which would be infinite: no picture shows the difference.
+# The optical depth that stands for opacity 1, in place of infinity. No picture shows the difference.
 OPAQUE_DEPTH = 40.0
 
 _VALUE = itemgetter(0)
 
 
 def by_value(points: Iterable[CurvePoint]) -> list[CurvePoint]:
-    """Return points by value. Those at one value keep their order, which says what a step goes from and to."""
+    """Return points sorted by value; points at one value keep their order, which is the direction of a step."""
     return sorted(points, key=_VALUE)
 
 
 def merge_curves(first: Curve, second: Curve) -> list[CurvePoint]:
-    """Return one curve with the numbers of both, and a point wherever one of them has one."""
+    """Return one curve with the numbers of both curves, and a point at each point of either curve."""
     merged = list[CurvePoint]()
     for at in sorted({value for value, _ in (*first, *second)}):
         below, above = (one + other for one, other in zip(_sides(first, at), _sides(second, at), strict=True))
@@ -37,26 +38,26 @@ def merge_curves(first: Curve, second: Curve) -> list[CurvePoint]:
 
 
 def _sides(curve: Curve, at: float) -> tuple[Numbers, Numbers]:
-    """Return what a curve comes to from below and from above a value."""
+    """Return the limits of a curve at a value, from below and from above."""
     begin, end = bisect_left(curve, at, key=_VALUE), bisect_right(curve, at, key=_VALUE)
     if begin < end or begin in (0, len(curve)):
         return curve[min(begin, len(curve) - 1)][1], curve[max(end - 1, 0)][1]
     (low, before), (high, after) = curve[begin - 1], curve[begin]
-    # Halves, for the whole may be too large for a float; of the smallest floats half is nothing.
+    # Differences of halves, as the difference may be too large for a float. Halves of the smallest floats are 0.
     share = (at / 2 - low / 2) / max(high / 2 - low / 2, math.ulp(0.0))
     between = mix(before, after, share)
     return between, between
 
 
 def mix(first: Numbers, second: Numbers, share: float) -> Numbers:
-    """Return the numbers at a share of the way from some to others."""
+    """Return the numbers at a share of the way from the first numbers to the second."""
     return tuple(a + share * (b - a) for a, b in zip(first, second, strict=True))
 
 
 def linear_in_extinction(curve: Curve) -> Iterator[CurvePoint]:
-    """Yield the points of a curve whose last number is an opacity, and more where they are needed.
+    """Yield the points of a curve whose last number is an opacity, with further points where they are needed.
 
-    Programs that interpolate opacities, and hsplat, which interpolates extinctions, see the same curve of them.
+    hsplat interpolates extinctions, and gets nearly the same opacities as programs that interpolate opacities.
     """
     yield curve[0]
     for first, second in pairwise(curve):
@@ -75,10 +76,10 @@ def _filled(first: CurvePoint, second: CurvePoint) -> Iterator[CurvePoint]:
 
 
 def _interpolation_error(first: float, second: float) -> float:
-    """Return the largest difference between two opacities' straight line and what is linear in extinction.
+    """Return the largest difference between interpolating two opacities and interpolating their extinctions.
 
-    With `r` the ratio of both transparencies the difference at a share `t` is that of `1 + t (r - 1)` and `r^t`, which
-    is largest where the slopes agree: where `r^t` is the logarithmic mean of 1 and `r`.
+    With `r` the ratio of the transparencies, the transparencies at a share `t` are `1 + t (r - 1)` and `r^t`, times the
+    first one. Their difference is largest where the slopes agree: where `r^t` is the logarithmic mean of 1 and `r`.
     """
     low, high = sorted((1 - first, 1 - second))
     if high - low <= MAX_OPACITY_ERROR:
@@ -89,7 +90,7 @@ def _interpolation_error(first: float, second: float) -> float:
 
 
 def without_hidden(curve: Curve) -> list[CurvePoint]:
-    """Return a curve without the points between two others at the same value, which have no effect."""
+    """Return a curve without the points that lie between two others at the same value, and so have no effect."""
     last = len(curve) - 1
     return [
         point for k, point in enumerate(curve) if not (0 < k < last and curve[k - 1][0] == point[0] == curve[k + 1][0])

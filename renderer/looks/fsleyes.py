@@ -1,4 +1,4 @@
-"""Colormaps of FSLeyes, .cmap: rows of red, green and blue from 0 to 1, evenly over the data's range."""
+"""Import colormaps of FSLeyes, .cmap: rows of red, green and blue from 0 to 1, evenly over the data's range."""
 
 from __future__ import annotations
 

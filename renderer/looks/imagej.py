@@ -1,4 +1,7 @@
-"""Look-up tables of ImageJ, .lut: colours as bytes, all red first, 256 or as many as a header says; or rows of text."""
+"""Import look-up tables of ImageJ, .lut: colours as bytes, or rows of text.
+
+The bytes are all red values, then all green and all blue ones: 256 each, or the number in a header.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,13 @@ from renderer.looks.color_tables import even_look
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
-_HEADER, _HEADER_BYTES, _NUM_COLORS = b"ICOL", 32, 256
-# 256 colours alone, and what some programs append to them.
+# The first bytes of a header.
+_HEADER = b"ICOL"
+# The length of the header in bytes.
+_HEADER_BYTES = 32
+# The number of colours of a table without a header.
+_NUM_COLORS = 256
+# The sizes of a file with 256 colours and no header. Some programs append 202 bytes to the colours.
 _RAW_SIZES = (768, 970)
 
 
@@ -17,10 +25,10 @@ def read(file: LookFile) -> Look:
     if has_header or len(content) in _RAW_SIZES:
         num = int.from_bytes(content[6:8], "big") * has_header or _NUM_COLORS
         planes = content[_HEADER_BYTES if has_header else 0 :]
-        # ImageJ stretches fewer colours so that they begin at even distances.
+        # ImageJ stretches fewer than 256 colours over the range so that they begin at even distances.
         last = num * (_NUM_COLORS - 1) / _NUM_COLORS
         return even_look(file, [("the bytes", *planes[k : 3 * num : num]) for k in range(num)], 255.0, last)
     rows = [(line, text.replace(",", " ").split()) for line, text in file.lines()]
-    rows = rows[1:] if rows and rows[0][1][-1].isalpha() else rows  # a line of headings
+    rows = rows[1:] if rows and rows[0][1][-1].isalpha() else rows  # the first line may be a heading
     has_index = bool(rows) and len(rows[0][1]) == 4
     return even_look(file, [(line, *row[has_index:]) for line, row in rows], 255.0)

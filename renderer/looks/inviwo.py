@@ -1,6 +1,6 @@
-"""Transfer functions of Inviwo, .itf: XML with points, at shares of the data's range or at values.
+"""Import transfer functions of Inviwo, .itf: XML with points, at shares of the data's range or at values.
 
-Opacities are for 1/150 of the volume's width, and linear between points.
+Opacities are for a length of 1/150 of the volume's width, and linear between points.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
 _UNIT_NOTE = "the unit of opacities, 1/150 of the volume's width: without a unit in the scene they are for a voxel"
+# The values of an attribute by which points are shares of the data's range.
 _RELATIVE = ("0", "relative")
 
 

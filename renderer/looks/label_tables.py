@@ -1,8 +1,8 @@
-"""Tables of labels: of FreeSurfer, 3D Slicer, ITK-SNAP, FSLeyes, MRIcron and BIDS, and those in headers of images: in
-XML, as in GIFTI and CIFTI, of AFNI, and in text. Each format has one parser.
+"""Read tables of labels from files and from the headers of images, with one parser for each format.
 
-A row is a place for messages, a value, a name, and no colour, or red, green and blue, perhaps with an opacity. As a
-look, a label is opaque unless its opacity says something else, and label 0 is transparent, as the background.
+Files are those of FreeSurfer, 3D Slicer, ITK-SNAP, FSLeyes, MRIcron and BIDS. Headers hold XML as in GIFTI and CIFTI,
+AFNI's format, or text. A row is a place for messages, a value, a name, and perhaps a colour: red, green, blue and
+perhaps an opacity. In a look, a label without an opacity is opaque, and label 0 is the transparent background.
 """
 
 from __future__ import annotations
@@ -20,50 +20,71 @@ from renderer.looks.look_file import MAX_LOOK_BYTES, LookFile
 from renderer.system import unescaped, whole_number_in
 from renderer.volume import Label
 
-_MAX_LABELS, _MAX_NAME_LENGTH, _MAX_VALUE = 2**16, 200, 2.0**53
-
-# Rows, by what their groups are, of which a row has the first two.
+# The most labels of a table.
+_MAX_LABELS = 2**16
+# The most characters of a name.
+_MAX_NAME_LENGTH = 200
+# The largest value of a label: all whole numbers up to it are floats.
+_MAX_VALUE = 2.0**53
+# The names of the groups in patterns of rows. Every pattern has the first two.
 _ROW_PARTS = ("label", "name", "r", "g", "b", "alpha", "is_shown")
 _RGB = r"(?P<r>\d+)\s+(?P<g>\d+)\s+(?P<b>\d+)"
 _SHARES = _RGB.replace(r"\d+", r"[-+.\deE]+")
+# Patterns of the rows of each format.
 _FREESURFER = re.compile(rf'(?P<label>\d+)\s+(?P<name>"[^"]*"|\S+)\s+{_RGB}\s+(?P<alpha>\d+)(?:\s.*)?').fullmatch
 _FSLEYES = re.compile(rf"(?P<label>\d+)\s+{_SHARES}(?P<name>(?:\s.*)?)").fullmatch
-# A label that is not shown has no opacity.
+# A label that is not shown becomes transparent.
 _ITK_SNAP = re.compile(
     rf'(?P<label>\d+)\s+{_SHARES}\s+(?P<alpha>[-+.\deE]+)\s+(?P<is_shown>[01])\s+[01]\s+(?P<name>".*")'
 ).fullmatch
 _NAMED = re.compile(r"(?P<label>\d+)[\s,]+(?P<name>[^\s,].*)").fullmatch
-# MRIcron's rows may end with a number of another table.
+# The number of another table that may come before the name in a row of MRIcron.
 _OTHER_NUMBER = re.compile(r"\d{4,}")
 _HEX_COLOR = re.compile(r"#[\da-fA-F]{6}")
 
+# Patterns by which the content shows the format.
 _FSLEYES_ROW = re.compile(rb"(?m)^[ \t]*\d+([ \t]+[.\d]+){3}[ \t]+\S")
 _ITK_SNAP_ROW = re.compile(rb'(?m)^[ \t]*\d+[ \t]+[-+.\d][^"\n]*"')
 _NAMED_ROW = re.compile(rb"\d+[ \t,]+(?![ \t,])(?!\S+([ \t]+\d+){4})")
 _COLOR_TABLE = re.compile(rb"\A# Color table file")
+# The bytes of a table of 256 colours.
 _NUM_BYTES = 768
-
-# Where AFNI has a table.
+# The attribute in which AFNI has a table.
 _AFNI_MARK = 'atr_name="VALUE_LABEL_DTABLE"'
 
-# What tables beside a volume are called: its name without suffixes, and one of these.
-_ENDS = (".ctbl", ".txt", ".lut", ".label", ".tsv", ".csv", "_LUT.txt", "-label.txt", "-labels.txt", "_labels.txt",
-         "_ColorTable.ctbl", "_ColorTable.csv")  # fmt: skip
+# The ends of the names of tables beside a volume, after the volume's name without suffixes.
+_ENDS = (
+    ".ctbl",
+    ".txt",
+    ".lut",
+    ".label",
+    ".tsv",
+    ".csv",
+    "_LUT.txt",
+    "-label.txt",
+    "-labels.txt",
+    "_labels.txt",
+    "_ColorTable.ctbl",
+    "_ColorTable.csv",
+)
+# The suffixes of a volume's name.
 _VOLUME_SUFFIXES = re.compile(r"(\.seg)?\.[^.]+(\.gz)?\Z", re.IGNORECASE)
-# A table of a whole data set of BIDS is beside its subjects, whose volumes are at most this many folders below it.
+# The number of folders above a volume in which a table is searched for. In BIDS, the table of a whole data set lies
+# beside the folders of its subjects.
 _MAX_FOLDERS_UP = 3
 
 Row = Sequence[Any]
-# Tells whether a file with this content is of a format.
+# Returns whether a content is that of a format, as any value that counts as true or false.
 Sign = Callable[[bytes], object]
 _Match = Callable[[str], "re.Match[str] | None"]
 LabelReader = Callable[[LookFile], tuple[Label, ...]]
 
 
 def make_labels(file: LookFile, rows: Iterable[Row], white: float) -> tuple[Label, ...]:
-    """Return the labels of some rows, by value. white: the largest part of a colour, and the largest opacity.
+    """Return the labels of rows, sorted by value.
 
-    Raises InputError for values that are no whole numbers, labels that come twice, none, and too many.
+    white: the number for full red, green or blue, and for full opacity. Raises InputError for values that are not whole
+    numbers, and for no labels, too many labels, or the same label twice.
     """
     labels, places = list[Label](), dict[int, object]()
     for at, value, name, *parts in rows:
@@ -87,7 +108,7 @@ def make_labels(file: LookFile, rows: Iterable[Row], white: float) -> tuple[Labe
 
 
 def read_label_table(path: Path) -> tuple[Label, ...]:
-    """Return the labels of a table, by value. Raises InputError with the place in the file."""
+    """Return the labels of a table, sorted by value. Raises InputError with the place in the file."""
     if not path.is_file():  # opening a pipe would block
         raise InputError("not a file", where=str(path), expected="a table of labels")
     try:
@@ -101,7 +122,7 @@ def read_label_table(path: Path) -> tuple[Label, ...]:
 
 
 def parse_label_table(path: Path, suffix: str, content: bytes) -> tuple[Label, ...]:
-    """Return the labels of a table with this content, in the format that a suffix and the content tell."""
+    """Return the labels of a table. Its suffix and its content determine the format."""
     for end, sign, kind, read in (*LABEL_FORMATS, (".lut", _is_bytes, "colours of labels: 768 bytes", _read_bytes)):
         if suffix.lower() == end and sign(content):
             return read(LookFile(path, content, kind))
@@ -110,9 +131,9 @@ def parse_label_table(path: Path, suffix: str, content: bytes) -> tuple[Label, .
 
 
 def find_label_table(volume_file: Path) -> Path | None:
-    """Return the first file beside a volume that is named like a table of its labels and is one.
+    """Return the first file beside a volume that has the name and the content of a table of its labels.
 
-    Of a volume `..._dseg` it may have fewer of the parts of the name, and be in a folder above, as in BIDS.
+    The table of a volume `..._dseg` may leave out parts of the name, and lie in a folder above, as in BIDS.
     """
     stem, folder = _VOLUME_SUFFIXES.sub("", volume_file.name), volume_file.parent
     stems = dict.fromkeys((stem, re.sub(r"\.gz\Z", "", volume_file.name, flags=re.IGNORECASE)))
@@ -130,10 +151,10 @@ def find_label_table(volume_file: Path) -> Path | None:
 
 
 def read_extension(path: Path, content: bytes, image: int, *, are_labels: bool) -> tuple[Label, ...]:
-    """Return the labels in an extension of the header of a file; none if it has no table of them.
+    """Return the labels in an extension of the header of a file; none if it has no table of labels.
 
-    image: the number of the image that is read, where there is a table for each. are_labels: whether the header says
-    that its voxels are labels: then text is a table if it can be read as one. Raises InputError for a wrong table.
+    image: the index of the image that is read, if each image has a table. are_labels: whether the header states that
+    voxels are labels; only then a readable text is taken for a table. Raises InputError for a wrong table.
     """
     content = content.rstrip(b"\0 ")
     if b"<LabelTable" in content:
@@ -147,7 +168,7 @@ def read_extension(path: Path, content: bytes, image: int, *, are_labels: bool) 
 
 
 def _rows(file: LookFile, match: _Match) -> Iterator[Row]:
-    """Yield the row in each line, with as much of a colour as its pattern has."""
+    """Yield the row of each line, with the parts of a colour that the pattern has."""
     for line, text in file.lines():
         found = match(text)
         if found is None:
@@ -157,7 +178,7 @@ def _rows(file: LookFile, match: _Match) -> Iterator[Row]:
 
 
 def _read_names(file: LookFile) -> tuple[Label, ...]:
-    """Return the table of labels and names, each of which has a letter."""
+    """Return the labels of rows with a label and a name; each name must have a letter."""
     rows = list[Row]()
     for line, label, text in _rows(file, _NAMED):
         words = text.rsplit(maxsplit=1)
@@ -175,13 +196,13 @@ def _read_rows(match: _Match, white: float, file: LookFile) -> tuple[Label, ...]
 
 
 def _read_freesurfer(file: LookFile) -> tuple[Label, ...]:
-    """Return the table whose rows have a transparency in place of an opacity."""
+    """Return the labels of FreeSurfer, whose rows have a transparency in place of an opacity."""
     rows = ((*row, 255 - file.number(clear, row[0], 0, 255)) for *row, clear in _rows(file, _FREESURFER))
     return make_labels(file, rows, 255.0)
 
 
 def _read_itk_snap(file: LookFile) -> tuple[Label, ...]:
-    """Return the table whose colours are from 0 to 255, and whose opacities are from 0 to 1."""
+    """Return the labels of ITK-SNAP, whose colours are from 0 to 255, and whose opacities are from 0 to 1."""
     rows = (
         (*row, 255 * file.number(alpha if is_shown == "1" else 0, row[0], 0, 1))
         for *row, alpha, is_shown in _rows(file, _ITK_SNAP)
@@ -190,7 +211,7 @@ def _read_itk_snap(file: LookFile) -> tuple[Label, ...]:
 
 
 def _read_columns(file: LookFile) -> tuple[Label, ...]:
-    """Return the table with a heading, of BIDS, or of 3D Slicer with red, green, blue and alpha in four columns."""
+    """Return the labels of a table with a heading: of BIDS, or of 3D Slicer with a colour in four columns."""
     mark = "\t" if file.path.suffix.lower() == ".tsv" else ","
     (first, heading), *lines = [*file.lines()] or [(1, "")]
     keys, rows = [key.lower() for key in _cells(file, first, heading, mark)], list[Row]()
@@ -204,7 +225,7 @@ def _read_columns(file: LookFile) -> tuple[Label, ...]:
 
 
 def _cells(file: LookFile, line: int, text: str, mark: str) -> list[str]:
-    """Return the cells of a row, between marks, perhaps in quotes."""
+    """Return the cells of a row, which may be in quotes. mark: the separator."""
     try:
         return [cell.strip() for cell in next(csv.reader([text], delimiter=mark, skipinitialspace=True))]
     except csv.Error as error:
@@ -212,7 +233,7 @@ def _cells(file: LookFile, line: int, text: str, mark: str) -> list[str]:
 
 
 def _color(file: LookFile, line: int, row: Mapping[str, str]) -> list[Any]:
-    """Return the red, green, blue and alpha, from 0 to 255, of a row of cells, or none."""
+    """Return red, green, blue and alpha, from 0 to 255, of a row of cells; none without a colour."""
     color = row.get("color", "n/a") or "n/a"
     if _HEX_COLOR.fullmatch(color):
         return [*bytes.fromhex(color[1:])]
@@ -222,7 +243,7 @@ def _color(file: LookFile, line: int, row: Mapping[str, str]) -> list[Any]:
 
 
 def _read_bytes(file: LookFile) -> tuple[Label, ...]:
-    """Return the colours of labels 0 to 255 as bytes, all red first."""
+    """Return labels 0 to 255 with the colours of 768 bytes: all red values, then all green and all blue ones."""
     return make_labels(file, ((f"colour {k}", k, "", *file.content[k::256]) for k in range(256)), 255.0)
 
 
@@ -253,24 +274,26 @@ def _is_bytes(content: bytes) -> bool:
 
 
 def any_content(_content: bytes) -> bool:
-    """Return whether a file whose suffix alone tells its format has it: always."""
+    """Return that a file fits its format, for formats that are recognised by the suffix alone."""
     return True
 
 
 def _begins_with_name(content: bytes) -> bool:
-    """Return whether the first row, behind comments, is a label with a name."""
+    """Return whether the first row after comments is a label with a name."""
     rows = (line.strip(b" \t\r") for line in content.removeprefix(b"\xef\xbb\xbf").split(b"\n"))
     first = next((row for row in rows if row and not row.startswith(b"#")), b"")
     return _NAMED_ROW.match(first) is not None
 
 
+# The descriptions of formats in error messages.
 _FSLEYES_LABELS = "labels of FSLeyes: rows of label, red, green, blue and name"
 _SLICER_LABELS = "labels of 3D Slicer: rows of label, name, red, green, blue and alpha"
 _ITK_LABELS = "labels of ITK-SNAP: rows of label, red, green, blue, alpha, two flags and a name in quotes"
-_NAMES, _COLUMNS = "names of labels: rows of label and name", "labels in columns: index, name and color as #rrggbb"
+_NAMES = "names of labels: rows of label and name"
+_COLUMNS = "labels in columns: index, name and color as #rrggbb"
 
-# The suffix of a file's name, what tells by its content, what such a file is, for its errors, and its parser. The
-# first that fits reads the file.
+# The formats, each with its suffix, the test of its content, its description for errors, and its parser. The first that
+# fits reads the file.
 LABEL_FORMATS: tuple[tuple[str, Sign, str, LabelReader], ...] = (
     (".lut", _FSLEYES_ROW.search, _FSLEYES_LABELS, partial(_read_rows, _FSLEYES, 1.0)),
     (".ctbl", any_content, _SLICER_LABELS, partial(_read_rows, _FREESURFER, 255.0)),

@@ -1,4 +1,4 @@
-"""What a look is, and its points where the scene wants them."""
+"""Hold a look, and place its points at the values of a scene."""
 
 from __future__ import annotations
 
@@ -10,21 +10,23 @@ from typing import Any
 
 from renderer.looks.curves import OPAQUE_DEPTH, Color, Curve, linear_in_extinction, merge_curves, without_hidden
 
+# The most points of a look.
 MAX_LOOK_POINTS = 2**16
-# A value, a colour, and an opacity in place of None.
+
+# A value, a colour, and an opacity.
 LookPoint = tuple[float, Color, float]
 
 
 @dataclass(frozen=True)
 class Look:
-    """Colours and opacities by value.
+    """A transfer function of another program: colours, and perhaps opacities, by value.
 
-    curve: (r, g, b, opacity) or (r, g, b) by value, at least one point; linear in between, opacities too.
-    is_share: values are shares of a range, 0 its lowest and 1 its highest value; else they are in data units.
-    span: what `range` in a scene replaces; None is from the first to the last value.
-    unit: the world length that opacities are for; None for about a voxel.
-    shading: what a scene's `shading` would say to be lit as in the file; empty where the file has no light.
-    left_out: clauses on what the file has and hsplat has not.
+    curve: (r, g, b, opacity) or (r, g, b) by value, at least one point; colours and opacities are linear in between.
+    is_share: whether values are shares of a range, from 0 at its lowest to 1 at its highest value; else data units.
+    span: the range that `range` in a scene replaces; None for the range from the first to the last value.
+    unit: the world length of the opacities; None for about a voxel.
+    shading: the keys of a scene's `shading` that give the light of the file; empty if the file has no light.
+    left_out: clauses on features of the file that hsplat lacks.
     """
 
     curve: Curve
@@ -36,11 +38,11 @@ class Look:
 
     @property
     def has_opacities(self) -> bool:
-        """Return whether its colours have opacities."""
+        """Return whether colours have opacities."""
         return len(self.curve[0][1]) == 4
 
 
-# The looks of a file with several, by name, each made when it is chosen.
+# Functions that make the looks of a file with several looks, by name.
 Looks = Mapping[str, Callable[[], Look]]
 
 
@@ -52,11 +54,11 @@ def place_look(
     shift: float,
     opacities: Sequence[tuple[float, float]] | None,
 ) -> list[LookPoint]:
-    """Return the points of a look in data units, by value, of which hsplat interpolates colours and extinctions.
+    """Return the points of a look in data units, sorted by value, for interpolating colours and extinctions.
 
-    span: the range in place of the look's own, then values are multiplied by `scale`, and `shift` is added.
-    opacities: (value, opacity) in data units in place of the look's own, linear in extinction; without any, of either,
-    opacities are 1. Values may be too large for a float.
+    span: the range that replaces the look's own. scale, shift: the factor on values, and the number that is added then.
+    opacities: pairs of value and opacity in data units, linear in extinction, that replace the look's own. If neither
+    has opacities, they are 1. Values that are too large for a float become infinite.
     """
     first, last = (0.0, 1.0) if look.is_share else look.span or (look.curve[0][0], look.curve[-1][0])
     low, high = span or (first, last)
@@ -73,7 +75,7 @@ def place_look(
         merged = merge_curves([(value, parts[:3]) for value, parts in curve], depths)
         curve = [(value, (*parts[:3], -math.expm1(-parts[3]))) for value, parts in merged]
     else:
-        # One more than is allowed is refused; without an end they may be millions.
+        # A point more than allowed is enough for the error; there might be millions of points.
         curve = list(islice(linear_in_extinction(curve), MAX_LOOK_POINTS + 1))
     return [(value, (r, g, b), opacity) for value, (r, g, b, opacity) in curve]
 

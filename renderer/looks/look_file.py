@@ -1,4 +1,4 @@
-"""Read text, numbers, curves, JSON and XML of a look's file, and make its errors."""
+"""Read text, numbers, curves, JSON and XML of a look's file, with errors that name the place."""
 
 from __future__ import annotations
 
@@ -19,31 +19,34 @@ from renderer.system import number_in
 
 T = TypeVar("T")
 
-# The largest files that programs come with, a hundred colormaps or thousands of labels, have 300 kB.
+# The most bytes of a file. The largest files that come with programs have 300 kB: a hundred colormaps, or thousands of
+# labels.
 MAX_LOOK_BYTES = 2**22
+# The most numbers of a list.
 _MAX_NUMBERS = 2**18
-
+# A comma at the end of a list in JSON, which some programs write.
 _TRAILING_COMMA = re.compile(r",(?=\s*[\]}])")
+# The names of JSON's types in messages.
 _KINDS: dict[type, str] = {dict: "an object", list: "a list", str: "text"}
 
 
 @dataclass(frozen=True)
 class LookFile:
-    """A file that may hold looks. kind: what it is read as, which its errors tell."""
+    """A file that may hold looks. kind: the description of its format, for errors."""
 
     path: Path
     content: bytes
     kind: str
 
     def error(self, what: str, at: object = None, *, got: object = None, **parts: str | None) -> InputError:
-        """Return an error in this file. at: the number of a line, or words for a place; parts: of InputError."""
+        """Return an error in this file. at: the number of a line, or words for a place. parts: fields of InputError."""
         where = str(self.path) if at is None else f"{self.path}:{at}" if isinstance(at, int) else f"{self.path}: {at}"
         shown = None if got is None else reprlib.repr(got)
         hint = f"it is read as {self.kind}"
         return InputError(what, where=where, got=shown, **{"hint": hint, **parts})
 
     def text(self) -> str:
-        """Return the text of a file in UTF-8."""
+        """Return the text of the file, which must be UTF-8."""
         try:
             return self.content.decode("utf-8-sig")
         except UnicodeDecodeError as error:
@@ -51,13 +54,13 @@ class LookFile:
             raise self.error("not a text file in UTF-8", line, got=byte) from error
 
     def lines(self) -> Iterator[tuple[int, str]]:
-        """Yield the number, from 1, and the text of each line that has more than a comment."""
+        """Yield the number, from 1 on, and the text of each line that is neither empty nor a comment."""
         for number, line in enumerate(self.text().splitlines(), start=1):
             if line.strip() and not line.lstrip().startswith("#"):
                 yield number, line.strip()
 
     def number(self, value: object, at: object, low: float = -math.inf, high: float = math.inf) -> float:
-        """Return a finite number from `low` to `high`, or the one that a text spells."""
+        """Return a finite number from `low` to `high`, given as a number or as text."""
         found = math.nan
         if isinstance(value, str):
             found = number_in(value.strip())
@@ -79,7 +82,10 @@ class LookFile:
         return [values[k : k + size] for k in range(0, len(values), size)]
 
     def curve(self, rows: Iterable[Sequence[Any]], num_parts: int, white: float = 1.0) -> list[CurvePoint]:
-        """Return a curve by value from rows of a place, a value, and `num_parts` numbers from 0 to `white`."""
+        """Return a curve sorted by value, with its numbers divided by `white`.
+
+        rows: for each point its place for messages, its value, and `num_parts` numbers from 0 to `white`.
+        """
         points = list[CurvePoint]()
         for at, value, *parts in rows:
             if len(parts) != num_parts:
@@ -92,14 +98,14 @@ class LookFile:
         return by_value(points)
 
     def member(self, tree: Any, key: str, kind: type[T], at: str) -> T:
-        """Return what an object of JSON has at a key."""
+        """Return the value of a key in an object of JSON; raises InputError unless it has the type `kind`."""
         found = tree.get(key) if isinstance(tree, dict) else None
         if isinstance(found, kind):
             return found
         raise self.error(f"no {key}", at, got=found, expected=f"{key} with {_KINDS[kind]}")
 
     def json(self) -> Any:
-        """Return the data of a JSON file, in which a list may end with a comma."""
+        """Return the data of a JSON file, whose lists may end with a comma."""
         try:
             return json.loads(_TRAILING_COMMA.sub("", self.text()), parse_constant=float)
         except (ValueError, RecursionError) as error:
@@ -107,7 +113,7 @@ class LookFile:
             raise self.error(f"not valid JSON: {message}", line) from error
 
     def xml(self) -> ElementTree.Element:
-        """Return the root of an XML file without declarations of its own, which may ask for endless memory."""
+        """Return the root of an XML file; raises InputError for a document type, which may ask for endless memory."""
         text = self.text()
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
             raise self.error("has a document type", hint="it needs neither DOCTYPE nor ENTITY")

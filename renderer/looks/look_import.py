@@ -1,4 +1,4 @@
-"""Choose the importer of a file, and the look in it that is asked for; read presets."""
+"""Choose the importer of a file, and the look that the scene names in it; read presets."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def _labels_look(read: LabelReader, file: LookFile) -> Look:
     return labels_look(labels)
 
 
-# The end of a file's name, what tells by its content, what such a file is, for its errors, and its importer. The
-# first that fits reads the file.
+# The importers, each with the suffix of its files, the test of their content, their description for errors, and its
+# function. The first that fits reads the file.
 _IMPORTERS: tuple[tuple[str, Sign, str, Importer], ...] = (
     (".json", re.compile(rb'"volumeProperties"').search, "a volume property of 3D Slicer", slicer.read_json),
     (
@@ -45,11 +45,12 @@ _IMPORTERS: tuple[tuple[str, Sign, str, Importer], ...] = (
     *((suffix, sign, kind, partial(_labels_look, labels)) for suffix, sign, kind, labels in LABEL_FORMATS),
     (".lut", any_content, "a look-up table of ImageJ: 768 bytes, or rows of red, green and blue", imagej.read),
 )
+# The most names of looks that an error lists.
 _MAX_LISTED = 12
 
 
 def read_look(path: Path, content: bytes, name: str | None) -> Look:
-    """Return the look of a file with this content. name: of one of several in it.
+    """Return the look of a file. name: the name of the look, for a file with several.
 
     Raises InputError with the place in the file, LookNameError for a name that is unknown or missing.
     """
@@ -83,11 +84,11 @@ def _choose(found: Look | Looks, name: str | None, where: str) -> Look:
 
 
 class LookNameError(InputError):
-    """A name that a file lacks, or one that is needed."""
+    """An error about a look's name that a file lacks, or about a missing name for a file with several looks."""
 
 
 def read_preset(name: str) -> Look:
-    """Return a preset of our own. Raises LookNameError for an unknown name."""
+    """Return one of hsplat's own presets. Raises LookNameError for an unknown name."""
     import yaml
 
     presets = yaml.safe_load(Path(__file__).with_name("presets.yaml").read_text("utf-8"))

@@ -1,6 +1,6 @@
-"""Colour look-up tables of MRIcroGL, .clut: INI text with nodes at intensities from 0 to 255, and their range.
+"""Import colour look-up tables of MRIcroGL, .clut: INI text with nodes at intensities from 0 to 255, and their range.
 
-Opacities are for a voxel along the ray.
+Opacities are for a length of a voxel along the ray.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from renderer.looks.look_file import LookFile
 
 
 def read(file: LookFile) -> Look:
-    """Return the table in a file. Its keys are all different, so that sections do not matter."""
+    """Return the table in a file. All keys are different, so that sections can be ignored."""
     pairs = (text.lower().partition("=") for _, text in file.lines())
     values = {key.strip(): value for key, _, value in pairs}
 

@@ -1,6 +1,6 @@
-"""Colormaps of niivue, JSON: lists R, G, B, A at the intensities I, from 0 to 255, and their range.
+"""Import colormaps of niivue, JSON: lists R, G, B, A at the intensities I, from 0 to 255, and their range.
 
-Opacities are for a voxel along the ray.
+Opacities are for a length of a voxel along the ray.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ from renderer.looks.label_tables import make_labels
 from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
-# The alpha of labels, and of other colours, in a file without any; the first one is 0.
-_LABEL_ALPHA, _ALPHA = 255, 64
+# The alpha of labels in a file without alpha. The first label has 0.
+_LABEL_ALPHA = 255
+# The alpha of other colours in a file without alpha. The first colour has 0.
+_ALPHA = 64
 
 
 def read(file: LookFile) -> Look:

@@ -1,7 +1,7 @@
-"""Colormaps and presets of ParaView: a JSON list, each with a name.
+"""Import colormaps and presets of ParaView: a JSON list of objects with names.
 
-Values are stretched over the data when a preset is chosen, so that those from 0 or -1 to 1 are taken as shares. Few
-presets have opacities; they are for ParaView's unit distance, about a voxel, and linear between points.
+ParaView stretches a preset over the data, so values from 0 or -1 to 1 are read as shares of the range. Few presets have
+opacities; they are for ParaView's unit distance, about a voxel, and linear between points.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from renderer.looks.curves import merge_curves
 from renderer.looks.look import MAX_LOOK_POINTS, Look, Looks
 from renderer.looks.look_file import LookFile
 
-_INDEX_NOTE = "which value each colour is for: label 0 has the first, label 1 the second"
+_INDEX_NOTE = "the value of each colour: label 0 has the first, label 1 the second"
 
 
 def read(file: LookFile) -> Looks:
@@ -24,7 +24,7 @@ def read(file: LookFile) -> Looks:
     presets = [preset for preset in (tree if isinstance(tree, list) else [tree]) if isinstance(preset, dict)]
     if not any("RGBPoints" in preset or "IndexedColors" in preset for preset in presets):
         raise file.error("no colormaps", expected="a list of objects with Name and RGBPoints")
-    # The first of several with a name is the one that ParaView shows.
+    # Of several presets with one name, ParaView shows the first.
     return {str(preset.get("Name", "")): partial(_look, file, preset) for preset in reversed(presets)}
 
 
@@ -39,7 +39,7 @@ def _look(file: LookFile, preset: dict[str, Any]) -> Look:
     space = str(preset.get("ColorSpace", "RGB"))
     if space.lower() not in COLOR_SPACES:
         notes.append(f"interpolation in the colour space {space[:20]}")
-    # One more than is allowed is refused; without an end they may take minutes.
+    # A point more than allowed is enough for the error; all points might take minutes.
     curve = list(islice(in_color_space(points, space.lower()), MAX_LOOK_POINTS + 1))
     if preset.get("Points"):
         opacities = file.groups(preset["Points"], f"{at}: Points", 4)

@@ -1,6 +1,6 @@
-"""Volume properties of 3D Slicer: presets in XML, the older text of a .vp file, and the newer .vp.json.
+"""Import volume properties of 3D Slicer: presets in XML, the older text of a .vp file, and the newer .vp.json.
 
-VTK draws them: opacities are for a world unit, `ScalarOpacityUnitDistance`, and linear between points.
+VTK draws them: opacities are for a length in the world, `ScalarOpacityUnitDistance`, and linear between points.
 """
 
 from __future__ import annotations
@@ -13,14 +13,18 @@ from renderer.looks.curves import merge_curves
 from renderer.looks.look import Look, Looks
 from renderer.looks.look_file import LookFile
 
-# A place, a value, and a colour or an opacity.
+# The points of a function: for each its place for messages, its value, and a colour or an opacity.
 _Rows = list[tuple[Any, ...]]
 
+# VTK's default of ScalarOpacityUnitDistance.
 _UNIT = 1.0
-# What VTK takes where a file says nothing.
+# VTK's defaults of the light.
 _LIGHT = {"ambient": 0.1, "diffuse": 0.7, "specular": 0.2, "specularPower": 10.0}
-# Highlights of VTK are Phong's, hsplat's Blinn's, of which narrow ones are as wide with four times the shininess.
-_BLINN_PER_PHONG, _MAX_SHININESS = 4.0, 1000.0
+# The factor from Phong's shininess in VTK to Blinn's in hsplat, for narrow highlights of the same width.
+_BLINN_PER_PHONG = 4.0
+# The largest shininess of a scene.
+_MAX_SHININESS = 1000.0
+# The lines of a .vp file.
 _LINES = ("interpolation", "shade", "diffuse", "ambient", "specular", "specularPower",
           "scalarOpacity", "gradientOpacity", "colorTransfer")  # fmt: skip
 _GRADIENT_NOTE = "opacities by the gradient (shading.gradient_opacity has factors on extinctions)"
@@ -35,7 +39,7 @@ def read_xml(file: LookFile) -> Looks:
 
 
 def read_text(file: LookFile) -> Look:
-    """Return the volume property in nine lines, of which some may be empty."""
+    """Return the volume property in a file of nine lines; some lines may be empty."""
     lines = file.text().splitlines()
     if len(lines) < len(_LINES):
         raise file.error("too few lines", got=f"{len(lines)} lines", expected=f"{len(_LINES)}: {', '.join(_LINES)}")
@@ -43,7 +47,7 @@ def read_text(file: LookFile) -> Look:
 
 
 def _from_texts(file: LookFile, texts: Mapping[str, str]) -> Look:
-    """Return the look of attributes: functions are the number of all numbers, and then the numbers."""
+    """Return the look in attributes; the text of a function is the count of its numbers, and then the numbers."""
 
     def rows(key: str, size: int) -> _Rows:
         at = f"{texts.get('name', '')} {key}".strip()
@@ -60,7 +64,10 @@ def _from_texts(file: LookFile, texts: Mapping[str, str]) -> Look:
 
 
 def read_json(file: LookFile) -> Look:
-    """Return the first volume property of a .vp.json file, of which the first component counts, as in 3D Slicer."""
+    """Return the first volume property of a .vp.json file, with the functions of its first component.
+
+    3D Slicer also uses the first ones.
+    """
     properties = file.member(file.json(), "volumeProperties", list, "the file")
     components = file.member((properties or [None])[0], "components", list, "volumeProperties")
     component, notes = (components or [None])[0], list[str]()
@@ -87,7 +94,10 @@ def read_json(file: LookFile) -> Look:
 def _look(
     file: LookFile, functions: Sequence[_Rows], light: Any, unit: float = _UNIT, left_out: Sequence[str] = ()
 ) -> Look:
-    """Return the look of colours, opacities, and opacities by the gradient. light: None without one."""
+    """Return a look.
+
+    functions: colours, opacities, and opacities by the gradient. light: the parameters of the light, or None.
+    """
     colors, opacities, gradient = functions
     shading: dict[str, Any] = {}
     if light is not None:

@@ -1,6 +1,6 @@
-"""Transfer functions of Voreen, .tfi: XML with keys by intensity, a share of a domain.
+"""Import transfer functions of Voreen, .tfi: XML with keys at intensities, which are shares of a domain.
 
-Opacities are for 1/200 of the volume's width, and linear between keys.
+Opacities are for a length of 1/200 of the volume's width, and linear between keys.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from renderer.looks.look import Look
 from renderer.looks.look_file import LookFile
 
 _UNIT_NOTE = "the unit of opacities, 1/200 of the volume's width: without a unit in the scene they are for a voxel"
-# Elements, their attributes, and the values that change nothing; `lower` and `upper` are thresholds of older files.
+# Elements that are left out: the name, the attributes, their neutral values, and the words for the note. `lower` and
+# `upper` are thresholds of older files.
 _LEFT_OUT = (
     ("threshold", "xy", [0.0, 1.0], "its threshold"),
     ("lower", ["value"], [0.0], "its lower threshold"),
@@ -37,6 +38,6 @@ def read(file: LookFile) -> Look:
 
 
 def _numbers(file: LookFile, root: Element, tag: str, names: str | list[str]) -> list[float] | None:
-    """Return the numbers in some attributes of a child, None if there is none."""
+    """Return the numbers in attributes of a child element; None without such a child."""
     found = root.find(tag)
     return None if found is None else [file.number(found.get(name), f"<{tag}>") for name in names]

@@ -4,33 +4,75 @@ In: a `VolumeSpec`. Out: `Volume`, one step in time or between two, cropped and 
 the format has them.
 Sizes are checked before memory is taken, and all compressed voxels with a checksum are compared with it.
 
-- `volume_reading.py` chooses the reader, crops and checks; `recent_images.py` keeps steps of DICOM; `nodata.py`: which
-  voxels have no data; `sniff.py` finds formats and volumes in folders; `foreign.py` names files that are not read, by
-  `foreign.tsv`; `headerless.py`: what the name of a file without a header tells of its voxels; `common.py`: the checks
-  that hold for all formats; `voxel_colors.py` joins the components of colours, and `segments.py` segments that overlap.
+- `volume_reading.py`: the choice of a reader, cropping and checks
+- `sniff.py`: the format of a file, and the volumes in a folder
+- `foreign.py`: errors for known formats that are not read, by `foreign.tsv`
+- `headerless.py`: the shape and type in the name of a file without a header
+- `image.py`: the image that every reader returns
+- `components.py`: the choice of a step in time and a component, and which components are light or colours
+- `affines.py`: the places of voxels in the world
+- `voxel_limits.py`: checks of sizes and types
+- `scaled_values.py`: values of stored numbers
+- `file_errors.py`: errors for files that cannot be read
+- `statements.py`: tables of the fields that change how voxels are understood, and the note on unapplied ones
+- `nodata.py`: the search for voxels without data
+- `units.py`: the units of lengths and values, and the axes of the world
+- `steps_in_time.py`: the number and the times of steps
+- `recent_images.py`: a cache of the steps of DICOM
+- `voxel_colors.py`: components joined into colours
+- `segments.py`: overlapping segments joined into labels, and the segments of 3D Slicer
+- `procedural.py`: volumes from formulas
+
+Formats that are parsed in Python:
+
 - `nrrd.py`, `metaimage.py`, `nifti.py` (nibabel), `mgh.py`, `mrc.py`, `numpy_arrays.py` (.npy, .npz, raw), `cube.py`:
-  parsed in Python; `text_header.py` and `data_files.py`: fields and files of text headers; `stored.py` reads and
-  decompresses voxels.
-- `isolation.py`: a child process with limits for `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM), `vtk_image.py`,
-  `hdf5.py` (h5py) and `pictures.py` (Pillow); `slice_names.py`: the order of slices in separate files;
-  `orientation.py`: pictures that are turned.
-- `tiff_description.py`: axes by ImageJ, OME, tifffile and Zeiss; `tiff_spacing.py`: lengths by them or the resolution;
-  `tiff_channels.py`: colours, names and windows of channels; `tiff_imagej.py`: calibrated values and the origin;
-  `tiff_statements.py` and `tiff_ome.py`: what else fields of a page, and OME, state.
-- `vtk_arrays.py`: components, and masks of what is hidden; `vtk_text.py` checks the XML of an image.
-- `hdf5_image.py`: an image as a convention of HDF5 describes it, a file for each: `hdf5_cf.py` (netCDF, ilastik, any
-  dataset), `hdf5_nexus.py`, `hdf5_emd.py`, `hdf5_imaris.py`, `hdf5_bdv.py`; `hdf5_values.py`: what stored numbers mean;
-  `hdf5_objects.py`: groups, datasets and attributes.
-- `dicom_folder.py`: the files of one series, and strays; `dicom_tags.py`: fields that a search needs; `dicom_kinds.py`:
-  runs, tiles and files without pixels; `dicom_frames.py`: the frames of one file, by its fields, `dicom_fields.py` and
-  `dicom_orientation.py`; `dicom_values.py` and `dicom_pixels.py`: their values; `dicom_mosaic.py`: slices side by side
-  in one image; `dicom_places.py`: where frames lie; `dicom_dimensions.py`: times and components among those at one
-  place; `dicom_segments.py`: labels; `dicom_statements.py`: what else files state.
-- `steps_in_time.py`: how many steps there are in time, and when; `tiff_times.py`: by ImageJ and OME.
-- `statements.py`: tables of the fields that change how voxels are understood, and the note on those that are not
-  applied.
-- `units.py`: of lengths and values, and what the axes of the world point to.
-- `procedural.py`: volumes from formulas.
+  a file for each format
+- `text_header.py`, `data_files.py`: the fields of text headers, and the data files that they name
+- `stored.py`: voxels, plain or compressed
+
+Formats that a library parses, in a child process:
+
+- `isolation.py`: the child process with its limits
+- `tiff.py` (tifffile), `dicom.py` (pydicom, GDCM), `vtk_image.py` (VTK), `hdf5.py` (h5py), `pictures.py` (Pillow): a
+  file for each format
+- `slice_names.py`: the order of slices in separate files
+- `orientation.py`: turned and mirrored pictures
+
+TIFF:
+
+- `tiff_description.py`: axes by ImageJ, OME, tifffile and Zeiss
+- `tiff_spacing.py`: the lengths of voxels, by a description or the resolution
+- `tiff_channels.py`: the colours, names and windows of channels
+- `tiff_times.py`: the times of steps, by ImageJ and OME
+- `tiff_imagej.py`: ImageJ's calibration of values and its origin
+- `tiff_statements.py`, `tiff_ome.py`: other fields of a page, and of OME
+
+VTK:
+
+- `vtk_arrays.py`: components, and masks of hidden points and cells
+- `vtk_text.py`: checks of the XML
+
+HDF5:
+
+- `hdf5_image.py`: the description of an image, which each convention returns
+- `hdf5_cf.py` (netCDF, ilastik, any dataset), `hdf5_nexus.py`, `hdf5_emd.py`, `hdf5_imaris.py`, `hdf5_bdv.py`: a file
+  for each convention
+- `hdf5_values.py`: the meaning of stored numbers
+- `hdf5_objects.py`: groups, datasets and attributes
+
+DICOM:
+
+- `dicom_folder.py`: the files of one series, and the files that are left out
+- `dicom_tags.py`: the fields that a search needs, without a library
+- `dicom_kinds.py`: runs, tiles, and files without pixels
+- `dicom_frames.py`: the frames of one file
+- `dicom_fields.py`, `dicom_orientation.py`: the fields of a frame, and its directions
+- `dicom_values.py`, `dicom_pixels.py`: the scale of stored values, and decoded pixels
+- `dicom_mosaic.py`: slices side by side in one image
+- `dicom_places.py`: the places of frames
+- `dicom_dimensions.py`: times and components among frames at one place
+- `dicom_segments.py`: segments as labels
+- `dicom_statements.py`: the fields that change how voxels are understood
 """
 
 import lazy_loader

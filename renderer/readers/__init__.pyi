@@ -1,4 +1,4 @@
-from .common import are_colors as are_colors
+from .components import are_colors as are_colors
 from .sniff import (
     TIFF_SUFFIXES as TIFF_SUFFIXES,
     UnknownFormatError as UnknownFormatError,
@@ -12,6 +12,7 @@ from .sniff import (
 )
 from .steps_in_time import some_steps as some_steps
 from .volume_reading import (
+    ReadVolume as ReadVolume,
     header_and_voxel_files as header_and_voxel_files,
     mix_steps as mix_steps,
     read_volume as read_volume,
@@ -19,12 +20,10 @@ from .volume_reading import (
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .common import (
-    Image as Image,
-    check_lengths as check_lengths,
-    errors_about as errors_about,
-)
+from .affines import check_lengths as check_lengths
 from .dicom_tags import summarize as summarize
+from .file_errors import errors_about as errors_about
+from .image import Image as Image
 from .isolation import call_reader as call_reader, read_isolated as read_isolated
 from .nrrd import read_nrrd as read_nrrd
 from .procedural import procedural_values as procedural_values

@@ -1,7 +1,7 @@
-"""Read Gaussian cube files (.cube): a text of a header, atoms, and values on a grid, x slowest.
+"""Read Gaussian cube files (.cube): text files with a header, a list of atoms, and values on a grid, x slowest.
 
 Format: https://gaussian.com/cubegen/. Lengths stay in the unit of the file: bohr, or angstrom if the numbers of voxels
-are negative. A negative number of atoms announces a line with the numbers of several orbitals, which are components.
+are negative. A negative number of atoms announces a line that numbers several orbitals; each orbital is a component.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ from typing import IO
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import MAX_LISTED, Image, affine, choose
+from renderer.readers.affines import affine
+from renderer.readers.components import MAX_LISTED, choose
+from renderer.readers.image import Image
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field
@@ -33,8 +35,10 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# No molecule has as many atoms.
+# The most lines of a header: more than any molecule has atoms.
 _MAX_LINES = 2**17
+
+# The most bytes of a line of the header.
 _MAX_LINE_BYTES = 4096
 
 
@@ -45,7 +49,7 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
     """
     with path.open("rb") as file:
         lines = _lines(file, path)
-        next(lines), next(lines)  # comments
+        next(lines), next(lines)  # the two comments at the top
         first = next(lines)
         names = list[str]()
         num_atoms, *origin = first.numbers(4 + (len(first.text.split()) == 5))
@@ -71,7 +75,7 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
 
 
 def _orbitals(lines: Iterator[Field]) -> tuple[int, list[str]]:
-    """Return the number of orbitals, and their names, of which there are no more than are listed."""
+    """Return the number of orbitals, and their names, at least those of the first MAX_LISTED."""
     first = next(lines)
     count = int(first.numbers(len(first.text.split()))[0])
     names, words = list[str](), first.text.split()[1:]

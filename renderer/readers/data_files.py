@@ -8,29 +8,30 @@ import re
 from pathlib import Path
 
 from renderer.errors import InputError
-from renderer.readers.common import describe_count, describe_shape, require_exists
+from renderer.readers.file_errors import require_exists
 from renderer.readers.foreign import refuse_pointer
+from renderer.readers.voxel_limits import describe_count, describe_shape
 from renderer.scene import short_text
 
-# Numbered data files: `slice%03d.raw 1 60 1`, first, last and step, of which MetaImage may leave out some. No other
-# conversion is accepted.
+# A pattern of numbered data files with first number, last number and step, such as `slice%03d.raw 1 60 1`. MetaImage
+# may leave out some of the numbers. Only the conversion `%d`, with or without a width, is accepted.
 _NUMBERED = re.compile(
     r"([^%]*)%(0?[0-9]?)d([^%]*?)"
     r"(?:\s{1,9}([0-9]{1,9})(?:\s{1,9}([0-9]{1,9})(?:\s{1,9}(-?[1-9][0-9]{0,8})(?:\s{1,9}([0-9]{1,2}))?)?)?)?"
 )
-# What both forms may end with is the number of axes in each file.
+# A list of data files. Like a pattern, it may end with the number of axes in each file.
 _LIST = re.compile(r"LIST(?:\s+([0-9]{1,2})D?)?", re.IGNORECASE)
 
-# No volume has more slices; a short pattern or a list of one name could stand for any number of files.
+# The most data files of a header: more than any volume has slices. A short pattern can ask for any number of files.
 _MAX_FILES = 2**16
 
 
 def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int, ...]) -> tuple[list[Path], int]:
-    """Return the data files in order, and the number of slowest axes that they divide: 0 for one file.
+    """Return the data files in order, and the number of slowest axes that are divided into files: 0 for one file.
 
     name: one file, `LIST`, or a pattern. listed: the lines below the header. shape: of the whole array, from the
-        slowest axis to the fastest. Files that have all axes are slabs: each has as many steps along the slowest axis.
-        Raises InputError for files that are missing, too few or too many, and for names of another form.
+        slowest axis to the fastest. Files that have all axes are slabs: all have equally many steps along the slowest
+        axis. Raises InputError for files that are missing, too few or too many, and for names of another form.
     """
     name = unquoted(header, name)
     numbered, is_list = _NUMBERED.fullmatch(name), _LIST.fullmatch(name)
@@ -77,14 +78,14 @@ def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int
 
 
 def unquoted(header: Path, name: str) -> str:
-    """Return what a header names without the quotes around it, unless a file is called so, quotes included."""
+    """Return a file name of a header without the quotes around it, unless a file has the name with its quotes."""
     inside, mark = name[1:-1], name[:1]
     is_quoted = mark in ("'", '"') and name.endswith(mark) and inside != "" and mark not in inside
     return inside if is_quoted and not named_file(header, name).is_file() else name
 
 
 def named_file(header: Path, name: str) -> Path:
-    """Return the path of a file that a header names: beside it, or beside the file that the header is a link to."""
+    """Return the path of a data file: beside its header, or, where the header is a link, beside the link's target."""
     beside = header.parent / name
     target = Path(os.path.realpath(header)).parent / name
     return target if header.is_symlink() and target.is_file() and not beside.is_file() else beside

@@ -2,8 +2,8 @@
 
 pydicom parses, in a child process (`isolation.py`); it decodes plain and run-length pixels, and others with GDCM. The
 third axis of the volume is the step from frame to frame, not their normal: a tilted gantry gives a sheared volume.
-Values are those after each frame's scale, whatever is light and what is dark. Of frames at one place, which times or
-components tell apart, one is chosen; of segments all are labels of one volume.
+Each frame's scale is applied to its values; whether high values are shown light or dark is ignored. Frames at one place
+are times or components, of which one is read. All segments of a segmentation become labels of one volume.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Chosen, Image, affine, choose
+from renderer.readers.affines import affine
+from renderer.readers.components import Chosen, choose
 from renderer.readers.dicom_dimensions import Sorted, sort_frames, times_of
 from renderer.readers.dicom_folder import describe_left_out, find_series, one_of_a_series
 from renderer.readers.dicom_frames import Frame, frames_of
@@ -30,6 +31,7 @@ from renderer.readers.dicom_segments import (
     segments_of,
 )
 from renderer.readers.dicom_statements import note_on
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.volume import Array, Label
 
@@ -37,8 +39,10 @@ Ranges = tuple[tuple[float, float], ...]
 
 
 class _Voxels(NamedTuple):
-    """Voxels [z, y, x] of some frames. nodata: ranges of values that stand for no data. note: on how they were made;
-    None stands for none."""
+    """The voxels [z, y, x] of a stack of frames.
+
+    nodata: ranges of values that stand for no data. note: a remark on how the voxels were made, or None.
+    """
 
     frames: list[Frame]
     values: Array
@@ -48,11 +52,11 @@ class _Voxels(NamedTuple):
 
 
 def read_dicom(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
-    """Read the only series in a folder, or one file; frames in ascending order along their normal.
+    """Read the only series in a folder, or one file, with its frames in ascending order along their normal.
 
     has_spacing_override: the scene gives the spacing, so that lengths in the files are not checked. Raises InputError
-        for no series or several, and for frames that differ in size or orientation, are missing or unevenly spaced, do
-        not say where they are, or are at one place and nothing tells them apart.
+        for no series or several, and for frames that differ in size or orientation, are missing or unevenly spaced,
+        have no position, or share a place without a field in which they differ.
     """
     files, left_out = find_series(path) if path.is_dir() else ([path], {})
     stored = [frame for file in files for frame in frames_of(file, has_spacing_override=has_spacing_override)]
@@ -65,7 +69,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     try:
         found = sort_frames(frames)
     except InputError:
-        check_alike(frames)  # if they are not, they are at one place by chance
+        check_alike(frames)  # the better message: frames of different stacks may share a place by chance
         raise
     segments = segments_of(frames[0].file)
     chosen, voxels = _read_chosen(found, segments, time, component, host)
@@ -100,7 +104,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
 def _read_chosen(
     found: Sorted, segments: Segments | None, time: int | None, component: int | None, host: Host
 ) -> tuple[Chosen, _Voxels]:
-    """Return the choice of a time and a component, and its voxels; of whole segments, all unless one is chosen."""
+    """Return the chosen time and component, and their voxels; all segments together, unless the scene chooses one."""
     volumes, first = found.volumes, found.volumes[0][0][0]
     num_samples = first.num_samples
     every = [frame for volume in volumes[0] for frame in volume]
@@ -128,9 +132,9 @@ def _read_chosen(
 
 
 def _read_values(frames: list[Frame], channel: int, host: Host) -> _Voxels:
-    """Return the values of frames, and the range of those that stand for no data.
+    """Return the values of frames, and the ranges of values that stand for no data.
 
-    Where frames differ in that range, or a table gives it other values, such values are NaN instead.
+    Where frames have different ranges, or a table maps a range to other values, absent voxels are NaN instead.
     """
     filled = [frame for frame in frames if frame.number is not None]
     ranges = dict.fromkeys(frame.scale.nodata for frame in filled)
@@ -140,7 +144,7 @@ def _read_values(frames: list[Frame], channel: int, host: Host) -> _Voxels:
     values = allocate_voxels(host, (len(frames), *frames[0].size[::-1]), dtype)
     by_file: dict[Path, dict[int, list[tuple[Array, Frame]]]] = {}
     for target, frame in zip(values, frames, strict=True):
-        if frame.number is not None:  # a mosaic has several slices in one
+        if frame.number is not None:  # several slices of a mosaic are parts of one stored frame
             by_file.setdefault(frame.file, {}).setdefault(frame.number, []).append((target, frame))
     for file in sorted(by_file):
         host.begin_file(file)

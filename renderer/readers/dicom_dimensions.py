@@ -1,9 +1,9 @@
-"""Sort frames by their place, and those at one place by what tells them apart: times, echoes, stacks, segments.
+"""Sort frames into volumes: by their places, and frames at one place by time, echo, stack or segment.
 
-Places decide first: frames at different even places are one volume, whatever their fields say. What tells frames at one
-place apart is the first field of a table (`dicom_fields.py`) that parts the frames of every place alike. More fields
-may part them further; all of times count as one axis, and all others as another. Where some places have fewer frames
-than others, the last volume, or place, was not finished: it is left out.
+Places decide first: frames at evenly spaced places are one volume, whatever their fields say. Frames at one place are
+distinguished by the first field of a table (`dicom_fields.py`) that divides the frames of every place alike. More
+fields may divide them further: all fields of time count as one axis, and all other fields as another. Where some places
+have fewer frames than others, the last volume, or the last place, was not finished: it is left out.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from renderer.readers.dicom_places import are_one_volume, by_place, distances
 from renderer.readers.steps_in_time import TimeSteps, steps_at
 from renderer.scene import counted
 
-# Of a time or a component: one for each dimension that tells them apart.
+# The index of a time or a component: one number for each dimension that distinguishes them.
 Index = tuple[int, ...]
 
-# Volumes by the indices of their time and component.
+# Volumes, each under the indices of its time and of its component.
 _Volumes = dict[tuple[Index, Index], list[Frame]]
 
-# A segmentation may leave out this many empty slices for each one that it has.
+# The most empty slices that are added to a segmentation, as a multiple of the slices that it stores.
 _MAX_EMPTY = 64
 
 
 class Sorted(NamedTuple):
     """Frames as `volumes[time][component]`, each in ascending order along its normal.
 
-    by_axis: the names of what tells times apart, under `t`, and components, under `c`. note: on frames that are left
-    out; None if none are.
+    by_axis: the names of the dimensions that distinguish times, under `t`, and components, under `c`. note: a remark on
+    frames that are left out, or None.
     """
 
     volumes: list[list[list[Frame]]]
@@ -45,7 +45,7 @@ class Sorted(NamedTuple):
 
 
 def sort_frames(frames: Sequence[Frame]) -> Sorted:
-    """Sort frames; raises InputError if nothing tells frames at one place apart."""
+    """Sort frames into volumes; raises InputError if no field distinguishes frames at one place."""
     part = SEGMENT if any(SEGMENT in frame.marks for frame in frames) else STACK
     parts = _parted(frames, part)
     if part is STACK and len(parts) > 1 and are_one_volume(frames):
@@ -57,7 +57,7 @@ def sort_frames(frames: Sequence[Frame]) -> Sorted:
         volumes |= {(time, (k, *component)): volume for (time, component), volume in found.items()}
         notes += [note] if note else []
     times, components = (sorted(set(indices)) for indices in zip(*volumes, strict=True))
-    if len(volumes) < len(times) * len(components):  # then times of each part are components, too
+    if len(volumes) < len(times) * len(components):  # parts differ in their times: times become components, too
         volumes = {((), (*component, *time)): volume for (time, component), volume in volumes.items()}
         times, components = [()], sorted(component for _, component in volumes)
     told_apart = [part] * (len(parts) > 1) + told_apart
@@ -68,7 +68,7 @@ def sort_frames(frames: Sequence[Frame]) -> Sorted:
 
 
 def times_of(volumes: Sequence[Sequence[Sequence[Frame]]]) -> TimeSteps:
-    """Return the steps in time of `volumes[time][component]`, by the first field that tells the time of each."""
+    """Return the steps in time of `volumes[time][component]`, by the first field that has the time of all of them."""
     count = len(volumes)
     for keyword, (unit, is_clock) in CLOCKS.items():
         own = ([frame.times[keyword] for frame in volume[0] if keyword in frame.times] for volume in volumes)
@@ -80,7 +80,7 @@ def times_of(volumes: Sequence[Sequence[Sequence[Frame]]]) -> TimeSteps:
 
 
 def _sort_part(frames: Sequence[Frame]) -> tuple[_Volumes, list[Dimension], str | None]:
-    """Return volumes, the dimensions that their indices count, and a note on frames that are left out."""
+    """Return volumes, the dimensions of their indices, and a note on frames that are left out."""
     groups = by_place(frames)
     found = _told_apart(groups)
     if found is not None:
@@ -101,13 +101,16 @@ def _sort_part(frames: Sequence[Frame]) -> tuple[_Volumes, list[Dimension], str 
 
 
 def _told_apart(groups: list[list[Frame]]) -> tuple[_Volumes, list[Dimension]] | None:
-    """Return volumes of frames by their places, and the dimensions that tell those at one place apart; None if none
-    do."""
+    """Return volumes of one frame from each place, and the dimensions that distinguish frames at one place.
+
+    groups: the frames at each place. Returns None if no dimensions distinguish all frames of a place.
+    """
     cells = groups
     shape: list[int] = []
     found: list[Dimension] = []
     for dimension in _dimensions_of(groups):
-        if len(cells[0]) == 1 or (dimension.is_order and len(groups) == 1):  # without positions slices are no times
+        # Frames without positions share one place; their order does not make them times.
+        if len(cells[0]) == 1 or (dimension.is_order and len(groups) == 1):
             continue
         parted = [_parted(cell, dimension) for cell in cells]
         if len(parted[0]) > 1 and len({(len(cell), len(item)) for cell in parted for item in cell}) == 1:
@@ -124,12 +127,12 @@ def _told_apart(groups: list[list[Frame]]) -> tuple[_Volumes, list[Dimension]] |
 
 
 def _dimensions_of(groups: Sequence[Sequence[Frame]]) -> list[Dimension]:
-    """Return the dimensions that frames have, in the order in which they are tried."""
+    """Return the dimensions of frames, in the order in which they are tried."""
     return list(dict.fromkeys(each for group in groups for frame in group for each in frame.marks))
 
 
 def _without_unfinished(groups: list[list[Frame]]) -> Iterator[tuple[list[Frame], str]]:
-    """Yield frames without volumes, or a last place, that lack some, and a note on these."""
+    """Yield the frames that remain without an incomplete volume, or last place, and a note on the frames left out."""
     if len(groups) < 2 or len({len(group) for group in groups}) == 1:
         return
     place_of = {id(frame): place for place, group in enumerate(groups) for frame in group}
@@ -150,7 +153,7 @@ def _without_unfinished(groups: list[list[Frame]]) -> Iterator[tuple[list[Frame]
 
 
 def _come_last(frames: Sequence[Frame], others: Sequence[Frame], dimension: Dimension) -> bool:
-    """Return whether frames come after others in an order."""
+    """Return whether all frames come after all others along a dimension that is an order."""
     if not dimension.is_order:
         return False
     marks, before = ([each.marks.get(dimension, ([], "")) for each in own] for own in (frames, others))
@@ -158,7 +161,7 @@ def _come_last(frames: Sequence[Frame], others: Sequence[Frame], dimension: Dime
 
 
 def _whole_parts(parts: Sequence[list[Frame]], place_of: dict[int, int], num_places: int) -> list[Frame]:
-    """Return the frames of the parts that have as many at each place as the largest; none if others are no smaller."""
+    """Return the frames of the largest parts; none if a part of that size has unequally many frames at each place."""
     most = max(map(len, parts))
     nums = [Counter(place_of[id(frame)] for frame in part) for part in parts]
     largest = [(part, num) for part, num in zip(parts, nums, strict=True) if len(part) == most]
@@ -168,7 +171,10 @@ def _whole_parts(parts: Sequence[list[Frame]], place_of: dict[int, int], num_pla
 
 
 def _whole_beginning(parts: Sequence[list[Frame]], place_of: dict[int, int], num_places: int) -> list[Frame]:
-    """Return the frames up to the last one with which all places have as many. parts: of one frame each, in order."""
+    """Return the longest beginning of the frames in which all places have equally many.
+
+    parts: one frame each, in order.
+    """
     nums, num_whole = [0] * num_places, 0
     for k, (frame,) in enumerate(parts):
         nums[place_of[id(frame)]] += 1
@@ -178,7 +184,7 @@ def _whole_beginning(parts: Sequence[list[Frame]], place_of: dict[int, int], num
 
 
 def _parted(frames: Sequence[Frame], dimension: Dimension) -> list[list[Frame]]:
-    """Return frames by what each has of a dimension, in its order."""
+    """Return frames grouped by their mark of a dimension, in the order of the marks."""
     parts: dict[str, list[Frame]] = defaultdict(list)
     for frame in frames:
         parts[str(frame.marks.get(dimension))].append(frame)
@@ -186,9 +192,9 @@ def _parted(frames: Sequence[Frame], dimension: Dimension) -> list[list[Frame]]:
 
 
 def _with_empty(frames: list[Frame], everything: Sequence[Frame]) -> list[Frame]:
-    """Return the frames of a segment, and an empty one where only others have one, or none has.
+    """Return the frames of a segment, with an empty frame at each even place where the segment has none.
 
-    Frames that do not fit even places stay as they are.
+    everything: the frames of all segments. Frames that do not lie at even places are returned as they are.
     """
     places = [group[0] for group in by_place(everything)]
     along = distances(places, places[0])

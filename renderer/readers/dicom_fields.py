@@ -1,4 +1,4 @@
-"""Read the fields of a DICOM file: their text, numbers, and those that tell frames at one place apart."""
+"""Read the fields of a DICOM file as text or numbers, and the dimensions that distinguish frames at one place."""
 
 from __future__ import annotations
 
@@ -13,22 +13,35 @@ from renderer.errors import InputError
 # A pydicom.Dataset.
 Dataset = Any
 
-# The functional groups that are needed: of lengths, place and values, and of what tells frames apart.
+# The functional groups that are read: for lengths, places and values, and to distinguish frames at one place.
 _GROUPS = (
-    *("PixelMeasuresSequence", "PlanePositionSequence", "PlaneOrientationSequence", "PixelValueTransformationSequence"),
-    *("FrameContentSequence", "MREchoSequence", "MRDiffusionSequence", "CardiacSynchronizationSequence"),
-    *("SegmentIdentificationSequence", "TemporalPositionSequence", "RealWorldValueMappingSequence"),
-    *("MRImageFrameTypeSequence", "CTImageFrameTypeSequence", "PETFrameTypeSequence"),
-    *("PlanePositionVolumeSequence", "PlaneOrientationVolumeSequence"),  # of ultrasound
+    "PixelMeasuresSequence",
+    "PlanePositionSequence",
+    "PlaneOrientationSequence",
+    "PixelValueTransformationSequence",
+    "FrameContentSequence",
+    "MREchoSequence",
+    "MRDiffusionSequence",
+    "CardiacSynchronizationSequence",
+    "SegmentIdentificationSequence",
+    "TemporalPositionSequence",
+    "RealWorldValueMappingSequence",
+    "MRImageFrameTypeSequence",
+    "CTImageFrameTypeSequence",
+    "PETFrameTypeSequence",
+    "PlanePositionVolumeSequence",  # ultrasound
+    "PlaneOrientationVolumeSequence",  # ultrasound
 )
+
+# The sequence inside of a functional group that holds the direction of a diffusion gradient.
 _DIRECTIONS = "DiffusionGradientDirectionSequence"
 
 
 class Dimension(NamedTuple):
     """A dimension in which frames at one place differ, such as time.
 
-    name: keywords of its fields, with `and` between them. axis: `t` for times and the like, `c` for others.
-    is_order: it says which frame came first, and perhaps nothing else.
+    name: keywords of its fields, with `and` between them. axis: `t` for times and the like, `c` for components.
+    is_order: whether it may be no more than the order in which frames were taken.
     """
 
     name: str
@@ -36,48 +49,81 @@ class Dimension(NamedTuple):
     is_order: bool = False
 
 
-# What is there of a dimension in each frame: numbers, or text that is none. Marks are sorted.
+# The value of a dimension in a frame: its numbers, or its text where it has no numbers. Marks can be sorted.
 Mark = tuple[list[float], str]
 
-# Two dimensions part frames into volumes of their own: stacks, which may lie anywhere, and segments, which leave out
-# empty slices.
-STACK, SEGMENT = Dimension("StackID", "c"), Dimension("ReferencedSegmentNumber", "c")
+# The dimension of stacks. Each stack is a volume of its own, which may lie anywhere.
+STACK = Dimension("StackID", "c")
+
+# The dimension of segments. Each segment is a volume of its own, which may leave out empty slices.
+SEGMENT = Dimension("ReferencedSegmentNumber", "c")
+
+# The dimension of kinds of images, such as magnitude and phase.
 IMAGE_TYPE = Dimension("ImageType", "c")
-# Those that tell frames at one place apart, in the order in which they are tried.
+
+# Fields that put frames in an order; single slices have them, too.
 _ORDERS = (
-    *("FrameAcquisitionNumber", "AcquisitionNumber", "FrameAcquisitionDateTime", "AcquisitionDateTime"),
-    *("AcquisitionTime", "ContentTime", "InstanceNumber"),  # of single slices, too
+    "FrameAcquisitionNumber",
+    "AcquisitionNumber",
+    "FrameAcquisitionDateTime",
+    "AcquisitionDateTime",
+    "AcquisitionTime",
+    "ContentTime",
+    "InstanceNumber",
 )
+
+# The dimensions that distinguish frames at one place, in the order in which they are tried.
 TOLD_APART = (
-    *(STACK, SEGMENT, Dimension("TemporalPositionIdentifier", "t"), Dimension("TemporalPositionIndex", "t")),
-    *(Dimension("EchoNumbers", "c"), Dimension("EffectiveEchoTime", "c"), Dimension("EchoTime", "c")),
-    *(Dimension("DiffusionBValue and DiffusionGradientOrientation", "c"), Dimension("InversionTime", "c")),
-    *(Dimension("NominalPercentageOfCardiacPhase", "t"), Dimension("NominalCardiacTriggerDelayTime", "t")),
-    *(Dimension(keyword, "t") for keyword in ("TemporalPositionTimeOffset", "TriggerTime", "FrameReferenceTime")),
-    *(Dimension("ComplexImageComponent", "c"), Dimension("FrameType", "c"), IMAGE_TYPE),
+    STACK,
+    SEGMENT,
+    Dimension("TemporalPositionIdentifier", "t"),
+    Dimension("TemporalPositionIndex", "t"),
+    Dimension("EchoNumbers", "c"),
+    Dimension("EffectiveEchoTime", "c"),
+    Dimension("EchoTime", "c"),
+    Dimension("DiffusionBValue and DiffusionGradientOrientation", "c"),
+    Dimension("InversionTime", "c"),
+    Dimension("NominalPercentageOfCardiacPhase", "t"),
+    Dimension("NominalCardiacTriggerDelayTime", "t"),
+    Dimension("TemporalPositionTimeOffset", "t"),
+    Dimension("TriggerTime", "t"),
+    Dimension("FrameReferenceTime", "t"),
+    Dimension("ComplexImageComponent", "c"),
+    Dimension("FrameType", "c"),
+    IMAGE_TYPE,
     *(Dimension(keyword, "t", is_order=True) for keyword in _ORDERS),
 )
+
+# The names of the dimensions of time.
 _TIMES = {each.name for each in TOLD_APART if each.axis == "t"}
-# Those that tell when a frame was taken: their units, and whether they begin at midnight.
+
+# The fields with the time of a frame: the unit of each, and whether it is a time of day.
 CLOCKS = {
     "FrameTime": ("ms", False),
     "TemporalPositionTimeOffset": ("s", False),
     **dict.fromkeys(("NominalCardiacTriggerDelayTime", "TriggerTime", "FrameReferenceTime"), ("ms", False)),
     **dict.fromkeys(("FrameAcquisitionDateTime", "AcquisitionDateTime", "AcquisitionTime"), ("s", True)),
 }
-# Of values, they say that there is none, or not which.
+# Units that stand for no unit, or for an unknown one, in capitals.
 _NO_UNITS = ("", "US", "NONE", "NORMALIZED", "RELATIVE")
+# A date and time, or a time of day: hours, minutes and seconds.
 _CLOCK = re.compile(r"(?:[0-9]{8})?([0-9]{2})([0-9]{2})([0-9]{2}(?:\.[0-9]+)?)(?:[+-][0-9]{4})?\s*")
-# Vectors of nuclear medicine have a number for each frame.
+
+# The vectors of nuclear medicine; each has a number for each frame.
 VECTORS = (
-    *(Dimension("EnergyWindowVector", "c"), Dimension("DetectorVector", "c"), Dimension("PhaseVector", "t")),
-    *(Dimension("RotationVector", "c"), Dimension("RRIntervalVector", "t"), Dimension("TimeSlotVector", "t")),
-    *(Dimension("AngularViewVector", "c"), Dimension("TimeSliceVector", "t")),
+    Dimension("EnergyWindowVector", "c"),
+    Dimension("DetectorVector", "c"),
+    Dimension("PhaseVector", "t"),
+    Dimension("RotationVector", "c"),
+    Dimension("RRIntervalVector", "t"),
+    Dimension("TimeSlotVector", "t"),
+    Dimension("AngularViewVector", "c"),
+    Dimension("TimeSliceVector", "t"),
 )
 
 
 def open_dicom(path: Path, *, with_pixels: bool = False) -> tuple[Dataset, bool]:
-    """Return the fields before the pixels of a DICOM file, or all, and whether anything comes behind them.
+    """Return the fields before the pixels of a DICOM file, or all fields, and whether more bytes follow them.
 
     Raises InputError if it is damaged.
     """
@@ -87,7 +133,7 @@ def open_dicom(path: Path, *, with_pixels: bool = False) -> tuple[Dataset, bool]
         with path.open("rb") as file:
             dataset = pydicom.dcmread(file, stop_before_pixels=not with_pixels, force=True)
             return dataset, bool(file.read(1))
-    except Exception as error:  # of its parser, for damaged bytes
+    except Exception as error:  # pydicom raises any exception for damaged bytes
         hint = "a field of it is damaged: copy it again, or save it again"
         raise unreadable_slice(path, hint) from error
 
@@ -98,8 +144,10 @@ def unreadable_slice(path: Path, hint: str = "the file is truncated or damaged",
 
 
 def text_of(fields: Sequence[Dataset], keyword: str) -> str:
-    """Return the values of a field as text, as files list them, in the first of these datasets that has it; else
-    nothing."""
+    """Return the values of a field as text, joined by backslashes, from the first of the datasets that has the field.
+
+    Returns an empty text if none has it.
+    """
     from pydicom.config import disable_value_validation
     from pydicom.datadict import tag_for_keyword
 
@@ -110,25 +158,25 @@ def text_of(fields: Sequence[Dataset], keyword: str) -> str:
     try:
         with disable_value_validation():
             value = found[tag].value
-    except Exception:  # of its parser, for damaged values
+    except Exception:  # pydicom raises any exception for damaged values
         value = found.get_item(tag).value.decode("latin-1")
     values = value if isinstance(value, MutableSequence) else [] if value is None else [value]
     return "\\".join(map(str, values))
 
 
 def numbers_of(fields: Sequence[Dataset], keyword: str) -> list[float]:
-    """Return the numbers of a field, in the first of these datasets that has it; as `_numbers_in` does."""
+    """Return the numbers of a field from the first of the datasets that has it; none if a value is not a number."""
     return _numbers_in(text_of(fields, keyword))
 
 
 def first_numbers(fields: Sequence[Dataset], keywords: Sequence[str], usual: list[float]) -> list[float]:
-    """Return the numbers of the first of these fields that has as many as usual, or the usual ones."""
+    """Return the numbers of the first field that has as many numbers as `usual`; else `usual`."""
     found = (numbers_of(fields, keyword) for keyword in keywords)
     return next((numbers for numbers in found if len(numbers) == len(usual)), usual)
 
 
 def _numbers_in(text: str) -> list[float]:
-    """Return the numbers that a text lists; none if one of them is no number, or is not finite."""
+    """Return the numbers of a text, separated by backslashes; none if one is not a finite number."""
     try:
         numbers = [float(word) for word in text.split("\\")] if text else []
     except ValueError:
@@ -137,7 +185,7 @@ def _numbers_in(text: str) -> list[float]:
 
 
 def groups_of(dataset: Dataset, keyword: str) -> list[list[Dataset]]:
-    """Return for each item of a sequence of functional groups the datasets in the groups that are needed."""
+    """Return for each item of a sequence of functional groups the datasets of the groups that are read."""
     items = dataset[keyword].value if keyword in dataset else []
     found = [[item[group].value[0] for group in _GROUPS if group in item and item[group].value] for item in items]
     return [[*groups, *(group[_DIRECTIONS].value[0] for group in groups if _DIRECTIONS in group)] for groups in found]
@@ -150,7 +198,10 @@ def vectors_of(dataset: Dataset, count: int) -> dict[Dimension, list[float]]:
 
 
 def frame_marks(fields: Sequence[Dataset], dimensions: Sequence[Dimension]) -> dict[Dimension, Mark]:
-    """Return what the fields say of one frame. dimensions: as `declared_dimensions` returns them."""
+    """Return the mark of a frame for each dimension that its fields have.
+
+    dimensions: the dimensions that the file declares, in the order of its indices.
+    """
     indices = numbers_of(fields, "DimensionIndexValues")
     marks: dict[Dimension, Mark] = {each: ([k], "") for each, k in zip(dimensions, indices, strict=False)}
     for dimension in TOLD_APART:
@@ -162,7 +213,7 @@ def frame_marks(fields: Sequence[Dataset], dimensions: Sequence[Dimension]) -> d
 
 
 def times_in(fields: Sequence[Dataset]) -> dict[str, float]:
-    """Return the time of a frame by each of CLOCKS that it has."""
+    """Return the times of a frame, each under the keyword of its field, for the fields of CLOCKS that the frame has."""
     times = {}
     for keyword, (_, is_clock) in CLOCKS.items():
         text = text_of(fields, keyword)
@@ -173,9 +224,9 @@ def times_in(fields: Sequence[Dataset]) -> dict[str, float]:
 
 
 def value_unit_in(fields: Sequence[Dataset], unit: str) -> str:
-    """Return the unit of the values of a frame as rescaled. unit: where their scale tells it.
+    """Return the unit of the rescaled values of a frame; an empty text if it has none.
 
-    Without a type, those of CT are HU.
+    unit: the unit that the scale states, or an empty text. Rescaled values of CT without a unit are in HU.
     """
     given = [unit, *(text_of(fields, keyword).strip() for keyword in ("RescaleType", "Units", "DoseUnits"))]
     if not any(given) and text_of(fields, "Modality") == "CT" and text_of(fields, "RescaleIntercept"):
@@ -184,7 +235,7 @@ def value_unit_in(fields: Sequence[Dataset], unit: str) -> str:
 
 
 def declared_dimensions(dataset: Dataset) -> list[Dimension]:
-    """Return the dimensions that a file names, whose indices each of its frames has."""
+    """Return the dimensions that a file declares; each of its frames has an index for each of them."""
     from pydicom.datadict import keyword_for_tag
 
     items = dataset.get("DimensionIndexSequence") or []

@@ -1,4 +1,4 @@
-"""Find the files of the only series of images in a folder, and say what else is there."""
+"""Find the files of the only series of images in a folder, and list the files that are left out."""
 
 from __future__ import annotations
 
@@ -16,22 +16,24 @@ from renderer.readers.dicom_kinds import kind_of, kind_without_pixels
 from renderer.readers.sniff import is_dicom
 from renderer.scene import join_some, short_text
 
-# Beside a file that is read alone, other slices of its series are searched among this many files.
+# The most files of a folder that are searched for other slices of the series of a file that is read alone.
 _MAX_NEIGHBOURS = 1000
 
-# Unnamed images that do not fit are left out beside at least this many times as many that do.
+# Images that do not fit are left out if at least this many times as many images fit.
 FEW = 8
 
-# What images are beside slices, in the order in which they are read where there are none before.
+# The kind of an image with several frames.
 _OF_FRAMES = "file of several frames"
+
+# The kinds of images other than slices. The first kind that a folder has is read where the folder has no slices.
 _OTHERS = (_OF_FRAMES, "localizer", "capture")
 
-# Files that agree in these may be copies: some programs give all slices one UID.
+# Files that agree in these fields may be copies. The UID alone is not enough: some programs give all slices one UID.
 _IDENTITY = ("SOPInstanceUID", "InstanceNumber", "ImagePositionPatient")
 
 
 def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
-    """Return the files of the only series of images in a folder, and others by their kind, which are left out.
+    """Return the files of the only series of images in a folder, and the files that are left out, by their kind.
 
     Raises InputError for no series and several, and for files that are damaged slices.
     """
@@ -58,7 +60,7 @@ def find_series(folder: Path) -> tuple[list[Path], dict[str, list[Path]]]:
         else:
             without_image[uid].append(path)
     others = without_image.pop("", [])
-    series = next(filter(None, images.values()), {})  # where there are no slices, the others are the series
+    series = next(filter(None, images.values()), {})  # slices, or else images of the first other kind
     if _num_files(images[_OF_FRAMES]) > _num_files(images["slice"]):
         series = images[_OF_FRAMES]
     for kind, each in images.items():
@@ -96,7 +98,7 @@ def _num_files(series: dict[str, list[Path]]) -> int:
 
 
 def _kind_of_image(dataset: Dataset) -> str:
-    """Return `slice`, or what an image is beside slices, one of _OTHERS."""
+    """Return the kind of an image: `slice`, or one of _OTHERS."""
     text = text_of([dataset], "ImageType")
     if "LOCALIZER" in text:
         return "localizer"
@@ -109,7 +111,7 @@ def _kind_of_image(dataset: Dataset) -> str:
 
 
 def describe_left_out(left_out: dict[str, list[Path]]) -> str:
-    """Return how many files of which kinds there are, with the name of one of each."""
+    """Return a text with the number of files of each kind, and the name of one of them."""
     parts = []
     for kind, files in left_out.items():
         if files:
@@ -119,8 +121,10 @@ def describe_left_out(left_out: dict[str, list[Path]]) -> str:
 
 
 def _check_none_lost(others: list[Path], files: list[Path]) -> None:
-    """Raise InputError for a file that is not DICOM but is named like the slices: at an end of the stack nothing else
-    would show that it was one."""
+    """Raise InputError for a file that is not a DICOM image but is named like the slices.
+
+    It may be a damaged slice: at an end of the stack, nothing else shows that a slice is missing.
+    """
     shape_of = partial(re.sub, "[0-9]+", "#")
     shapes = {shape_of(path.name) for path in files}
     for path in others:
@@ -135,10 +139,10 @@ def _check_none_lost(others: list[Path], files: list[Path]) -> None:
 
 
 def one_of_a_series(path: Path) -> str | None:
-    """Return a note for a file with one of several slices of a series, of which another is in its folder; else None."""
+    """Return a note for a file with one slice of a series if another slice is in its folder; else None."""
     uid = text_of([open_dicom(path)[0]], "SeriesInstanceUID")
     for other in itertools.islice(path.parent.iterdir(), _MAX_NEIGHBOURS if uid else 0):
-        with contextlib.suppress(InputError, OSError):  # of another file
+        with contextlib.suppress(InputError, OSError):  # other files may be damaged
             is_other = other.name != path.name and is_dicom(other)
             if is_other and text_of([open_dicom(other)[0]], "SeriesInstanceUID") == uid:
                 return f"one of several slices of a DICOM series; its folder, {path.parent}, stands for all of them"

@@ -1,8 +1,8 @@
-"""Find the frames in a DICOM file: where each lies, and what its stored values mean.
+"""Find the frames in a DICOM file: the place of each, and the meaning of its stored values.
 
-An ordinary file has one frame. Enhanced files have one set of functional groups for each frame, and one that they
-share (PS3.3, C.7.6.16). Other files of several frames have the distance between them, or an offset for each, or are
-times of one plane.
+An ordinary file has one frame. Enhanced files have a set of functional groups for each frame, and a set that all frames
+share (PS3.3, C.7.6.16). Other files of several frames have the distance between frames, or an offset for each frame;
+or their frames are times of one plane.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import GUESSED_LENGTHS
+from renderer.readers.affines import GUESSED_LENGTHS
 from renderer.readers.dicom_fields import (
     Dataset,
     Dimension,
@@ -41,21 +41,24 @@ from renderer.readers.units import Units, units_of
 from renderer.scene import short_text
 from renderer.volume import Array, Float64
 
-# Some kinds of images have their place, and their pixel spacing, down and across, in another field than the first.
+# The fields with the position of a frame, the usual one first.
 _POSITIONS = ("ImagePositionPatient", "ImagePositionVolume")
+
+# The fields with the pixel spacing, down and across, the usual one first.
 _IN_PLANE = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing", "ImagePlanePixelSpacing")
 
-# Sequences whose first items hold fields of all frames.
+# Sequences whose first item holds fields that apply to all frames.
 _ITEMS = ("DetectorInformationSequence", "RealWorldValueMappingSequence")
 
-# Without these there is no image.
+# The fields with the size of an image, named in the message about a damaged header.
 _SIZES = ("Rows", "Columns", "SamplesPerPixel", "NumberOfFrames")
 
-# Numbers of slices in files of their own, in the order in which they take the place of a position.
+# The fields that place a slice in a file of its own if it has no position, in the order in which they are tried.
 PLACE_KEYS = ("SliceLocation", "InstanceNumber")
 
-# How files of several frames that say nothing else are told apart: by their order in the file.
+# The dimension of last resort for frames of one file: their order in the file.
 _FRAME_NUMBER = Dimension("frame number", "t", is_order=True)
+# Notes on fields that replace a missing one.
 _THICK = "the file does not give the distance of its slices; their thickness (SliceThickness) is taken"
 _IN_STACK = "the slices have no positions; their InStackPositionNumber is taken"
 
@@ -64,15 +67,26 @@ _IN_STACK = "the slices have no positions; their InStackPositionNumber is taken"
 class Frame:
     """A slice of a DICOM file.
 
-    number: of its frame there, or None for an empty slice. size: pixels across and down. scale: from its stored values
-        to values. position: of its first pixel, float64 [3]. across, down: to the next pixel, float64 [3]. thickness:
-        along the normal; 1 without `has_thickness`. has_thickness: whether the file gives it, or the scene will.
-    marks: what tells it from other frames at its place. corner: the pixel across and down where it begins in the
-        stored frame. notes: remarks on how it was read; None stands for none. times: when it was taken, by keywords.
-    units: of its lengths and values. has_place: whether the file says its position; else `keys` has its PLACE_KEYS.
-    has_axes: whether the file says its directions, or neither these nor a position.
-    stated: fields that are not applied. space: the name of the space that its position belongs to. has_colors: whether
-        its samples are red, green and blue. segment: the number of the segment that it belongs to.
+    number: the index of the stored frame in the file, or None for an empty slice.
+    size: pixels across and down.
+    num_samples: samples of a pixel.
+    scale: the map from stored values to values.
+    position: the centre of the first pixel, float64 [3].
+    across, down: the steps to the next pixel, float64 [3].
+    thickness: the length along the normal; 1 without `has_thickness`.
+    has_thickness: whether the file gives the thickness, or the scene will.
+    marks: the value of each dimension that may distinguish the slice from others at its place.
+    corner: the pixel across and down at which the slice begins in the stored frame.
+    notes: remarks on how the slice was read; None stands for no remark.
+    times: the times of the slice, each under the keyword of its field.
+    units: the units of lengths and values.
+    has_place: whether the file gives the position; else `keys` has the fields of PLACE_KEYS.
+    has_axes: whether the file gives the directions, or gives neither directions nor a position.
+    keys: the numbers of the fields of PLACE_KEYS.
+    stated: the statements that are not applied.
+    space: the frame of reference of the position.
+    has_colors: whether the samples are red, green and blue.
+    segment: the number of the segment of the slice.
     """
 
     file: Path
@@ -105,7 +119,7 @@ class Frame:
 
     @property
     def spacing(self) -> tuple[float, float]:
-        """Return the distance of pixels across and down."""
+        """Return the distances between pixels across and down."""
         return float(np.linalg.norm(self.across)), float(np.linalg.norm(self.down))
 
     @property
@@ -121,7 +135,7 @@ class Frame:
         return np.asarray(normal / np.linalg.norm(normal), np.float64)
 
     def part_of(self, pixels: Array, channel: int) -> Array:
-        """Return its stored values [y, x], a part of the frame of its file."""
+        """Return the stored values [y, x] of the slice. pixels: the stored frame, [y, x, sample]."""
         x, y = self.corner
         return pixels[y : y + self.size[1], x : x + self.size[0], channel]
 
@@ -129,11 +143,15 @@ class Frame:
 class _File(NamedTuple):
     """The properties that the frames of a file share.
 
-    shared: functional groups. items: the detector of nuclear medicine, with its place, and a scale to a real unit.
-    dimensions: that the file names. vectors: of numbers, one for each frame. places: the number of each frame among the
-        slices of its volume. offsets: of each frame, of a dose.
-    run: what tells times of one plane apart, and a note on them; None for slices. run_times: of each frame.
-    notes: remarks on the whole file; None stands for none.
+    shared: the functional groups that all frames share.
+    items: the first items of the sequences _ITEMS: a detector with its place, and a scale to a real unit.
+    dimensions: the dimensions that the file declares.
+    vectors: the vectors of nuclear medicine, with a number for each frame.
+    places: the index of each frame among the slices of its volume.
+    offsets: the offset of each frame of a dose.
+    run: for times of one plane, the dimension that distinguishes them and a note; None for slices.
+    run_times: the time of each frame of a run.
+    notes: remarks on the whole file; None stands for no remark.
     """
 
     path: Path
@@ -154,10 +172,10 @@ class _File(NamedTuple):
 
 
 def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
-    """Return the frames of a file in their order there.
+    """Return the frames of a file in the order in which it stores them.
 
-    has_spacing_override: the scene gives the spacing; lengths that the file does not give are 1. Otherwise raises
-        InputError for such lengths, as for damaged files and for files without pixels.
+    has_spacing_override: the scene gives the spacing, and lengths that the file does not give are 1. Raises InputError
+        for damaged files, for files without pixels, and without an override for missing lengths.
     """
     dataset, has_pixels = open_dicom(path)
     require_image(path, dataset, has_pixels=has_pixels)
@@ -169,14 +187,17 @@ def frames_of(path: Path, *, has_spacing_override: bool) -> list[Frame]:
         marks = {each: ([numbers[number]], "") for each, numbers in file.vectors.items()}
         marks |= {file.run[0]: ([number], "")} if file.run else {}
         marks |= frame_marks(own, file.dimensions)
-        marks = marks | marks_of_all | marks  # the first that tells frames apart is more often their own
+        marks = marks | marks_of_all | marks  # a frame's own marks come first, and win
         marks |= {_FRAME_NUMBER: ([number], "")} if file.num_frames > 1 else {}
         frames.append(replace(frame, marks=marks))
     return frames
 
 
 def _read_layout(path: Path, dataset: Dataset) -> tuple[_File, list[list[Dataset]]]:
-    """Return what frames have in common, and the functional groups of each; raises InputError for damaged fields."""
+    """Return the properties that all frames share, and the functional groups of each frame.
+
+    Raises InputError for damaged fields.
+    """
     try:
         count = int(dataset.get("NumberOfFrames") or 1)
         shared, *_ = groups_of(dataset, "SharedFunctionalGroupsSequence") or [[]]
@@ -226,7 +247,7 @@ def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> 
     normal = np.cross(axes.row, axes.column)
     position = np.array(first_numbers(fields, _POSITIONS, [0.0, 0.0, 0.0]))
     if has_offset:
-        # Those that begin with 0 are along the normal, and others are z of the patient (PS3.3, C.8.8.3.2).
+        # Offsets that begin with 0 are distances along the normal; others are z in the patient (PS3.3, C.8.8.3.2).
         step = file.offsets[number] - file.offsets[0]
         position += (-step if file.offsets[0] != 0 and normal[2] < -0.999 else step) * normal
     elif is_stacked:
@@ -266,8 +287,10 @@ def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> 
 def _places(
     dataset: Dataset, vectors: dict[Dimension, list[float]], each: list[list[Dataset]]
 ) -> tuple[Sequence[float], str | None]:
-    """Return for each frame of a file its number among the slices of its volume, from 0 on, unless positions tell;
-    and a note on the field that has it where it is not the usual one."""
+    """Return the index of each frame among the slices of its volume, for a file without positions.
+
+    The note names the field of the indices if it is not the usual one.
+    """
     numbers = numbers_of([dataset], "SliceVector")
     if len(numbers) == len(each):
         return [number - 1 for number in numbers], None
@@ -279,10 +302,11 @@ def _places(
 
 
 class _Lengths(NamedTuple):
-    """Lengths of a voxel.
+    """The lengths of a voxel.
 
-    between: the distance of frames, which may be negative; 1 without `has_between`. note: a remark on lengths that the
-    file does not give. are_stated: whether it gives those of pixels.
+    across, down: the lengths of a pixel. between: the distance between frames, which may be negative; 1 without
+    `has_between`. note: a remark on lengths that the file does not give. are_stated: whether it gives the lengths of
+    pixels.
     """
 
     across: float
@@ -294,19 +318,19 @@ class _Lengths(NamedTuple):
 
 
 def _lengths(file: _File, fields: list[Dataset], *, is_stacked: bool, is_needed: bool) -> _Lengths:
-    """Return the lengths of a frame.
+    """Return the lengths of the voxels of a frame.
 
-    is_stacked: it needs the distance of frames. Raises InputError if the file does not give lengths and `is_needed`; a
-    run has pixels of 1 x 1 then.
+    is_stacked: whether the place of the frame depends on the distance between frames. is_needed: whether missing
+    lengths raise InputError; pixels of a run without lengths are 1 x 1 instead.
     """
     pairs = (numbers_of(fields, keyword) for keyword in _IN_PLANE)
     pair = next((found for found in pairs if len(found) == 2 and min(found) > 0), [])
     stated, thick = (first_numbers(fields, [each], [0.0])[0] for each in ("SpacingBetweenSlices", "SliceThickness"))
-    thick *= "LOCALIZER" not in text_of(fields, "ImageType")  # which has the thickness of a body
+    thick *= "LOCALIZER" not in text_of(fields, "ImageType")  # a localizer may be as thick as the body
     between, note = stated or max(thick, 0.0), _THICK if is_stacked and not stated and thick > 0 else None
     got = None
     if not pair and file.run:
-        aspect = numbers_of(fields, "PixelAspectRatio")  # vertical, horizontal
+        aspect = numbers_of(fields, "PixelAspectRatio")  # the vertical length, and the horizontal one
         ratio = aspect[0] / aspect[1] if len(aspect) == 2 and min(aspect) > 0 else 1.0
         by = " by PixelAspectRatio" * (ratio != 1.0)
         has_regions = any(each.get("SequenceOfUltrasoundRegions") for each in fields)

@@ -1,5 +1,7 @@
-"""Tell kinds of DICOM files apart: images, files without pixels, tiles of slides, and runs, which are times of one
-plane."""
+"""Recognise the kinds of DICOM files: images, files without pixels, tiles of slides, and runs.
+
+The frames of a run are times of one plane, such as an X-ray film or an ultrasound clip.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +12,11 @@ from renderer.errors import InputError, require_package
 from renderer.readers.dicom_fields import Dataset, Dimension, numbers_of, text_of, unreadable_slice
 from renderer.scene import short_text
 
-# Kinds that have rows and columns, and no pixels.
+# Kinds of files that have rows and columns but no pixels.
 _SPECTRA = ("MR Spectroscopy",)
+# Kinds of files that hold tiles of a slide.
 _SLIDES = ("VL Whole Slide Microscopy Image",)
-# Modalities whose frames are times of one plane, unless their file says where each frame lies.
+# Modalities whose frames are times of one plane, unless the file gives a place for each frame.
 _RUNS = {
     "XA": "an X-ray run",
     "RF": "an X-ray run",
@@ -27,20 +30,22 @@ _RUNS = {
     "GM": "a film of a microscope",
     "OP": "a film of an eye",
 }
-# Fields that frames follow each other by in time (PS3.3, C.7.6.5 and C.7.6.6).
+# Fields with the time from one frame to the next (PS3.3, C.7.6.5 and C.7.6.6).
 _STEPS = ("FrameTimeVector", "FrameTime")
-# How frames of a run are told apart that have no time.
+# The name of the dimension of a run without times.
 _NUMBERED = "frame number"
-# Syntaxes begin like this and end with a number if they are compressions of JPEG, or of films.
+# The beginning of the UIDs of transfer syntaxes that compress by JPEG or as a film; a number follows.
 _COMPRESSED = "1.2.840.10008.1.2.4."
-# The first and the last number of a compression of films: MPEG2, MPEG-4 and HEVC (PS3.5, A.4).
+# The first number of a compression of films: MPEG2, MPEG-4 or HEVC (PS3.5, A.4).
 _FIRST_FILM = 100
+# The last number of a compression of films.
 _LAST_FILM = 108
+# The transfer syntax of extended JPEG, which may have 12 bits a pixel.
 _TWELVE_BITS = "1.2.840.10008.1.2.4.51"
 
 
 def kind_of(dataset: Dataset) -> str:
-    """Return the name of the kind of a DICOM file, such as `CT Image`; nothing for a kind that is not known."""
+    """Return the name of the kind of a DICOM file, such as `CT Image`; an empty text for an unknown kind."""
     from pydicom.uid import UID
 
     uid = UID(text_of([dataset], "SOPClassUID") or text_of([dataset.file_meta], "MediaStorageSOPClassUID"))
@@ -48,14 +53,14 @@ def kind_of(dataset: Dataset) -> str:
 
 
 def kind_without_pixels(dataset: Dataset) -> str:
-    """Return the name of a kind of DICOM that never has pixels, such as `RT Plan`; nothing for any other."""
+    """Return the kind of a DICOM file if that kind never has pixels, such as `RT Plan`; else an empty text."""
     kind = kind_of(dataset)
     may_have_pixels = "Image" in kind or kind in ("Segmentation", "RT Dose", "Parametric Map") or "Rows" in dataset
     return "" if may_have_pixels and kind not in _SPECTRA else kind
 
 
 def require_image(path: Path, dataset: Dataset, *, has_pixels: bool) -> None:
-    """Raise InputError for a file of a kind without pixels, for one that lacks them, and for tiles of a slide."""
+    """Raise InputError for files of a kind without pixels, for images that lack pixels, and for tiles of a slide."""
     kind = kind_without_pixels(dataset)
     if kind:
         hint = "name the images that it belongs to"
@@ -83,7 +88,7 @@ def _no_volume(path: Path, got: str, hint: str) -> InputError:
 
 
 def compression_error(path: Path, dataset: Dataset) -> InputError | None:
-    """Return the error for pixels in a compression that is not decoded, whatever the file; None for any other."""
+    """Return the error for pixels in a compression that cannot be decoded; None for all other compressions."""
     syntax = text_of([dataset.file_meta], "TransferSyntaxUID")
     number = syntax.removeprefix(_COMPRESSED)
     if syntax.startswith(_COMPRESSED) and number[:3].isdecimal() and _FIRST_FILM <= int(number[:3]) <= _LAST_FILM:
@@ -103,9 +108,9 @@ def _name_of(syntax: str) -> str:
 
 
 def _is_decoded(syntax: str) -> bool:
-    """Return whether there is a decoder for a syntax; yes where it is not said, as for files without a preamble.
+    """Return whether there is a decoder for a transfer syntax; true for an empty one, of a file without a preamble.
 
-    Raises InputError where a package would have one.
+    Raises InputError if a package with the decoder is not installed.
     """
     from pydicom.pixels.decoders.base import get_decoder
     from pydicom.uid import UID
@@ -123,9 +128,9 @@ def _is_decoded(syntax: str) -> bool:
 
 
 def run_of(dataset: Dataset, count: int) -> tuple[Dimension, str] | None:
-    """Return what tells the frames of a run apart, and a note that they are times of one plane; None for slices.
+    """Return the dimension that distinguishes the frames of a run, and a note on the run; None for slices.
 
-    The file does not say where its frames lie.
+    dataset: a file without positions of its frames. count: the number of its frames.
     """
     if count == 1 or "SliceVector" in dataset or any(numbers_of([dataset], "SpacingBetweenSlices")):
         return None
@@ -139,7 +144,7 @@ def run_of(dataset: Dataset, count: int) -> tuple[Dimension, str] | None:
 
 
 def _increments(dataset: Dataset) -> list[str]:
-    """Return the keywords of the fields in which frames of a file differ."""
+    """Return the keywords of the fields that FrameIncrementPointer names: frames of the file differ in them."""
     from pydicom.datadict import keyword_for_tag
 
     value = dataset.get("FrameIncrementPointer")
@@ -148,8 +153,8 @@ def _increments(dataset: Dataset) -> list[str]:
 
 
 def times_of_run(dataset: Dataset, count: int) -> list[float]:
-    """Return when each frame of a run was taken, in ms from the first on; nothing where the file does not say."""
+    """Return the times of the frames of a run, in ms after the first; none if the file has no times."""
     vector, step = numbers_of([dataset], "FrameTimeVector"), numbers_of([dataset], "FrameTime")
-    if len(vector) == count:  # the first is 0: it has none before it
+    if len(vector) == count:  # the first number is 0, as no frame comes before
         return list(accumulate([0.0, *vector[1:]]))
     return [k * step[0] for k in range(count)] if step and step[0] > 0 else []

@@ -1,4 +1,4 @@
-"""Part a mosaic of Siemens, which has the slices of a volume side by side in one image, into its slices."""
+"""Split a Siemens mosaic, an image with the slices of a volume side by side, into its slices."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ from renderer.readers.dicom_fields import IMAGE_TYPE, Dataset, numbers_of, open_
 from renderer.readers.dicom_frames import Frame
 from renderer.volume import Float64
 
+# Notes on missing fields of a mosaic.
 _GUESSED = "a mosaic that does not say how many slices it has; all of its {} tiles are taken for slices"
 _THICK = "a mosaic without a distance of slices; their thickness is taken"
 
 
 def slices_of(frame: Frame) -> list[Frame]:
-    """Return the slices of a frame: itself, or those of a mosaic; raises InputError for a mosaic that does not fit.
+    """Return the slices of a mosaic, or the frame itself if it is not a mosaic.
 
-    The position of a mosaic is that of a single image as large as all of it around the same centre. Without the normal
-    in Siemens' own header, slices follow the normal of the image.
+    The stated position of a mosaic belongs to an image of the size of the whole mosaic, with the centre of a slice.
+    Without the normal in Siemens' own header, slices follow the normal of the image. Raises InputError if the pixels
+    cannot be divided into the slices.
     """
     if "MOSAIC" not in str(frame.marks.get(IMAGE_TYPE)):
         return [frame]
@@ -49,14 +51,16 @@ def slices_of(frame: Frame) -> list[Frame]:
 
 
 def _siemens_header(dataset: Dataset) -> tuple[int, Float64 | None]:
-    """Return the number of slices of a mosaic and their normal by fields of Siemens; 0 and None where they are missing
-    or damaged."""
+    """Return the number of slices of a mosaic and their normal from Siemens' own fields.
+
+    The number is 0, and the normal is None, if the field is missing or damaged.
+    """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that it is experimental
+        warnings.simplefilter("ignore")  # nibabel warns that this module is experimental
         from nibabel.nicom import csareader
     reader: Any = csareader
     number, normal = 0, None
-    with suppress(Exception):  # of parsers, for missing fields and damaged bytes
+    with suppress(Exception):  # parsers raise any exception for missing fields and damaged bytes
         number = int(dataset.private_block(0x0019, "SIEMENS MR HEADER")[0x0A].value)
     with suppress(Exception):
         header = reader.get_csa_header(dataset)

@@ -10,8 +10,9 @@ import numpy as np
 from renderer.readers.dicom_fields import Dataset, numbers_of, text_of
 from renderer.volume import Float64
 
+# Directions of rows along x and columns along y.
 _ALONG_XY = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
-# Directions of LPS by letters.
+# Directions in LPS, by the letters of PatientOrientation.
 _LETTERS = {
     "L": [1.0, 0.0, 0.0],
     "R": [-1.0, 0.0, 0.0],
@@ -26,7 +27,7 @@ _BY_LETTERS = "the file does not give directions as numbers; those of PatientOri
 class Axes(NamedTuple):
     """The directions of the rows and columns of a frame, float64 [3] each.
 
-    are_known: whether the file gives them. are_of_patient: they are in LPS. note: a remark; None stands for none.
+    are_known: whether the file gives the directions. are_of_patient: whether they are in LPS. note: a remark, or None.
     """
 
     row: Float64
@@ -37,9 +38,9 @@ class Axes(NamedTuple):
 
 
 def axes_of(fields: Sequence[Dataset]) -> Axes:
-    """Return the axes of a frame: in the patient, by numbers or else by letters, or in the space of a transducer.
+    """Return the directions of a frame in the patient, by numbers or else by letters, or in the space of a transducer.
 
-    Without any, rows lie along x and columns along y. Axes of quadrupeds have other names.
+    Without directions in the file, rows lie along x and columns along y. The axes of a quadruped are not LPS.
     """
     is_quadruped = text_of(fields, "AnatomicalOrientationType") == "QUADRUPED"
     in_patient, in_volume = (numbers_of(fields, f"ImageOrientation{space}") for space in ("Patient", "Volume"))
@@ -59,6 +60,6 @@ def _axes(numbers: list[float], *, are_of_patient: bool) -> Axes:
 
 
 def _by_letters(text: str) -> list[float]:
-    """Return the directions that two words tell, each by its first letter, the main one (PS3.3, C.7.6.1.1.1)."""
+    """Return the directions of two words, by the first letter of each, the main direction (PS3.3, C.7.6.1.1.1)."""
     row, column = ([*(_LETTERS.get(word.strip()[:1], ()) for word in text.split("\\")), (), ()])[:2]
     return [*row, *column] if row and column and not any(a * b for a, b in zip(row, column, strict=True)) else []

@@ -1,4 +1,4 @@
-"""Decode the pixels of a DICOM file: those that are stored, and the colours that a palette makes of them."""
+"""Decode the stored pixels of a DICOM file, and look up their colours in a palette."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from renderer.readers.dicom_fields import Dataset, numbers_of, open_dicom, text_
 from renderer.readers.dicom_kinds import compression_error
 from renderer.volume import Array
 
-# Fields without which pydicom decodes no pixels, and what they are where a writer left them out.
+# Fields that pydicom needs to decode pixels, with the values that are assumed where a writer left them out.
 _USUAL = {"SamplesPerPixel": 1, "PhotometricInterpretation": "MONOCHROME2", "PixelRepresentation": 0}
+# The beginnings of the keywords of a palette.
 _PALETTES = [f"{color}PaletteColorLookupTable" for color in ("Red", "Green", "Blue")]
 
 
 def has_palette(dataset: Dataset) -> bool:
-    """Return whether the stored values are numbers of colours, and the file has these colours; labels have others."""
+    """Return whether the stored values are indices into a palette of the file; false for labels."""
     is_palette = text_of([dataset], "PhotometricInterpretation").strip() == "PALETTE COLOR"
     has_colors = all(
         len(numbers_of([dataset], f"{name}Descriptor")) == 3
@@ -35,10 +36,10 @@ def palette_dtype(dataset: Dataset) -> np.dtype[Any]:
 
 
 def stored_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
-    """Yield some of the frames of a file, each with its number: stored pixels [y, x, sample], or colours of a palette.
+    """Yield chosen frames of a file, each with its number: stored pixels [y, x, sample], or colours of a palette.
 
-    One is decoded at a time, unless pixels are bits and frames do not begin with a byte. Raises InputError if they
-    cannot be decoded.
+    Frames are decoded one at a time, unless a pixel is a bit and frames do not begin at a whole byte. Raises InputError
+    for pixels that cannot be decoded.
     """
     from pydicom.pixels.utils import iter_pixels
 
@@ -52,19 +53,22 @@ def stored_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, Arr
             pixels = next(frames) if frames else dataset.pixel_array.reshape(-1, *shape)[number]
             stored = _without_unused_bits(np.asarray(pixels).reshape(shape), dataset)
             colors = _colors_of(stored, dataset) if is_palette else stored
-        except Exception as error:  # of its decoders
+        except Exception as error:  # decoders raise any exception for damaged bytes
             raise unreadable_slice(path) from error
         yield number, colors
 
 
 def _with_pixels(path: Path) -> Dataset:
-    """Return a file with what pydicom needs to decode its pixels; raises InputError for compressions that it cannot."""
+    """Return a file with all fields that pydicom needs to decode its pixels.
+
+    Raises InputError for compressions that cannot be decoded.
+    """
     from pydicom.uid import ExplicitVRBigEndian, ExplicitVRLittleEndian, ImplicitVRLittleEndian
 
     dataset, _ = open_dicom(path, with_pixels=True)
     if "Rows" not in dataset:  # pydicom drops all fields of a file whose compressed pixels break off
         raise unreadable_slice(path)
-    if dataset.file_meta.get("TransferSyntaxUID") is None:  # without a preamble
+    if dataset.file_meta.get("TransferSyntaxUID") is None:  # a file without a preamble
         is_implicit, is_little = dataset.original_encoding
         explicit = ExplicitVRLittleEndian if is_little else ExplicitVRBigEndian
         dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian if is_implicit else explicit
@@ -76,14 +80,14 @@ def _with_pixels(path: Path) -> Dataset:
 
 
 def _colors_of(stored: Array, dataset: Dataset) -> Array:
-    """Return the colours [y, x, 3] of the numbers of a palette."""
+    """Return the colours [y, x, 3] of stored indices into a palette."""
     from pydicom.pixels.processing import apply_color_lut
 
     return np.asarray(apply_color_lut(stored[..., 0], dataset))[..., :3].astype(palette_dtype(dataset))
 
 
 def _without_unused_bits(pixels: Array, dataset: Dataset) -> Array:
-    """Return the values of the stored bits alone: others may hold overlays, and the sign may not reach into them."""
+    """Return pixels with only the bits that BitsStored counts, and their sign; other bits may hold overlays."""
     stored = int(dataset.get("BitsStored") or 16)
     unused = 8 * pixels.itemsize - stored
     if pixels.dtype.kind == "f" or unused <= 0:

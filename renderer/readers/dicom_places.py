@@ -1,7 +1,7 @@
-"""Find where DICOM frames lie: by their positions, or by the next best field; and whether they are even.
+"""Find the places of DICOM frames, by their positions or the next best field, and check that they are evenly spaced.
 
-A frame without a position of its own has an offset or a number in its file; or its place is that of its SliceLocation
-or InstanceNumber beside those of other files, which a note says. Nothing that is absent is 0.
+A frame without a position of its own has an offset or an index in its file; or SliceLocation or InstanceNumber places
+it among other files, and a note says so. A missing number is never read as 0.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from renderer.readers.dicom_frames import PLACE_KEYS, Frame
 from renderer.scene import counted
 from renderer.volume import Float64
 
-# Frames may be off by this part of the spacing: positions have few digits, and gantries are not perfect. A missing
-# one is off by a whole step.
+# The largest distance of a frame from its even place, as a share of the spacing. Positions have few digits, and
+# gantries are not perfect; where a slice is missing, the distance is a whole step.
 UNEVEN = 0.05
 
-# Slices whose places differ along x, y and z: their name, and how rows and columns usually lie in LPS.
+# The planes of slices whose places differ along x, y and z: name, and usual directions of rows and columns in LPS.
 _PLANES = (
     ("sagittal", (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
     ("coronal", (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)),
@@ -30,9 +30,9 @@ _PLANES = (
 
 
 def placed(frames: Sequence[Frame]) -> tuple[list[Frame], str | None]:
-    """Return frames that all have a place, and a note on the field that gives it to those without a position.
+    """Return frames that all have a place, and a note on the field that places the frames without a position.
 
-    Raises InputError where no field does.
+    Raises InputError if no field gives them a place.
     """
     lost = [frame for frame in frames if not frame.has_place]
     if not lost or len(frames) == 1:
@@ -59,9 +59,9 @@ def placed(frames: Sequence[Frame]) -> tuple[list[Frame], str | None]:
 
 
 def turned(frames: Sequence[Frame]) -> tuple[list[Frame], str | None]:
-    """Return frames that say no directions with those that their places tell, and a note on these.
+    """Return frames with directions: if the file gives none, guessed from the places of the frames; and a note on them.
 
-    Slices at different x are taken for sagittal ones, and at different y for coronal ones; others for axial ones.
+    Frames whose places differ most along x are taken for sagittal slices, along y for coronal, along z for axial ones.
     """
     extents = np.ptp([frame.position for frame in frames], axis=0)
     if frames[0].has_axes or not extents.any():
@@ -75,9 +75,10 @@ def turned(frames: Sequence[Frame]) -> tuple[list[Frame], str | None]:
 
 
 def _places_by(keyword: str, frames: Sequence[Frame]) -> Float64 | None:
-    """Return the positions of all frames by a number that each has, float64 [n, 3]; None where it does not fit.
+    """Return the positions of all frames, float64 [n, 3], by a field with a number for each; None if it does not fit.
 
-    It fits positions that are known, or there are none: then slices follow the normal.
+    The positions are a linear function of the number, fitted to the known positions. If no position is known, slices
+    follow the normal.
     """
     if not all(keyword in frame.keys for frame in frames):
         return None
@@ -102,7 +103,7 @@ def _places_by(keyword: str, frames: Sequence[Frame]) -> Float64 | None:
 
 
 def without_strays(frames: list[Frame]) -> tuple[list[Frame], list[Frame]]:
-    """Return the frames that are alike, and few others; all frames and none where the others are many."""
+    """Return the largest group of like frames and the strays; all frames and no strays if strays would be many."""
     kinds: list[list[Frame]] = []
     for frame in frames:
         for kind in kinds:
@@ -131,7 +132,10 @@ def check_alike(frames: Sequence[Frame]) -> None:
 
 
 def difference(first: Frame, frame: Frame) -> tuple[str, str, str] | None:
-    """Return in which property a frame differs from another, its own, and that of the other; None if it is alike."""
+    """Return the property in which a frame differs from the first, its value in the frame, and its value in the first.
+
+    Returns None if the frames are alike.
+    """
     for what, got, expected, tolerance in (
         ("size", frame.size, first.size, 0),
         ("pixel spacing", frame.spacing, first.spacing, 1e-3 * min(first.spacing)),
@@ -148,22 +152,23 @@ def _describe(numbers: Sequence[float]) -> str:
 
 
 def distances(frames: Sequence[Frame], first: Frame) -> Float64:
-    """Return how far frames lie from the first along its normal, float64 [n]."""
+    """Return the distances of frames from the first frame along its normal, float64 [n]."""
     return np.asarray([(frame.position - first.position) @ first.normal for frame in frames], np.float64)
 
 
 def by_place(frames: Sequence[Frame]) -> list[list[Frame]]:
-    """Return frames by their place along their normal, in ascending order."""
+    """Return frames grouped by their place along the normal, in ascending order."""
     order = np.argsort(places := distances(frames, frames[0]), kind="stable")
     gaps = np.diff(places[order])
-    # Gaps far smaller than pixels and the largest gap, which may be between two blocks, are rounded positions.
+    # Tiny gaps come from rounding. A gap is tiny against the largest gap and against a pixel, as the largest gap may be
+    # one between two blocks of slices.
     steps = gaps[gaps > min(0.01 * gaps.max(initial=0.0), 0.1 * min(frames[0].spacing))]
     begins = np.flatnonzero(gaps > UNEVEN * np.median(steps)) + 1 if steps.size else np.array([], np.intp)
     return [[frames[k] for k in part.tolist()] for part in np.split(order, begins)]
 
 
 def are_one_volume(frames: Sequence[Frame]) -> bool:
-    """Return whether frames are alike, as many at each place, and at even places."""
+    """Return whether frames are alike, evenly spaced, and equally many at each place."""
     if any(difference(frames[0], frame) is not None for frame in frames):
         return False
     groups = by_place(frames)
@@ -171,12 +176,12 @@ def are_one_volume(frames: Sequence[Frame]) -> bool:
 
 
 def even_step(frames: Sequence[Frame]) -> Float64:
-    """Return the step from slice to slice, float64 [3]; raises InputError if it is not the same everywhere."""
+    """Return the step from slice to slice, float64 [3]; raises InputError for uneven steps."""
     positions = np.array([part.position for part in frames])
     gaps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     usual = float(np.median(gaps))
     wide = np.flatnonzero(gaps >= (2 - UNEVEN) * usual)
-    # What is missing leaves wide gaps here and there, of whole steps, in a folder; the rest is another distance.
+    # Missing files leave single gaps of whole steps. All other uneven gaps are changes of the distance of slices.
     steps = gaps[wide] / usual
     is_one_file = len({frame.file for frame in frames}) == 1
     is_whole = is_one_file or bool(np.any(np.diff(wide) == 1))
@@ -207,7 +212,7 @@ def even_step(frames: Sequence[Frame]) -> Float64:
 
 
 def _unevenness(frames: Sequence[Frame]) -> tuple[int, float]:
-    """Return which of frames at different places is farthest from an even place, and how far, in steps."""
+    """Return the index of the frame that is farthest from its even place, and that distance in steps."""
     if len(frames) == 1:
         return 0, 0.0
     positions = np.array([frame.position for frame in frames])

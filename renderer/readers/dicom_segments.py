@@ -1,7 +1,7 @@
-"""Read the segments of a DICOM segmentation: as labels with their names and colours, or as parts of voxels.
+"""Read the segments of a DICOM segmentation, as labels with names and colours, or as fractions of voxels.
 
-Binary segments become one volume of labels, as maps of labels are. Fractional segments are a component each, from 0 to
-1, unless all of their voxels are whole.
+Binary segments become one volume of labels; a labelmap is one already. Each fractional segment is a component with
+values from 0 to 1, unless it has no other values than 0 and 1.
 """
 
 from __future__ import annotations
@@ -13,23 +13,24 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.looks import LookFile, make_labels, rgb_from_lab
-from renderer.readers.common import labels_or_note
 from renderer.readers.dicom_fields import Dataset, numbers_of, open_dicom, text_of
 from renderer.readers.dicom_frames import Frame
 from renderer.readers.dicom_pixels import stored_frames
+from renderer.readers.file_errors import labels_or_note
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.segments import join_segments, type_of_labels
 from renderer.volume import Array, Channel, Int64, Label
 
-# CIELAB in 16 bits (PS3.3, C.10.7.1.1): 0 to 65535 is a lightness from 0 to 100, and a and b from -128 to 127.
+# The largest number of a CIELAB colour in 16 bits. It stands for a lightness of 100, and for a and b of 127; 0 stands
+# for a lightness of 0, and for a and b of -128 (PS3.3, C.10.7.1.1).
 _LAB_MAXIMUM = 65535.0
 
 
 class Segments(NamedTuple):
     """The segments of a file.
 
-    labels: by number. note: on labels that are wrong; None if none are. kind: BINARY, FRACTIONAL or LABELMAP.
-    background: the stored value of voxels in no segment, of a map of labels.
+    labels: the names and colours of the segments. note: a remark on wrong labels, or None. kind: BINARY, FRACTIONAL or
+    LABELMAP. background: the stored value of voxels outside of all segments, in a labelmap.
     """
 
     labels: tuple[Label, ...]
@@ -39,7 +40,7 @@ class Segments(NamedTuple):
 
 
 def segments_of(path: Path) -> Segments | None:
-    """Return the segments of a file; None if it is no segmentation."""
+    """Return the segments of a file; None if it is not a segmentation."""
     dataset = open_dicom(path)[0]
     items = dataset.get("SegmentSequence")
     if not items:
@@ -52,7 +53,7 @@ def segments_of(path: Path) -> Segments | None:
 
 
 def _row(item: Dataset, dataset: Dataset) -> list[object]:
-    """Return the number of a segment, its name, and its colour, if it has one, in [0, 1]."""
+    """Return the number of a segment, its name, and, if it has a colour, red, green and blue in [0, 1]."""
     number = text_of([item], "SegmentNumber")
     lab = numbers_of([item], "RecommendedDisplayCIELabValue")
     color: tuple[float, ...] = ()
@@ -63,7 +64,7 @@ def _row(item: Dataset, dataset: Dataset) -> list[object]:
 
 
 def are_whole(frames: Sequence[Frame], segments: Segments) -> bool:
-    """Return whether no voxel is a part of a segment: stored values are 0 and the largest one."""
+    """Return whether each voxel is entirely inside or outside of a segment: stored values are 0 or the maximum."""
     if segments.kind != "FRACTIONAL":
         return True
     path, numbers = frames[0].file, [frame.number for frame in frames if frame.number is not None]
@@ -74,7 +75,7 @@ def are_whole(frames: Sequence[Frame], segments: Segments) -> bool:
 
 
 def fit_together(volumes: Sequence[Sequence[Frame]]) -> bool:
-    """Return whether volumes of segments have the same places."""
+    """Return whether volumes of segments have slices at the same places."""
     first = [frame.position for frame in volumes[0]]
     return all(
         len(volume) == len(first) and np.allclose([frame.position for frame in volume], first, rtol=0, atol=1e-3)
@@ -83,7 +84,10 @@ def fit_together(volumes: Sequence[Sequence[Frame]]) -> bool:
 
 
 def join_volumes(volumes: Sequence[Sequence[Frame]], host: Host) -> tuple[Array, str | None]:
-    """Return the numbers of the segments [z, y, x], and a note if some overlap. volumes: of one segment each."""
+    """Return the segment number of each voxel [z, y, x], and a note if segments overlap.
+
+    volumes: one volume for each segment.
+    """
     path = volumes[0][0].file
     host.begin_file(path)
     places = {

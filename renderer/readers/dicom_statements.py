@@ -1,4 +1,4 @@
-"""The table of the fields by which DICOM files change how their voxels are understood, and those not applied in one."""
+"""List the DICOM fields that change how voxels are understood, and find those of a file that are not applied."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from renderer.readers.dicom_fields import TOLD_APART, VECTORS, Dataset, numbers_of, text_of
 from renderer.readers.statements import FormatTable, Statement
 
+# Names of statements that are found by more than the value of one field.
 MONOCHROME1 = "PhotometricInterpretation MONOCHROME1"
 OTHER_SPACE = "FrameOfReferenceUID"
 _TILT = "GantryDetectorTilt"
@@ -24,12 +25,12 @@ _VALUES = (
     ),
     Statement("MaximumFractionalValue", "values", "the stored value of a whole voxel of a fractional segment"),
     Statement("PixelRepresentation", "values", "whether stored values have a sign"),
-    Statement("BitsStored", "values", "the bits of a pixel that are values"),
-    Statement("RedPaletteColorLookupTableData", "values", "a palette: stored values are numbers of its colours"),
+    Statement("BitsStored", "values", "the number of bits of a pixel that hold its value"),
+    Statement("RedPaletteColorLookupTableData", "values", "a palette: stored values are indices of its colours"),
 )
 _PLACE = (
     Statement("PixelSpacing", "place", "the distance of pixels, down and across"),
-    Statement("ImagerPixelSpacing", "place", "the distance of pixels at the detector, where no PixelSpacing is"),
+    Statement("ImagerPixelSpacing", "place", "the distance of pixels at the detector, without PixelSpacing"),
     Statement("PixelAspectRatio", "place", "the height of a pixel by its width; applied to runs without lengths"),
     Statement("SpacingBetweenSlices", "place", "the distance of slices, where positions do not give it"),
     Statement("SliceThickness", "place", "the distance of slices, where nothing else gives it"),
@@ -37,7 +38,7 @@ _PLACE = (
     Statement("ImageOrientationPatient", "place", "the directions of rows and columns"),
     Statement("ImagePositionVolume", "place", "the place of the first pixel, of ultrasound"),
     Statement("ImageOrientationVolume", "place", "the directions of rows and columns, of ultrasound"),
-    Statement("PatientOrientation", "place", "the directions of rows and columns by letters, where no numbers are"),
+    Statement("PatientOrientation", "place", "the directions of rows and columns by letters, without numbers"),
     Statement("SliceLocation", "place", "the place of a slice, where it has no position"),
     Statement("InstanceNumber", "place", "the number of a slice, where it has no position and no SliceLocation"),
     Statement("InStackPositionNumber", "place", "the number of a frame in its file, where it has no position"),
@@ -46,14 +47,14 @@ _PLACE = (
     Statement(_TILT, "place", "an angle of the gantry, where slices have no positions", is_applied=False),
     Statement("EstimatedRadiographicMagnificationFactor", "place", "a magnification", is_applied=False),
     Statement("SequenceOfUltrasoundRegions", "place", "lengths in parts of the picture", is_applied=False),
-    Statement("VolumetricProperties", "place", "that the image is distorted or mixed", is_applied=False),
-    Statement(OTHER_SPACE, "place", "that positions belong to different spaces", is_applied=False),
+    Statement("VolumetricProperties", "place", "a distorted or mixed image", is_applied=False),
+    Statement(OTHER_SPACE, "place", "positions in different frames of reference", is_applied=False),
 )
 _VALIDITY = (
     Statement("PixelPaddingValue", "validity", "a stored value that stands for no data"),
-    Statement("PixelPaddingRangeLimit", "validity", "the other end of these values"),
-    Statement("FloatPixelPaddingValue", "validity", "a value of floats that stands for no data"),
-    Statement("BurnedInAnnotation", "validity", "that text is part of the image", is_applied=False),
+    Statement("PixelPaddingRangeLimit", "validity", "the other end of a range of such values"),
+    Statement("FloatPixelPaddingValue", "validity", "a floating-point value that stands for no data"),
+    Statement("BurnedInAnnotation", "validity", "text burned into the image", is_applied=False),
 )
 _MEANING = (
     Statement("RescaleType", "meaning", "the unit of the values"),
@@ -63,31 +64,31 @@ _MEANING = (
     Statement("DoseUnits", "meaning", "the unit of a dose"),
     Statement("SegmentLabel", "meaning", "the name of a segment"),
     Statement("RecommendedDisplayCIELabValue", "meaning", "the colour of a segment"),
-    Statement("AnatomicalOrientationType", "meaning", "that axes are those of a quadruped, which are no LPS"),
-    Statement("FrameTime", "meaning", "the time between frames, which are times of one plane"),
-    Statement("FrameTimeVector", "meaning", "the time between frames, which are times of one plane"),
+    Statement("AnatomicalOrientationType", "meaning", "axes of a quadruped, which are not LPS"),
+    Statement("FrameTime", "meaning", "the time between frames of one plane"),
+    Statement("FrameTimeVector", "meaning", "the time between frames of one plane"),
     *(
         Statement(keyword, "meaning", "a difference between times or components at one place")
         for keyword in dict.fromkeys(
             word for each in (*TOLD_APART, *VECTORS) for word in each.name.split(" and ") if word != "InstanceNumber"
         )
     ),
-    Statement(MONOCHROME1, "meaning", "that low values are light", is_applied=False),
-    Statement("PresentationLUTShape", "meaning", "that low values are light", is_applied=False),
-    Statement("PixelIntensityRelationship", "meaning", "that values go with a logarithm", is_applied=False),
+    Statement(MONOCHROME1, "meaning", "a display of low values as light", is_applied=False),
+    Statement("PresentationLUTShape", "meaning", "a display of low values as light", is_applied=False),
+    Statement("PixelIntensityRelationship", "meaning", "values on a logarithmic scale", is_applied=False),
     Statement("RealWorldValueLUTData", "meaning", "a table of values in a real unit", is_applied=False),
-    Statement("PixelPresentation", "meaning", "that some values stand for colours", is_applied=False),
+    Statement("PixelPresentation", "meaning", "values that stand for colours", is_applied=False),
     Statement("OverlayData", "meaning", "graphics over the image", is_applied=False),
     Statement("VolumeBasedCalculationTechnique", "meaning", "a projection or another sum of voxels", is_applied=False),
-    Statement(_LIES, "meaning", "how the patient lies, where slices have no directions", is_applied=False),
-    Statement("DecayCorrection", "meaning", "that values are not corrected for decay", is_applied=False),
-    Statement("SUVType", "meaning", "what uptake is divided by", is_applied=False),
+    Statement(_LIES, "meaning", "the position of the patient, where slices have no directions", is_applied=False),
+    Statement("DecayCorrection", "meaning", "values without decay correction", is_applied=False),
+    Statement("SUVType", "meaning", "the divisor of the uptake", is_applied=False),
     Statement("DoseType", "meaning", "a dose that is not the physical one", is_applied=False),
-    Statement("DoseSummationType", "meaning", "a dose that is not that of a whole plan", is_applied=False),
+    Statement("DoseSummationType", "meaning", "a dose other than the dose of a whole plan", is_applied=False),
 )
 STATEMENTS = FormatTable("DICOM", (*_VALUES, *_PLACE, *_VALIDITY, *_MEANING))
 
-# Values of fields that are not applied, with which they change nothing; an empty text stands for a missing field.
+# The values with which fields that are not applied change nothing. A missing field changes nothing either.
 _NEUTRAL = {
     "PresentationLUTShape": ("IDENTITY",),
     "PixelIntensityRelationship": ("LIN",),
@@ -101,15 +102,16 @@ _NEUTRAL = {
     "DoseSummationType": ("PLAN", "MULTI_PLAN"),
     "EstimatedRadiographicMagnificationFactor": ("1", "1.0"),
 }
-# Groups of overlays, each of which has its number of rows in this element.
+# The group numbers of overlays.
 _OVERLAYS = range(0x6000, 0x6020, 2)
+# The element with the number of rows in each group of an overlay.
 _ROWS_OF_OVERLAY = 0x0010
 
 
 def stated_in(fields: Sequence[Dataset], *, has_place: bool, has_axes: bool) -> frozenset[str]:
-    """Return the statements of a frame that are not applied, apart from OTHER_SPACE, which only several files make.
+    """Return the statements of a frame that are not applied; OTHER_SPACE needs several frames and is not among them.
 
-    has_place, has_axes: whether it has a position, and directions.
+    has_place, has_axes: whether the frame has a position, and directions.
     """
     texts = {keyword: text_of(fields, keyword).strip().upper() for keyword in _NEUTRAL}
     found = {keyword for keyword, text in texts.items() if text and text not in _NEUTRAL[keyword]}
@@ -129,9 +131,9 @@ def stated_in(fields: Sequence[Dataset], *, has_place: bool, has_axes: bool) -> 
 
 
 def note_on(found: Iterable[frozenset[str]], spaces: Iterable[str]) -> str | None:
-    """Return the note on the statements of several frames that are not applied; None if there are none.
+    """Return the note on the statements of all frames that are not applied; None if there are none.
 
-    spaces: the names of the spaces of their positions; empty where not said.
+    spaces: the frames of reference of their positions; an empty text for an unknown one.
     """
     are_several = len({*spaces} - {""}) > 1
     return STATEMENTS.note(frozenset[str]().union(*found, {OTHER_SPACE} if are_several else ()))

@@ -1,6 +1,6 @@
-"""Read two fields of a DICOM file's header without any library: how many frames it has, and its series.
+"""Read the number of frames and the series from the header of a DICOM file, without a library.
 
-Searching folders needs no more. What cannot be read counts as not said; the reader reports it.
+A search of folders needs no more. A field that cannot be read counts as missing; the reader will report the damage.
 """
 
 from __future__ import annotations
@@ -9,36 +9,37 @@ import struct
 from pathlib import Path
 from typing import IO, NamedTuple
 
-# Fields by their groups and elements: SeriesInstanceUID, NumberOfFrames and TransferSyntaxUID.
+# The groups and elements of SeriesInstanceUID, NumberOfFrames and TransferSyntaxUID.
 _SERIES = (0x0020, 0x000E)
 _NUM_FRAMES = (0x0028, 0x0008)
 _SYNTAX = (0x0002, 0x0010)
-# Marks of an item of a sequence, of its end, and of that of the sequence.
+# The tags that begin an item of a sequence, end an item, and end a sequence.
 _ITEM = (0xFFFE, 0xE000)
 _ITEM_END = (0xFFFE, 0xE00D)
 _SEQUENCE_END = (0xFFFE, 0xE0DD)
-# Syntaxes other than the usual one: no types of values, high bytes first, and compressed fields.
+# The transfer syntaxes without types of values, with the most significant byte first, and with compressed fields.
 _IMPLICIT = "1.2.840.10008.1.2"
 _BIG_ENDIAN = "1.2.840.10008.1.2.2"
 _DEFLATED = "1.2.840.10008.1.2.1.99"
-# Types of values whose lengths have four bytes, behind two others.
+# The types of values with a length of four bytes, after two bytes of padding.
 _LONG = {b"OB", b"OD", b"OF", b"OL", b"OV", b"OW", b"SQ", b"SV", b"UC", b"UN", b"UR", b"UT", b"UV"}
+# The length of a sequence or an item that ends with a tag of its own.
 _UNDEFINED = 0xFFFFFFFF
-# A header has fewer elements before its rows and columns, also within sequences.
+# The most elements that are read, elements in sequences included: more than headers have before rows and columns.
 _MAX_ELEMENTS = 20_000
-# A value that is read is shorter: a UID has 64 bytes at most.
+# The most bytes of a value that is read. A UID has 64 bytes at most.
 _MAX_VALUE_BYTES = 128
 
 
 class Summary(NamedTuple):
-    """How many frames a file has, 1 where it does not say, and the name of its series, which may be empty."""
+    """The number of frames of a file, 1 if it does not state it, and its series; an empty text for an unknown one."""
 
     num_frames: int = 1
     series: str = ""
 
 
 def summarize(path: Path) -> Summary:
-    """Return what the header of a DICOM file says of its frames and its series."""
+    """Return the number of frames and the series of a DICOM file, from its header."""
     try:
         with path.open("rb") as file:
             texts = _read_texts(file)
@@ -50,7 +51,7 @@ def summarize(path: Path) -> Summary:
 
 
 def _read_texts(file: IO[bytes]) -> dict[tuple[int, int], str]:
-    """Return the texts of the fields that are wanted; the file may end anywhere."""
+    """Return the texts of the fields that are needed; the file may end anywhere."""
     start = file.read(132)
     if start[128:] != b"DICM":
         file.seek(0)
@@ -81,9 +82,10 @@ def _read_texts(file: IO[bytes]) -> dict[tuple[int, int], str]:
 
 
 def _length(file: IO[bytes], head: bytes, order: str, *, has_types: bool) -> int:
-    """Return the number of bytes of an element's value, from its first 8 bytes, and four more where its type has them.
+    """Return the length of an element's value in bytes.
 
-    has_types: two letters in place of a length are a type; items have none.
+    file: right behind the first 8 bytes of the element; a length of four more bytes is read from it. head: these first
+        8 bytes. has_types: whether elements have a type, two letters before the length; items never have one.
     """
     is_item = struct.unpack(f"{order}H", head[:2])[0] == _ITEM[0]
     letters = head[4:6]

@@ -1,7 +1,7 @@
-"""Find what the stored values of a DICOM frame stand for: by a table, by slope and intercept, or in a real unit.
+"""Map the stored values of a DICOM frame to values: by a table, by slope and intercept, or to a real unit.
 
-PS3.3: a Modality LUT Sequence takes the place of slope and intercept (C.11.1). A Real World Value Mapping is another
-way from stored values (C.7.6.16.2.11), which counts where those say nothing.
+PS3.3: a Modality LUT Sequence takes the place of slope and intercept (C.11.1). A Real World Value Mapping has a slope
+and an intercept of its own (C.7.6.16.2.11), which are used where the ordinary ones are 1 and 0.
 """
 
 from __future__ import annotations
@@ -17,17 +17,21 @@ from renderer.errors import InputError
 from renderer.readers.dicom_fields import Dataset, first_numbers, numbers_of, text_of, unreadable_slice
 from renderer.volume import Array
 
+# Keywords of sequences.
 _MAPPING = "RealWorldValueMappingSequence"
 _UNIT = "MeasurementUnitsCodeSequence"
-# Units of UCUM that have another name here.
+# Codes of UCUM for units that have another name here.
 _UNITS = {"[hnsf'U]": "HU", "1": ""}
-# Slopes of the two ways that differ by less than this part are the same.
+# The largest relative difference between the two slopes, and the two intercepts, that are taken for the same.
 _SAME = 1e-6
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of values: that of the stored value `first`, and of those after it. Ends stand for all beyond them."""
+    """A table of the values of consecutive stored values, from `first` on.
+
+    A stored value before the first or beyond the last has the value of that end.
+    """
 
     first: int
     values: Array
@@ -35,10 +39,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Scale:
-    """A way from stored values to values.
+    """A map from stored values to values.
 
-    table: in place of slope and intercept. dtype: of the values. padding: the ends of the stored values that stand for
-    no data. unit: of the values, where the way itself tells it. note: a remark on it; None stands for none.
+    table: a table of values that takes the place of slope and intercept. dtype: the type of the values. padding: the
+    first and last stored value that stand for no data. unit: the unit of the values, if the map itself states one.
+    note: a remark on the map, or None.
     """
 
     slope: float
@@ -51,15 +56,14 @@ class Scale:
 
     @property
     def nodata(self) -> tuple[float, float] | None:
-        """Return the ends of the values that stand for no data; None if none do, or a table mixes them with others."""
+        """Return the first and last value that stand for no data; None if there are none, or with a table."""
         if self.padding is None or self.table is not None:
             return None
         low, high = sorted(end * self.slope + self.intercept for end in self.padding)
         return low, high
 
     def values_of(self, stored: Array, path: Path) -> Array:
-        """Return the values of stored pixels of a file; raises InputError for floats in a file whose fields are those
-        of integers."""
+        """Return the values of stored pixels; raises InputError for floats in a file whose header declares integers."""
         if stored.dtype.kind == "f" and self.dtype.kind != "f":
             raise unreadable_slice(path, "save it again without BitsStored", "floats with the fields of integers")
         if self.table is not None:
@@ -71,7 +75,10 @@ class Scale:
 
 
 def scale_of(path: Path, fields: Sequence[Dataset], dataset: Dataset) -> Scale:
-    """Return the scale of a frame. fields: its groups and the dataset. Raises InputError for a damaged table."""
+    """Return the map from stored values to values of a frame; raises InputError for a damaged table.
+
+    fields: the functional groups of the frame, and the dataset.
+    """
     padding = _padding(dataset)
     if (table := _modality_table(path, dataset)) is not None:
         unit = text_of(dataset.ModalityLUTSequence[:1], "ModalityLUTType")
@@ -101,7 +108,7 @@ def _modality_table(path: Path, dataset: Dataset) -> Table | None:
     if len(descriptor) != 3 or not descriptor[2] % 2**16 <= 16:
         raise _table_error(path, f"LUTDescriptor = {text_of([item], 'LUTDescriptor')}")
     count, bits = int(descriptor[0]) % 2**16 or 2**16, int(descriptor[2])
-    if bits <= 8 and len(data) in (count // 2, (count + 1) // 2) and len(data) < count:  # two in each word
+    if bits <= 8 and len(data) in (count // 2, (count + 1) // 2) and len(data) < count:  # two values in each word
         data = np.array(data, "<u2" if is_little else ">u2").view(np.uint8)
     if len(data) < count:
         raise _table_error(path, f"{len(data)} of {count} values")
@@ -110,7 +117,7 @@ def _modality_table(path: Path, dataset: Dataset) -> Table | None:
 
 
 def _whole_numbers(item: Dataset, keyword: str, is_little: bool) -> Array:
-    """Return the numbers of a field without a sign, also where they are bytes."""
+    """Return the unsigned integers of a field, whether it holds numbers or bytes."""
     value = item.get(keyword)
     if isinstance(value, bytes):
         return np.frombuffer(value[: len(value) // 2 * 2], "<u2" if is_little else ">u2")
@@ -125,14 +132,14 @@ def _table_error(path: Path, got: str) -> InputError:
 
 
 def as_stored(dataset: Dataset, number: float) -> float:
-    """Return a stored value of 16 bits with a sign if the pixels have one, whatever the type of its field says."""
+    """Return a stored value of 16 bits with the sign that pixels have, whatever the type of its field."""
     return (number + 2**15) % 2**16 - 2**15 if dataset.get("PixelRepresentation") else number % 2**16
 
 
 def _padding(dataset: Dataset) -> tuple[float, float] | None:
-    """Return the ends of the stored values of gray pixels that stand for no data; None if none do.
+    """Return the first and last stored value of grey pixels that stand for no data; None if there are none.
 
-    In a map of labels they are the background.
+    A labelmap has none: its padding value is the background.
     """
     kind = next((kind for kind in ("Float", "DoubleFloat") if f"{kind}PixelPaddingValue" in dataset), "")
     ends = [*numbers_of([dataset], f"{kind}PixelPaddingValue"), *numbers_of([dataset], f"{kind}PixelPaddingRangeLimit")]
@@ -145,7 +152,7 @@ def _padding(dataset: Dataset) -> tuple[float, float] | None:
 
 
 def _rescaled_dtype(dataset: Dataset, slope: float, intercept: float) -> np.dtype[Any]:
-    """Return the dtype of rescaled values: the smallest of integers if both numbers are whole, else float64.
+    """Return the dtype of rescaled values: the smallest sufficient integers if both numbers are whole, else floats.
 
     Files of floats have no BitsStored.
     """

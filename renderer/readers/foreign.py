@@ -1,7 +1,8 @@
-"""Name files that are not read for what they are, by their first bytes or the ends of their names, and what to do.
+"""Recognise files of foreign formats by their first bytes or the ends of their names, and raise an error with a hint.
 
-`foreign.tsv` has a line for each kind: what it is, a pattern of how it begins, ends of names, and a hint, where `FILE`
-stands for the file's name. A kind with a pattern and ends of names has both. The first that fits counts.
+`foreign.tsv` has a line for each format: its name, a pattern of its first bytes, ends of file names, and a hint, where
+`FILE` stands for the file's name. Where a line has a pattern and ends, a file must match both. The first line that
+matches a file is used.
 """
 
 from __future__ import annotations
@@ -16,18 +17,20 @@ from pathlib import Path
 from renderer.errors import InputError
 from renderer.scene import short_text
 
-# Files of an array of Zarr, of version 2 or 3; the latter may also be a group.
+# The files that describe an array of Zarr, of version 2 or 3. In version 3, the file may also describe a group.
 _ZARR_ARRAYS = (".zarray", "zarr.json")
 # The most folders in which an array of Zarr is searched for.
 _MAX_ZARR_FOLDERS = 1000
-# The most bytes of its description that are read.
+# The most bytes that are read of the description of an array of Zarr.
 _MAX_ZARR_BYTES = 2**20
-# A name that a shell and Python take as it is, between quotes.
+# A file name that needs no escapes between quotes, in a shell or in Python.
 _PLAIN_NAME = re.compile(r"[\w .+-]{1,200}")
-# How pointers begin; the first bytes tell of which kind they are.
+# The first bytes of the pointers of git-lfs and git-annex.
 _POINTERS = (b"version https://git-lfs", b"/annex/objects/")
+# The number of bytes that are read to recognise a pointer.
 _POINTER_BYTES = 64
 
+# A line of `foreign.tsv`: the name of a format, its pattern, ends of file names, and a hint.
 _Kind = tuple[str, "re.Pattern[bytes] | None", tuple[str, ...], str]
 
 
@@ -42,14 +45,14 @@ def _kinds() -> tuple[_Kind, ...]:
 
 
 def refuse_bytes(path: Path, start: bytes) -> None:
-    """Raise InputError for a file that begins as one of a known kind that is not read."""
+    """Raise InputError for a file whose first bytes are those of a known foreign format."""
     for what, pattern, ends, hint in _kinds():
         if pattern and pattern.match(start) and (not ends or path.name.lower().endswith(ends)):
             raise _foreign(path, what, hint)
 
 
 def refuse_pointer(path: Path) -> None:
-    """Raise InputError for a small text in place of a file, as git-lfs and git-annex keep it until it is fetched."""
+    """Raise InputError for a pointer, the short text that git-lfs or git-annex keeps until the file is fetched."""
     with path.open("rb") as file:
         start = file.read(_POINTER_BYTES)
     if start.startswith(_POINTERS):
@@ -57,14 +60,14 @@ def refuse_pointer(path: Path) -> None:
 
 
 def refuse_name(path: Path) -> None:
-    """Raise InputError for a file whose name alone tells a kind that is not read."""
+    """Raise InputError for a file whose name alone shows a known foreign format."""
     for what, pattern, ends, hint in _kinds():
         if pattern is None and path.name.lower().endswith(ends):
             raise _foreign(path, what, hint)
 
 
 def refuse_zarr(path: Path) -> None:
-    """Raise InputError for a folder of Zarr; the hint names the first array in it."""
+    """Raise InputError for a Zarr folder; the hint names its first array."""
     if not any((path / name).is_file() for name in (*_ZARR_ARRAYS, ".zgroup")):
         return
     array = _first_array(path)
@@ -76,7 +79,7 @@ def refuse_zarr(path: Path) -> None:
 
 
 def _first_array(folder: Path) -> Path | None:
-    """Return the array of Zarr nearest to a folder, in natural order: itself, or one below it; None without one."""
+    """Return the Zarr array that is highest in a folder, the folder itself included; None if there is none."""
     num_left, folders = _MAX_ZARR_FOLDERS, [folder]
     while folders and num_left > 0:
         num_left -= len(folders)
@@ -105,7 +108,7 @@ def _is_zarr_array(folder: Path) -> bool:
 
 
 def compressed_error(path: Path, content: str) -> InputError:
-    """Return the error for gzip around what is read without it only. content: what that is, or is not known to be."""
+    """Return the error for a gzip file whose format is only read without gzip. content: the name of that format."""
     return _foreign(path, f"{content}, compressed by gzip", "`gunzip FILE` unpacks it")
 
 

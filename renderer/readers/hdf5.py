@@ -1,7 +1,7 @@
 """Read an image of HDF5 (.h5, .ims, MATLAB 7.3) or netCDF-4 (.nc), by h5py, in a child process (`isolation.py`).
 
-Conventions tell which datasets are images, what their axes are and what their numbers mean: `_CONVENTIONS`, of which
-the last describes any dataset. Nothing outside of the file is ever opened, but for the description of BigDataViewer.
+A convention says which datasets are images, and gives the axes and the meaning of their numbers. `_CONVENTIONS` lists
+them; the last one describes any dataset. No other file is ever opened, except for the description of BigDataViewer.
 """
 
 from __future__ import annotations
@@ -15,17 +15,19 @@ import numpy as np
 
 from renderer.errors import InputError, require_package
 from renderer.readers import hdf5_bdv, hdf5_cf, hdf5_emd, hdf5_imaris, hdf5_nexus
-from renderer.readers.common import Chosen, Image, choose, describe_shape
+from renderer.readers.components import Chosen, choose
 from renderer.readers.hdf5_image import Candidate, StoredImage, letters_of, place_of
 from renderer.readers.hdf5_objects import check_dataset
 from renderer.readers.hdf5_values import Values
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.units import units_of
+from renderer.readers.voxel_limits import describe_shape
 from renderer.scene import did_you_mean, join_some, short_text
 from renderer.volume import Array
 
-# What finds the images of a file by a convention: none in files of others. The first that finds any decides.
+# The functions that find the images of a file, one for each convention. The first that finds any image is used.
 _CONVENTIONS = (
     hdf5_imaris.find_images,
     hdf5_bdv.find_images,
@@ -38,10 +40,10 @@ _CONVENTIONS = (
 def read_hdf5(
     path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host, dataset: str | None
 ) -> Image:
-    """Read one time step and component of an image, by its name or else the only one.
+    """Read one time step and component of the named image, or of the only image if none is named.
 
     has_spacing_override: the scene gives the spacing, so that coordinates need not be even. Raises InputError for
-        files that are damaged, hold no such dataset or several, or whose voxels are in other files.
+        files that are damaged, hold no such image or several, or whose voxels are in other files.
     """
     require_package("h5py", extra="hdf5")
     import h5py
@@ -74,7 +76,7 @@ def read_hdf5(
 
 
 def _read(source: Any, part: tuple[int | slice, ...], meaning: Values, host: Host) -> Array:
-    """Return the values of a part of a dataset, [z, y, x]."""
+    """Return the values [z, y, x] of a part of a dataset."""
     shape = tuple(item.stop for item in part if isinstance(item, slice))
     values = allocate_voxels(host, (1,) * (3 - len(shape)) + shape, meaning.dtype)
     stored = values if meaning.is_scaled else values.view(source.dtype.newbyteorder("="))
@@ -94,14 +96,14 @@ def _read(source: Any, part: tuple[int | slice, ...], meaning: Values, host: Hos
 
 
 def _steps(image: StoredImage, letters: str, chosen: Chosen) -> TimeSteps:
-    """Return the steps in time, by the image itself or its axis of time."""
+    """Return the steps in time, from the image itself or from its axis of time."""
     if image.steps is not None:
         return image.steps
     return image.axes[letters.index("t")].times() if "t" in letters else chosen.steps
 
 
 def _channels(image: StoredImage, chosen: Chosen) -> tuple[Any, ...]:
-    """Return the channels of an image that describes them, with colours that tell them apart; else those chosen."""
+    """Return the channels that the image describes, without their colours if two are equal; else the chosen ones."""
     count = len(chosen.channels)
     if count < 2 or len(image.channels) != count:
         return chosen.channels
@@ -110,13 +112,15 @@ def _channels(image: StoredImage, chosen: Chosen) -> tuple[Any, ...]:
 
 
 def _candidates(file: Any) -> Iterator[list[Candidate]]:
-    """Yield the images of a file by each convention that finds any."""
+    """Yield the list of images by each convention that finds any image."""
     yield from filter(None, (find(file) for find in _CONVENTIONS))
 
 
 def _only(file: Any) -> Candidate:
-    """Return the only image of a file, by the first convention that finds one; raises InputError if there are
-    several."""
+    """Return the only image of a file, by the first convention that finds one.
+
+    Raises InputError if there are several, or none.
+    """
     planes: list[Candidate] = []
     for found in _candidates(file):
         images = [each for each in found if not each.is_part]
@@ -137,7 +141,7 @@ def _only(file: Any) -> Candidate:
 
 
 def _named(file: Any, name: str) -> Candidate:
-    """Return the image of a name; raises InputError if there is none."""
+    """Return the image with a name; raises InputError if there is none."""
     every = [each for found in _candidates(file) for each in found]
     for each in every:
         if each.name == name.strip("/"):

@@ -1,7 +1,7 @@
-"""Find the images of BigDataViewer's HDF5 files: setups, such as channels and views, with times and levels each.
+"""Find the images of BigDataViewer's HDF5 files: setups, such as channels and views, each with times and levels.
 
-Voxels are 16 bits without a sign, which are stored as if they had one. Names, lengths and channels are in the file
-.xml beside it.
+Voxels are unsigned integers of 16 bits, stored as signed ones. Names, lengths and channels are in an .xml file beside
+the HDF5 file.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING
+from renderer.readers.affines import NO_SPACING
 from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
 from renderer.readers.hdf5_objects import Dataset, Group, dataset_at, open_inside
 from renderer.readers.hdf5_values import Values, plain_values
@@ -36,22 +36,29 @@ STATEMENTS = FormatTable(
         Statement("voxelSize", "place", "the lengths of voxels and their unit, in .xml"),
         Statement("channel", "meaning", "setups that are channels of one image, in .xml"),
         Statement("name", "meaning", "the name of a setup, in .xml"),
-        Statement("ViewRegistrations", "place", "where the image of each setup lies", is_applied=False),
+        Statement("ViewRegistrations", "place", "the place of the image of each setup", is_applied=False),
     ),
 )
 
+# The name of the group of a setup.
 _SETUP = re.compile("s([0-9]{2,6})")
-# The most times and levels, and the largest factor of a level: larger numbers are those of a damaged file.
+
+# The most times of an image; a larger number shows a damaged file.
 _MAX_TIMES = 10_000
+# The most levels of an image.
 _MAX_LEVELS = 64
+# The largest size of a level's voxel, in voxels of the finest level.
 _MAX_FACTOR = 2**20
 _NO_XML = f"{NO_SPACING}: the .xml of BigDataViewer, which has it, is not beside it"
 
 
 @dataclass(frozen=True)
 class _Setup:
-    """A setup as the file .xml has it: its number, name, sizes, lengths along z, y and x, their unit, and the other
-    things that tell setups apart than channels."""
+    """A setup by the .xml file: its number, name, sizes, lengths along z, y and x, and their unit.
+
+    others: its attributes apart from the channel, such as its angle, by name. Setups that agree in them are channels of
+    one image.
+    """
 
     number: int
     name: str = ""
@@ -63,7 +70,7 @@ class _Setup:
 
 @dataclass(frozen=True)
 class _Description:
-    """The content of a file .xml: setups, and whether images are moved. is_there: whether there is such a file."""
+    """The content of an .xml file: its setups, and whether it moves images. is_there: whether the file exists."""
 
     setups: dict[int, _Setup] = field(default_factory=dict)
     is_moved: bool = False
@@ -71,7 +78,10 @@ class _Description:
 
 
 def find_images(file: Group) -> list[Candidate]:
-    """Return the image of each setup, or of several that are its channels, and other levels as parts."""
+    """Return the images of a file, each of one setup or of several setups that are its channels.
+
+    The coarser levels are candidates that are parts of an image.
+    """
     numbers = sorted(int(name[1:]) for name in file if _SETUP.fullmatch(name))
     levels = {number: factors for number in numbers if len(factors := _level_factors(file, number))}
     if not levels or open_inside(file, "t00000") is None:
@@ -87,8 +97,10 @@ def find_images(file: Group) -> list[Candidate]:
 
 
 def _level_factors(file: Group, setup: int) -> Float64:
-    """Return by how much the voxels of each level are larger than those of the finest, [level, xyz]; none for others
-    than setups."""
+    """Return the sizes of the voxels of each level, [level, xyz], in voxels of the finest level.
+
+    The array is empty if the group is not a setup.
+    """
     table = dataset_at(file, f"s{setup:02}/resolutions")
     if table is None or table.ndim != 2 or table.shape[1] != 3 or not 0 < len(table) <= _MAX_LEVELS:
         return np.zeros((0, 3))
@@ -99,7 +111,7 @@ def _level_factors(file: Group, setup: int) -> Float64:
 
 
 def _channels_of_images(numbers: Sequence[int], description: _Description) -> list[list[int]]:
-    """Return the setups of each image, which differ in their channel alone."""
+    """Return the setups of each image; setups that only differ in their channel are one image."""
     images: dict[object, list[int]] = {}
     for number in numbers:
         setup = description.setups.get(number)
@@ -111,7 +123,10 @@ def _channels_of_images(numbers: Sequence[int], description: _Description) -> li
 def _describe(
     file: Group, setups: Sequence[int], level: int, factors: Sequence[float], description: _Description
 ) -> StoredImage:
-    """Return a level of an image, of which each setup is a channel. factors: of the level, along z, y and x."""
+    """Return a level of an image, with each setup as a channel.
+
+    factors: the sizes of the level's voxels along z, y and x, in voxels of the finest level.
+    """
     times = next((k for k in range(_MAX_TIMES) if open_inside(file, f"t{k:05}") is None), _MAX_TIMES)
     setup = description.setups.get(setups[0], _Setup(setups[0]))
     stored = _cells(file, 0, setups[0], level).shape
@@ -121,7 +136,7 @@ def _describe(
     def cells(time: int, channel: int) -> Dataset:
         return _cells(file, time, setups[channel], level, sizes)
 
-    # A voxel of a coarser level lies in the middle of those that it is made of.
+    # A voxel of a coarser level lies in the middle of the fine voxels that it is the mean of.
     steps = [((factor - 1) / 2 * size, factor * size) for size, factor in zip(setup.lengths, factors, strict=False)]
     names = [description.setups.get(number, _Setup(number)).name for number in setups]
     return StoredImage(
@@ -145,7 +160,7 @@ def _values(dataset: Dataset) -> Values:
 
 
 def _cells(file: Group, time: int, setup: int, level: int, sizes: Sequence[int] = (1, 1, 1)) -> Dataset:
-    """Return the voxels of a setup at a time and a level, of these sizes at least."""
+    """Return the dataset of a setup at a time and a level; raises InputError if it is smaller than `sizes`."""
     path = f"t{time:05}/s{setup:02}/{level}/cells"
     found = dataset_at(file, path)
     if found is None or found.ndim != 3 or any(n < own for n, own in zip(found.shape, sizes, strict=True)):
@@ -158,7 +173,7 @@ def _cells(file: Group, time: int, setup: int, level: int, sizes: Sequence[int] 
 
 
 def _description(path: Path) -> _Description:
-    """Return the content of the file .xml beside an HDF5 file; an empty one where there is none, or one of others.
+    """Return the content of the .xml file beside an HDF5 file; an empty one if there is no such file of BigDataViewer.
 
     Raises InputError for a file that is damaged, too long, or has entities, which may expand to any length.
     """
@@ -187,7 +202,7 @@ def _description(path: Path) -> _Description:
 
 
 def _setup(element: ElementTree.Element) -> _Setup | None:
-    """Return a setup of a file .xml; None for one without a number."""
+    """Return a setup of an .xml file; None for an element without a number."""
     number = number_in((element.findtext("id") or "").strip())
     if not 0 <= number < 2**31:
         return None
@@ -207,7 +222,7 @@ def _setup(element: ElementTree.Element) -> _Setup | None:
 
 
 def _moves(text: str) -> bool:
-    """Return whether the 12 numbers of an affine are more than lengths along the axes."""
+    """Return whether the 12 numbers of an affine do more than scale the axes."""
     numbers = np.array(_numbers(text))
     if len(numbers) != 12:
         return False

@@ -1,7 +1,7 @@
-"""Describe any dataset of HDF5 and netCDF-4: by the conventions of netCDF (CF), by ilastik, or by its shape alone.
+"""Describe any dataset of HDF5 or netCDF-4, by the conventions of netCDF (CF), by ilastik, or by its shape alone.
 
-Axes have dimension scales, whose numbers are coordinates. A vertical axis may count downwards: by `positive`, or in
-units of pressure.
+The dimension scale of an axis has its coordinates. Coordinates of a vertical axis grow downwards where `positive` says
+so, and where they are pressures.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from renderer.readers.common import no_spacing
+from renderer.readers.affines import no_spacing
 from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
 from renderer.readers.hdf5_objects import Dataset, Group, dataset_at, groups_and_datasets, line_at, numbers, text, texts
 from renderer.readers.hdf5_values import Values, values_of
@@ -26,7 +26,7 @@ STATEMENTS = FormatTable(
         Statement("scale_factor", "values", "a factor on stored numbers"),
         Statement("add_offset", "values", "an offset of stored numbers"),
         Statement("_Unsigned", "values", "whether stored numbers have no sign"),
-        Statement("_FillValue", "validity", "the number of what was not written"),
+        Statement("_FillValue", "validity", "the number of voxels that were not written"),
         Statement("missing_value", "validity", "numbers that stand for no data"),
         Statement("valid_range", "validity", "the first and the last valid number"),
         Statement("valid_min", "validity", "the first valid number"),
@@ -40,38 +40,66 @@ STATEMENTS = FormatTable(
         Statement("formula_terms", "place", "the heights of levels, by a formula", is_applied=False),
         Statement("grid_mapping", "place", "the map projection of coordinates", is_applied=False),
         Statement("coordinates", "place", "places of voxels in arrays of two axes or more", is_applied=False),
-        Statement("calendar", "meaning", "a calendar whose days are not those of ours", is_applied=False),
+        Statement("calendar", "meaning", "a calendar with other days than ours", is_applied=False),
         Statement("element_size_um", "place", "the size of voxels in µm, slowest axis first"),
         Statement("axistags", "meaning", "the names of axes, and their steps; by ilastik and vigra"),
     ),
 )
 
-# Units of pressure, and names of coordinates in the standard that grow downwards. What `positive` says comes first.
+# Units of pressure. Coordinates in these units grow downwards, unless `positive` says otherwise.
 _PRESSURES = (
-    *("pa", "hpa", "kpa", "pascal", "hectopascal", "bar", "bars", "mbar", "mb", "millibar", "millibars"),
-    *("dbar", "decibar", "decibars", "atm", "atmosphere"),
+    "pa",
+    "hpa",
+    "kpa",
+    "pascal",
+    "hectopascal",
+    "bar",
+    "bars",
+    "mbar",
+    "mb",
+    "millibar",
+    "millibars",
+    "dbar",
+    "decibar",
+    "decibars",
+    "atm",
+    "atmosphere",
 )
+# Standard names of vertical coordinates that grow downwards, unless `positive` says otherwise.
 _DOWNWARDS = (
-    *("depth", "air_pressure", "sea_water_pressure", "sea_water_pressure_due_to_sea_water"),
-    *("atmosphere_sigma_coordinate", "atmosphere_hybrid_sigma_pressure_coordinate"),
+    "depth",
+    "air_pressure",
+    "sea_water_pressure",
+    "sea_water_pressure_due_to_sea_water",
+    "atmosphere_sigma_coordinate",
+    "atmosphere_hybrid_sigma_pressure_coordinate",
 )
-_UPWARDS = ("height", "altitude", "ocean_sigma_coordinate", "ocean_s_coordinate", "ocean_s_coordinate_g1",
-            "ocean_s_coordinate_g2", "atmosphere_ln_pressure_coordinate",
-            "atmosphere_hybrid_height_coordinate")  # fmt: skip
-# Units and names of the standard by which coordinates lie along x and y.
+# Standard names of vertical coordinates that grow upwards.
+_UPWARDS = (
+    "height",
+    "altitude",
+    "ocean_sigma_coordinate",
+    "ocean_s_coordinate",
+    "ocean_s_coordinate_g1",
+    "ocean_s_coordinate_g2",
+    "atmosphere_ln_pressure_coordinate",
+    "atmosphere_hybrid_height_coordinate",
+)
+# Units of coordinates along x and y.
 _DEGREES = {"x": re.compile("degrees?_?(e|east)", re.IGNORECASE), "y": re.compile("degrees?_?(n|north)", re.IGNORECASE)}
+# The axis of the world by the standard name of a coordinate.
 _STANDARD_WAYS = {"longitude": "x", "grid_longitude": "x", "projection_x_coordinate": "x"}
 _STANDARD_WAYS |= {"latitude": "y", "grid_latitude": "y", "projection_y_coordinate": "y"}
-# Calendars whose days are days of 24 hours, one after the other, as ours are.
+# Calendars with the days of ours: an empty name stands for the standard calendar.
 _USUAL_CALENDARS = ("", "standard", "gregorian", "proleptic_gregorian")
-# Of names of places, no more are looked for.
+# The most names of the attribute `coordinates` that are looked up.
 _MAX_PLACES = 16
-# Names of attributes that may be lengths or places.
+# Parts of the names of attributes that may hold lengths or places; a note lists such attributes.
 _MAY_BE_LENGTHS = re.compile("spacing|voxel|pixel|resolution|origin|extent|direction|transform|size_|_size|apix")
 
 
 def find_images(file: Group) -> list[Candidate]:
-    """Return all datasets of numbers with three axes or more, and planes as parts."""
+    """Return all datasets of numbers with three axes or more, and datasets with two axes as parts."""
     import h5py
 
     return [
@@ -82,7 +110,7 @@ def find_images(file: Group) -> list[Candidate]:
 
 
 def describe(dataset: Dataset) -> StoredImage:
-    """Return the image that a dataset is."""
+    """Return the description of a dataset as an image."""
     tags = _axistags(dataset)
     axes = tuple(_axis(dataset, k, tags[k] if tags else {}) for k in range(dataset.ndim))
     found = set(_unapplied(dataset, axes))
@@ -99,7 +127,7 @@ def describe(dataset: Dataset) -> StoredImage:
 
 
 def values_with_labels(dataset: Dataset) -> Values:
-    """Return the meaning of a dataset's numbers, flags among them, whose names are words."""
+    """Return the meaning of a dataset's numbers; flags with names are labels."""
     values, names = values_of(dataset), " ".join(texts(dataset, "flag_meanings")).split()
     flags = values.of(numbers(dataset, "flag_values")).tolist()
     if "flag_masks" in dataset.attrs or len(flags) != len(names) or not all(flag.is_integer() for flag in flags):
@@ -108,7 +136,7 @@ def values_with_labels(dataset: Dataset) -> Values:
 
 
 def _unapplied(dataset: Dataset, axes: tuple[Axis, ...]) -> Iterator[str]:
-    """Yield the statements about a dataset that are not applied and have another value than the neutral one."""
+    """Yield the statements about a dataset that are not applied and would change something."""
     yield from (name for name in ("flag_masks", "grid_mapping") if name in dataset.attrs)
     scales = [axis.coordinates for axis in axes if axis.coordinates is not None]
     if any("formula_terms" in scale.attrs for scale in scales):
@@ -122,7 +150,7 @@ def _unapplied(dataset: Dataset, axes: tuple[Axis, ...]) -> Iterator[str]:
 
 
 def _axistags(dataset: Dataset) -> list[dict[str, Any]]:
-    """Return what ilastik says of each axis; nothing where it does not, or says it of other axes."""
+    """Return ilastik's description of each axis; none if it is missing, or has another number of axes."""
     try:
         tags = json.loads(text(dataset, "axistags") or "{}")
         axes = [dict(each) for each in dict(tags)["axes"]]
@@ -132,9 +160,9 @@ def _axistags(dataset: Dataset) -> list[dict[str, Any]]:
 
 
 def _axis(dataset: Dataset, axis: int, tag: dict[str, Any]) -> Axis:
-    """Return an axis, whose numbers are in a dataset that is attached to it, or beside the dataset by its name.
+    """Return an axis with the coordinates of its dimension scale, or of the dataset with its name in the same group.
 
-    tag: what ilastik says of it.
+    tag: ilastik's description of the axis.
     """
     import h5py
 
@@ -150,13 +178,13 @@ def _axis(dataset: Dataset, axis: int, tag: dict[str, Any]) -> Axis:
 
 
 def _tagged_step(tag: dict[str, Any]) -> tuple[float, float] | None:
-    """Return the place of the first voxel and the step of ilastik, which is 0 where it is not known."""
+    """Return 0 and the step that ilastik states; None if the step is 0, which stands for an unknown one."""
     step = tag.get("resolution")
     return (0.0, float(step)) if isinstance(step, (int, float)) and 0 < step < math.inf else None
 
 
 def _axis_along(scale: Dataset, name: str) -> Axis:
-    """Return an axis with coordinates."""
+    """Return an axis with the coordinates of a dimension scale."""
     unit, standard = text(scale, "units").strip(), text(scale, "standard_name").strip().lower()
     positive, is_pressure = text(scale, "positive").strip().lower(), unit.lower() in _PRESSURES
     is_downwards = standard in _DOWNWARDS or (not standard and name.lower() == "depth") or is_pressure

@@ -25,7 +25,7 @@ STATEMENTS = FormatTable(
 
 
 def find_images(file: Group) -> list[Candidate]:
-    """Return the data of all groups of EMD with three axes or more."""
+    """Return the data of all EMD groups that have three axes or more."""
     found = []
     for path, each in groups_and_datasets(file):
         data = dataset_at(each, "data") if "emd_group_type" in each.attrs else None
@@ -47,7 +47,7 @@ def _values(plain: StoredImage, dataset: Dataset) -> Values:
 
 
 def _axis(group: Group, name: str, plain: Axis) -> Axis:
-    """Return an axis by its coordinates; of an even one the file may have the first two alone."""
+    """Return an axis with its coordinates; the file may store only the first two if they are even."""
     line = dataset_at(group, name)
     if line is None or line.ndim != 1 or not is_in_file(line):
         return plain
@@ -62,6 +62,6 @@ def _axis(group: Group, name: str, plain: Axis) -> Axis:
 
 
 def _plain_unit(unit: str) -> str:
-    """Return a unit such as `[n_m]`, a prefix and its unit, as it is usually written: `nm`."""
+    """Return the usual spelling of a unit with a prefix: `nm` for `[n_m]`."""
     inside = unit.strip().removeprefix("[").removesuffix("]")
     return re.sub("^([a-zA-Zµμ])_", r"\1", inside)

@@ -1,6 +1,6 @@
-"""An image in an HDF5 file as a convention describes it: its axes, its datasets, and its place in the world.
+"""Describe an image in an HDF5 file: its axes, its datasets, and its place in the world.
 
-A convention is a module `hdf5_*.py` with a function that finds the images of a file; `hdf5.py` has the table of them.
+Each convention is a module `hdf5_*.py` with a function that finds the images of a file; `hdf5.py` has their table.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, affine, even_steps
+from renderer.readers.affines import NO_SPACING, affine, even_steps
 from renderer.readers.hdf5_objects import Dataset
 from renderer.readers.hdf5_values import Values, unpacked_line
 from renderer.readers.numpy_arrays import axes_of_array
@@ -21,18 +21,20 @@ from renderer.readers.units import one_spelling
 from renderer.scene import short_text
 from renderer.volume import Channel, Float64
 
+# Names of an axis of time.
 _TIMES = ("t", "time", "times", "step")
+# Names of an axis of components.
 _COMPONENTS = ("c", "ch", "channel", "channels", "component", "components", "band", "bands", "member", "rgb")
-# Lengths of units in metres, by the spelling that is shown.
+# Units of length in metres, by the spelling that is shown.
 _METRES = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "Å": 1e-10}
 
 
 class Axis(NamedTuple):
     """An axis of an image: its length, its name and its unit, which may be empty.
 
-    way: the axis of the world along which it lies: x, y or z; another text if that is not said. points_down: whether
-    its coordinates grow downwards. steps: the first coordinate and the step between two, where a convention has them
-    as numbers. coordinates: the numbers along it, where they are in a dataset.
+    way: the axis of the world along which it lies: x, y or z; any other text if it is unknown. points_down: whether its
+    coordinates grow downwards. steps: the first coordinate and the step, where the file stores these two. coordinates:
+    the dataset of its coordinates, where the file stores all of them.
     """
 
     length: int
@@ -45,7 +47,10 @@ class Axis(NamedTuple):
 
     @property
     def letter(self) -> str:
-        """Return its letter in `choose`: time has a name of time, or a unit such as `days since 2000`."""
+        """Return the letter of the axis for `choose`: `t` for time, `c` for components, `s` for space.
+
+        An axis of time has a name of time, or a unit such as `days since 2000`.
+        """
         name = self.name.lower()
         return "t" if name in _TIMES or " since " in self.unit else "c" if name in _COMPONENTS else "s"
 
@@ -55,7 +60,7 @@ class Axis(NamedTuple):
         return self.steps is not None or self.coordinates is not None
 
     def even(self) -> tuple[float, float] | None:
-        """Return the first coordinate and the step between two; None if they are not even."""
+        """Return the first coordinate and the step; None if the steps are not even."""
         return self.steps or even_steps(unpacked_line(self.coordinates))
 
     def times(self) -> TimeSteps:
@@ -72,12 +77,15 @@ class Axis(NamedTuple):
 class StoredImage:
     """An image in an HDF5 file, as a convention describes it.
 
-    axes: from the slowest to the fastest, without padding. num_outer: the number of first axes, of times or channels,
-        for whose items there are separate datasets. dataset: of an item of each of these.
-    values: what the numbers of a dataset mean.
-    sizes: of voxels along the axes of space, from the slowest, in µm, where the axes have no coordinates.
-    channels: of all components, if they are described. steps: in time, if they are not those of an axis.
-    notes: remarks; None stands for none. lengths_note: what is said where the axes have no coordinates.
+    axes: the axes from the slowest to the fastest, without padding.
+    dataset: returns the dataset of an item of each of the first `num_outer` axes.
+    values: returns the meaning of the numbers of a dataset.
+    num_outer: the number of first axes, of times or channels, whose items are separate datasets.
+    sizes: the sizes of a voxel in µm, from the slowest axis of space, for axes without coordinates.
+    channels: the channels of all components, if the file describes them.
+    steps: the steps in time, if they are not those of an axis.
+    notes: remarks; None stands for no remark.
+    lengths_note: the note for axes without coordinates.
     """
 
     axes: tuple[Axis, ...]
@@ -97,9 +105,9 @@ class StoredImage:
 
 
 class Candidate(NamedTuple):
-    """An image that may be read: its name, its shape, and what describes it.
+    """An image that may be read: its name, its shape, and a function that returns its description.
 
-    is_part: whether it is a coarser level, or one item, of another image, which is read where nothing is named.
+    is_part: whether it is a coarser level or an item of another image; a part is read only if the scene names it.
     """
 
     name: str
@@ -109,10 +117,11 @@ class Candidate(NamedTuple):
 
 
 def letters_of(own: Sequence[Axis], time: int | None, component: int | None) -> str:
-    """Return the letter of each axis, as of `choose`.
+    """Return the letter of each axis for `choose`; `-` stands for an axis that is left out.
 
-    Names tell times and components; of more than three others, those of length 1 are left out, and then the rule of
-    `.npy` holds. With two axes in space, times or components are the third.
+    Axes of time and components are recognised by their names. If more than three others remain, axes of length 1 are
+    left out, and then the rule for `.npy` files applies. With only two axes in space, times or components become the
+    third.
     """
     letters = [axis.letter for axis in own]
     for k, axis in enumerate(own):
@@ -134,9 +143,9 @@ def letters_of(own: Sequence[Axis], time: int | None, component: int | None) -> 
 
 
 def place_of(image: StoredImage, letters: str, has_spacing_override: bool) -> tuple[Float64, str, list[str]]:
-    """Return the affine, float64 [4, 4], by coordinates or sizes, the unit that all lengths have, and notes.
+    """Return the affine, float64 [4, 4], by coordinates or sizes, the unit that all lengths share, and notes.
 
-    has_spacing_override: coordinates need not be even. Raises InputError where they are not.
+    has_spacing_override: whether uneven coordinates are allowed; otherwise they raise InputError.
     """
     space = [axis for axis, letter in zip(image.axes, letters, strict=True) if letter == "s"][::-1]
     ways = _ways(space)
@@ -152,7 +161,7 @@ def place_of(image: StoredImage, letters: str, has_spacing_override: bool) -> tu
         even = axis.even()
         if even is None and not has_spacing_override and axis.letter != "t":
             raise _uneven(axis, ways[column])
-        unit = one_spelling(axis.unit.split("_")[0])  # degrees_north
+        unit = one_spelling(axis.unit.split("_")[0])  # the first word of a unit such as degrees_north
         first = next(iter(units.values()), unit)
         is_length = {unit, first} <= _METRES.keys()
         units[ways[column]] = first if is_length else unit
@@ -168,7 +177,10 @@ def place_of(image: StoredImage, letters: str, has_spacing_override: bool) -> tu
 
 
 def _ways(space: Sequence[Axis]) -> str:
-    """Return the axis of the world along which each axis lies, fastest first; others take the ways that are left."""
+    """Return the axis of the world along which each axis lies, the fastest axis first.
+
+    Axes without a stated direction lie along the remaining axes of the world, in their order.
+    """
     said = [axis.way if axis.way in ("x", "y", "z") else "" for axis in space]
     if any(said.count(way) > 1 for way in "xyz"):
         said = [""] * len(space)
@@ -188,7 +200,7 @@ def _uneven(axis: Axis, way: str) -> InputError:
 
 
 def _unit_notes(units: dict[str, str], ways: str) -> list[str]:
-    """Return notes on axes without coordinates, and on coordinates of several units."""
+    """Return notes on axes without coordinates, and on coordinates in different units."""
     notes = []
     if len(units) < len(ways):
         missing = ", ".join(axis for axis in sorted(ways) if axis not in units)
@@ -201,5 +213,5 @@ def _unit_notes(units: dict[str, str], ways: str) -> list[str]:
 
 
 def axes_by_names(lengths: Sequence[int], names: Sequence[str], **same: Any) -> tuple[Axis, ...]:
-    """Return axes with names, which are their ways in the world, too. same: fields that all of them have."""
+    """Return axes whose names are also their axes of the world. same: further fields, equal for all of them."""
     return tuple(Axis(n, name, way=name, **same) for n, name in zip(lengths, names, strict=True))

@@ -1,4 +1,4 @@
-"""Find the image of an Imaris file (.ims, 5.5): levels of resolution, times and channels, each in a dataset.
+"""Find the image of an Imaris file (.ims, 5.5), with a dataset for each level of resolution, time and channel.
 
 Datasets are padded to whole chunks. Attributes are arrays of single characters.
 """
@@ -24,18 +24,19 @@ STATEMENTS = FormatTable(
     "Imaris",
     (
         Statement("ImageSizeX", "values", "the size without padding; also ImageSizeY and ImageSizeZ"),
-        Statement("ExtMax0", "place", "the ends of the image; also ExtMin0 and those of axes 1 and 2"),
+        Statement("ExtMax0", "place", "the end of the image along an axis; also ExtMin0, ExtMax1 and so on"),
         Statement("Unit", "meaning", "the unit of lengths"),
         Statement("Name", "meaning", "the name of a channel"),
         Statement("Color", "meaning", "the colour of a channel"),
         Statement("ColorRange", "meaning", "the display range"),
-        Statement("TimePoint1", "meaning", "when each time step was taken"),
+        Statement("TimePoint1", "meaning", "the time of each step"),
     ),
 )
 
-# The most levels, times and channels of a file; larger numbers are those of a damaged file.
+# The most levels, times and channels of a file; a larger number shows a damaged file.
 _MAX_ITEMS = 10_000
-# Names of groups, each of which ends with a number.
+
+# The beginnings of the names of groups; a number follows.
 _LEVEL = "ResolutionLevel"
 _TIME = "TimePoint"
 _CHANNEL = "Channel"
@@ -64,7 +65,7 @@ class _Level:
 
 
 def find_images(file: Group) -> list[Candidate]:
-    """Return the image at its finest level, and its other levels and its datasets as parts."""
+    """Return the image at its finest level, and as parts its other levels and its single datasets."""
     if text_of(file, "ImarisDataSet") == "" or open_inside(file, "DataSet") is None:
         return []
     found: list[Candidate] = []
@@ -82,7 +83,7 @@ def find_images(file: Group) -> list[Candidate]:
 
 
 def text_of(owner: Group | None, name: str) -> str:
-    """Return an attribute of Imaris, of single characters; an empty text for all else, and without an owner."""
+    """Return an attribute of single characters as text; an empty text for any other attribute, and without an owner."""
     found = np.ravel(() if owner is None else owner.attrs.get(name, ()))
     if found.dtype.kind != "S":
         return "".join(each for each in found.tolist() if isinstance(each, str))
@@ -103,12 +104,12 @@ def _level(images: Group, number: int) -> _Level:
 
 
 def _count(group: Group, name: str) -> int:
-    """Return how many items of a name, numbered from 0, a group has."""
+    """Return the number of items of a group that have a name and consecutive numbers from 0."""
     return next((k for k in range(_MAX_ITEMS) if open_inside(group, f"{name} {k}") is None), _MAX_ITEMS)
 
 
 def _describe(file: Group, level: _Level, time: int | None = None, channel: int | None = None) -> StoredImage:
-    """Return a level, or one of its datasets."""
+    """Return the description of a level, or of one of its datasets."""
     info = open_inside(file, "DataSetInfo/Image")
     unit = text_of(info, "Unit")
     space = tuple(
@@ -128,7 +129,7 @@ def _describe(file: Group, level: _Level, time: int | None = None, channel: int 
 
 
 def _steps(info: Group | None, axis: int, length: int) -> tuple[float, float] | None:
-    """Return the middle of the first voxel and the size of one, by the ends of the image; None without them."""
+    """Return the centre of the first voxel and the size of a voxel, by the ends of the image; None without ends."""
     first, last = (number_in(text_of(info, f"Ext{end}{axis}")) for end in ("Min", "Max"))
     size = (last - first) / length
     return (first + size / 2, size) if np.isfinite(size) and size else None
@@ -151,7 +152,7 @@ def _numbers(text: str) -> list[float]:
 
 
 def _times(file: Group, count: int) -> TimeSteps:
-    """Return when each time was taken, from the first on."""
+    """Return the times of the steps, counted from the first one."""
     info = open_inside(file, "DataSetInfo/TimeInfo")
     try:
         taken = np.array([np.datetime64(text_of(info, f"TimePoint{k + 1}") or "none", "us") for k in range(count)])

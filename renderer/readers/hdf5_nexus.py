@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from functools import partial
 
-from renderer.readers.common import even_steps
+from renderer.readers.affines import even_steps
 from renderer.readers.hdf5_cf import describe as describe_plain, values_with_labels
 from renderer.readers.hdf5_image import Axis, Candidate, StoredImage
 from renderer.readers.hdf5_objects import (
@@ -25,27 +25,30 @@ from renderer.readers.statements import FormatTable, Statement
 STATEMENTS = FormatTable(
     "NeXus",
     (
-        Statement("signal", "values", "the dataset that is the data of a group"),
-        Statement("default", "values", "the group that is shown of several"),
+        Statement("signal", "values", "the dataset with the data of a group"),
+        Statement("default", "values", "the one of several groups that is to be shown"),
         Statement("axes", "place", "the datasets with the coordinates along each axis"),
         Statement("AXISNAME_indices", "place", "the axis along which coordinates lie"),
         Statement("scaling_factor", "values", "a factor on stored numbers"),
-        Statement("offset", "values", "an offset of stored numbers, added before that"),
+        Statement("offset", "values", "an offset of stored numbers, added before scaling"),
         Statement("units", "meaning", "the unit of the values, and of coordinates"),
         Statement("auxiliary_signals", "meaning", "other datasets to be shown with the data", is_applied=False),
-        Statement("rotation_angle", "meaning", "the angles of frames, which are no slices", is_applied=False),
-        Statement("image_key", "meaning", "which frames are projections, bright or dark fields", is_applied=False),
+        Statement("rotation_angle", "meaning", "the angles of frames, which are not slices", is_applied=False),
+        Statement("image_key", "meaning", "the kind of each frame: projection, bright or dark field", is_applied=False),
     ),
 )
 
-# The most groups that attributes `default` lead through: of the file, an entry, and the data.
+# The most attributes `default` that are followed. Usually the file names an entry, and the entry its data.
 _MAX_DEFAULTS = 4
+# The name of an axis without coordinates.
 _NO_AXIS = "."
 
 
 def find_images(file: Group) -> list[Candidate]:
-    """Return the signals of all groups NXdata with three axes or more; where the file has a default, all else is a
-    part."""
+    """Return the signals of all NXdata groups that have three axes or more.
+
+    If the file names a default, the other signals are parts.
+    """
     groups = [each for _, each in groups_and_datasets(file) if text(each, "NX_class") == "NXdata"]
     shown, found = _default(file), []
     for group in groups:
@@ -58,7 +61,7 @@ def find_images(file: Group) -> list[Candidate]:
 
 
 def _default(file: Group) -> Group:
-    """Return the group to which the attributes `default` lead, from the file on."""
+    """Return the default group: the attribute `default` of the file and of each group names the next one."""
     here = file
     for _ in range(_MAX_DEFAULTS):
         following = open_inside(here, text(here, "default")) if text(here, "default") else None
@@ -69,7 +72,7 @@ def _default(file: Group) -> Group:
 
 
 def _signal(group: Group) -> Dataset | None:
-    """Return the data of a group: by its attribute, by that of a dataset in it, or by the usual name."""
+    """Return the data of a group, by an attribute of the group or of the dataset, or by the usual name."""
     named = text(group, "signal")
     if named and "/" not in named:
         return dataset_at(group, named)
@@ -94,15 +97,15 @@ def _describe(group: Group, signal: Dataset) -> StoredImage:
 
 
 def _is_for_frames(owner: Group, field: str, signal: Dataset) -> bool:
-    """Return whether a group, or the sample or detector in it, has a number for each frame."""
+    """Return whether a group, or its sample or detector, has a field with a number for each frame of a signal."""
     paths = (field, f"sample/{field}", f"instrument/detector/{field}")
     return any(line_at(owner, path, signal.shape[0]) is not None for path in paths)
 
 
 def _axis_names(group: Group, signal: Dataset) -> list[str]:
-    """Return the name of the coordinates along each axis; an empty one for none."""
+    """Return the name of the coordinates along each axis; an empty name for an axis without coordinates."""
     names = texts(group, "axes") or texts(signal, "axes")
-    if len(names) == 1:  # an older form: names in a row, with colons or commas between them
+    if len(names) == 1:  # an older form: one text with colons or commas between the names
         names = [name for name in re.split("[][:,]", names[0].strip()) if name.strip()]
     placed = [""] * signal.ndim
     for number, name in enumerate(names):
@@ -114,7 +117,10 @@ def _axis_names(group: Group, signal: Dataset) -> list[str]:
 
 
 def _names_of_space(group: Group, signal: Dataset) -> list[str]:
-    """Return the names of coordinates x, y and z, where a group has them and their lengths are those of the axes."""
+    """Return x, y and z in the order of the axes, if the group has such coordinates with the lengths of the axes.
+
+    Otherwise, all names are empty.
+    """
     for names in (["x", "y", "z"], ["z", "y", "x"]):
         lines = (line_at(group, name, n) for name, n in zip(names, signal.shape, strict=False))
         if signal.ndim == len(names) and all(each is not None for each in lines):
@@ -123,8 +129,10 @@ def _names_of_space(group: Group, signal: Dataset) -> list[str]:
 
 
 def _axis(group: Group, name: str, number: int, plain: Axis) -> Axis:
-    """Return an axis by the name of its coordinates, which may be edges of voxels, one more than these; else the plain
-    one."""
+    """Return an axis with its coordinates, which are centres or edges of voxels; the plain axis if it has none.
+
+    name: the name of the dataset of coordinates. There is one edge more than voxels.
+    """
     if not name or "/" in name:
         return plain
     along = line_at(group, name, plain.length)
@@ -138,13 +146,13 @@ def _axis(group: Group, name: str, number: int, plain: Axis) -> Axis:
 
 
 def _even_edges(edges: Dataset) -> tuple[float, float] | None:
-    """Return the middle of the first voxel and the step, by edges between voxels."""
+    """Return the centre of the first voxel and the step, by the edges of the voxels; None if these are not even."""
     even = even_steps(edges[...])
     return None if even is None else (even[0] + even[1] / 2, even[1])
 
 
 def _values(group: Group, name: str, dataset: Dataset) -> Values:
-    """Return the meaning of numbers: `(stored + offset) * scaling_factor`, both in the group."""
+    """Return the meaning of numbers: `(stored + offset) * scaling_factor`, with both fields from the group."""
     values = values_with_labels(dataset)
     factor, offset = (
         next((n for prefix in (f"{name}_", "") if (n := _number(group, prefix + field)) is not None), neutral)
@@ -158,6 +166,6 @@ def _values(group: Group, name: str, dataset: Dataset) -> Values:
 
 
 def _number(group: Group, name: str) -> float | None:
-    """Return the only number of a dataset in a group."""
+    """Return the number of a dataset in a group; None unless the dataset has exactly one."""
     found = dataset_at(group, name)
     return float(found[...].ravel()[0]) if found is not None and found.size == 1 else None

@@ -11,21 +11,23 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import describe_shape
+from renderer.readers.voxel_limits import describe_shape
 from renderer.scene import short_text
 from renderer.volume import Float64
 
-# An h5py.Group, which a file is, too; and an h5py.Dataset.
+# An h5py.Group. A file is a group, too.
 Group = Any
+# An h5py.Dataset.
 Dataset = Any
 
-# More groups and datasets than this are not looked at: each takes about 0.1 ms.
+# The most groups and datasets of a file; each takes about 0.1 ms.
 _MAX_OBJECTS = 10_000
-# A path with more parts, links included, is taken for a circle.
+# The most parts of a path, parts of links included; a longer one is taken for a circle of links.
 _MAX_PARTS = 100
-# Of filters, one after the other; a file may also claim voxels that it does not store.
+# The largest ratio of the bytes of voxels to stored bytes, with several compression filters one after the other. Beyond
+# it, a file claims voxels that it does not store.
 _MAX_PACKING = 2**20
-# The most numbers and texts that are read from an attribute; an image has fewer axes.
+# The most numbers or texts that are read from an attribute; an image has fewer axes.
 _MAX_ITEMS = 64
 
 
@@ -62,13 +64,13 @@ def dataset_at(group: Group, path: str) -> Dataset | None:
 
 
 def line_at(group: Group, path: str, length: int) -> Dataset | None:
-    """Return the dataset of numbers along one axis of a length at a path, as `dataset_at`."""
+    """Return the dataset of `length` numbers at a path; None if there is none, or if it is in another file."""
     found = dataset_at(group, path)
     return found if found is not None and found.shape == (length,) and is_in_file(found) else None
 
 
 def groups_and_datasets(file: Group) -> Iterator[tuple[str, Any]]:
-    """Yield the path of each group and dataset of a file, and the object; raises InputError for too many."""
+    """Yield the path and the object of each group and dataset of a file; raises InputError for too many."""
     objects: list[tuple[str, Any]] = []
     number = itertools.count()
 
@@ -87,7 +89,7 @@ def is_in_file(dataset: Dataset) -> bool:
 
 
 def check_dataset(dataset: Dataset, path: Path) -> None:
-    """Raise InputError for voxels in other files, and for more than a file can hold."""
+    """Raise InputError for voxels in other files, and for more voxels than the stored bytes can hold."""
     if not is_in_file(dataset):
         raise InputError(
             "the voxels of this dataset are in other files, which are not opened",
@@ -105,19 +107,19 @@ def check_dataset(dataset: Dataset, path: Path) -> None:
 
 
 def numbers(owner: Any, name: str) -> Float64:
-    """Return the numbers of an attribute, a few at most; none for all else."""
+    """Return the first numbers of an attribute, _MAX_ITEMS at most; none for any other attribute."""
     found = np.ravel(owner.attrs.get(name, ()))[:_MAX_ITEMS]
     return found.astype(np.float64) if found.dtype.kind in "iuf" else np.zeros(0)
 
 
 def texts(owner: Any, name: str) -> list[str]:
-    """Return the texts of an attribute, a few at most; none for all else, and where there is no owner."""
+    """Return the first texts of an attribute, _MAX_ITEMS at most; none for any other attribute, or without an owner."""
     found = np.ravel(() if owner is None else owner.attrs.get(name, ())).tolist()[:_MAX_ITEMS]
     return [each.decode("utf-8", "replace") if isinstance(each, bytes) else each
             for each in found if isinstance(each, (bytes, str))]  # fmt: skip
 
 
 def text(owner: Any, name: str) -> str:
-    """Return an attribute that is one text; an empty one for all else, and where there is no owner."""
+    """Return an attribute that is one text; an empty text for any other attribute, or without an owner."""
     found = texts(owner, name)
     return found[0] if len(found) == 1 else ""

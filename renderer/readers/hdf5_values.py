@@ -1,6 +1,6 @@
 """Turn the stored numbers of an HDF5 dataset into values, by the conventions of netCDF (CF).
 
-Values are `stored * scale_factor + add_offset`; fill values, and what is not valid, are no data.
+Values are `stored * scale_factor + add_offset`. Fill values, and values outside of the valid range, are no data.
 """
 
 from __future__ import annotations
@@ -11,23 +11,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.readers.common import scaled_type
 from renderer.readers.hdf5_objects import Dataset, numbers, text
+from renderer.readers.scaled_values import scaled_type
 from renderer.volume import Array, Float64, Label
 
-# A value that is outside the valid ones by less than this part of their end is valid: attributes are rounded.
+# The share by which the ends of the valid range are widened, as attributes are rounded.
 _MARGIN = 1e-5
-# Attributes of the scale, and of the valid range.
+# The attributes of the scale.
 _SCALES = ("scale_factor", "add_offset")
+# The attributes of the valid range.
 _VALID = ("valid_range", "valid_min", "valid_max")
 
 
 class Values(NamedTuple):
     """The meaning of stored numbers.
 
-    dtype: of the values. wrap: what is added to those below 0. scale, offset: by which they are multiplied, and what is
-    added then. nodata: ranges of values, both ends included, that stand for no data. labels: by value. unit: of the
-    values.
+    dtype: the type of the values.
+    wrap: the number that is added to stored numbers below 0, first of all.
+    scale, offset: the factor, and then the offset, that are applied.
+    nodata: the ranges of values, both ends included, that stand for no data.
+    labels: the labels that the values stand for.
+    unit: the unit of the values.
     """
 
     dtype: np.dtype[Any]
@@ -40,12 +44,12 @@ class Values(NamedTuple):
 
     @property
     def is_scaled(self) -> bool:
-        """Return whether values are other numbers than the stored ones, or than their bits without a sign."""
+        """Return whether scale or offset change the numbers."""
         return (self.scale, self.offset) != (1.0, 0.0)
 
     def of(self, stored: Array) -> Float64:
         """Return the values of stored numbers."""
-        with np.errstate(over="ignore", invalid="ignore"):  # what becomes infinite is absent
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite values stand for no data
             return np.asarray((np.where(stored < 0, self.wrap, 0.0) + stored) * self.scale + self.offset, np.float64)
 
 
@@ -58,7 +62,7 @@ def values_of(dataset: Dataset) -> Values:
 
 
 def plain_values(dataset: Dataset, *, is_unsigned: bool = False) -> Values:
-    """Return values that are the stored numbers. is_unsigned: whether their bits are numbers without a sign."""
+    """Return the meaning of stored numbers that are the values. is_unsigned: whether to read their bits as unsigned."""
     stored = dataset.dtype.newbyteorder("=")
     is_unsigned = is_unsigned and stored.kind == "i"
     dtype = np.dtype(f"u{stored.itemsize}") if is_unsigned or stored.kind == "b" else stored
@@ -66,7 +70,7 @@ def plain_values(dataset: Dataset, *, is_unsigned: bool = False) -> Values:
 
 
 def scaled(values: Values, scale: float, offset: float) -> Values:
-    """Return values that are multiplied, and to which an offset is added, in a type of floats."""
+    """Return a meaning with a scale and an offset, whose values are floats."""
     if (scale, offset) == (1.0, 0.0):
         return values
     return values._replace(dtype=scaled_type(values.dtype), scale=scale, offset=offset)
@@ -80,9 +84,10 @@ def unpacked_line(dataset: Dataset) -> Array:
 
 
 def _nodata(dataset: Dataset, values: Values) -> Iterator[tuple[float, float]]:
-    """Yield the ranges of values, both ends included, that stand for no data: fill values, and what is not valid."""
+    """Yield the ranges of values, both ends included, that stand for no data: fill values and invalid values."""
     fills = [*numbers(dataset, "_FillValue"), *numbers(dataset, "missing_value")]
-    if dataset.dtype.itemsize > 1 and dataset.fillvalue != 0:  # what was not written; netCDF has none for bytes
+    # The fill value of HDF5 stands for voxels that were not written. In netCDF, bytes have none.
+    if dataset.dtype.itemsize > 1 and dataset.fillvalue != 0:
         fills.append(float(dataset.fillvalue))
     for fill in values.of(np.unique(fills)).tolist():
         if math.isfinite(fill):
@@ -99,9 +104,9 @@ def _nodata(dataset: Dataset, values: Values) -> Iterator[tuple[float, float]]:
 
 
 def _is_valid_unpacked(dataset: Dataset) -> bool:
-    """Return whether the valid range is one of values, not of stored numbers.
+    """Return whether the valid range applies to values rather than to stored numbers.
 
-    By the guide of netCDF it is if its type is that of the scale and wider than that of the stored numbers.
+    By netCDF's guide, it does if its type is the type of the scale, and wider than the type of the stored numbers.
     """
     types = [np.asarray(dataset.attrs[name]).dtype for name in _SCALES if name in dataset.attrs]
     ranges = [np.asarray(dataset.attrs[name]).dtype for name in _VALID if name in dataset.attrs]

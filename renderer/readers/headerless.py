@@ -1,4 +1,4 @@
-"""Find the shape and the type of voxels without a header, as far as the name and the size of their file tell them."""
+"""Guess the shape and the type of voxels without a header from the name and the size of their file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 # Three sizes in a name, such as 256x256x113 and 128_128_64.
 _SIZES = re.compile(r"(?<![0-9])(?<![0-9]\.)([1-9][0-9]{0,5})[x_-]([1-9][0-9]{0,5})[x_-]([1-9][0-9]{0,5})(?![0-9])")
+# A type in a name, such as uint16 and float_32.
 _TYPE = re.compile(r"(?<![a-z])(u|unsigned|uint|int|i|s|float|f)[_-]?(8|16|32|64)(?:bits?|_t)?(?![0-9a-z])")
+# Types by the words that stand for them in a name.
 _WORDS = {
     "uchar": "uint8",
     "byte": "uint8",
@@ -19,14 +21,16 @@ _WORDS = {
     "float": "float32",
     "double": "float64",
 }
+# The kinds of types by the letters before their bits; all others are floats.
 _KINDS = {"u": "uint", "unsigned": "uint", "uint": "uint", "int": "int", "i": "int", "s": "int"}
+# Words in a name for the most significant byte first.
 _BIG_ENDIAN = ("be", "msb", "bigendian")
-# The usual types of voxels of so many bytes, where the name has none.
+# The usual type of voxels by their number of bytes, for names without a type.
 _USUAL = {1: "uint8", 2: "uint16", 4: "float32", 8: "float64"}
 
 
 class Declaration(NamedTuple):
-    """A declaration of voxels without a header that fits a file. is_guess: whether the type is not in its name."""
+    """A declaration of voxels that fits a file without a header. is_guess: whether the file's name lacks the type."""
 
     shape: tuple[int, int, int]
     dtype: str
@@ -35,12 +39,12 @@ class Declaration(NamedTuple):
 
     @property
     def remark(self) -> str:
-        """Return words on how sure it is."""
+        """Return a remark on the certainty of the declaration."""
         return "its name and size fit" + "; the type is a guess" * self.is_guess
 
 
 def declaration_in_name(path: Path) -> Declaration | None:
-    """Return the declaration that the name of a file has, if its size fits; None for others."""
+    """Return the declaration in the name of a file; None if it has none, or the size of the file does not fit it."""
     name = path.name.rpartition(".")[0].lower()
     found = _SIZES.search(name)
     if found is None or not path.is_file():
@@ -57,7 +61,10 @@ def declaration_in_name(path: Path) -> Declaration | None:
 
 
 def _itemsize(dtype: str) -> int:
-    """Return the bytes of a number of a type that ends with its bits; without numpy, which `check` does not load."""
+    """Return the bytes of a number of a type whose name ends with its bits, such as uint16.
+
+    numpy would know them, but `hsplat check` does not load numpy.
+    """
     return int(re.sub("[a-z]+", "", dtype)) // 8
 
 

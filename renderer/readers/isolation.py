@@ -1,7 +1,7 @@
 """Run a reader in a child process with limits on memory and time, for formats that large libraries parse.
 
-A file that makes such a library crash, loop or fill the memory ends the child, and is an InputError here. Voxels come
-back in shared memory, all else as JSON, which is checked like a file: whatever the child answers, it is only numbers.
+A file that makes such a library crash, loop or fill the memory ends the child, and raises InputError here. Voxels come
+back in shared memory, and everything else as JSON, which is checked like a file: an answer can only be data, not code.
 
 This file is also the program of the child: `python -m renderer.readers.isolation` with the request as JSON.
 """
@@ -25,38 +25,52 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import InputError, RenderError
-from renderer.readers.common import Image, check_dtype, check_memory, check_size, errors_about
+from renderer.readers.file_errors import errors_about
+from renderer.readers.image import Image
 from renderer.readers.steps_in_time import TimeSteps
 from renderer.readers.units import units_of
+from renderer.readers.voxel_limits import check_dtype, check_memory, check_size
 from renderer.scene import short_text
 from renderer.system import ChildProcesses, describe_exit, open_anonymous_file
 from renderer.volume import Array, Channel, Label
 
-# The limits of a child: memory, to which voxels and files add, as libraries hold what they have read, what they have
-# decoded, and copies of both; and processor time, to which voxels, the number of files and what they take on the disk
-# add. The slowest parser, of text in VTK, reads 32 MiB in a second.
-_MEMORY_BYTES, _NUM_COPIES = 1 << 30, 4
-_SECONDS, _BYTES_PER_SECOND, _PARSED_BYTES_PER_SECOND, _FILES_PER_SECOND = 10, 1 << 20, 8 << 20, 10
+# The memory that a child may use beside voxels and files, in bytes.
+_MEMORY_BYTES = 1 << 30
+# The copies of voxels, and of the largest file, for which a child may use more memory: libraries hold the bytes that
+# they have read, the voxels that they have decoded, and copies of both.
+_NUM_COPIES = 4
 
+# The processor time of a child without voxels and files, in seconds.
+_SECONDS = 10
+# The bytes of voxels for each further second of processor time.
+_BYTES_PER_SECOND = 1 << 20
+# The bytes of files for each further second. The slowest parser, of text in VTK, reads 32 MiB in a second.
+_PARSED_BYTES_PER_SECOND = 8 << 20
+# The number of files for each further second.
+_FILES_PER_SECOND = 10
+
+# The most bytes of an answer, without the voxels.
 _MAX_ANSWER_BYTES = 1 << 24
+# The fields of an InputError in an answer.
 _ERROR_FIELDS = ("what", "where", "got", "expected", "hint")
 
 
 def allocate_voxels(host: Host, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-    """Return an array of zeros for voxels [z, y, x]; raises InputError for none, and for more than memory has."""
+    """Return an array of zeros for voxels [z, y, x]; raises InputError for a size of 0, and for too little memory."""
     check_memory(check_size(shape[::-1], dtype))
     return host.allocate(shape, dtype)
 
 
 def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
-    """Return what `reader`, a function by its module and name, returns when a child process calls it.
+    """Call a reader in a child process, and return its image.
 
-    reader: `module:function`, called with the path, the arguments, and a `host`. arguments: as JSON has them.
-    Raises InputError as the function does, and where it fails in any other way; RenderError where no child can run.
+    reader: the function, as `module:function`; its arguments are the path, `arguments`, and a `host`. arguments: values
+        that JSON can express. Raises InputError if the reader raises one or fails in any other way, and RenderError if
+        the child cannot run.
     """
     files = [entry for entry in os.scandir(path) if entry.is_file()] if path.is_dir() else [path]
     stats = [file.stat() for file in files]
-    # A sparse file may be empty: its blocks, of 512 bytes whatever the disk has, say what is there.
+    # A sparse file may store fewer bytes than its size: st_blocks counts stored blocks, always in units of 512 bytes.
     num_bytes = sum(min(stat.st_size, 512 * stat.st_blocks) for stat in stats)
     seconds = _SECONDS + len(stats) // _FILES_PER_SECOND + num_bytes // _PARSED_BYTES_PER_SECOND
     memory = _MEMORY_BYTES + _NUM_COPIES * max((stat.st_size for stat in stats), default=0)
@@ -77,7 +91,7 @@ def read_isolated(reader: str, path: Path, **arguments: Any) -> Image:
                 raise _no_process_error(path, str(error)) from error
             finally:
                 os.close(sender)
-            whole, _, _ = answers.read(_MAX_ANSWER_BYTES).rpartition(b"\n")  # the child may end while it writes
+            whole, _, _ = answers.read(_MAX_ANSWER_BYTES).rpartition(b"\n")  # the child may end within a line
         status = child.wait()
         if not whole:
             raise _no_process_error(path, describe_exit(status))
@@ -123,7 +137,7 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
 
 
 def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
-    """Return a channel of an answer; a colour and a window that are none are left out."""
+    """Return a channel of an answer; an invalid colour or window is left out."""
     shade, ends = (tuple(float(each) for each in numbers or ()) for numbers in (color, window))
     is_color = len(shade) == 3 and all(0 <= part <= 1 for part in shade)
     is_window = len(ends) == 2 and -math.inf < ends[0] < ends[1] < math.inf
@@ -136,7 +150,7 @@ def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
 
 
 def _label(value: Any, name: Any, color: Any, opacity: Any) -> Label:
-    """Return a label of an answer; a colour and an opacity that are none are left out."""
+    """Return a label of an answer; an invalid colour or opacity is left out."""
     shade = tuple(float(part) for part in color or ())
     is_color = len(shade) == 3 and all(0 <= part <= 1 for part in shade)
     is_opacity = opacity is not None and 0 <= float(opacity) <= 1
@@ -149,18 +163,18 @@ def _label(value: Any, name: Any, color: Any, opacity: Any) -> Label:
 
 
 class Host:
-    """A child process as its reader uses it: shared memory for voxels, and lines of JSON to the parent."""
+    """The child process as its reader sees it: shared memory for voxels, and lines of JSON to the parent."""
 
     def __init__(self, sender: IO[bytes], descriptor: int) -> None:
         self._sender, self._descriptor = sender, descriptor
         self.values: Array | None = None
 
     def expect_bytes(self, num_bytes: int) -> None:
-        """Extend the limit of memory by what a library needs before `allocate` is called."""
+        """Extend the limit of memory by `num_bytes`, for a library that needs them before `allocate` is called."""
         _extend_limit(resource.RLIMIT_AS, num_bytes)
 
     def begin_file(self, path: Path) -> None:
-        """Tell the parent which file is read next, for the message if that ends the process."""
+        """Tell the parent the name of the next file, for the message if reading it ends the process."""
         self.send(str(path))
 
     def send(self, answer: str | dict[str, Any]) -> None:
@@ -169,9 +183,9 @@ class Host:
         self._sender.flush()
 
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
-        """Return an array of zeros for the voxels, native, which the reader fills and returns.
+        """Return an array of zeros in the shared memory, which the reader fills with voxels and returns.
 
-        It is in the shared memory, replaces an earlier one, and extends the limits by its size.
+        It replaces an earlier array, has native byte order, and extends the limits by its size.
         """
         num_bytes = math.prod(shape) * np.dtype(dtype).itemsize
         self.expect_bytes((1 + _NUM_COPIES) * num_bytes)
@@ -188,13 +202,13 @@ def _extend_limit(kind: int, more: int) -> None:
 
 
 def _set_limit(kind: int, limit: int) -> None:
-    """Set a limit of this process, or the most that the system allows it."""
+    """Set a limit of this process, or the hard limit if that is lower."""
     most = resource.getrlimit(kind)[1]
     resource.setrlimit(kind, (limit if most == resource.RLIM_INFINITY else min(limit, most), most))
 
 
 def _limit_child(memory: int, seconds: int) -> None:
-    """Set the limits of memory in bytes, above what the process has taken already, and of processor time."""
+    """Set the limits of this process: further memory in bytes, processor time in seconds, and no core dumps."""
     status = Path("/proc/self/statm")
     if status.exists():
         _set_limit(resource.RLIMIT_AS, int(status.read_text("ascii").split()[0]) * resource.getpagesize() + memory)
@@ -210,7 +224,7 @@ def import_reader(reader: str) -> Callable[..., Image]:
 
 
 def call_reader(reader: str, path: Path, arguments: dict[str, Any], host: Host) -> Image:
-    """Return what a reader returns; raises InputError for all exceptions that damaged bytes raise in its library."""
+    """Call a reader and return its image; raises InputError for any exception of its library."""
     function = import_reader(reader)
     with errors_about(path):
         try:

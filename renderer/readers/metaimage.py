@@ -1,7 +1,7 @@
-"""Read MetaImage (.mha, .mhd): a header of text, and voxels behind it or in data files.
+"""Read MetaImage (.mha, .mhd): a text header, and voxels behind it or in data files.
 
-Format: https://itk.org/Wiki/ITK/MetaIO/Documentation. Rows of `TransformMatrix` are the directions of the index axes.
-Positions are those of LPS.
+Format: https://itk.org/Wiki/ITK/MetaIO/Documentation. The rows of `TransformMatrix` are the directions of the index
+axes. Positions are in LPS.
 """
 
 from __future__ import annotations
@@ -16,8 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, choose, scaled
+from renderer.readers.affines import NO_SPACING, affine
+from renderer.readers.components import choose
 from renderer.readers.data_files import find_data_files, unquoted
+from renderer.readers.image import Image
+from renderer.readers.scaled_values import scaled
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import Field, add_field, header_lines
@@ -26,15 +29,17 @@ from renderer.scene import short_text
 from renderer.system import number_in
 from renderer.volume import Float64
 
+# Types of integers by their names without `MET_` and the `U` of unsigned ones.
 _INTEGERS = {"CHAR": "int8", "SHORT": "int16", "INT": "int32", "LONG": "int32", "LONG_LONG": "int64"}
 _TYPES = {f"MET_{sign}{name}": f"{sign.lower()}{dtype}" for name, dtype in _INTEGERS.items() for sign in ("", "U")}
 _TYPES |= {"MET_FLOAT": "float32", "MET_DOUBLE": "float64"}
-# Fields with several names, of which the first that is there counts.
+# Fields with several names; the first name that a header has is used.
 _SPACINGS = ("ElementSpacing", "ElementSize")
 _ORIGINS = ("Origin", "Position", "Offset")
 _DIRECTIONS = ("Orientation", "Rotation", "TransformMatrix")
 _LETTERS = "AnatomicalOrientation"
 _SCALES = ("ElementToIntensityFunctionSlope", "ElementToIntensityFunctionOffset")
+# Kinds of axes that lie in space.
 _KINDS_OF_SPACE = ("domain", "space", "none", "???")
 _BYTE_ORDERS = ("ElementByteOrderMSB", "BinaryDataByteOrderMSB")
 
@@ -45,7 +50,7 @@ STATEMENTS = FormatTable(
         Statement("Offset", "place", "the place of the first voxel; also called Origin and Position"),
         Statement("TransformMatrix", "place", "the directions of the axes; also called Orientation and Rotation"),
         Statement("DistanceUnits", "meaning", "the unit of lengths"),
-        Statement(_LETTERS, "meaning", "where the axes come from in a body"),
+        Statement(_LETTERS, "meaning", "the sides of a body at which the axes begin"),
         Statement("ElementByteOrderMSB", "values", "the order of bytes; also called BinaryDataByteOrderMSB"),
         Statement("ElementToIntensityFunctionSlope", "values", "a factor of the values"),
         Statement("ElementToIntensityFunctionOffset", "values", "an offset of the values"),
@@ -79,10 +84,10 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
 
 
 def _axes(fields: dict[str, Field], num_axes: int) -> str:
-    """Return what each axis is, from the fastest to the slowest, by the letters of `choose`.
+    """Return the letter of each axis for `choose`, from the fastest axis to the slowest.
 
-    The fourth axis is time unless Kinds tell of another one. Two axes in space and one that is not are seen as a
-    volume.
+    The fourth axis is time unless Kinds names another axis. Two axes in space and a third one of another kind are
+    drawn as a volume.
     """
     axes = "ssst"[:num_axes]
     kinds = fields["Kinds"].text.lower().split() if "Kinds" in fields else []
@@ -95,7 +100,7 @@ def _axes(fields: dict[str, Field], num_axes: int) -> str:
 
 
 def _notes(fields: dict[str, Field], axes: str, world_from_index: Float64) -> Iterator[str | None]:
-    """Yield notes on what the file states beside the voxels."""
+    """Yield notes on statements of the file that are not applied or contradict each other."""
     center = fields["CenterOfRotation"].text.split() if "CenterOfRotation" in fields else []
     is_turned = bool(np.count_nonzero(world_from_index[:3, :3] - np.diag(np.diag(world_from_index[:3, :3]))))
     yield STATEMENTS.note({"CenterOfRotation"} if is_turned and any(map(number_in, center)) else ())
@@ -108,23 +113,23 @@ def _notes(fields: dict[str, Field], axes: str, world_from_index: Float64) -> It
 
 
 def _units(fields: dict[str, Field], world_from_index: Float64) -> Units:
-    """Return the unit of lengths, and axes of a body where the letters from which the index axes come fit the
-    directions."""
+    """Return the unit of lengths, and LPS as the world's axes if AnatomicalOrientation agrees with the directions."""
     length, letters = (fields[name].text if name in fields else "" for name in ("DistanceUnits", _LETTERS))
     return units_of(length.strip("?"), "LPS" * (letters.upper() == _code(world_from_index)))
 
 
 def _code(world_from_index: Float64) -> str:
-    """Return the letters of where the index axes come from in a body, such as RAI."""
+    """Return AnatomicalOrientation by the directions: the letters of the sides at which the axes begin, such as RAI."""
     columns = world_from_index[:3, :3].T
     along = np.abs(columns).argmax(axis=1)
     return "".join("RAILPS"[k + 3 * bool(column[k] < 0)] for k, column in zip(along, columns, strict=True))
 
 
 def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
-    """Return the fields of a header, and where the voxels are: [time, z, y, x, component], without axes that it lacks.
+    """Return the fields of a header, and the layout of the voxels.
 
-    Raises InputError for headers that are damaged or foreign, and for missing data files.
+    The voxels are [time, z, y, x, component], without the axes that the file lacks. Raises InputError for headers that
+    are damaged or foreign, and for missing data files.
     """
     fields, listed, header_end = _parse(path)
     missing = [name for name in ("NDims", "DimSize", "ElementType", "ElementDataFile") if name not in fields]
@@ -154,8 +159,10 @@ def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
 
 
 def _part(fields: dict[str, Field], file: Path, num_bytes: int, begin: int) -> StoredVoxels:
-    """Return where `num_bytes` of voxels are: behind the header, which ends at `begin`, or in a data file, where it
-    is 0."""
+    """Return the place of `num_bytes` of voxels in a file.
+
+    begin: the end of the header, for voxels that follow it; 0 for a data file.
+    """
     is_compressed = _is_true(fields, "CompressedData", default=False)
     encoding: Encoding = "deflate" if is_compressed else "raw"
     if not _is_true(fields, "BinaryData", default=True):
@@ -175,7 +182,7 @@ def _part(fields: dict[str, Field], file: Path, num_bytes: int, begin: int) -> S
 
 
 def _world_from_index(fields: dict[str, Field], axes: str) -> Float64:
-    """Return the affine, float64 [4, 4]; a plane lies at z = 0, and axes that are not in space are left out."""
+    """Return the affine, float64 [4, 4], of the axes in space; a plane lies at z = 0."""
     num_axes, space = len(axes), [k for k, letter in enumerate(axes) if letter == "s"]
     num_space = len(space)
     spacing, origin, direction = np.ones(3), np.zeros(3), np.eye(3)
@@ -189,9 +196,9 @@ def _world_from_index(fields: dict[str, Field], axes: str) -> Float64:
 
 
 def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
-    """Return the fields by name, the lines below the last one, which may name data files, and where that one ends.
+    """Return the fields by name, the lines below the last field, and the end of the last field in bytes.
 
-    A number may stand on several lines.
+    These lines may name data files. The numbers of a field may stand on several lines.
     """
     fields: dict[str, Field] = {}
     continued = defaultdict[str, list[str]](list)
@@ -215,7 +222,7 @@ def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
 
 
 def _words(fields: dict[str, Field], *names: str, count: int = 1, default: str = "") -> Field:
-    """Return the first of these fields that is there, with its first `count` words; one with the default if none is."""
+    """Return the first of the named fields that the header has, cut to `count` words; else a field with the default."""
     field = next((fields[name] for name in names if name in fields), Field(names[0], default, ""))
     return replace(field, text=" ".join(field.text.split()[:count]))
 
@@ -226,7 +233,7 @@ def _num_axes(fields: dict[str, Field]) -> int:
 
 
 def _is_true(fields: dict[str, Field], name: str, *, default: bool) -> bool:
-    """Return whether a field is true; raises InputError for any word but True and False, T and F, 1 and 0."""
+    """Return whether a field is true; raises InputError for words other than True and False, T and F, 1 and 0."""
     word = fields[name].text.lower() if name in fields else ""
     if word not in ("", "true", "t", "1", "false", "f", "0"):
         raise fields[name].error("True or False")

@@ -1,8 +1,8 @@
 """Read FreeSurfer's MGH (.mgh, .mgz): a big-endian header of fixed length, and voxels behind it, x fastest.
 
 Format: https://surfer.nmr.mgh.harvard.edu/fswiki/FsTutorial/MghFormat. RAS becomes LPS. The header gives the position
-of the middle of the volume, voxel `size / 2`. Frames are time steps. Of what follows the voxels, only the time between
-frames is read.
+of the middle of the volume, voxel `size / 2`. Frames are time steps. Of the fields behind the voxels, only the time
+between frames is read.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, affine, choose, in_lps
+from renderer.readers.affines import affine, in_lps
+from renderer.readers.components import choose
+from renderer.readers.image import Image
 from renderer.readers.sniff import read_start
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
@@ -25,9 +27,12 @@ from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units
 from renderer.volume import Float64
 
-# Version, sizes along x, y, z and time, type, degrees of freedom, flag; spacing, directions, and middle, in RAS.
+# The fields of the header: version, sizes along x, y, z and time, type, degrees of freedom, the flag of a place; then
+# spacing, directions and middle in RAS.
 _HEADER = struct.Struct(">7ih15f")
+# The length of the header with its padding, in bytes.
 _NUM_HEADER_BYTES = 284
+# Types of voxels by their numbers.
 _TYPES = {0: ">u1", 1: ">i4", 3: ">f4", 4: ">i2", 10: ">u2"}
 
 STATEMENTS = FormatTable(
@@ -41,8 +46,14 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The place of a volume whose flag is 0, as the format has it: coronal slices, 1 mm.
-_CORONAL = (*(1.0, 1.0, 1.0), *(-1.0, 0.0, 0.0), *(0.0, 0.0, -1.0), *(0.0, 1.0, 0.0), *(0.0, 0.0, 0.0))
+# The format's place of a volume whose flag is 0: coronal slices with a spacing of 1 mm.
+_CORONAL = (
+    *(1.0, 1.0, 1.0),  # the spacing
+    *(-1.0, 0.0, 0.0),  # the direction of x
+    *(0.0, 0.0, -1.0),  # the direction of y
+    *(0.0, 1.0, 0.0),  # the direction of z
+    *(0.0, 0.0, 0.0),  # the middle
+)
 _NO_PLACE = "the file does not give its place; coronal slices of 1 x 1 x 1 mm are assumed, as FreeSurfer does"
 
 
@@ -69,12 +80,12 @@ def read_mgh(path: Path, time: int | None, component: int | None) -> Image:
 
 
 def _steps(part: StoredVoxels, count: int, num_bytes: int) -> TimeSteps:
-    """Return the steps in time by what follows the voxels: first of all milliseconds between two of them."""
+    """Return the steps in time, by the first number behind the voxels: the milliseconds between two frames."""
     if count == 1:
         return TimeSteps(count)
     content = b""
     read = gzip.open if part.encoding == "deflate" else open
-    with suppress(EOFError, OSError, zlib.error), read(part.file, "rb") as opened:  # there may be nothing
+    with suppress(EOFError, OSError, zlib.error), read(part.file, "rb") as opened:  # the file may end at the voxels
         opened.seek(_NUM_HEADER_BYTES + num_bytes)
         content = opened.read(4)
     step = float(str(np.frombuffer(content, ">f4")[0])) if len(content) == 4 else 0.0
@@ -84,6 +95,6 @@ def _steps(part: StoredVoxels, count: int, num_bytes: int) -> TimeSteps:
 def _ras_from_index(sizes: list[int], place: tuple[float, ...]) -> Float64:
     """Return the affine, float64 [4, 4]. place: spacing, the directions of the index axes, and the middle."""
     world_from_index = affine(place[:3], np.zeros(3), np.reshape(place[3:12], (3, 3)).T)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused later
+    with np.errstate(over="ignore", invalid="ignore"):  # an affine that is not finite is refused later
         world_from_index[:3, 3] = place[12:] - world_from_index[:3, :3] @ (np.array(sizes) / 2)
     return world_from_index

@@ -1,8 +1,8 @@
-"""Read MRC and CCP4 (.mrc, .map, .ccp4, .rec, also below gzip): a header of fixed length, and voxels behind it.
+"""Read MRC and CCP4 (.mrc, .map, .ccp4, .rec, also with gzip): a header of fixed length, and voxels behind it.
 
 Format: https://www.ccpem.ac.uk/mrc_format/mrc2014.php. Lengths are in angstrom. Columns, rows and sections run along
-the axes of the cell in any order, whose angles may be others than 90 degrees. The place is `ORIGIN`, or if that is 0,
-`NSTART`.
+the axes of the cell in any order, and these axes need not be perpendicular. `ORIGIN` is the place of the first voxel;
+if it is 0, `NSTART` is.
 """
 
 from __future__ import annotations
@@ -13,13 +13,16 @@ from typing import Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import NO_SPACING, Image, affine, choose
+from renderer.readers.affines import NO_SPACING, affine
+from renderer.readers.components import choose
+from renderer.readers.image import Image
 from renderer.readers.sniff import MRC_MARK, read_start
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units
 from renderer.volume import Array, Float64
 
+# The length of the header in bytes.
 _NUM_HEADER_BYTES = 1024
 _FIELDS = np.dtype([
     ("sizes", "3i4"), ("mode", "i4"), ("first", "3i4"), ("grid", "3i4"), ("lengths", "3f4"), ("angles", "3f4"),
@@ -37,35 +40,44 @@ STATEMENTS = FormatTable(
         Statement("cellb", "place", "the angles of the cell"),
         Statement("origin", "place", "the place of the first voxel"),
         Statement("nxstart", "place", "the number of the first voxel, if there is no origin; also nystart and nzstart"),
-        Statement("ispg", "meaning", "whether it is a stack of volumes"),
+        Statement("ispg", "meaning", "whether the file is a stack of volumes"),
         Statement("imodFlags", "values", "whether bytes have a sign, of IMOD"),
         Statement("dmax", "values", "the largest value, by which bytes of other programs have a sign or none"),
         Statement("lskflg", "place", "a skew of the world, of CCP4", is_applied=False),
     ),
 )
 
-# Of the standard of 2014, which has other fields in place of the skew.
+# Versions of the standard of 2014, which has other fields in place of the skew.
 _VERSIONS = range(20140, 20150)
+# The fields of the skew of CCP4, behind the field `extension`.
 _SKEW = np.dtype([("flag", "i4"), ("matrix", "9f4"), ("shift", "3f4"), ("rest", "V4")])
+# The bytes with the version of the standard, behind the field `extension`.
 _VERSION = slice(12, 16)
-_IMOD, _HAS_SIGNED_BYTES = 1146047817, 1
+# The number that marks a file of IMOD.
+_IMOD = 1146047817
+# The flag of IMOD for bytes with a sign.
+_HAS_SIGNED_BYTES = 1
+
+# Types of voxels by their modes.
 _TYPES = {0: "i1", 1: "i2", 2: "f4", 6: "u2", 12: "f2"}
+# The names of the modes that cannot be rendered.
 _OTHER_TYPES = {3: "complex integers", 4: "complex floats", 16: "colours of three bytes", 101: "integers of four bits"}
-_VOLUME_STACKS = range(401, 631)  # space groups, of which there are 230
+# Values of `ispg` for a stack of volumes: 400 and the number of a space group, from 1 to 230.
+_VOLUME_STACKS = range(401, 631)
 
 # The note on a stack by MRC2014: space group 0, and one section of a cell.
 _IMAGES = "the file says that its sections are separate images (ispg 0, mz 1); they are drawn as slices of a volume"
 
 
 def read_mrc(path: Path, time: int | None, component: int | None) -> Image:
-    """Read a map, or one of a stack of volumes, which are times; a stack of images is a volume.
+    """Read a map, or one volume of a stack, whose volumes are times; a stack of images is read as one volume.
 
     Raises InputError for damaged, truncated and foreign files, and if `time` or `component` do not fit.
     """
     start, is_compressed = read_start(path, _NUM_HEADER_BYTES)
     if len(start) < _NUM_HEADER_BYTES:
         raise _damaged(f"{len(start)} bytes of a header")
-    # A size below 2^16 has its zeros at the end in one byte order alone, whatever the header says of the order.
+    # Sizes are below 2^16, which shows the byte order, whatever the header states: the high bytes are zeros.
     order: Literal["<", ">"] = "<" if int.from_bytes(start[:4], "little") < 2**16 else ">"
     header = np.frombuffer(start, _FIELDS.newbyteorder(order), 1)[0]
     sizes, mode, extension = header["sizes"].tolist(), int(header["mode"]), int(header["extension"])
@@ -111,11 +123,11 @@ def _is_skewed(others: bytes, order: Literal["<", ">"]) -> bool:
 
 
 def _cell(angles: Array) -> Float64:
-    """Return unit vectors along the axes of a cell, float64 [3, 3], of which the first is x and the second in x, y.
+    """Return unit vectors along the axes of a cell, float64 [3, 3]: the first along x, the second in the plane of x, y.
 
-    angles: between y and z, z and x, x and y, in degrees; 0 stands for 90. Angles that no cell has give NaN.
+    angles: the angles between y and z, z and x, x and y, in degrees; 0 stands for 90. Impossible angles give NaN.
     """
-    with np.errstate(all="ignore"):  # check_axes refuses what is not finite
+    with np.errstate(all="ignore"):  # check_axes refuses axes that are not finite
         alpha, beta, gamma = np.cos(np.radians(np.where(angles, angles, 90.0), dtype=np.float64)).round(12)
         sine = np.sqrt(1 - gamma**2)
         y = (alpha - beta * gamma) / sine

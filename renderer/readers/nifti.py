@@ -1,7 +1,7 @@
 """Read NIfTI-1 and NIfTI-2, single files (.nii, .nii.gz) and pairs (.hdr with .img), and pairs of Analyze 7.5.
 
-nibabel interprets the header, of which it is given no more than the fixed length. Of extensions, only tables of labels
-are read, of Caret, TotalSegmentator, AFNI and MRIcron. `stored.py` reads the voxels.
+nibabel interprets the header, and gets no other bytes. The only extensions that are read are tables of labels, by
+Caret, TotalSegmentator, AFNI and MRIcron. `stored.py` reads the voxels.
 
 The affine is the sform if it is set and invertible, else the qform, else the voxel sizes alone, with the first voxel at
 the origin. RAS becomes LPS by negating x and y. Axes after z are time (the fourth) and component (the fifth), as in the
@@ -25,23 +25,35 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.looks import MAX_LOOK_BYTES, read_extension
-from renderer.readers import common
+from renderer.readers.affines import has_volume, in_lps
+from renderer.readers.components import choose
 from renderer.readers.data_files import named_file
+from renderer.readers.file_errors import errors_about, labels_or_note, require_exists, unreadable_error
 from renderer.readers.foreign import refuse_pointer
+from renderer.readers.image import Image
+from renderer.readers.scaled_values import scaled
 from renderer.readers.sniff import read_start
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Layout, StoredVoxels, check_deflated, read_stored
 from renderer.readers.units import Units, units_of
+from renderer.readers.voxel_limits import check_dtype, describe_shape
 from renderer.scene import short_text
 from renderer.volume import Float64, Label
 
-# The lengths of NIfTI-1 and NIfTI-2 headers, which are their first number.
-_NIFTI_1_BYTES, _NIFTI_2_BYTES = 348, 540
+# The length of a NIfTI-1 header in bytes, which is also its first number.
+_NIFTI_1_BYTES = 348
+# The length of a NIfTI-2 header in bytes, which is also its first number.
+_NIFTI_2_BYTES = 540
+# The file name of the header or the voxels of a pair.
 _PAIR = re.compile(r"(.*\.)(hdr|img)(\.gz)?", re.IGNORECASE | re.DOTALL)
 
-# Where the mark of NIfTI-1 begins, and its first letters; Analyze has a number there, usually 0.
-_MARK, _MARKS = slice(344, 346), (b"n+", b"ni")
+# The first bytes of the mark of NIfTI-1 in the header. Analyze has a number there, usually 0.
+_MARK = slice(344, 346)
+# The first letters of the mark: of a single file, and of a pair.
+_MARKS = (b"n+", b"ni")
+
+# The note on an Analyze file.
 _ANALYZE = (
     "Analyze 7.5 does not say which side is left: x runs from right to left, y to the front and z up, as its "
     "standard says"
@@ -58,7 +70,7 @@ STATEMENTS = FormatTable(
         Statement("scl_inter", "values", "an offset of the values"),
         Statement("xyzt_units", "meaning", "the units of lengths and of the fourth axis"),
         Statement("toffset", "meaning", "the time of the first step"),
-        Statement("intent_code", "meaning", "what the values are: labels, a statistic, the components of a vector"),
+        Statement("intent_code", "meaning", "the kind of values: labels, a statistic, components of a vector"),
         Statement("intent_p1", "meaning", "a parameter of a statistic; so are intent_p2 and intent_p3"),
         Statement("intent_name", "meaning", "a name of the values"),
         Statement("extensions", "meaning", "names and colours of labels"),
@@ -66,11 +78,11 @@ STATEMENTS = FormatTable(
         Statement("originator", "place", "the origin, of SPM in Analyze"),
         Statement("vox_units", "meaning", "the unit of lengths in Analyze"),
         Statement("cal_units", "meaning", "the unit of values in Analyze"),
-        Statement("orient", "place", "which way the slices of Analyze lie", is_applied=False),
+        Statement("orient", "place", "the orientation of the slices of Analyze", is_applied=False),
     ),
 )
 
-# What values and their components are, by the code of the intent.
+# The kinds of values, by the code of the intent.
 _INTENTS = {
     2: "correlations",
     3: "t statistics",
@@ -95,7 +107,9 @@ _INTENTS = {
     2004: "colours",
     2005: "shapes",
 }
-_NO_INTENTS = (0, 1002)  # none, and labels
+# The intents that need no note: no intent, and labels.
+_NO_INTENTS = (0, 1002)
+# The names of components, by the code of the intent.
 _COMPONENTS = {
     1005: "xx yx yy zx zy zz",
     1006: "x y z",
@@ -104,28 +118,31 @@ _COMPONENTS = {
     2003: "R G B",
     2004: "R G B A",
 }
-# Units of the fourth axis that are none of time.
+# Units of the fourth axis that are not units of time, by their codes.
 _OTHER_UNITS = {32: "Hz", 40: "ppm", 48: "rad/s"}
 
-# The intent of labels; with colours of four bytes, it is a probabilistic atlas as niivue has it.
+# The intent of labels. With colours of four bytes, the file is a probabilistic atlas of niivue.
 _LABEL = 1002
+# The names of the four bytes of a voxel of such an atlas.
 _ATLAS = ("label", "second label", "probability", "second probability")
 
-# Affines that differ by less than this part of a voxel are the same: qform and sform are rounded in different ways.
+# The largest distance between two places of a corner that count as the same, in voxels: qform and sform are rounded in
+# different ways.
 _SAME_PLACE = 0.1
 
+# Units of lengths by their codes.
 _LENGTH_UNITS = {1: "m", 2: "mm", 3: "µm"}
-# Of the fourth axis; no unit may be one of time.
+# Units of time of the fourth axis, by their codes. An axis without a unit may be time.
 _TIME_UNITS = {0: "", 8: "s", 16: "ms", 24: "us"}
 
-# Keeps nibabel's remarks on a header, and on its repairs, off the terminal.
+# A logger that keeps nibabel's remarks on a header and its repairs off the terminal.
 _SILENT = logging.Logger(__name__, logging.CRITICAL + 1)
 
 # A nibabel.Nifti1Header, of which NIfTI-2 has a subclass, or a Spm99AnalyzeHeader.
 _Header = Any
 
 
-def read_nifti(path: Path, time: int | None, component: int | None) -> common.Image:
+def read_nifti(path: Path, time: int | None, component: int | None) -> Image:
     """Read the volume in a NIfTI file, scaled by the header's slope and intercept, if any.
 
     Scaled values are float32 if the stored ones have at most 16 bits or are float32, else float64. Raises InputError
@@ -133,8 +150,8 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> common.Im
     """
     header_file, data_file = find_pair(path)
     start, is_compressed = read_start(header_file, _NIFTI_2_BYTES + 4)
-    with common.errors_about(header_file):
-        if is_compressed and data_file is not None:  # of a single file the voxels are checked
+    with errors_about(header_file):
+        if is_compressed and data_file is not None:  # a single file is checked as its voxels are read
             check_deflated(header_file, len(start))
         header, notes = _header(start, header_file, is_single=data_file is None)
     if data_file is not None:
@@ -144,9 +161,9 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> common.Im
     dtype = header.get_data_dtype()
     fields = dtype.names  # RGB24 and RGBA32 are records of bytes
     if fields is None:
-        common.check_dtype(dtype)
+        check_dtype(dtype)
     if shape[5:].count(1) != len(shape[5:]):
-        got, expected = common.describe_shape(shape), "x, y, z, then time and component"
+        got, expected = describe_shape(shape), "x, y, z, then time and component"
         raise InputError("the volume has too many axes", got=got, expected=expected)
     offset = int(header["vox_offset"])
     part = StoredVoxels(data_file or header_file, 0, "deflate" if is_compressed else "raw", offset, has_rest=True)
@@ -154,31 +171,31 @@ def read_nifti(path: Path, time: int | None, component: int | None) -> common.Im
     if not _is_analyze(header):
         intent = int(header["intent_code"])
         names = _ATLAS if len(names) == 4 and intent == _LABEL else names or tuple(_COMPONENTS.get(intent, "").split())
-    chosen = common.choose("ctsss", (len(names) or shape[4], *layout.shape[1:]), time, component, names)
+    chosen = choose("ctsss", (len(names) or shape[4], *layout.shape[1:]), time, component, names)
     values, left_over = read_stored(layout, chosen._replace(part=(0, *chosen.part[1:])) if fields else chosen)
     values = values[fields[chosen.component]] if fields else values
     try:
         ras_from_index, axes = _ras_from_index(header)
     except ValueError as error:  # the quaternion is not a rotation
-        raise common.unreadable_error(error) from error
+        raise unreadable_error(error) from error
     slope, intercept = header.get_slope_inter()
     if slope is not None:
-        values = common.scaled(values, slope, intercept or 0.0)
+        values = scaled(values, slope, intercept or 0.0)
     notes += [*[_ANALYZE] * _is_analyze(header), left_over, *chosen.notes, *_statements(header)]
     has_extensions = data_file is None and start[len(header.binaryblock) :][:1] not in (b"", b"\0")
-    labels, wrong = common.labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
-    world_from_index = common.in_lps(ras_from_index, (-1.0, -1.0, 1.0))
+    labels, wrong = labels_or_note(lambda: _labels(header, part, time or 0) if has_extensions else ())
+    world_from_index = in_lps(ras_from_index, (-1.0, -1.0, 1.0))
     all_notes, steps = (*notes, wrong), _steps(header, shape[3])
     if _is_analyze(header):
         length, value = (header[name].item().decode("latin-1") for name in ("vox_units", "cal_units"))
         units = units_of(length or "mm", "", value)
     else:
         units = Units(_LENGTH_UNITS.get(int(header["xyzt_units"]) & 0b111, ""), axes)
-    return common.Image(values, world_from_index, all_notes, (), chosen.channels, labels, steps, units)
+    return Image(values, world_from_index, all_notes, (), chosen.channels, labels, steps, units)
 
 
 def _statements(header: _Header) -> Iterator[str | None]:
-    """Yield notes on what the header states beside the voxels."""
+    """Yield notes on statements of the header that are not applied, or that the viewer should know."""
     found = {name for name in header.keys() if np.any(header[name])} & {each.field for each in STATEMENTS.statements}  # noqa: SIM118
     if _is_analyze(header):
         yield STATEMENTS.note(found)
@@ -197,9 +214,9 @@ def _statements(header: _Header) -> Iterator[str | None]:
 
 
 def _places_differ(header: _Header) -> bool:
-    """Return whether both affines are there, and place a corner of the volume in another voxel."""
+    """Return whether the header has two affines that place a corner of the volume in different voxels."""
     sform, qform = header.get_sform(), header.get_qform()
-    if not (common.has_volume(sform) and common.has_volume(qform)):
+    if not (has_volume(sform) and has_volume(qform)):
         return False
     corner = np.array([*header["dim"][1:4], 1.0])
     with np.errstate(over="ignore", invalid="ignore"):
@@ -208,7 +225,7 @@ def _places_differ(header: _Header) -> bool:
 
 
 def _steps(header: _Header, count: int) -> TimeSteps:
-    """Return the steps in time, at times if the fourth axis has no other unit, such as Hz."""
+    """Return the steps in time; without times if the fourth axis has another unit, such as Hz."""
     unit = None if _is_analyze(header) else _TIME_UNITS.get(int(header["xyzt_units"]) & 0b111000)
     if unit is None:
         return TimeSteps(count)
@@ -217,17 +234,18 @@ def _steps(header: _Header, count: int) -> TimeSteps:
 
 
 def _labels(header: _Header, voxels: StoredVoxels, time: int) -> tuple[Label, ...]:
-    """Return the labels that an extension between the header and the voxels describes.
+    """Return the labels of an extension between the header and the voxels.
 
-    Extensions are told by what they hold, for their codes vary; the bytes there may only look like one.
+    The content of an extension shows its format, as codes vary. The bytes need not be an extension at all.
     """
     begin, content = len(header.binaryblock) + 4, b""
     read = gzip.open if voxels.encoding == "deflate" else open
-    with suppress(EOFError, OSError, zlib.error), read(voxels.file, "rb") as opened:  # voxels tell what is damaged
+    # Reading the voxels reports damage.
+    with suppress(EOFError, OSError, zlib.error), read(voxels.file, "rb") as opened:
         opened.seek(begin)
         content = opened.read(min(voxels.num_skipped - begin, MAX_LOOK_BYTES))
     are_labels, labels, at = bool(header["intent_code"] == _LABEL), tuple[Label, ...](), 0
-    while not labels and at + 8 <= len(content):  # the length of an extension, its code, and what it holds
+    while not labels and at + 8 <= len(content):  # an extension has its length, its code, and its content
         end = at + struct.unpack_from(header.endianness + "i", content, at)[0]
         if not at + 8 < end <= len(content):
             break
@@ -236,26 +254,29 @@ def _labels(header: _Header, voxels: StoredVoxels, time: int) -> tuple[Label, ..
 
 
 def find_pair(path: Path) -> tuple[Path, Path | None]:
-    """Return the files of the header and, of a pair, of the voxels; raises InputError if one of a pair is missing."""
+    """Return the file of the header and, for a pair, the file of the voxels.
+
+    Raises InputError if a file of a pair is missing.
+    """
     pair = _PAIR.fullmatch(path.name)
     if pair is None:
         return path, None
     start, name, end = pair[1], pair[2], pair[3] or ""
     names = (start + (each.upper() if name.isupper() else each) + end for each in ("hdr", "img"))
     header, data = (named_file(path, each) for each in names)
-    common.require_exists(header)
+    require_exists(header)
     if not data.is_file():
         raise InputError(
             "the data file that belongs to this header is not there", where=str(header), expected=f"a file {data}"
         )
-    refuse_pointer(common.require_exists(data))
+    refuse_pointer(require_exists(data))
     return header, data
 
 
 def _header(start: bytes, path: Path, *, is_single: bool) -> tuple[_Header, list[str | None]]:
-    """Return the header that a file begins with, and notes on sizes of 0 that are taken for 1.
+    """Return the header at the beginning of a file, and notes on sizes of 0 that are taken for 1.
 
-    Raises InputError for other bytes, and for a header that is wrong.
+    Raises InputError if the bytes are not a header, or the header is wrong.
     """
     import nibabel
 
@@ -287,14 +308,14 @@ def _header(start: bytes, path: Path, *, is_single: bool) -> tuple[_Header, list
 
 
 def _mend_sizes(header: _Header) -> list[str | None]:
-    """Replace sizes of 0 by 1, as the standard's own library does, and return notes on those that count.
+    """Replace sizes of 0 by 1, as the standard's own library does, and return notes on them.
 
-    nibabel does so for the sizes of voxels. Those do not count where there is an sform.
+    nibabel itself replaces voxel sizes of 0. An sform makes voxel sizes irrelevant, so that they need no note.
     """
     axes = range(1, int(header["dim"][0]) + 1)
     voxels = [k for k in axes if header["dim"][k] == 0 and k > 1]
     header["dim"][voxels] = 1
-    has_sform = not _is_analyze(header) and header["sform_code"] > 0 and common.has_volume(header.get_sform())
+    has_sform = not _is_analyze(header) and header["sform_code"] > 0 and has_volume(header.get_sform())
     lengths = [k for k in axes if k < 4 and header["pixdim"][k] == 0 and not has_sform]
     found = (("number of voxels", voxels), ("voxel size", lengths))
     return [
@@ -305,9 +326,9 @@ def _mend_sizes(header: _Header) -> list[str | None]:
 
 
 def _check_offset_and_slope(header: _Header, least: int) -> None:
-    """Raise InputError if the voxels begin inside the header or nowhere, and for an infinite slope.
+    """Raise InputError if the offset of the voxels is inside the header or not finite, and for an infinite slope.
 
-    nibabel takes an infinite slope for none; 0 and NaN mean that there is none.
+    A slope of 0 or NaN stands for no scale; nibabel would take an infinite slope for no scale, too.
     """
     offset, slope = header["vox_offset"].item(), header["scl_slope"].item()
     if not (math.isfinite(offset) and offset >= least):
@@ -332,10 +353,10 @@ def _is_analyze(header: _Header) -> bool:
 
 def _ras_from_index(header: _Header) -> tuple[Float64, str]:
     """Return the affine, float64 [4, 4], and `LPS` if it places the voxels in a body."""
-    if _is_analyze(header):  # around SPM's origin, or the middle of the volume
+    if _is_analyze(header):  # the world's origin is SPM's origin, or else the middle of the volume
         return np.array(header.get_origin_affine(), np.float64), ""
     for code, affine in (("sform_code", header.get_sform), ("qform_code", header.get_qform)):
-        if header[code] > 0 and common.has_volume(affine()):
+        if header[code] > 0 and has_volume(affine()):
             return np.array(affine(), np.float64), "LPS"
     # Method 1 of the standard: x = pixdim[1] i and so on. nibabel, compatible with Analyze, would mirror it.
     sizes = np.ones(3)

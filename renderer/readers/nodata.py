@@ -1,7 +1,8 @@
 """Find the voxels that have no data, and mark them by NaN.
 
-They have NaN and infinities, what the scene or the file says, and *fill values*: numbers far from all others that many
-voxels have. Voxels of an integer type become floats that hold all of its numbers where any of them has no data.
+A voxel has no data if it is NaN or infinite, if the scene or the file declares its value as absent, or if it has a
+*fill value*: a number that many voxels have and that lies far from all others. If a voxel of an integer volume has no
+data, the volume becomes floats that hold all of its integers.
 """
 
 from __future__ import annotations
@@ -13,29 +14,48 @@ from typing import Any, Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import check_memory
+from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted
 from renderer.volume import Array, Bools, Float64, Int64, MappedFile, iter_slabs
 
-# Fill values of GIS, netCDF, CF, GSLIB, Surfer and of types.
+# The usual fill values: of GIS, netCDF, CF, GSLIB and Surfer, and the ends of the floating-point types.
 _USUAL_VALUES = (
-    *(-999.0, -9999.0, -99999.0, -32767.0, -32768.0, -(2.0**31), 1e20, 9.969209968386869e36),
-    *(1e30, -1e30, 1e31, 1.70141e38, -1.70141e38, *(s * float(np.finfo(t).max) for s in (1, -1) for t in ("f4", "f8"))),
+    -999.0,
+    -9999.0,
+    -99999.0,
+    -32767.0,
+    -32768.0,
+    -(2.0**31),
+    1e20,
+    9.969209968386869e36,
+    1e30,
+    -1e30,
+    1e31,
+    1.70141e38,
+    -1.70141e38,
+    *(s * float(np.finfo(t).max) for s in (1, -1) for t in ("f4", "f8")),
 )
-# Numbers are the same if they differ by less than this part.
+# The largest relative difference between a value and a usual fill value that count as the same.
 _SAME = 1e-6
-# A usual fill value, of two voxels or more, lies at least half of the others' range away from it, without the outermost
-# of the others. Another one lies this many ranges away from all others, by its sign, and has at least this part of the
-# voxels: a bright object may have one value, too.
-_MIN_USUAL_DISTANCE, _MIN_NEGATIVE_DISTANCE, _MIN_DISTANCE = 0.5, 3.0, 30.0
-_OUTERMOST = _MIN_PART = 1e-3
-# With fewer other values than this the data are steps or labels, which have no fill values but the usual ones.
+# The least distance of a usual fill value from the range of the other values, in lengths of that range.
+_MIN_USUAL_DISTANCE = 0.5
+# The least distance of any other negative fill value from the other values, in lengths of their range.
+_MIN_NEGATIVE_DISTANCE = 3.0
+# The least distance of any other positive fill value. It is larger, as a bright object may have a single value, too.
+_MIN_DISTANCE = 30.0
+# The share of voxels at each end of the values that the range does not count, for usual fill values.
+_OUTERMOST = 1e-3
+# The least share of voxels with a fill value that is not a usual one.
+_MIN_PART = 1e-3
+# The least number of other distinct values beside a fill value that is not a usual one. Data with fewer values are
+# steps or labels.
 _MIN_OTHER_VALUES = 16
+# The number of voxels at random places among which fill values are sought.
 _NUM_SAMPLES = 2**16
-# Smaller integers are float32 without rounding.
+# All integers up to this number are float32 numbers.
 _FLOAT32_INTEGERS = 2**24
 
-# Values, both ends included, that stand for no data.
+# Ranges of values, both ends included, that stand for no data.
 Ranges = Sequence[tuple[float, float]]
 
 
@@ -49,10 +69,10 @@ def mark_absent(
 ) -> tuple[Array, int, str | None]:
     """Return the values with NaN where there is no data, the number of such voxels, and a note on them.
 
-    nodata: as in VolumeSpec. declared: by the file. first_xyz: the number of the first voxel in messages.
-    elsewhere: fill values of other steps in time, which few voxels of this one may have.
-    Values that are mapped from a file are copied before any is replaced. Raises InputError where no voxel has data, and
-    with `none` for NaN and infinities.
+    nodata: the scene's key, as in VolumeSpec. declared: the ranges that the file declares. first_xyz: the index of the
+    first voxel, for messages. elsewhere: the fill values of other steps in time, which may be rare in this step.
+    Values that are mapped from a file are copied before any is replaced. Raises InputError if no voxel has data, and
+    with `nodata: none` for NaN and infinities.
     """
     if nodata == "none":
         _require_finite(values, file, first_xyz)
@@ -65,7 +85,7 @@ def mark_absent(
     ranges = [*(declared if nodata == "auto" else ()), *((point, point) for point in points)]
     if values.dtype.kind != "f" and not ranges:
         return values, 0, None
-    nums = np.zeros(len(ranges) + 1, np.int64)  # in each range, and of NaN and infinities
+    nums = np.zeros(len(ranges) + 1, np.int64)  # voxels in each range, and NaN or infinite voxels
     for slab in iter_slabs(values, file):
         nums += np.array([*(np.count_nonzero(_are_within(slab, each)) for each in ranges), _num_nonfinite(slab)])
     if not nums.any():
@@ -81,13 +101,13 @@ def mark_absent(
 
 
 def _words(ranges: Ranges, nums: Array) -> str:
-    """Return the values that voxels without data have, in words."""
+    """Return a text that lists the values of voxels without data."""
     words = [_in_words(low, high) for (low, high), num in zip(ranges, nums[:-1], strict=True) if num]
     return ", ".join([*["NaN or infinite"] * bool(nums[-1]), *dict.fromkeys(words)])
 
 
 def _in_words(low: float, high: float) -> str:
-    """Return a range of values in words; ends that are infinite leave a limit, which has data."""
+    """Return a text for a range of values; a range with an infinite end is told by its limit, which has data."""
     if low == high:
         return f"{low:.7g}"
     if low == -math.inf:
@@ -118,17 +138,17 @@ def _require_finite(values: Array, file: MappedFile | None, first_xyz: tuple[int
 
 
 def _num_nonfinite(values: Array) -> int:
-    if np.isfinite([values.min(), values.max()]).all():  # which takes a fraction of the time; NaN passes through
+    if np.isfinite([values.min(), values.max()]).all():  # a quick test: NaN makes both NaN
         return 0
     return values.size - int(np.count_nonzero(np.isfinite(values)))
 
 
 def _are_within(values: Array, ends: tuple[float, float]) -> Bools:
-    """Return which values lie between two, or are as good as one of them."""
+    """Return which values lie in a range, or differ from one of its ends by rounding alone."""
     low, high = ends
     if values.dtype.kind == "f":
         low, high = low - _SAME * abs(low), high + _SAME * abs(high)
-    with np.errstate(over="ignore"):  # numbers that the type does not have
+    with np.errstate(over="ignore"):  # an end may be too large for the type
         return np.asarray((values >= low) & (values <= high))
 
 
@@ -142,9 +162,9 @@ def _are_absent(values: Array, ranges: Ranges) -> Bools:
 def with_nan_where(
     values: Array, are_absent: Bools, allocate: Callable[[tuple[int, ...], np.dtype[Any]], Array]
 ) -> Array:
-    """Return the values as floats, with NaN where they are absent: those of floats are changed themselves.
+    """Return the values as floats, with NaN where they are absent; an array of floats is changed in place.
 
-    allocate: returns an array for others of a shape and a type, which may lie where the values lie.
+    allocate: returns an array of a shape and a type, for values that are not floats. It may use their memory.
     """
     dtype = _float_type(values.dtype, (plane[~absent] for plane, absent in zip(values, are_absent, strict=True)))
     marked = values
@@ -158,7 +178,7 @@ def with_nan_where(
 
 
 def _float_type(dtype: np.dtype[Any], data: Iterable[Array]) -> np.dtype[Any]:
-    """Return the smallest type of floats that has all values of some data of a type."""
+    """Return the smallest floating-point type that holds all values of `data`. dtype: the type of the values."""
     wide: np.dtype[Any] = np.promote_types(dtype, np.float16)
     if dtype.kind in "iu" and wide == np.float64:
         ends = (max(-int(some.min(initial=0)), int(some.max(initial=0))) for some in data)
@@ -167,7 +187,7 @@ def _float_type(dtype: np.dtype[Any], data: Iterable[Array]) -> np.dtype[Any]:
 
 
 def _with_nan(values: Array, ranges: Ranges) -> Array:
-    """Return the values as floats, with NaN where they are absent; a copy unless they may be written to."""
+    """Return the values as floats, with NaN where they are absent; a copy if the values are read-only."""
     dtype, marked = _float_type(values.dtype, (plane[~_are_absent(plane, ranges)] for plane in values)), values
     if dtype != values.dtype or not values.flags.writeable:
         check_memory(values.size * dtype.itemsize)
@@ -181,7 +201,7 @@ def _with_nan(values: Array, ranges: Ranges) -> Array:
 
 
 def _beyond_data(values: Array, points: Sequence[float], own: Sequence[float]) -> list[float]:
-    """Return the fill values of other steps that lie beyond the values of this one. own: its fill values."""
+    """Return the fill values of other steps that lie outside of this step's values. own: this step's fill values."""
     sample = _sampled(values)
     sample = sample[np.isfinite(sample) & ~np.isin(sample, [*points, *own])]
     if not points or not sample.size:
@@ -191,13 +211,13 @@ def _beyond_data(values: Array, points: Sequence[float], own: Sequence[float]) -
 
 
 def _sampled(values: Array) -> Float64:
-    """Return values at random places: those of a regular pattern may have one x."""
+    """Return values at random places; the places of a regular pattern might all have one x."""
     places = np.random.default_rng(0).integers(values.size, size=_NUM_SAMPLES)
     return np.asarray(values.reshape(-1)[np.sort(places)], np.float64)
 
 
 def find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...]:
-    """Return the fill values, judging by the values alone, ascending; bytes have none."""
+    """Return the fill values, found by the values alone, in ascending order; bytes have none."""
     if values.dtype.itemsize == 1:
         return ()
     sample = _sampled(values)
@@ -217,7 +237,7 @@ def find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...
 
 
 def _finite_slabs(values: Array, file: MappedFile | None) -> Iterator[Array]:
-    """Yield the finite values, some at a time."""
+    """Yield the finite values, slab by slab."""
     for slab in iter_slabs(values, file):
         finite = slab[np.isfinite(slab)] if _num_nonfinite(slab) else slab
         if finite.size:
@@ -225,7 +245,7 @@ def _finite_slabs(values: Array, file: MappedFile | None) -> Iterator[Array]:
 
 
 def _usual_values(distinct: Float64, counts: Int64) -> dict[float, float]:
-    """Return the usual fill values among values, ascending, and the distance at which others may not be."""
+    """Return the usual fill values among values, ascending, each with the distance within which no other value lies."""
     are_usual = np.any([np.abs(distinct / each - 1) < _SAME for each in _USUAL_VALUES], axis=0)
     others, ranks = distinct[~are_usual], np.cumsum(counts[~are_usual])
     if not others.size or not are_usual.any():
@@ -238,7 +258,10 @@ def _usual_values(distinct: Float64, counts: Int64) -> dict[float, float]:
 
 
 def _far_values(distinct: Float64, counts: Int64, known: Sequence[float]) -> dict[float, float]:
-    """Return the outermost values that are far from all others and frequent, apart from `known` ones, as above."""
+    """Return the outermost values that are frequent and far from all others, each with the distance as above.
+
+    known: the usual fill values, which are left out.
+    """
     rest = ~np.isin(distinct, known)
     distinct, counts = distinct[rest], counts[rest]
     is_frequent = counts >= max(2, _MIN_PART * counts.sum())
@@ -249,7 +272,7 @@ def _far_values(distinct: Float64, counts: Int64, known: Sequence[float]) -> dic
             continue
         half_range = float(others[-1] / 2 - others[0] / 2)
         gaps = [others[0] / 2 - distinct[0] / 2] * first + [distinct[-1] / 2 - others[-1] / 2] * last
-        # Of Python's numbers, whose products may be infinite.
+        # Python's numbers, unlike numpy's, may become infinite without a warning.
         least = {
             value: (_MIN_NEGATIVE_DISTANCE if value < 0 else _MIN_DISTANCE) * half_range
             for value in distinct[outer].tolist()

@@ -1,8 +1,8 @@
-"""Read NRRD (.nrrd, .nhdr): a header of text, and voxels behind it or in data files.
+"""Read NRRD (.nrrd, .nhdr): a text header, and voxels behind it or in data files.
 
 Format: http://teem.sourceforge.net/nrrd/format.html. An axis is either in space or time (a domain axis), or a list of
-components; its kind decides, and where that is unknown, whether it has a direction. Without a space, lengths are those
-of `spacings`. Spaces whose axes are named after the body become LPS; others are taken for LPS.
+components. Its kind decides; an axis of unknown kind is in space if it has a direction. Without a space, `spacings`
+gives the lengths. Spaces whose axes are named after the body become LPS; others are taken for LPS.
 """
 
 from __future__ import annotations
@@ -16,30 +16,36 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers import common
+from renderer.readers.affines import NO_SPACING, affine, in_lps
+from renderer.readers.components import Chosen, choose
 from renderer.readers.data_files import find_data_files
+from renderer.readers.file_errors import labels_or_note
+from renderer.readers.image import Image
 from renderer.readers.segments import join_layers, labels_of_layer, segments_of_slicer
 from renderer.readers.statements import FormatTable, Statement
 from renderer.readers.steps_in_time import TimeSteps, even_steps_at
 from renderer.readers.stored import Encoding, Layout, StoredVoxels, read_stored
 from renderer.readers.text_header import MAX_HEADER_BYTES, Field, add_field, header_lines
 from renderer.readers.units import Units, units_of
+from renderer.readers.voxel_limits import describe_count, describe_shape
 from renderer.scene import did_you_mean, format_value
 from renderer.volume import Array, Channel, Float64, Label
 
 STATEMENTS = FormatTable(
     "NRRD",
     (
-        Statement("space", "place", "the axes of the world, such as those of a body; left-handed ones are turned over"),
+        Statement(
+            "space", "place", "the axes of the world, such as the axes of a body; z of left-handed ones is negated"
+        ),
         Statement("space directions", "place", "the directions and steps of the axes"),
         Statement("space origin", "place", "the place of the first sample"),
         Statement("spacings", "place", "the distance of samples"),
-        Statement("axis mins", "place", "where an axis begins"),
-        Statement("axis maxs", "place", "where an axis ends"),
+        Statement("axis mins", "place", "the coordinate at which an axis begins"),
+        Statement("axis maxs", "place", "the coordinate at which an axis ends"),
         Statement("centers", "place", "whether samples lie in the middle or at the ends of a step"),
         Statement("endian", "values", "the order of bytes"),
         Statement(
-            "kinds", "meaning", "what each axis is: space, time, or the components of a colour, a vector, a matrix"
+            "kinds", "meaning", "the kind of each axis: space, time, or the components of a colour, a vector, a matrix"
         ),
         Statement("units", "meaning", "the unit of each axis"),
         Statement("space units", "meaning", "the unit of lengths"),
@@ -51,20 +57,49 @@ STATEMENTS = FormatTable(
     ),
 )
 
-_MAX_AXES = 16  # of the format
+# The most axes that the format allows.
+_MAX_AXES = 16
+# The most choices that an error message lists.
 _MAX_LISTED = 10
+# The hint for a line that cannot be read.
 _NO_EMPTY_LINE = "an empty line is missing before the voxels, or the file is damaged"
 
-# Fields by their names in lower case without blanks.
+# The names of the fields, in lower case without blanks.
 _FIELDS = frozenset(
     (
-        *("dimension", "type", "blocksize", "encoding", "endian", "content", "oldmin", "oldmax", "min", "max"),
-        *("datafile", "lineskip", "byteskip", "number", "sampleunits", "space", "spacedimension", "spaceunits"),
-        *("spaceorigin", "spacedirections", "measurementframe", "sizes", "spacings", "thicknesses", "axismins"),
-        *("axismaxs", "centers", "labels", "units", "kinds"),
+        "dimension",
+        "type",
+        "blocksize",
+        "encoding",
+        "endian",
+        "content",
+        "oldmin",
+        "oldmax",
+        "min",
+        "max",
+        "datafile",
+        "lineskip",
+        "byteskip",
+        "number",
+        "sampleunits",
+        "space",
+        "spacedimension",
+        "spaceunits",
+        "spaceorigin",
+        "spacedirections",
+        "measurementframe",
+        "sizes",
+        "spacings",
+        "thicknesses",
+        "axismins",
+        "axismaxs",
+        "centers",
+        "labels",
+        "units",
+        "kinds",
     )
 )
-
+# The names of each type of integers.
 _INTEGERS = {
     "int8": "signed char, int8, int8_t",
     "uint8": "uchar, unsigned char, uint8, uint8_t",
@@ -77,10 +112,12 @@ _INTEGERS = {
 }
 _TYPES = {name: dtype for dtype, names in _INTEGERS.items() for name in names.split(", ")}
 _TYPES |= {"float": "float32", "double": "float64"}
+# Encodings by their names in the format.
 _ENCODINGS: dict[str, Encoding] = {"raw": "raw", "gzip": "deflate", "gz": "deflate", "bzip2": "bzip2", "bz2": "bzip2"}
 _ENCODINGS |= {"text": "text", "txt": "text", "ascii": "text", "hex": "hex"}
+# Kinds of axes that say nothing.
 _UNKNOWN_KINDS = ("", "???", "none")
-# The factors of x, y and z into LPS, by the name of a space and its short form, also with time.
+# The factors of x, y and z into LPS, by the name of a space or its short form, with or without time.
 _SPACES = {
     "right-anterior-superior": (-1.0, -1.0, 1.0),
     "left-anterior-superior": (1.0, -1.0, 1.0),
@@ -89,11 +126,11 @@ _SPACES = {
 _SPACES |= {"".join(word[0] for word in name.split("-")): factors for name, factors in _SPACES.items()}
 _SPACES |= dict.fromkeys(("scanner-xyz", "3d-right-handed"), (1.0, 1.0, 1.0)) | {"3d-left-handed": (1.0, 1.0, -1.0)}
 _SPACES |= {name + ("-time" if "-" in name else "t"): factors for name, factors in _SPACES.items()}
-# What 3D Slicer writes of each segment, as keys of its own.
+# A line with a key that 3D Slicer writes for a segment.
 _SEGMENT = re.compile(r"(Segment\d{1,9}_(?:Name|LabelValue|Color|Layer)):=(.*)")
-# Without its place in a body, a left-handed space may be turned over along any axis.
+# The note on a left-handed space without directions of a body. Any axis could be turned over; z is.
 _LEFT_HANDED = "its space is left-handed, and the world is not: z is turned over, so that nothing is mirrored"
-# Names of components by the kind of their axis, without a mask, which comes first.
+# The names of components by the kind of their axis, without the mask that may come first.
 _COMPONENTS = {
     "complex": "real imaginary",
     "quaternion": "w x y z",
@@ -107,11 +144,13 @@ _COMPONENTS = {
     "3d-symmetric-matrix": "xx xy xz yy yz zz",
     "3d-matrix": "xx xy xz yx yy yz zx zy zz",
 }
+# The words of the field `centers`.
 _CENTERS = ("cell", "node", *_UNKNOWN_KINDS)
+# A vector of a field.
 _VECTOR = re.compile(r"\(([^()]*)\)|none", re.IGNORECASE)
 
 
-def read_nrrd(path: Path, time: int | None, component: int | None) -> common.Image:
+def read_nrrd(path: Path, time: int | None, component: int | None) -> Image:
     """Read one time step and component of a NRRD file, in LPS.
 
     Raises InputError for damaged, truncated and foreign files, and if `time` or `component` do not fit.
@@ -124,21 +163,21 @@ def read_nrrd(path: Path, time: int | None, component: int | None) -> common.Ima
     if axes == "ssst" and layout.shape[0] > 1 and time is None and not directions and {*kinds} <= {*_UNKNOWN_KINDS}:
         raise InputError(
             "this NRRD file does not say which of its four axes is time, or holds components",
-            got=common.describe_shape(layout.shape[::-1]),
+            got=describe_shape(layout.shape[::-1]),
             expected=f"`time: k` with k from 0 to {layout.shape[0] - 1} if the last one is time",
             hint="if the first one holds components, add a line `kinds: list domain domain domain`",
         )
     voxels = _read_voxels(path, fields, layout, axes, (time, component))
-    guessed = None if has_spacing else common.NO_SPACING
+    guessed = None if has_spacing else NO_SPACING
     left_handed = _LEFT_HANDED if "space" in fields and _is_left_handed(fields["space"]) else None
     notes = (guessed, left_handed, *voxels.notes, STATEMENTS.note(_unapplied(fields)))
     steps = _steps(fields, axes, layout.shape[::-1])
     units = _units(fields, axes, has_directions=bool(directions))
-    return common.Image(voxels.values, world_from_index, notes, (), voxels.channels, voxels.labels, steps, units)
+    return Image(voxels.values, world_from_index, notes, (), voxels.channels, voxels.labels, steps, units)
 
 
 class _Voxels(NamedTuple):
-    """The voxels that are drawn, what is known of components and labels, and notes."""
+    """The chosen voxels, with their channels, labels and notes."""
 
     values: Array
     channels: tuple[Channel, ...]
@@ -149,12 +188,15 @@ class _Voxels(NamedTuple):
 def _read_voxels(
     path: Path, fields: dict[str, Field], layout: Layout, axes: str, wanted: tuple[int | None, int | None]
 ) -> _Voxels:
-    """Read one time step and component; of segments in several layers all, unless a component is wanted."""
+    """Read one time step and component; all layers of segments together, unless the scene chooses a component.
+
+    wanted: the time and the component of the scene.
+    """
     time, component = wanted
     num_layers = dict(zip(axes[::-1], layout.shape, strict=True)).get("c", 1)
-    segments, wrong = common.labels_or_note(lambda: segments_of_slicer(path, _segment_keys(fields), num_layers))
+    segments, wrong = labels_or_note(lambda: segments_of_slicer(path, _segment_keys(fields), num_layers))
     if segments and component is None and num_layers > 1:
-        chosen = common.choose(axes[::-1], layout.shape, time, 0)
+        chosen = choose(axes[::-1], layout.shape, time, 0)
         layers, left_over = _read_layers(layout, chosen, axes[::-1])
         values, about = join_layers(layers, segments)
         labels = tuple(each.label for each in segments)
@@ -162,14 +204,14 @@ def _read_voxels(
     skip = None if {"byteskip", "lineskip"} & fields.keys() else "byte skip: {}"
     if skip and layout.parts[0].encoding == "raw":
         skip = "byte skip: -1"
-    chosen = common.choose(axes[::-1], layout.shape, time, component, _component_names(fields, axes))
+    chosen = choose(axes[::-1], layout.shape, time, component, _component_names(fields, axes))
     values, left_over = read_stored(layout, chosen, skip)
     labels, others = labels_of_layer(segments, chosen.component)
     return _Voxels(values, chosen.channels, labels, (left_over, *chosen.notes, wrong, others))
 
 
 def _component_names(fields: dict[str, Field], axes: str) -> Sequence[str]:
-    """Return the names of components by the kind of their axis: `RGB` of rgb-color; none where it has none."""
+    """Return the names of components by the kind of their axis, such as `RGB` for rgb-color; none if it is unknown."""
     kinds = fields["kinds"].text.lower().split() if "kinds" in fields else []
     kind = kinds[axes.index("c")] if kinds and "c" in axes else ""
     color, is_color, _ = kind.partition("-color")
@@ -180,7 +222,7 @@ def _component_names(fields: dict[str, Field], axes: str) -> Sequence[str]:
 
 
 def _unapplied(fields: dict[str, Field]) -> set[str]:
-    """Return the fields that have an effect which is not applied, as STATEMENTS names them."""
+    """Return the fields of the header whose effect is not applied, by their names in STATEMENTS."""
     found = {each.field for each in STATEMENTS.statements if each.field.replace(" ", "") in fields}
     if "measurement frame" in found:
         frame = [vector for vector in _vectors(fields["measurementframe"], None) if vector is not None]
@@ -189,7 +231,7 @@ def _unapplied(fields: dict[str, Field]) -> set[str]:
 
 
 def _units(fields: dict[str, Field], axes: str, *, has_directions: bool) -> Units:
-    """Return the unit that all axes of space have, and that of samples; axes of a body where the space has them."""
+    """Return the unit that all axes of space share, the unit of samples, and LPS as axes for the space of a body."""
     own = [unit for unit, letter in zip(_quoted(fields, "units"), axes, strict=False) if letter == "s"]
     lengths = {*(_quoted(fields, "spaceunits")[:3] or own)}
     space = fields["space"].text.lower() if "space" in fields else ""
@@ -217,7 +259,7 @@ def _steps(fields: dict[str, Field], axes: str, sizes: tuple[int, ...]) -> TimeS
 
 
 def read_header(path: Path) -> tuple[dict[str, Field], Layout]:
-    """Return the fields of a header by their names, in lower case without blanks, and where the voxels are.
+    """Return the fields of a header by their names, in lower case without blanks, and the layout of the voxels.
 
     Raises InputError for headers that are damaged or foreign, and for missing data files.
     """
@@ -249,8 +291,8 @@ def _segment_keys(fields: dict[str, Field]) -> dict[str, str]:
     return {name: field.text.strip() for name, field in fields.items() if name.startswith("Segment")}
 
 
-def _read_layers(layout: Layout, chosen: common.Chosen, axes: str) -> tuple[Array, str | None]:
-    """Return all components of a step, [component, z, y, x], and the note on bytes that are no voxels."""
+def _read_layers(layout: Layout, chosen: Chosen, axes: str) -> tuple[Array, str | None]:
+    """Return all components of a step, [component, z, y, x], and a note on bytes that do not belong to voxels."""
     part = tuple(slice(None) if letter == "c" else item for letter, item in zip(axes, chosen.part, strict=True))
     values, left_over = read_stored(layout, chosen._replace(part=part))
     layers = np.moveaxis(values, axes.translate({ord("t"): None, ord("-"): None}).index("c"), 0)
@@ -258,7 +300,7 @@ def _read_layers(layout: Layout, chosen: common.Chosen, axes: str) -> tuple[Arra
 
 
 def _part(fields: dict[str, Field], file: Path, offset: int, encoding: Encoding, num_bytes: int) -> StoredVoxels:
-    """Return where `num_bytes` of voxels are in a file: from `offset` on, behind the lines and bytes to skip."""
+    """Return the place of `num_bytes` of voxels in a file: from `offset` on, after the lines and bytes to skip."""
     num_lines = fields["lineskip"].whole(0) if "lineskip" in fields else 0
     num_skipped = fields["byteskip"].whole(-1) if "byteskip" in fields else 0
     if num_skipped >= 0:
@@ -270,7 +312,7 @@ def _part(fields: dict[str, Field], file: Path, offset: int, encoding: Encoding,
 
 
 def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
-    """Return the fields, the names of a list of data files, and where the voxels begin behind the header."""
+    """Return the fields, the lines of a list of data files, and the byte at which the header ends."""
     fields: dict[str, Field] = {}
     listed: list[str] = []
     is_list, end = False, 0
@@ -307,7 +349,7 @@ def _parse(path: Path) -> tuple[dict[str, Field], list[str], int]:
 
 
 def _choice(field: Field, choices: dict[str, Any]) -> Any:
-    """Return what a field's word stands for; raises InputError for a word that is none of the choices."""
+    """Return the choice that a field's word names; raises InputError for any other word."""
     word = " ".join(field.text.lower().split())
     if word not in choices:
         expected = ", ".join(list(choices)[:_MAX_LISTED]) + ", ..." * (len(choices) > _MAX_LISTED)
@@ -316,7 +358,7 @@ def _choice(field: Field, choices: dict[str, Any]) -> Any:
 
 
 def _after_lines(file: Path, begin: int, num_lines: int) -> int:
-    """Return where `num_lines` lines from byte `begin` of a file end; raises InputError if that is not near."""
+    """Return the byte at which `num_lines` lines from `begin` on end; raises InputError if that is far away."""
     if num_lines == 0:
         return begin
     with file.open("rb") as opened:
@@ -327,17 +369,17 @@ def _after_lines(file: Path, begin: int, num_lines: int) -> int:
                 raise InputError(
                     "the lines before the voxels do not end",
                     where=str(file),
-                    expected=f"{common.describe_count(num_lines)} lines in {MAX_HEADER_BYTES >> 20} MiB",
+                    expected=f"{describe_count(num_lines)} lines in {MAX_HEADER_BYTES >> 20} MiB",
                     hint="the line skip of the header is wrong, or the file is truncated",
                 )
         return opened.tell()
 
 
 def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Float64 | None]) -> str:
-    """Return what each axis is, from the fastest to the slowest, by the letters of `choose`.
+    """Return the letter of each axis for `choose`, from the fastest axis to the slowest.
 
-    Raises InputError for more axes of a kind than a volume has.
-        Of several axes of time or components, those of length 1 do not count.
+    Raises InputError for more axes of a kind than a volume has. If there are several axes of time or components, axes
+    of length 1 do not count.
     """
     num_axes = len(sizes)
     kinds = fields["kinds"].text.lower().split() if "kinds" in fields else []
@@ -353,7 +395,7 @@ def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Flo
             raise fields["kinds"].error(f"domain or space for axis {k + 1}, which has a direction in space")
         else:
             lists.append(k)
-    if len(space) == 2 and times:  # a film is seen as a volume
+    if len(space) == 2 and times:  # a film of pictures is drawn as a volume
         space.append(times.pop(0))
     if len(space) == 4 and not times:
         times.append(space.pop())
@@ -369,9 +411,9 @@ def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Flo
 
 
 def _vectors(field: Field, count: int | None) -> list[Float64 | None]:
-    """Return `count` vectors of a field in three dimensions; None for `none`, NaN, and one of several only in time.
+    """Return `count` vectors of a field in three dimensions, or None for a vector that is not in space.
 
-    count: None for any number.
+    Such a vector is `none`, NaN, or one of several that only runs in time. count: None for any number of vectors.
     """
     vectors: list[Float64 | None] = []
     matches = list(_VECTOR.finditer(field.text))
@@ -405,13 +447,14 @@ def _world_from_index(fields: dict[str, Field], axes: str, directions: list[Floa
     origin = first if origins[0] is None else origins[0]
     factors = _choice(fields["space"], _SPACES) if "space" in fields else (1.0, 1.0, 1.0)
     has_spacing = bool(directions) or "spacings" in fields or {"axismins", "axismaxs"} <= fields.keys()
-    return common.in_lps(common.affine(np.ones(3), origin, vectors), factors), has_spacing
+    return in_lps(affine(np.ones(3), origin, vectors), factors), has_spacing
 
 
 def _scalar_places(fields: dict[str, Field], space: list[int], num_axes: int) -> tuple[Float64, Float64]:
-    """Return spacing and position of the first voxel, float64 [3] each, without a space: 1 and 0 where none is given.
+    """Return the spacing and the position of the first voxel, float64 [3] each, for a header without directions.
 
-    Samples of `cell` lie in the middle of their step, those of `node` at its ends.
+    A missing spacing is 1, and a missing position 0. Samples of `cell` lie in the middle of a step, samples of `node`
+    at its ends.
     """
     spacings, mins, maxs = (_axis_numbers(fields, name, num_axes) for name in ("spacings", "axismins", "axismaxs"))
     centers = fields["centers"].text.lower().split() if "centers" in fields else []
@@ -435,7 +478,7 @@ def _scalar_places(fields: dict[str, Field], space: list[int], num_axes: int) ->
 
 
 def _axis_numbers(fields: dict[str, Field], name: str, num_axes: int) -> list[float]:
-    """Return a field's number for each axis: NaN for `nan`, and if the field is missing."""
+    """Return a field's number for each axis; NaN for `nan`, and for a missing field."""
     if name not in fields:
         return [math.nan] * num_axes
     try:

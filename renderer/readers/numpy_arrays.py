@@ -1,5 +1,7 @@
-"""Read plain arrays: `.npy` and `.npz` files, and headerless `raw` ones; only those of `.npz` are not mapped from their
-file."""
+"""Read plain arrays: `.npy` and `.npz` files, and `raw` files without a header.
+
+Arrays stay mapped from their file, except for arrays in `.npz` archives.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,11 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers import common
+from renderer.readers.components import choose, select_index
+from renderer.readers.file_errors import damaged_error, require_exists, unreadable_error
+from renderer.readers.image import Image
 from renderer.readers.statements import FormatTable, Statement
+from renderer.readers.voxel_limits import check_dtype, check_memory, check_size, describe_shape, fitting_shapes
 from renderer.scene import RawSource, format_value, join_some, short_text
 from renderer.volume import Array
 
@@ -29,25 +34,33 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The largest number of axes in any version of numpy; a volume has fewer. Its headers are no longer than this.
+# The most axes of an array in numpy 1; a volume has fewer.
 _MAX_AXES = 32
+# The most bytes of a header of a `.npy` file, as numpy has it.
 _MAX_HEADER_BYTES = 10_000
 
-# No method of compression packs typical voxels this much.
+# The largest ratio of decompressed to compressed bytes: more than any method reaches for typical voxels.
 _MAX_PACKING = 2**16
-# What Python's zipfile raises for damaged bytes.
+# The exceptions that Python's zipfile raises for damaged bytes.
 _ARCHIVE_ERRORS = (
-    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
-    *(EOFError, OSError, RuntimeError, ValueError, ArithmeticError, LookupError),
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    struct.error,
+    EOFError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    ArithmeticError,
+    LookupError,
 )
 
 
-def read_npy(path: Path, time: int | None, component: int | None) -> common.Image:
+def read_npy(path: Path, time: int | None, component: int | None) -> Image:
     """Read a `.npy` array [z, y, x] (or [y, x]), with spacing 1 and origin 0; booleans become 0 and 1.
 
-    A fourth axis is the first with `time: k` ([t, z, y, x]) and the last with `component: k` ([z, y, x, c]); five axes
-        are [t, z, y, x, c]. Pickled objects are never loaded. Raises InputError for files that are foreign, truncated
-        or not numeric.
+    Four axes are [t, z, y, x] with `time: k`, and [z, y, x, c] with `component: k`; five axes are [t, z, y, x, c].
+    Pickled objects are never loaded. Raises InputError for files that are foreign, truncated or not numeric.
     """
     with path.open("rb") as file:
         shape, dtype, order = _npy_header(file, path)
@@ -57,8 +70,8 @@ def read_npy(path: Path, time: int | None, component: int | None) -> common.Imag
     return _chosen(values, time, component)
 
 
-def read_npz(path: Path, time: int | None, component: int | None) -> common.Image:
-    """Read one array of a `.npz` archive as `read_npy` does; `component` chooses one of several.
+def read_npz(path: Path, time: int | None, component: int | None) -> Image:
+    """Read one array of a `.npz` archive as `read_npy` does; `component` chooses one of several arrays.
 
     Raises InputError for archives that are damaged, encrypted or hold no array.
     """
@@ -77,21 +90,21 @@ def read_npz(path: Path, time: int | None, component: int | None) -> common.Imag
                     got=join_some([f"{k} is {name}" for k, name in enumerate(names)]),
                     expected=f"`component: k` with k from 0 to {len(members) - 1}",
                 )
-            member = members[common.select_index("component", component, len(members)) if len(members) > 1 else 0]
+            member = members[select_index("component", component, len(members)) if len(members) > 1 else 0]
             with archive.open(member) as file:
                 values = _unpacked(file, member, path)
     except _ARCHIVE_ERRORS as error:
         got, expected = short_text(str(error)), "an archive saved by numpy.savez"
-        raise common.damaged_error("this archive cannot be read", got, expected) from error
+        raise damaged_error("this archive cannot be read", got, expected) from error
     return _chosen(values, time, component if len(members) == 1 else None)
 
 
 def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
-    """Return the array in an archive; its checksum is compared when it has been read to its end."""
+    """Return an array of an archive; reading it to its end compares the checksum."""
     shape, dtype, _ = _npy_header(file, path)
     num_packed = min(member.compress_size, path.stat().st_size)
     _check_npy_size(min(member.file_size, _MAX_PACKING * num_packed) - file.tell(), shape, dtype)
-    common.check_memory(math.prod(shape) * dtype.itemsize)
+    check_memory(math.prod(shape) * dtype.itemsize)
     file.seek(0)
     values: Array = np.lib.format.read_array(file, allow_pickle=False, max_header_size=_MAX_HEADER_BYTES)
     if file.read(1):
@@ -99,24 +112,24 @@ def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
     return values
 
 
-def _chosen(values: Array, time: int | None, component: int | None) -> common.Image:
+def _chosen(values: Array, time: int | None, component: int | None) -> Image:
     """Return one time step and component of an array."""
     if values.dtype.kind == "b":
         values = values.view(np.uint8)
     if values.ndim == 2:
         values = values[np.newaxis]
-    chosen = common.choose(axes_of_array(values.shape, time, component), values.shape, time, component)
+    chosen = choose(axes_of_array(values.shape, time, component), values.shape, time, component)
     options: dict[str, Any] = {"channels": chosen.channels, "steps": chosen.steps, "has_lengths": False}
-    return common.Image(values[chosen.part], np.eye(4), chosen.notes, **options)
+    return Image(values[chosen.part], np.eye(4), chosen.notes, **options)
 
 
 def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:
-    """Return what each axis is, by the letters of `choose`; raises InputError if that is not known."""
+    """Return the letter of each axis for `choose`; raises InputError if the axes are ambiguous or too many."""
     num_axes = len(shape)
     if num_axes == 4 and time is None and component is None:
         raise InputError(
             "the array has four axes",
-            got=common.describe_shape(shape),
+            got=describe_shape(shape),
             expected=f"`time: k` with k from 0 to {shape[0] - 1} if the first axis is time, or "
             f"`component: k` with k from 0 to {shape[-1] - 1} if the last axis holds components",
             hint="`component: color` draws a last axis of colours" if shape[-1] in (3, 4) else None,
@@ -124,16 +137,16 @@ def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | Non
     if not 3 <= num_axes <= 5 or (num_axes == 4 and time is not None and component is not None):
         raise InputError(
             "the array does not have the axes of a volume",
-            got=f"{num_axes} axes, {common.describe_shape(shape) or 'a single number'}",
+            got=f"{num_axes} axes, {describe_shape(shape) or 'a single number'}",
             expected="[z, y, x], or [time, z, y, x] with `time`, or [z, y, x, component] with `component`",
         )
     return {3: "sss", 4: "sssc" if time is None else "tsss", 5: "tsssc"}[num_axes]
 
 
 def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[Any], Literal["C", "F"]]:
-    """Return the shape, the dtype and the order of an array, and leave the file at its first byte.
+    """Return the shape, the dtype and the order of an array, and leave the file at the first byte of its values.
 
-    Raises InputError for anything else than an array.
+    Raises InputError for a file that is not an array.
     """
     try:
         if file.read(6) != b"\x93NUMPY":
@@ -153,11 +166,11 @@ def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[
             )
         shape, is_fortran, dtype = read_header[version](io.BytesIO(length + file.read(num_bytes)))
     except OSError as error:
-        raise common.unreadable_error(error) from error
+        raise unreadable_error(error) from error
     except (ValueError, TypeError, SyntaxError, TokenError, EOFError, MemoryError, RecursionError) as error:
-        # Errors of numpy's header parser and of Python's own, whose texts concern program code.
+        # The texts of these errors of numpy and Python are about program code, and would not help a user.
         got = "too many nested expressions" if isinstance(error, MemoryError | RecursionError) else None
-        raise common.damaged_error("cannot read the header", got, "an array saved by numpy.save") from error
+        raise damaged_error("cannot read the header", got, "an array saved by numpy.save") from error
     if len(shape) > _MAX_AXES or any(type(n) is not int or n < 0 for n in shape):  # booleans are integers, too
         raise InputError(
             "the header has no shape of an array",
@@ -166,27 +179,27 @@ def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[
             hint="the file is damaged",
         )
     if dtype.kind != "b":
-        common.check_dtype(dtype)
+        check_dtype(dtype)
     return shape, dtype, "F" if is_fortran else "C"
 
 
 def _check_npy_size(num_stored: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
     """Raise InputError for fewer bytes than the array has, and for an array that is empty or too large."""
-    num_bytes = common.check_size(shape[::-1], dtype)
+    num_bytes = check_size(shape[::-1], dtype)
     if num_stored < num_bytes:
         raise InputError(
             "the file is shorter than its header says",
             got=f"{num_stored} bytes of voxels",
-            expected=f"{num_bytes} bytes ({common.describe_shape(shape)} values of {dtype.name})",
+            expected=f"{num_bytes} bytes ({describe_shape(shape)} values of {dtype.name})",
             hint="the file is truncated",
         )
 
 
 def map_raw(source: RawSource) -> Array:
     """Map headerless voxels, x fastest; raises InputError if the file's size does not fit the declaration."""
-    path = common.require_exists(source.file)
+    path = require_exists(source.file)
     dtype = np.dtype(source.dtype).newbyteorder("<" if source.byte_order == "little" else ">")
-    num_bytes = common.check_size(source.shape, dtype)
+    num_bytes = check_size(source.shape, dtype)
     if not path.is_file():
         raise InputError("this is not a file")
     found_bytes = path.stat().st_size - source.offset
@@ -195,16 +208,18 @@ def map_raw(source: RawSource) -> Array:
         raise InputError(
             "the size of the file does not fit the declared shape and type",
             got=f"{found_bytes} bytes{after}" if found_bytes >= 0 else f"{path.stat().st_size} bytes in all",
-            expected=f"{num_bytes} bytes ({common.describe_shape(source.shape)} voxels of {source.dtype}){after}",
+            expected=f"{num_bytes} bytes ({describe_shape(source.shape)} voxels of {source.dtype}){after}",
             hint=_fitting_declarations(source, found_bytes, num_bytes, dtype),
         )
     return np.memmap(path, dtype, "r", source.offset, source.shape[::-1])
 
 
 def _fitting_declarations(source: RawSource, found_bytes: int, num_bytes: int, dtype: np.dtype[Any]) -> str | None:
-    """Return declarations that would fit and differ in one thing: the length of an axis, the type's size or the
-    offset."""
-    shapes = common.fitting_shapes(source.shape, dtype.itemsize, found_bytes)
+    """Return a text with declarations that would fit; None if there are none.
+
+    Each differs from the given declaration in one property: the length of an axis, the size of the type, or the offset.
+    """
+    shapes = fitting_shapes(source.shape, dtype.itemsize, found_bytes)
     fits = [f"shape [{', '.join(map(str, shape))}]" for shape in shapes]
     num_voxels = num_bytes // dtype.itemsize
     if found_bytes in (num_voxels, 2 * num_voxels, 4 * num_voxels, 8 * num_voxels):

@@ -1,4 +1,4 @@
-"""Turn and mirror pictures by the number of the field Orientation, which TIFF and EXIF have."""
+"""Turn and mirror pictures by the field Orientation of TIFF and EXIF."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import numpy as np
 
 from renderer.volume import Float64
 
-# The directions of a row and of a column of the stored pixels along those of the picture, right and down, by the number
-# of Orientation: [right and down, row and column]. Of 6, the first row is the right side, and the first column the top.
+# The directions of stored rows and columns in the picture, by the value of Orientation. The first pair is the component
+# to the right of a row and of a column, and the second pair the component downwards. For value 6, the first stored row
+# is the right side of the picture, and the first stored column is its top.
 _TURNS = {
     1: ((1, 0), (0, 1)),
     2: ((-1, 0), (0, 1)),
@@ -21,14 +22,14 @@ _TURNS = {
 
 
 def known_orientation(number: object) -> int:
-    """Return the number of an orientation; 1, which neither turns nor mirrors, for all else."""
+    """Return an orientation from 1 to 8; 1, which neither turns nor mirrors, for any other value."""
     return next((each for each in _TURNS if each == number), 1)
 
 
 def oriented(world_from_index: Float64, orientation: int, size: tuple[int, int]) -> Float64:
-    """Return the affine of a stack of pictures that are turned and mirrored; they begin at the same place.
+    """Return the affine of a stack of pictures that are turned or mirrored, in the same place in the world.
 
-    size: of the stored pixels, along x and y.
+    size: the numbers of stored pixels along x and y.
     """
     if orientation == 1 or not np.isfinite(world_from_index).all():
         return world_from_index

@@ -1,7 +1,7 @@
 """Read a folder of PNG, JPEG or BMP pictures as slices, in natural order (`2.png` before `10.png`).
 
-Pillow decodes, in a child process (`isolation.py`). Pictures may say how large a pixel is, and never how far apart
-slices are.
+Pillow decodes, in a child process (`isolation.py`). Pictures may state the size of a pixel, but never the distance
+between slices.
 """
 
 from __future__ import annotations
@@ -15,16 +15,10 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import (
-    GUESSED_LENGTHS,
-    NO_SPACING,
-    Image,
-    choose,
-    damaged_error,
-    errors_about,
-    require_exists,
-    select_index,
-)
+from renderer.readers.affines import GUESSED_LENGTHS, NO_SPACING
+from renderer.readers.components import choose, select_index
+from renderer.readers.file_errors import damaged_error, errors_about, require_exists
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.orientation import known_orientation, oriented
 from renderer.readers.slice_names import require_alike, sort_slices
@@ -37,39 +31,43 @@ STATEMENTS = FormatTable(
     "PNG, JPEG and BMP",
     (
         Statement("PLTE", "values", "the colours of values"),
-        Statement("Orientation", "place", "what the first row and the first column are, in EXIF"),
+        Statement("Orientation", "place", "the sides of the first row and the first column, in EXIF"),
         Statement("pHYs", "place", "the size of pixels; also the density of JFIF and of BMP"),
-        Statement("16 bits", "values", "of colours, of which 8 are read: TIFF slices keep all", is_applied=False),
-        Statement("gAMA", "values", "the exponent of the light that numbers stand for", is_applied=False),
+        Statement("16 bits", "values", "colours of 16 bits, read with 8: TIFF slices keep all", is_applied=False),
+        Statement("gAMA", "values", "the exponent that encodes light as numbers", is_applied=False),
         Statement("tRNS", "meaning", "a colour, or colours of a palette, that are transparent", is_applied=False),
     ),
 )
 
-# The exponent of sRGB, which all pictures are taken for.
+# The exponent of sRGB; all pictures are read as sRGB.
 _GAMMA = 0.45455
+
+# The formats that Pillow may decode.
 _FORMATS = ("PNG", "JPEG", "BMP")
+# The first bytes of these formats.
 _STARTS = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"BM")
 # The number of the field of EXIF.
 _ORIENTATION = 274
 _MM_PER_INCH = 25.4
-# No method of these formats packs pixels more: about 1228 of JPEG in a byte, 1032 of deflate.
+# The largest number of pixels for each byte of a file: JPEG reaches about 1228, and deflate 1032.
 _MAX_PACKING = 2**11
-# Bytes of a PNG that hold the bits of a sample, and the kind of colours.
+# The place of the byte of a PNG with the bits of a sample.
 _PNG_BITS_AT = 24
+# The place of the byte of a PNG with the kind of colours.
 _PNG_KIND_AT = 25
 # Kinds of colours with several samples: RGB, grey with alpha, and RGBA.
 _PNG_COLORS = (2, 4, 6)
-# The first bytes in which the frame of a JPEG picture is searched for.
+# The number of first bytes in which the frame of a JPEG picture is searched for.
 _JPEG_BYTES = 2**17
 
 
 def read_pictures(
     path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host
 ) -> Image:
-    """Read one component of the pictures in a folder, whose colours are components.
+    """Read one component of the pictures in a folder; colours are components.
 
-    has_spacing_override: not used; lengths of pictures are never wrong. Raises InputError for pictures that are damaged
-        or differ, and if `time` or `component` do not fit.
+    has_spacing_override: unused, as lengths of pictures are never checked. Raises InputError for pictures that are
+        damaged or differ, and if `time` or `component` do not fit.
     """
     select_index("time", time, 1)
     files = sort_slices(slices_of_pictures(path))
@@ -95,7 +93,7 @@ def read_pictures(
 
 
 def _lengths(picture: Any) -> tuple[Float64, Units, str]:
-    """Return the affine by the size of pixels, the unit of lengths, and a note on guessed lengths."""
+    """Return the affine with the size of pixels, the unit of lengths, and a note on guessed lengths."""
     per_inch = [float(n) for n in picture.info.get("dpi", ())]
     if len(per_inch) != 2 or not all(0 < n < np.inf for n in per_inch) or are_of_screen(per_inch):
         return np.eye(4), Units(), NO_SPACING
@@ -117,9 +115,10 @@ def _unapplied(file: Path, picture: Any) -> set[str]:
 
 @contextmanager
 def _opened(file: Path) -> Iterator[Any]:
-    """Provide a PIL.Image that is not decoded yet, with colours in place of a palette's numbers.
+    """Provide a PIL.Image that is not decoded yet, with colours in place of indices into a palette.
 
-    Raises InputError for other and damaged files, also in the block, and for more pixels than they can hold.
+    Raises InputError for damaged files and files of other formats, also from inside the `with` block, and for more
+    pixels than the file can hold.
     """
     from PIL import Image as pillow  # noqa: N813
 
@@ -136,7 +135,7 @@ def _opened(file: Path) -> Iterator[Any]:
 
 
 def _check_kind(file: Path) -> None:
-    """Raise InputError for files of other formats, and for JPEG that Pillow does not decode, damaged or not."""
+    """Raise InputError for files of other formats, and for JPEG with a number of bits that Pillow does not decode."""
     with file.open("rb") as opened:
         start = opened.read(_JPEG_BYTES)
     if not start.startswith(_STARTS):
@@ -151,7 +150,7 @@ def _check_kind(file: Path) -> None:
 
 
 def _jpeg_bits(start: bytes) -> int | None:
-    """Return the bits of a sample in a JPEG picture, by the first frame in its first bytes; None if there is none."""
+    """Return the bits of a sample in a JPEG picture, from its first frame header; None if it has none."""
     at = 2
     while start[:2] == b"\xff\xd8" and at + 5 <= len(start) and start[at] == 0xFF:
         marker, length = start[at + 1], int.from_bytes(start[at + 2 : at + 4], "big")

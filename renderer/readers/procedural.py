@@ -17,17 +17,23 @@ import numpy as np
 from renderer.scene import ProceduralSource
 from renderer.volume import Array
 
-# Working memory is a few float arrays of this many voxels: slabs of whole planes, or blocks of rows of larger planes.
+# The most voxels of the arrays that are worked on at once: slabs of whole planes, or blocks of rows of larger planes.
 _SLAB_VOXELS = 2**20
 
-_AIR, _COOLANT, _ALUMINIUM, _IRON, _STEEL = 12, 40, 96, 158, 226
-# Standard deviation of the noise in grey values, and the width in voxels over which the scanner blurs an edge.
+# The values of the materials of the engine block.
+_AIR = 12
+_COOLANT = 40
+_ALUMINIUM = 96
+_IRON = 158
+_STEEL = 226
+# The standard deviation of the noise, in values.
 _NOISE = 2.5
+# The width over which the scanner blurs an edge, in voxels.
 _BLUR_VOXELS = 1.6
 
 
 def procedural_values(source: ProceduralSource) -> Array:
-    """Return uint8 [z, y, x]."""
+    """Return the values of the formula that `source` names, uint8 [z, y, x]."""
     makers: dict[str, Callable[[ProceduralSource], Array]] = {
         "engine_block": _engine_block,
         "constant": lambda source: np.full(source.shape[::-1], 200, np.uint8),
@@ -68,7 +74,7 @@ def _marschner_lobb(source: ProceduralSource) -> Array:
 
 
 def _beating_heart(source: ProceduralSource) -> Array:
-    """Return two chambers of blood in a ball of muscle, which is thick and small at phase 1/2."""
+    """Return two chambers of blood in a ball of muscle; the muscle is thickest and the ball smallest at phase 1/2."""
     relaxed = (1 + math.cos(2 * math.pi * source.phase)) / 2
     outer, wall, septum, blur = 0.55 + 0.25 * relaxed, 0.34 - 0.14 * relaxed, 0.07, 0.05
     x, y, z = ((np.arange(n) + 0.5) / n * 2 - 1 for n in source.shape)
@@ -82,16 +88,20 @@ def _beating_heart(source: ProceduralSource) -> Array:
     return values
 
 
-# Centres and radii of cells, of which each is an ellipsoid, in [-1, 1]^3.
+# The centre and the radii of each cell, an ellipsoid in [-1, 1]^3.
 _CELLS = (
     (-0.45, -0.4, -0.1, 0.5, 0.45, 0.6), (0.4, -0.5, 0.05, 0.48, 0.42, 0.7), (0.0, 0.15, -0.15, 0.42, 0.4, 0.65),
     (-0.55, 0.5, 0.1, 0.4, 0.45, 0.6), (0.55, 0.45, 0.0, 0.42, 0.5, 0.75),
 )  # fmt: skip
-_CELL_BLUR = 0.06  # of a cell's radius
+# The width of the blurred edge of a cell, as a share of its radius.
+_CELL_BLUR = 0.06
 
 
 def _cells(source: ProceduralSource, *, inner: float, outer: float) -> Array:
-    """Return cells, filled between two shares of their radii, as two channels of a microscope show them."""
+    """Return cells that are filled between two shares of their radii, like one channel of a microscope.
+
+    inner, outer: the shares; nuclei lie at the centre of cells, and membranes at their surface.
+    """
     x, y, z = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in source.shape)
     values = np.empty(source.shape[::-1], np.uint8)
     for rows in _row_blocks(source):
@@ -109,14 +119,18 @@ def _cells(source: ProceduralSource, *, inner: float, outer: float) -> Array:
     return values
 
 
+# The number of labels of the atlas.
 _NUM_LABELS = 200
-_BALL, _GAP = 0.95, 0.012  # the radius of the atlas, and half of what lies between two of its labels
+# The radius of the atlas.
+_BALL = 0.95
+# Half of the gap between two labels.
+_GAP = 0.012
 
 
 def _atlas(source: ProceduralSource) -> Array:
-    """Return a ball of the labels 1 to 200 in [-1, 1]^3: the points that are nearest to one of as many places.
+    """Return a ball in [-1, 1]^3 with the labels 1 to 200: a point has the label of the nearest of 200 seed points.
 
-    The places depend on the seed. Between labels is a gap, so that each has a surface.
+    The seed points are random, by the seed of `source`. A gap between labels gives each of them a surface.
     """
     places = _places_in_ball(source.seed)
     x, y, z = (np.linspace(-1.0, 1.0, n, dtype=np.float32) if n > 1 else np.zeros(1, np.float32) for n in source.shape)
@@ -140,7 +154,7 @@ def _places_in_ball(seed: int) -> Array:
 
 
 def _row_blocks(source: ProceduralSource) -> list[slice]:
-    """Return the rows of a plane in blocks of at most _SLAB_VOXELS voxels, or of one row."""
+    """Return the rows of a plane as blocks of at most _SLAB_VOXELS voxels, at least a row each."""
     num_x, num_y, _ = source.shape
     num_rows = max(1, _SLAB_VOXELS // num_x)
     return [slice(begin, begin + num_rows) for begin in range(0, num_y, num_rows)]
@@ -150,8 +164,8 @@ def _row_blocks(source: ProceduralSource) -> list[slice]:
 class _Part:
     """A box or a round bar of one material, in model units: the whole phantom lies within [-1, 1]^2 x [-1/2, 1/2].
 
-    low, high: corners of the bounding box. A bar lies along `axis` and is the cylinder inscribed in it; None is a box.
-    Parts are painted in order, so that air takes away what is there.
+    low, high: corners of the bounding box. axis: the axis of a bar, which is the cylinder inscribed in the bounding
+    box; None for a box. Parts are painted in order, and a part of air cuts a hole into earlier parts.
     """
 
     material: int
@@ -166,7 +180,7 @@ def _box(material: int, centre: tuple[float, float, float], half: tuple[float, f
 
 
 def _bar(material: int, axis: int, centre: tuple[float, float], radius: float, ends: tuple[float, float]) -> _Part:
-    """Return a bar; `centre` is in the two axes other than `axis`, in ascending order."""
+    """Return a bar. centre: its coordinates along the other two axes, in ascending order of the axes."""
     low, high = [c - radius for c in centre], [c + radius for c in centre]
     low.insert(axis, ends[0])
     high.insert(axis, ends[1])
@@ -174,8 +188,10 @@ def _bar(material: int, axis: int, centre: tuple[float, float], radius: float, e
 
 
 def _engine_parts() -> Iterator[_Part]:
-    """Yield two cylinders in a finned light-metal block with their moving parts; pipe, filter and pulley mark the
-    sides."""
+    """Yield the parts of a finned block with two cylinders and their moving parts.
+
+    A pipe, a filter and a pulley make its sides distinguishable.
+    """
     yield from _casing()
     for x, piston_z in ((-0.4, 0.1), (0.4, -0.1)):
         yield from _cylinder(x, piston_z)
@@ -190,7 +206,7 @@ def _casing() -> Iterator[_Part]:
     yield _box(_ALUMINIUM, (0, 0, 0.05), (0.86, 0.47, 0.32))
     for k in range(6):  # thin fins
         yield _box(_ALUMINIUM, (0, 0, -0.17 + 0.085 * k), (0.8, 0.64, 0.014))
-    yield _box(_ALUMINIUM, (0, 0, 0.385), (0.88, 0.49, 0.025))  # head gasket flange
+    yield _box(_ALUMINIUM, (0, 0, 0.385), (0.88, 0.49, 0.025))  # the flange of the head gasket
     yield _bar(_ALUMINIUM, 0, (0, -0.25), 0.22, (-0.84, 0.84))  # crankcase
     yield _bar(_AIR, 0, (0, -0.25), 0.185, (-0.8, 0.8))
     for x in (-0.4, 0.4):  # intake and exhaust, the exhaust pipes longer
@@ -239,10 +255,12 @@ def _crankshaft() -> Iterator[_Part]:
 
 
 def _engine_block(source: ProceduralSource) -> Array:
-    """Return the phantom, centred and as large as fits, round in world units, with blurred edges and noise from the
-    seed."""
+    """Return the engine block with blurred edges and noise, centred and as large as fits.
+
+    Its bars are round in world units. The noise depends on the seed of `source`.
+    """
     shape, spacing = np.array(source.shape), np.array(source.spacing)
-    unit = float(np.min(shape * spacing / [2.0, 2.0, 1.0])) * 0.98  # world units in a model unit
+    unit = float(np.min(shape * spacing / [2.0, 2.0, 1.0])) * 0.98  # the length of a model unit in world units
     x, y, z = (
         ((np.arange(n) - (n - 1) / 2) * step / unit).astype(np.float32) for n, step in zip(shape, spacing, strict=True)
     )
@@ -250,7 +268,7 @@ def _engine_block(source: ProceduralSource) -> Array:
     values = np.empty(source.shape[::-1], np.uint8)
     thickness = max(1, _SLAB_VOXELS // (len(x) * len(y)))
     parts = tuple(_engine_parts())
-    num_words = 0  # of random bits, for the slabs so far
+    num_words = 0  # the words of random bits that earlier slabs have used
     for begin in range(0, len(z), thickness):
         slab = values[begin : begin + thickness]
         for rows in _row_blocks(source):
@@ -258,7 +276,7 @@ def _engine_block(source: ProceduralSource) -> Array:
             field = np.full(block.shape, _AIR, np.float32)
             for part in parts:
                 _paint(field, part, (x, y[rows], z[begin : begin + thickness]), blur)
-            num_before = rows.start * len(x)  # voxels of the slab: several blocks are those of a single plane
+            num_before = rows.start * len(x)  # the voxels before the block; only a slab of one plane has several blocks
             first_bytes = [8 * num_words + k * slab.size + num_before for k in range(3)]
             field += _noise(source.seed, first_bytes, block.size).reshape(block.shape)
             block[...] = np.clip(np.floor(field + np.float32(0.5)), 0, 255)
@@ -269,7 +287,7 @@ def _engine_block(source: ProceduralSource) -> Array:
 def _noise(seed: int, first_bytes: Sequence[int], num: int) -> Array:
     """Return float32 [num], noise of standard deviation _NOISE: the sum of three uniform bytes is close to normal.
 
-    first_bytes: where the three bytes begin in the seed's random bits.
+    first_bytes: the places of the first, second and third bytes in the seed's random bits.
     """
     deviation = math.sqrt(3 * (256**2 - 1) / 12)
     centred = np.full(num, -3 * 127.5, np.float32)
@@ -280,7 +298,7 @@ def _noise(seed: int, first_bytes: Sequence[int], num: int) -> Array:
 
 
 def _random_bytes(seed: int, first: int, num: int) -> Array:
-    """Return uint8 [num] of raw random bits, which are the same in every version of numpy, unlike its distributions."""
+    """Return raw random bits, uint8 [num]; unlike numpy's distributions, they are the same in all of its versions."""
     word, skipped = divmod(first, 8)
     random = np.random.PCG64(seed)
     random.advance(word)
@@ -289,7 +307,7 @@ def _random_bytes(seed: int, first: int, num: int) -> Array:
 
 
 def _paint(field: Array, part: _Part, axes: tuple[Array, Array, Array], blur: np.float32) -> None:
-    """Draw a part into a slab, float32 [z, y, x]; coverage falls from 1 to 0 over `blur` across its surface."""
+    """Draw a part into a slab, float32 [z, y, x]; at its surface, coverage falls from 1 to 0 over a width of `blur`."""
     window, near = [], []
     for coordinates, low, high in zip(axes, part.low, part.high, strict=True):
         begin, end = np.searchsorted(coordinates, [low - blur, high + blur])
@@ -297,7 +315,7 @@ def _paint(field: Array, part: _Part, axes: tuple[Array, Array, Array], blur: np
         near.append(coordinates[begin:end] - np.float32((low + high) / 2))
     x, y, z = near[0], near[1][:, np.newaxis], near[2][:, np.newaxis, np.newaxis]
     half = [np.float32((high - low) / 2) for low, high in zip(part.low, part.high, strict=True)]
-    # Signed distances to the surface (exact on faces, too small beyond edges), negative inside.
+    # Signed distances to the surface, negative inside. They are exact at faces, and too small outside of edges.
     faces = [abs(c) - h for c, h in zip((x, y, z), half, strict=True)]
     if part.axis is not None:
         end_face = faces.pop(part.axis)

@@ -1,4 +1,4 @@
-"""Keep the images that were read last, so that a step in time that is asked for again is not decoded again."""
+"""Keep the images that were read last, so that a repeated request for a step in time does not decode it again."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import threading
 from collections.abc import Callable, Hashable
 from pathlib import Path
 
-from renderer.readers.common import Image
+from renderer.readers.image import Image
 
-# Of each file its name, number, size and time.
+# The name, inode number, size and modification time of each file.
 FileMarks = tuple[tuple[str, int, int, int], ...]
 
 
 class RecentImages:
-    """A store of images by the arguments of their reader. Threads may share it.
+    """A cache of images under the arguments of their reader, which threads may share.
 
-    most_bytes: the most that the voxels of all images take. The image that was not used for the longest time goes
-    first, and one that is larger than all of it is not kept.
+    most_bytes: the most bytes of the voxels of all images. The least recently used image is dropped first, and an image
+    with more bytes than that is not kept.
     """
 
     def __init__(self, most_bytes: int) -> None:
@@ -26,11 +26,11 @@ class RecentImages:
         self._lock = threading.Lock()
 
     def get(self, key: Hashable, read: Callable[[], Image]) -> Image:
-        """Return the image of a key: the one that is kept, or else what `read` returns. Its values are read-only."""
+        """Return the kept image of a key, or else read it and keep it. Its values are read-only."""
         with self._lock:
             found = self._images.pop(key, None)
             if found is not None:
-                self._images[key] = found  # now the last to go
+                self._images[key] = found  # now the most recently used one
                 return found
         image = read()
         image.values.flags.writeable = False
@@ -42,7 +42,7 @@ class RecentImages:
 
 
 def marks_of(path: Path) -> FileMarks:
-    """Return what changes when a file, or one in a folder, changes: names, sizes and times."""
+    """Return the marks of a file, or of all files in a folder; they change when a file changes."""
     files = [entry for entry in os.scandir(path) if entry.is_file()] if path.is_dir() else [path]
     states = [(file.name, file.stat()) for file in files]
     return tuple(sorted((name, state.st_ino, state.st_size, state.st_mtime_ns) for name, state in states))

@@ -1,7 +1,7 @@
-"""Join the segments of a segmentation, which may overlap, in one volume of labels; and read those of 3D Slicer.
+"""Join the segments of a segmentation, which may overlap, into one volume of labels; and read 3D Slicer's segments.
 
-Where segments overlap, a voxel belongs to the one with the fewest voxels: what lies inside of another one stays, and so
-does the other one around it.
+Where segments overlap, a voxel belongs to the segment with the fewest voxels. So a segment inside of another one stays
+visible, and so does the outer one around it.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.looks import LookFile, make_labels
-from renderer.readers.common import check_memory
+from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted, join_some, short_text
 from renderer.volume import Array, Int64, Label
 
-# A layer with larger values is no layer of segments: a table of them would take memory.
+# The largest value of a segment in its layer. It limits the memory of the table of values.
 _MAX_VALUE = 2**16 - 1
 
 
 class Segment(NamedTuple):
-    """A segment: the number of its layer, its value there, and its label in the joined volume.
+    """A segment: the number of its layer, its value in the layer, and its label in the joined volume.
 
-    value: None for one that has all values but 0.
+    value: None for a segment that has all voxels of its layer that are not 0.
     """
 
     layer: int
@@ -34,10 +34,10 @@ class Segment(NamedTuple):
 
 
 def segments_of_slicer(path: Path, texts: Mapping[str, str], num_layers: int) -> tuple[Segment, ...]:
-    """Return the segments of 3D Slicer, ascending by their labels in one volume.
+    """Return the segments of 3D Slicer, in ascending order of their labels.
 
-    texts: by keys such as `Segment0_Name`. A segment that has neither a layer nor a value, as in older files, is the
-    layer of its own number. Labels are the values of the file unless two segments share one.
+    texts: the texts of the header, by keys such as `Segment0_Name`. In older files, a segment has neither a layer nor a
+    value, and its own number is that of its layer. Labels are the values of the file unless two segments share a value.
     """
     file = LookFile(path, b"", "segments of 3D Slicer")
     names = sorted({key.partition("_")[0] for key in texts}, key=lambda name: int(name.removeprefix("Segment")))
@@ -62,7 +62,7 @@ def segments_of_slicer(path: Path, texts: Mapping[str, str], num_layers: int) ->
 
 
 def labels_of_layer(segments: Sequence[Segment], layer: int) -> tuple[tuple[Label, ...], str | None]:
-    """Return the labels in one layer as it is stored, and a note that names the segments in the others."""
+    """Return the labels of one layer with their stored values, and a note that names the segments in other layers."""
     own = (replace(each.label, value=each.value or 1) for each in segments if each.layer == layer)
     others = [_name(each) for each in segments if each.layer != layer]
     note = f"segments in other layers are left out: {join_some(others)}" if others else None
@@ -70,7 +70,7 @@ def labels_of_layer(segments: Sequence[Segment], layer: int) -> tuple[tuple[Labe
 
 
 def join_layers(layers: Array, segments: Sequence[Segment]) -> tuple[Array, str]:
-    """Return the labels of all segments, [z, y, x], and a note on how they were joined.
+    """Return a volume with the labels of all segments, [z, y, x], and a note on the joining.
 
     layers: [layer, z, y, x]. segments: at least one, each with its own layer and value. Raises InputError for lack of
     memory.
@@ -91,21 +91,21 @@ def join_layers(layers: Array, segments: Sequence[Segment]) -> tuple[Array, str]
 
 
 def type_of_labels(labels: Sequence[int]) -> np.dtype[Any]:
-    """Return the type of a volume that `join_segments` fills with these labels."""
+    """Return the type of a volume with these labels."""
     return np.min_scalar_type(max(*labels, len(labels)))
 
 
 def join_segments(planes: Callable[[], Iterable[tuple[int, Int64]]], labels: Sequence[int], joined: Array) -> str:
     """Fill a volume of zeros with the label of the smallest segment at each voxel, and return a clause on overlaps.
 
-    planes: yields planes in any order, the same ones at each call: z, and the numbers of segments from 1 on, [y, x],
-    0 for none. labels: of the segments. joined: [z, y, x], as of `type_of_labels`. The clause is empty without
-    overlaps.
+    planes: a function that yields planes in any order, the same ones at each call. A plane is its z and the numbers of
+    segments from 1 on, [y, x], with 0 for no segment. labels: the labels of the segments. joined: the volume [z, y, x],
+    of the type of `type_of_labels`. The clause is empty without overlaps.
     """
     counts = np.zeros(len(labels) + 1, np.int64)
     for _, numbers in planes():
         counts += np.bincount(numbers.ravel(), minlength=len(counts))
-    ranks = np.zeros(len(counts), np.int64)  # 0 for no segment, the largest for the smallest segment
+    ranks = np.zeros(len(counts), np.int64)  # 0 for no segment; the smallest segment has the largest rank
     ranks[1 + np.argsort(-counts[1:], kind="stable")] = np.arange(1, len(counts))
     are_shared = np.zeros(joined.shape, np.bool_)
     for z, numbers in planes():
@@ -121,7 +121,7 @@ def join_segments(planes: Callable[[], Iterable[tuple[int, Int64]]], labels: Seq
 
 
 def _table(segments: Sequence[Segment], layer: int) -> Int64:
-    """Return the number of the segment, from 1, that each value of a layer stands for; the last is for larger ones."""
+    """Return the segment's number, from 1 on, for each value of a layer; the last entry is for all larger values."""
     own = [(number, each.value) for number, each in enumerate(segments, 1) if each.layer == layer]
     table = np.zeros(2 + max((value or 0 for _, value in own), default=0), np.int64)
     for number, value in own:

@@ -1,4 +1,4 @@
-"""Order slices in separate files by the numbers in their names, and check that they make up one stack."""
+"""Sort slices in separate files by the numbers in their names, and check that they make up one stack."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from renderer.readers.sniff import natural_sort_key
 def sort_slices(files: list[Path]) -> list[Path]:
     """Return the files in natural order, `2.tif` before `10.tif`.
 
-    Raises InputError unless the names differ only in numbers, of which one increases from file to file in even steps:
-        otherwise slices are missing, or there are several stacks.
+    Raises InputError unless the names differ only in numbers, and one of the numbers increases from file to file in
+        even steps: otherwise slices are missing, or there are several stacks.
     """
     files = sorted(files, key=lambda file: natural_sort_key(file.name))
     shapes = [re.sub("[0-9]+", "#", file.name.lower()) for file in files]
@@ -36,7 +36,7 @@ def sort_slices(files: list[Path]) -> list[Path]:
 
 
 def require_alike(found: str, expected: str, first: Path) -> None:
-    """Raise InputError unless a slice is as expected, which is what the first one is, in words."""
+    """Raise InputError if the description of a slice differs from that of the first slice."""
     if found != expected:
         raise InputError("the slices of this folder differ", got=found, expected=f"{expected} as in {first.name}")
 

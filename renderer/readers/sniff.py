@@ -26,7 +26,9 @@ KNOWN_FORMATS = (
     "MRC (.mrc, .map, .ccp4), HDF5 (.h5), netCDF-4 (.nc) or DICOM"
 )
 
+# The first bytes of HDF5, which may follow a block of other data.
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+# Formats by their first bytes.
 _SIGNATURES: dict[bytes, Format] = {
     b"NRRD": "nrrd",
     b"\x93NUMPY": "npy",
@@ -34,7 +36,7 @@ _SIGNATURES: dict[bytes, Format] = {
     b"# vtk DataFile": "vtk",
     **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), "tiff"),
 }
-# Ends of names that decide where no signature does.
+# Formats by the ends of file names, for files without a signature.
 _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".mha", ".mhd"), "metaimage"),
     **dict.fromkeys((".nii", ".hdr", ".img", ".nii.gz", ".hdr.gz", ".img.gz"), "nifti"),
@@ -42,31 +44,37 @@ _SUFFIXES: dict[str, Format] = {
     **dict.fromkeys((".cube", ".cub"), "cube"),
     **dict.fromkeys((".tif", ".tiff", ".ome"), "tiff"),
 }
-# Endings that other files have, too: what begins as a volume is one.
+# Ends of file names that other files share: the first bytes must show that a file is a volume.
 _SHARED_SUFFIXES = (".hdr", ".hdr.gz", ".map", ".rec", ".h5", ".hdf5", ".ims", ".mat")
+# Ends of the names of MRC files.
 _MRC_SUFFIXES = (".mrc", ".mrcs", ".map", ".ccp4", ".rec")
-# MRC has its mark here, and behind it the byte order; older files have neither.
-_MRC_MARK_AT, MRC_MARK = 208, b"MAP"
+# The place of the mark of MRC in the header. Older files have none.
+_MRC_MARK_AT = 208
+# The mark of MRC.
+MRC_MARK = b"MAP"
+# The mark of MRC with the byte order behind it.
 _MRC_STAMP = re.compile(rb"MAP[ \0][\x44\x11\0]")
 TIFF_SUFFIXES = (".tif", ".tiff")
 _PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
-# The first field of DICOM without a preamble: in group 2 or 8, with the letters of its type, or with its length alone;
-# then the next field is in group 8.
+# The first field of DICOM without a preamble, in group 2 or 8: with the letters of its type; or with a length alone,
+# and then the next field must be in group 8.
 _FIRST_FIELD = re.compile(rb"[\x02\x08]\0.\0(?:[A-Z]{2}|(?P<length>.)\0\0\0)", re.DOTALL)
+# The number of first bytes that are read to recognise a format.
 _FIRST_BYTES = 4096
+# The first bytes of gzip.
 _GZIP = b"\x1f\x8b"
-# The first number of NIfTI headers is their length.
+# The first bytes of NIfTI headers: the length of the header, in either byte order.
 NIFTI_STARTS = [struct.pack(order + "i", length) for length in (348, 540) for order in "<>"]
-# In the header of an index of other files: the class "media storage directory".
+# Bytes of the header of DICOMDIR, an index of other files: the UID of the class "media storage directory".
 _DICOM_INDEX = b"1.2.840.10008.1.3.10\2"
-# The most files and folders that a search looks at.
+# The most files and folders of a search.
 _MAX_ENTRIES = 10_000
 
 
 class UnknownFormatError(InputError):
     """An error about a file in no known format with a header: it may have no header, or be damaged.
 
-    declaration: of voxels without a header, as far as its name has one.
+    declaration: the declaration of voxels without a header that the file's name suggests, if any.
     """
 
     declaration: Declaration | None = None
@@ -102,7 +110,7 @@ def find_format(path: Path) -> Format:
 
 
 def _format_by_bytes(path: Path) -> Format | None:
-    """Return the format that the first bytes of a file tell, also below gzip where its reader decompresses it."""
+    """Return the format by the first bytes of a file, decompressed if its reader supports gzip; None if unknown."""
     content, is_compressed = read_start(path, _FIRST_BYTES)
     found = None if is_compressed else _format_by_signature(content)
     if found is not None:
@@ -118,41 +126,41 @@ def _format_by_signature(start: bytes) -> Format | None:
     for signature, found in _SIGNATURES.items():
         if start.startswith(signature):
             return found
-    if any(start.startswith(_HDF5, at) for at in (0, 512, 1024, 2048)):  # perhaps behind a block of the user
+    if any(start.startswith(_HDF5, at) for at in (0, 512, 1024, 2048)):  # perhaps behind a user block
         return "hdf5"
     return "vtk" if b"<VTKFile" in start else None
 
 
 def _has_sizes_of_mrc(content: bytes) -> bool:
-    """Return whether three sizes and a mode of MRC come first, in either byte order."""
+    """Return whether a file begins with three sizes and a mode of MRC, in either byte order."""
     fields = [struct.unpack_from(order + "4i", content) for order in "<>" if len(content) >= 16]
     return any(min(sizes) >= 1 and max(sizes) < 2**16 and 0 <= mode < 128 for *sizes, mode in fields)
 
 
 def is_dicom(path: Path) -> bool:
-    """Return whether a file begins like DICOM, with a preamble of 128 bytes and a mark or without, and is no index."""
+    """Return whether a file begins like DICOM, with or without a preamble, and is not an index of other files."""
     start = _start(path) if path.is_file() else b""
     return _begins_like_dicom(start) and _DICOM_INDEX not in start
 
 
 def series_of_slice(path: Path) -> str | None:
-    """Return the series of a DICOM file of one frame, perhaps an empty name; None for any other file."""
+    """Return the series of a DICOM file of one frame, which may be an empty text; None for any other file."""
     summary = summarize(path) if is_dicom(path) else None
     return summary.series if summary is not None and summary.num_frames == 1 else None
 
 
 def natural_sort_key(name: str) -> tuple[list[str | int], str]:
-    """Return a key by which `2.tif` is before `10.tif`; the name breaks ties such as `1.tif` and `01.tif`."""
+    """Return a sort key that puts `2.tif` before `10.tif`; the name breaks ties such as `1.tif` and `01.tif`."""
     parts: list[str | int] = list(re.split("([0-9]+)", name.lower()))
     parts[1::2] = map(int, parts[1::2])
     return parts, name
 
 
 def find_volume(path: Path) -> tuple[Path, Format, str | None]:
-    """Return the volume in a folder, its format, and a note if it is not the folder itself; a file as it is.
+    """Return the path of the volume in a folder, its format, and a note if the path is not the folder itself.
 
-    The slices directly in a folder are a volume, and else the only volume file, or folder of slices, anywhere below it.
-    Raises InputError for no volume and for several.
+    Slices directly in the folder are its volume; otherwise it is the only volume file, or folder of slices, anywhere
+    below. A path of a file is returned as it is. Raises InputError for no volume and for several.
     """
     if not os.access(path, os.R_OK):
         raise InputError("no permission to read this", where=str(path))
@@ -180,7 +188,7 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
 
 
 def is_volume_name(name: str | os.PathLike[str]) -> bool:
-    """Return whether this is the name of a folder, of a file in a known format, or a pattern of such files."""
+    """Return whether a name is that of a folder, of a file in a known format, or a pattern of such files."""
     if is_pattern(name):
         return True
     with suppress(InputError):
@@ -189,19 +197,20 @@ def is_volume_name(name: str | os.PathLike[str]) -> bool:
 
 
 def volumes_in(folder: Path) -> list[Path]:
-    """Return the volumes below a folder, folders of slices among them; none where it is or has only one volume.
+    """Return the volumes below a folder, among them folders of slices.
 
-    Raises InputError for slices of several formats, and for too many files.
+    Returns none if the folder itself is a volume of slices, or has only one volume. Raises InputError for slices of
+    several formats, and for too many files.
     """
     found = _search(folder) if _format_of_slices(folder) in (None, "pictures") else []
     return found if len(found) > 1 else []
 
 
 def _format_of_slices(folder: Path) -> Format | None:
-    """Return the format of the slices directly in a folder; None if there are none, but an index of others, DICOMDIR,
-    or DICOM files that are a volume each.
+    """Return the format of the slices directly in a folder; None if there are none.
 
-    Raises InputError for slices of TIFF and DICOM together. Pictures beside them are left out.
+    DICOMDIR, an index of other files, is not a slice, nor are DICOM files that are a volume each. Pictures beside
+    slices of TIFF or DICOM are left out. Raises InputError for slices of TIFF and DICOM together.
     """
     entries = _files_in(folder)
     tiffs = [entry for entry in entries if entry.suffix.lower() in TIFF_SUFFIXES]
@@ -223,9 +232,9 @@ def _format_of_slices(folder: Path) -> Format | None:
 
 
 def _volumes_of_frames(folder: Path) -> list[Path]:
-    """Return the DICOM files directly in a folder that are a volume each: with several frames, of different series.
+    """Return the DICOM files directly in a folder that are a volume each: they have several frames and other series.
 
-    Return none where most files have one frame, which are slices, or where all are of one series.
+    Returns none if most files have one frame, and so are slices, or if all files belong to one series.
     """
     files = _files_in(folder)
     num_single, series = 0, dict[Path, str]()
@@ -250,11 +259,11 @@ def _files_in(folder: Path) -> list[Path]:
 
 
 def _search(folder: Path) -> list[Path]:
-    """Return the volume files below a folder, and the folders of slices, each once; links to folders are not followed.
+    """Return the volume files and the folders of slices below a folder, each once; links to folders are not followed.
 
-    Those of a folder come in natural order, before those of the folders in it. Where there are none, return the folders
-    of pictures, among them the folder itself: else pictures show a volume.
-    Raises InputError for more than _MAX_ENTRIES files and folders: there may be another volume among the others.
+    The files of a folder come in natural order, and before the files of its subfolders. Without volume files and slices
+    of other formats, returns the folders of pictures, perhaps the folder itself; beside a volume, pictures are likely
+    to be views of it. Raises InputError for more than _MAX_ENTRIES files and folders, as volumes could be missed.
     """
     num_left, found, pictures = _MAX_ENTRIES, dict[str, Path](), list[Path]()
     for place, folders, files in os.walk(folder):
@@ -284,21 +293,21 @@ def _search(folder: Path) -> list[Path]:
 def _slices_below(folder: Path) -> Format | None:
     with suppress(InputError):
         return _format_of_slices(folder)
-    return "dicom"  # and of TIFF, too, which its reader reports
+    return "dicom"  # the folder has slices of TIFF and DICOM, which the reader reports
 
 
 def _is_volume(file: Path) -> bool:
-    """Return whether a file has a volume's name, and, if others use the name, too, begins as one."""
+    """Return whether a file is a volume: by its name, or by its first bytes too if other files share such names."""
     name = file.name.lower()
     is_certain = name.endswith(VOLUME_SUFFIXES)
     if name.startswith(".") or not (is_certain or name.endswith(_SHARED_SUFFIXES)):
         return False
-    return file.is_file() and (is_certain or _format_by_bytes(file) is not None)  # a pipe would be waited for
+    return file.is_file() and (is_certain or _format_by_bytes(file) is not None)  # reading a pipe might never end
 
 
 def _start(path: Path) -> bytes:
     try:
-        if path.stat().st_size == 0:  # also a file of the kernel, whose content may be waited for
+        if path.stat().st_size == 0:  # reading a special file of the kernel, whose size is 0, might never end
             return b""
         with path.open("rb") as file:
             return file.read(_FIRST_BYTES)
@@ -307,7 +316,7 @@ def _start(path: Path) -> bytes:
 
 
 def read_start(path: Path, num_bytes: int) -> tuple[bytes, bool]:
-    """Return the first bytes of a file, decompressed if it is gzip, and whether it is; none of a damaged stream."""
+    """Return the first bytes of a file, decompressed if it is gzip, and whether it is gzip; none if gzip is damaged."""
     start = _start(path)
     if start[:2] != _GZIP:
         return start[:num_bytes], False
@@ -317,7 +326,7 @@ def read_start(path: Path, num_bytes: int) -> tuple[bytes, bool]:
             stream = zlib.decompressobj(zlib.MAX_WBITS | 16)
             content += stream.decompress(start, num_bytes - len(content))
             start = stream.unused_data
-    except zlib.error:  # perhaps in padding, behind what is needed
+    except zlib.error:  # the damage may be in padding, behind the bytes that are needed
         pass
     return content, True
 

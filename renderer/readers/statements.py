@@ -9,17 +9,17 @@ from __future__ import annotations
 from collections.abc import Container, Iterable
 from typing import Literal, NamedTuple
 
-# What a field changes: the numbers, where the voxels lie and which way they face, which of them count as data, or what
-# they stand for (components, labels, times, units).
+# The property of voxels that a field changes: their numbers; their place and direction; whether they are data; or their
+# meaning (components, labels, times, units).
 Effect = Literal["values", "place", "validity", "meaning"]
 
 
 class Statement(NamedTuple):
     """A field of a format that changes how voxels are understood.
 
-    field: its name in the standard of the format. effect: what it changes. about: what it says, as a noun phrase for
-    the note and the documentation, such as `a table of values`. is_applied: whether the reader applies it; otherwise a
-    note names it.
+    field: its name in the standard of the format. effect: the property of voxels that it changes. about: a noun phrase
+    for its content, such as `a table of values`, for the note and the documentation. is_applied: whether the reader
+    applies it; otherwise a note names it.
     """
 
     field: str

@@ -1,4 +1,4 @@
-"""Read voxels where a header says that they are: plain, compressed, or as text; in one file or a file for each slice.
+"""Read voxels from the place that a header gives: plain, compressed, or as text; in one file or in several files.
 
 Compressed voxels are decompressed once, in pieces, and their checksum is compared. Sizes are checked before memory is
 taken. Large plain voxels stay in their file.
@@ -19,26 +19,37 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers import common
+from renderer.readers.components import Chosen
+from renderer.readers.file_errors import errors_about
+from renderer.readers.scaled_values import bytes_of
 from renderer.readers.sniff import NIFTI_STARTS, read_start
+from renderer.readers.voxel_limits import (
+    check_memory,
+    check_size,
+    describe_count,
+    describe_shape,
+    fitting_shapes,
+    stays_mapped,
+)
 from renderer.scene import counted, short_text
 from renderer.volume import Array
 
-# Files are read and decompressed in pieces of this many bytes. Those of deflate are smaller: behind each gzip member,
-# of which there may be very many, zlib copies what is left of one.
+# The bytes that are read or decompressed at once.
 _PIECE = 2**20
+# The bytes of a deflate stream that are read at once. It is smaller, as zlib copies the rest of the piece at the end of
+# each gzip member, and a file may have very many members.
 _DEFLATE_PIECE = 2**15
 
-# Deflate stores at most 258 bytes in 2 bits (RFC 1951), and no stream is longer than this multiple of its bytes. Nor is
-# one of bzip2, whose blocks of at most 900,000 bytes store 255 equal ones in 5, and have at least 32 bytes themselves.
+# The largest ratio of decompressed to compressed bytes of deflate, which stores at most 258 bytes in 2 bits (RFC 1951).
 _MAX_DEFLATE_RATIO = 1032
+# The largest ratio of bzip2. Its blocks of at most 900,000 bytes store 255 equal bytes in 5 and take at least 32 bytes.
 _MAX_BZIP2_RATIO = 2**21
 
-# Headers of a fixed length, which other programs' data may begin with.
+# Formats by the length of their headers, for data that begin with a header of another format.
 _HEADERS = {348: "Analyze or NIfTI", 352: "NIfTI-1", 540: "NIfTI-2", 544: "NIfTI-2", 284: "MGH", 1024: "MRC"}
 
-# Reports, colours and names before the voxels are smaller than this. A compressed file a thousandth of this size can
-# claim as much.
+# The most decoded bytes before the voxels: more than any report, colours or names there. A compressed file with a
+# thousandth of these bytes could claim as many.
 _MAX_SKIPPED = 2**26
 
 Encoding = Literal["raw", "deflate", "bzip2", "text", "hex"]
@@ -48,11 +59,11 @@ Encoding = Literal["raw", "deflate", "bzip2", "text", "hex"]
 class StoredVoxels:
     """A place of encoded voxels in a file.
 
-    offset: the bytes before them.
+    offset: the bytes of the file before the encoded voxels.
     encoding: "deflate" is gzip or zlib; "text" is decimal numbers, "hex" the hexadecimal digits of bytes.
     num_skipped: the decoded bytes before the first voxel.
     num_encoded: the number of encoded bytes, if the header gives it; the rest of the file otherwise.
-    has_rest: whether anything may follow the voxels.
+    has_rest: whether other bytes may follow the voxels.
     """
 
     file: Path
@@ -67,10 +78,11 @@ class StoredVoxels:
 class Layout:
     """An array as files store it.
 
-    dtype: in the byte order of the files. shape: from the slowest axis to the fastest.
-    parts: the files that hold it one after the other, in parts of the same length.
-    num_split: the number of slowest axes that the parts divide; 0 for one part. Of a single one, a part may have
-        several steps.
+    dtype: the type of the voxels, in the byte order of the files.
+    shape: the lengths of the axes, from the slowest to the fastest.
+    parts: the files that hold the array one after the other, in parts of the same length.
+    num_split: the number of slowest axes that are divided into the parts; 0 for one part. If it is 1, a part may have
+        several steps along that axis.
     """
 
     dtype: np.dtype[Any]
@@ -85,13 +97,14 @@ class Layout:
         return (num_steps,) * (num_steps > 1) + self.shape[self.num_split :]
 
 
-def read_stored(layout: Layout, chosen: common.Chosen, skip: str | None = None) -> tuple[Array, str | None]:
-    """Return one time step and component of an array, and a note if bytes of its files are no voxels.
+def read_stored(layout: Layout, chosen: Chosen, skip: str | None = None) -> tuple[Array, str | None]:
+    """Return one time step and component of an array, and a note if its files have more bytes than voxels.
 
-    The array has its axes in space, that of a plane is [1, y, x], and other axes only if `chosen` has all of them.
+    The array has the axes in space, and other axes only if `chosen` has all of their items; a plane is [1, y, x]. It
+    may be mapped from its file.
 
-    skip: how the file passes over a header before the voxels, with its length in place of `{}`, if it can. The array
-        may be mapped from its file. Raises InputError for files that are missing, truncated, damaged, or too long.
+    skip: the line of the format's header that skips bytes before the voxels, with `{}` in place of their number, if the
+        format has one. Raises InputError for files that are missing, truncated, damaged, or too long.
     """
     values, num_left = _read_part(layout, chosen.part, in_time=chosen.is_step)
     note = _left_over_note(layout.parts[0].file, num_left, skip) if num_left else None
@@ -99,9 +112,9 @@ def read_stored(layout: Layout, chosen: common.Chosen, skip: str | None = None) 
 
 
 def check_deflated(file: Path, num_bytes: int) -> None:
-    """Raise InputError unless the gzip stream that holds the first bytes of a file is whole and its checksum holds.
+    """Raise InputError if the gzip stream with the first bytes of a file is truncated or its checksum is wrong.
 
-    Of a stream that inflates to more than a header can have, the rest is not looked at.
+    A stream is not checked beyond the bytes that a header can have.
     """
     found = 0
     try:
@@ -127,19 +140,18 @@ def _left_over_note(file: Path, num_left: int, skip: str | None) -> str:
 
 
 def _read_part(layout: Layout, index: tuple[int | slice, ...], *, in_time: bool) -> tuple[Array, int]:
-    """Return `array[index]` of the array that `layout` describes, or a view of it mapped from its file; and what is
-    left over.
+    """Return `array[index]` of the array that `layout` describes, and the number of bytes behind the voxels.
 
-    index: an item for each axis; slices are whole. Integers for the slowest axes save memory. in_time: other steps may
-        be read next, for which what is decoded is kept.
+    The array may be mapped from its file. index: an item for each axis; slices are whole. Integers for the slowest axes
+        save memory. in_time: whether to keep the decoded voxels, as other steps may be read next.
     """
-    num_bytes = common.check_size(layout.shape[::-1], layout.dtype)
+    num_bytes = check_size(layout.shape[::-1], layout.dtype)
     num_left = 0
     for part in layout.parts:
-        with common.errors_about(part.file):
+        with errors_about(part.file):
             num_left += _check_length(part, layout.part_shape[::-1], layout.dtype)
     only = layout.parts[0]
-    if len(layout.parts) == 1 and only.encoding == "raw" and common.stays_mapped(num_bytes):
+    if len(layout.parts) == 1 and only.encoding == "raw" and stays_mapped(num_bytes):
         mapped: Array = np.memmap(only.file, layout.dtype, "r", only.offset + only.num_skipped, layout.shape)
         return mapped[index], num_left
     first, num_chosen = 0, 0
@@ -147,26 +159,26 @@ def _read_part(layout: Layout, index: tuple[int | slice, ...], *, in_time: bool)
         if not isinstance(item, int):
             break
         first, num_chosen = first * length + item, num_chosen + 1
-    common.check_memory(num_bytes // math.prod(layout.shape[:num_chosen]))
+    check_memory(num_bytes // math.prod(layout.shape[:num_chosen]))
     values = np.empty(layout.shape[num_chosen:], layout.dtype)
     begin = first * values.nbytes
     for part in layout.parts:
-        with common.errors_about(part.file):
+        with errors_about(part.file):
             num_left += _copy_part(part, values, begin, layout.part_shape[::-1], in_time=in_time)
         begin -= num_bytes // len(layout.parts)
     return values[index[num_chosen:]], num_left
 
 
 def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[int, ...], *, in_time: bool) -> int:
-    """Copy what `values` has of one part, and return how many bytes are left over after decoding.
+    """Copy the voxels of one part into `values`, and return how many decoded bytes follow the voxels.
 
-    begin: the byte of the part at which `values` begins; before or after the part if outside of its range.
+    begin: the byte of the part at which `values` begins. It may lie before or behind the part.
     """
     num_bytes = values.itemsize * math.prod(shape_xyz)
     low, high = max(begin, 0), min(begin + values.nbytes, num_bytes)
     if low >= high:
         return 0
-    target = common.bytes_of(values)[low - begin : high - begin]
+    target = bytes_of(values)[low - begin : high - begin]
     if part.encoding == "raw":
         with part.file.open("rb") as file:
             file.seek(part.offset + part.num_skipped + low)
@@ -194,7 +206,7 @@ def _copy_part(part: StoredVoxels, values: Array, begin: int, shape_xyz: tuple[i
 def _decode(
     part: StoredVoxels, dtype: np.dtype[Any], shape_xyz: tuple[int, ...], write: Callable[[bytes], object]
 ) -> int:
-    """Decode the voxels of a part in pieces, in their order, and return how many bytes are left over."""
+    """Decode the voxels of a part in pieces, in order, and return how many decoded bytes follow the voxels."""
     num_bytes, found = dtype.itemsize * math.prod(shape_xyz), -part.num_skipped
     for piece in _decoded(part, dtype, num_bytes):
         write(piece[max(0, -found) : max(0, num_bytes - found)])
@@ -205,20 +217,20 @@ def _decode(
     return _check_num_bytes(part, found, shape_xyz, dtype)
 
 
-@lru_cache(maxsize=1)  # steps are read one after the other
+@lru_cache(maxsize=1)  # steps are read one after the other, mostly from one file
 def _decoded_copy(
     part: StoredVoxels, dtype: np.dtype[Any], shape_xyz: tuple[int, ...], _state: tuple[int, ...]
 ) -> tuple[Array, int]:
-    """Return the bytes of all voxels of a part, in a file without a name, and how many are left over after decoding."""
+    """Return the bytes of a part's voxels, mapped from a temporary file, and how many decoded bytes follow them."""
     with tempfile.TemporaryFile() as file:
         num_left = _decode(part, dtype, shape_xyz, file.write)
         return np.memmap(file, np.uint8, "r"), num_left
 
 
 def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> int:
-    """Return how many bytes are left over, if no decoding is needed.
+    """Return how many bytes follow the voxels of a plain part; 0 for an encoded part.
 
-    Raises InputError if the file cannot hold the voxels, as far as its length shows.
+    Raises InputError if the file is too short for the voxels.
     """
     num_values = math.prod(shape_xyz)
     num_bytes = num_values * dtype.itemsize
@@ -228,19 +240,19 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
     if part.num_skipped > _MAX_SKIPPED:
         raise InputError(
             "there is too much before the voxels",
-            got=f"voxels from byte {common.describe_count(part.num_skipped)} on",
+            got=f"voxels from byte {describe_count(part.num_skipped)} on",
             expected=f"at most {_MAX_SKIPPED} bytes before them",
             hint="if nothing before them is that long, the header is damaged",
         )
     least = {
         "deflate": -(-num_bytes // _MAX_DEFLATE_RATIO),
         "bzip2": -(-num_bytes // _MAX_BZIP2_RATIO),
-        "text": 2 * num_values - 1,  # a digit each, and something between two of them
+        "text": 2 * num_values - 1,  # at least a digit for each, and a separator between two numbers
         "hex": 2 * num_bytes,
     }[part.encoding]
     if found < max(least, part.num_encoded or 0):
         encoded = "text" if part.encoding in ("text", "hex") else "compressed voxels"
-        expected = f"at least {least} bytes ({common.describe_shape(shape_xyz)} voxels)"
+        expected = f"at least {least} bytes ({describe_shape(shape_xyz)} voxels)"
         if part.num_encoded is not None:
             expected = f"{part.num_encoded} bytes of compressed voxels"
         raise _too_short(f"{max(found, 0)} bytes of {encoded}", expected)
@@ -248,24 +260,24 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
 
 
 def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> int:
-    """Return how many bytes more there are than the voxels have.
+    """Return how many of the found bytes follow the voxels.
 
-    Raises InputError for fewer, and for so many more that an axis would be longer, unless a header has as many.
+    Raises InputError for too few bytes, and for as many as a longer axis would have, unless a known header has as many.
     """
     num_bytes = dtype.itemsize * math.prod(shape_xyz)
     is_raw = part.encoding == "raw"
-    expected = f"{num_bytes} bytes ({common.describe_shape(shape_xyz)} voxels)"
+    expected = f"{num_bytes} bytes ({describe_shape(shape_xyz)} voxels)"
     if found < num_bytes:
         raise _too_short(f"{max(found, 0)} bytes" + " after decoding" * (not is_raw), expected)
     num_left = found - num_bytes
     if part.has_rest or num_left in _HEADERS or num_left < min(num_bytes // n for n in shape_xyz[:3]):
         return num_left
-    fits = common.fitting_shapes(shape_xyz, dtype.itemsize, found) if is_raw else []
+    fits = fitting_shapes(shape_xyz, dtype.itemsize, found) if is_raw else []
     raise InputError(
         "the file is longer than its header says",
         got=f"{found} bytes" if is_raw else f"{found} bytes or more after decoding",
         expected=expected,
-        hint=f"these would fit: {'; '.join(map(common.describe_shape, fits))}" if fits else "the header is wrong",
+        hint=f"these would fit: {'; '.join(map(describe_shape, fits))}" if fits else "the header is wrong",
     )
 
 
@@ -279,7 +291,7 @@ def _too_short(got: str, expected: str) -> InputError:
 
 
 def _decoded(part: StoredVoxels, dtype: np.dtype[Any], enough: int) -> Iterator[bytes]:
-    """Yield the decoded bytes of a file in pieces, to the end of the stream that has byte `enough`.
+    """Yield the decoded bytes of a file in pieces, to the end of the compressed stream that contains byte `enough`.
 
     Raises InputError for damage.
     """
@@ -304,7 +316,7 @@ def _decoded(part: StoredVoxels, dtype: np.dtype[Any], enough: int) -> Iterator[
 
 
 def _inflated(pieces: Iterator[bytes], enough: int) -> Iterator[bytes]:
-    """Yield the bytes of a zlib stream or of gzip members, to the end of the one that has byte `enough`.
+    """Yield the bytes of a zlib stream or of gzip members, to the end of the member that contains byte `enough`.
 
     Raises zlib.error for damage and a wrong checksum, EOFError if a stream breaks off.
     """
@@ -317,7 +329,7 @@ def _inflated(pieces: Iterator[bytes], enough: int) -> Iterator[bytes]:
             total += len(piece)
             yield piece
             data = stream.unconsumed_tail
-            if not data and not stream.eof and len(piece) < _PIECE:  # a full piece may leave more inside the stream
+            if not data and not stream.eof and len(piece) < _PIECE:  # after a full piece, the stream may hold more
                 data = next(pieces, b"")
                 if not data:
                     raise EOFError(f"the compressed data break off after {total} bytes of voxels")
@@ -325,7 +337,7 @@ def _inflated(pieces: Iterator[bytes], enough: int) -> Iterator[bytes]:
 
 
 def _pieces(file: IO[bytes], num_bytes: int | None = None, piece: int = _PIECE) -> Iterator[bytes]:
-    """Yield the rest of a file in pieces, `num_bytes` of it at most."""
+    """Yield the rest of a file in pieces, at most `num_bytes` in all."""
     left = math.inf if num_bytes is None else num_bytes
     while data := file.read(int(min(piece, left))):
         left -= len(data)
@@ -333,7 +345,7 @@ def _pieces(file: IO[bytes], num_bytes: int | None = None, piece: int = _PIECE) 
 
 
 def _from_hex(pieces: Iterator[bytes]) -> Iterator[bytes]:
-    """Yield the bytes that a text of hexadecimal digits spells; raises ValueError for any other word."""
+    """Yield the bytes of a text of hexadecimal digits; raises ValueError for any other text."""
     rest = b""
     for piece in pieces:
         digits = rest + b"".join(piece.split())
@@ -343,7 +355,7 @@ def _from_hex(pieces: Iterator[bytes]) -> Iterator[bytes]:
 
 
 def _whole_words(pieces: Iterator[bytes]) -> Iterator[bytes]:
-    """Yield the pieces of a text, divided between words; raises ValueError for a word longer than a piece."""
+    """Yield pieces of a text that end between words; raises ValueError for a word longer than a piece."""
     rest = b""
     for piece in pieces:
         text = rest + piece.replace(b",", b" ")
@@ -356,8 +368,10 @@ def _whole_words(pieces: Iterator[bytes]) -> Iterator[bytes]:
 
 
 def _numbers(words: bytes, dtype: np.dtype[Any]) -> Array:
-    """Return the numbers in a text as this type, with exponents of E or Fortran's D; raises ValueError or OverflowError
-    for any other word."""
+    """Return the numbers of a text in a type; exponents begin with E, or with Fortran's D.
+
+    Raises ValueError for any other word, and OverflowError for a number that does not fit the type.
+    """
     if dtype.kind == "f":
         with np.errstate(over="ignore"):  # too large values become infinite, and are refused later
             return np.array([float(word) for word in words.upper().replace(b"D", b"E").split()], dtype)

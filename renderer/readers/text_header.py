@@ -1,4 +1,4 @@
-"""Read headers of text, of which each line belongs to one field."""
+"""Read text headers with a field on each line."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from renderer.errors import InputError
 from renderer.scene import short_text
 from renderer.system import number_in
 
-# No header comes near this size, even with a file for each slice.
+# The most bytes of a header. No real header comes near it, even if it lists a file for each slice.
 MAX_HEADER_BYTES = 2**22
 
 
 @dataclass(frozen=True)
 class Field:
-    """A field: its text, and the place that messages name: the file, and its line where that is known."""
+    """A field of a header: its name, its text, and its place for messages: the file, and the line if it is known."""
 
     name: str
     text: str
     where: str
 
     def error(self, expected: str, hint: str = "correct that line, or save the file again") -> InputError:
-        """Return the error for a field whose text is not what belongs there."""
+        """Return the error for a field with an invalid value."""
         return InputError(
-            "a field of this header does not have what belongs there",
+            "a field of this header has an invalid value",
             where=self.where,
             got=f"{self.name}: {short_text(self.text)}" if self.text else f"{self.name} without a value",
             expected=expected,
@@ -36,15 +36,15 @@ class Field:
         )
 
     def whole(self, least: int, most: float = math.inf) -> int:
-        """Return the only number of the field; raises InputError unless it is a whole one from `least` to `most`."""
+        """Return the only number of the field; raises InputError unless it is a whole number from `least` to `most`."""
         return int(self.numbers(1, whole=True, least=least, most=most)[0])
 
     def numbers(
         self, count: int, *, whole: bool = False, least: float = -math.inf, most: float = math.inf
     ) -> list[float]:
-        """Return the numbers of the field; raises InputError unless there are `count` of them, all finite.
+        """Return the numbers of the field; raises InputError unless there are `count` numbers, all finite.
 
-        whole: whether only whole numbers belong there. least, most: the ends of what does.
+        whole: whether only whole numbers are valid. least, most: the ends of the range of valid numbers.
         """
         words = self.text.split()
         numbers = [number_in(word) for word in words[: count + 1]]
@@ -58,7 +58,10 @@ class Field:
 
 
 def add_field(fields: dict[str, Field], key: str, field: Field, kind: str) -> None:
-    """Add a field to those of a header; raises InputError if it is there already. kind: of the header."""
+    """Add a field to the fields of a header; raises InputError for a field that is there already.
+
+    kind: the name of the format, for the message.
+    """
     if key in fields:
         raise InputError(
             f"this {kind} header has a field twice",
@@ -70,9 +73,9 @@ def add_field(fields: dict[str, Field], key: str, field: Field, kind: str) -> No
 
 
 def header_lines(path: Path) -> Iterator[tuple[str, str, int]]:
-    """Yield the place of each line, its text, and the number of bytes up to its end; only of MAX_HEADER_BYTES.
+    """Yield the place of each line, its text, and the number of bytes up to its end, within MAX_HEADER_BYTES.
 
-    Text is decoded as file names are, whatever its bytes.
+    Text is decoded like file names, so that any bytes are allowed.
     """
     with path.open("rb") as file:
         head = file.read(MAX_HEADER_BYTES)

@@ -1,9 +1,9 @@
 """Read TIFF: one file with a slice per page, or a folder with a slice per file in natural order (`2.tif` before
 `10.tif`).
 
-tifffile parses and decodes, in a child process (`isolation.py`). Values are those of the file, whatever its colours: a
-palette is not applied, and white may be 0, which notes say (`tiff_statements.py`). Smaller previews among the pages are
-left out. Axes and spacing come from what ImageJ, OME, tifffile and Zeiss write into the first page, and from the
+tifffile parses and decodes, in a child process (`isolation.py`). Values are the stored numbers: a palette, or white at
+0, is not applied, and a note says so (`tiff_statements.py`). Smaller previews among the pages are left out. Axes and
+spacing come from the descriptions that ImageJ, OME, tifffile and Zeiss write into the first page, and from the
 resolution (`tiff_description.py`, `tiff_spacing.py`). Planes of OME may be in files beside this one.
 """
 
@@ -21,7 +21,9 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, choose, damaged_error, errors_about, require_exists, select_index
+from renderer.readers.components import choose, select_index
+from renderer.readers.file_errors import damaged_error, errors_about, require_exists
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.orientation import oriented
 from renderer.readers.slice_names import require_alike, sort_slices
@@ -44,15 +46,20 @@ from renderer.scene import join_some, short_text
 from renderer.system import number_in
 from renderer.volume import Array, Float64
 
-# Fields by number.
-_FIRST_PRIVATE, _DEPTHS, _METAMORPH_PLANES, _GDAL_NODATA = 32768, (32997, 32998), 33629, 42113
+# The number of the first private field.
+_FIRST_PRIVATE = 32768
+# The private fields with the depth of an image and of its tiles.
+_DEPTHS = (32997, 32998)
+# The field with the planes of MetaMorph.
+_METAMORPH_PLANES = 33629
+# GDAL's field with the value that stands for no data.
+_GDAL_NODATA = 42113
 
 
 def read_tiff(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
     """Read the stack in one file, or in a folder of slices.
 
-    time, component: which of several, also of hyperstacks of ImageJ and OME, whose channels are components.
-
+    time, component: the chosen step and component; channels of ImageJ and OME are components.
     has_spacing_override: the scene gives the spacing, so that lengths in the file are not checked. Raises InputError
         for truncated, foreign and inconsistent files.
     """
@@ -115,7 +122,7 @@ def _slices(pages: list[Page], first: Page) -> list[Page]:
 
 
 def _sibling(path: Path, name: str) -> Path:
-    """Return the file of this name beside an OME-TIFF that names it."""
+    """Return the path of a file that an OME-TIFF names; raises InputError if it is not in the same folder."""
     if not (path.parent / name).is_file():
         raise InputError(
             "a file that this OME-TIFF names is not beside it",
@@ -129,9 +136,9 @@ def _sibling(path: Path, name: str) -> Path:
 
 
 def _fill(values: Array, numbers: dict[int, int], slices: list[Page], sample: int, path: Path) -> None:
-    """Decode pages of a file into slices of `values`; numbers: of the page by that of the slice.
+    """Decode pages of a file into slices of `values`.
 
-    Raises InputError for pages that the file does not have.
+    numbers: the page of each slice, by their indices. Raises InputError for pages that the file does not have.
     """
     num_planes = _num_contiguous(slices[0], path) if len(slices) == 1 else len(slices)
     for k, number in numbers.items():
@@ -195,7 +202,7 @@ def _open_pages(path: Path) -> Iterator[list[Page]]:
     logging.getLogger("tifffile").addHandler(damage)
     try:
         with errors_about(path), tifffile.TiffFile(path) as tiff:
-            # Frames, of which Zeiss LSM is made, know only where their pixels are, but better than their own fields.
+            # tifffile gives a Zeiss LSM as frames: they lack most fields, but have the right places of their pixels.
             frames = list(tiff.pages)
             pages = [frame.aspage() if frame.is_frame else frame for frame in frames]
             for page, frame in zip(pages, frames, strict=True):
@@ -216,9 +223,9 @@ def _open_pages(path: Path) -> Iterator[list[Page]]:
 
 
 class _Damage(logging.Handler):
-    """A count of the errors that tifffile logs where it goes on without damaged pages and fields.
+    """Counts the errors that tifffile logs when it leaves out damaged pages and fields.
 
-    Private fields do not count: programs write what they like there.
+    Errors in private fields do not count, as programs write anything there.
     """
 
     num_errors = 0
@@ -230,7 +237,7 @@ class _Damage(logging.Handler):
 
 
 def _check_pages(pages: list[Page], num_file_bytes: int) -> None:
-    """Raise InputError unless every page has one plane of pixels, and all are inside the file, each byte used once."""
+    """Raise InputError unless every page has one plane, all pixels are inside the file, and pages share no bytes."""
     if not pages or not all(np.prod(page.shaped, dtype=object) for page in pages):
         raise damaged_error("this TIFF file holds no image")
     if any(page.imagedepth > 1 for page in pages) or (len(pages) == 1 and _has_unlisted_planes(pages[0])):
@@ -245,7 +252,7 @@ def _check_pages(pages: list[Page], num_file_bytes: int) -> None:
                 got=f"{page.bitspersample} bits of the sample format {page.sampleformat}",
                 expected="integers of up to 32 bits and of 64, or floats of 16, 32 or 64",
             )
-        if page.dtype.kind == "u" and page.bitspersample == 24:  # tifffile takes their bytes in another order
+        if page.dtype.kind == "u" and page.bitspersample == 24:  # tifffile reads their bytes in the wrong order
             raise InputError(
                 "pixels of this type cannot be read",
                 got=f"integers of 24 bits on page {number}",
@@ -270,13 +277,13 @@ def _check_pages(pages: list[Page], num_file_bytes: int) -> None:
 
 
 def _has_unlisted_planes(page: Page) -> bool:
-    """Return whether planes of MetaMorph follow the only page without a page of their own."""
+    """Return whether a file of MetaMorph has several planes but only one page."""
     planes = page.tags.get(_METAMORPH_PLANES)
     return bool(page.is_stk) and (planes is None or bool(planes.count > 1))
 
 
 def _num_plain_bytes(page: Page) -> int:
-    """Return the number of bytes of all pixels of a page without compression; rows begin at whole bytes."""
+    """Return the bytes of all pixels of a page without compression; rows begin at whole bytes."""
     row = -(-page.imagewidth * page.samplesperpixel * int(page.bitspersample) // 8)
     return int(page.imagelength * row)
 
@@ -287,7 +294,7 @@ def _dtype(page: Page) -> np.dtype[Any]:
 
 
 def _describe(page: Page) -> str:
-    """Return size and type of a page, in which all slices agree."""
+    """Return a text with the size and the type of a page, which must be the same for all slices."""
     samples = f" of {page.samplesperpixel} samples" if page.samplesperpixel > 1 else ""
     return f"{page.imagewidth} x {page.imagelength} {_dtype(page).name}{samples}"
 
@@ -305,7 +312,7 @@ def _plane(page: Page, sample: int, path: Path) -> Array:
     """Return one sample of the pixels of a page, [y, x]; raises InputError for pixels that cannot be decoded."""
     try:
         pixels = page.asarray(maxworkers=1).reshape(page.shaped)
-    except Exception as error:  # of its codecs
+    except Exception as error:  # codecs raise any exception for damaged bytes
         compression = getattr(page.compression, "name", str(page.compression))
         if "imagecodecs" in str(error):
             require_package("imagecodecs", extra="tiff")
@@ -319,14 +326,17 @@ def _plane(page: Page, sample: int, path: Path) -> Array:
 
 
 def _num_contiguous(page: Page, path: Path) -> int:
-    """Return the number of planes of the only page of a large ImageJ stack, or of a truncated one of tifffile."""
+    """Return the number of planes behind the only page of a file; a large stack of ImageJ has just one page.
+
+    A truncated file of tifffile has one page, too.
+    """
     num = num_planes_by_description(page)
     is_plain = page.compression == 1 and page.samplesperpixel == 1 and page.is_contiguous
     return num if is_plain and page.dataoffsets[0] + num * page.nbytes <= path.stat().st_size else 1
 
 
 def _contiguous_plane(page: Page, number: int, path: Path) -> Array:
-    """Return one of the planes that follow the only page one after the other, [y, x]."""
+    """Return a plane [y, x] of a file whose planes follow each other behind its only page."""
     dtype = np.dtype(page.parent.byteorder + page.dtype.char)
     offset = page.dataoffsets[0] + number * page.nbytes
     plane: Array = np.fromfile(path, dtype, page.imagewidth * page.imagelength, offset=offset)
@@ -334,10 +344,10 @@ def _contiguous_plane(page: Page, number: int, path: Path) -> Array:
 
 
 def _world_from_index(first: Page, space: str, has_spacing_override: bool) -> tuple[Float64, Units, str | None]:
-    """Return the affine of a stack, the unit of its lengths, and a note on guessed ones; spacing 1 if they make no
-    sense and `has_spacing_override` is set.
+    """Return the affine of a stack, the unit of its lengths, and a note on guessed lengths.
 
-    space: which axis of space the rows, columns and slices are along.
+    space: the axes of space along a row, a column and the slices. has_spacing_override: whether lengths that make no
+    sense are taken for 1; otherwise they raise InputError.
     """
     try:
         spacing, unit, note = find_spacing(first)
@@ -354,6 +364,6 @@ def _world_from_index(first: Page, space: str, has_spacing_override: bool) -> tu
 
 
 def _nodata(page: Page) -> tuple[tuple[float, float], ...]:
-    """Return the value that stands for no data to GDAL."""
+    """Return the value that stands for no data, as a range, by GDAL's field; none without it."""
     value = number_in(str(page.tags.valueof(_GDAL_NODATA) or "").strip())
     return ((value, value),) if math.isfinite(value) else ()

@@ -1,6 +1,6 @@
 """Find the names, colours and windows of the channels of a TIFF file, as ImageJ and OME write them.
 
-OME has a name and a colour for each channel; ImageJ a window, the labels of its planes and a table of 256 colours.
+OME has a name and a colour for each channel. ImageJ has a window, the labels of the planes, and a table of 256 colours.
 """
 
 from __future__ import annotations
@@ -10,20 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from renderer.readers.common import MAX_LISTED
+from renderer.readers.components import MAX_LISTED
 from renderer.readers.tiff_description import Layout, Page, is_imagej, is_ome, ome_elements
 from renderer.readers.tiff_statements import sample_names
 from renderer.system import attribute, number_in, unescaped
 from renderer.volume import Channel
 
+# The most characters of the name of a channel.
 _MAX_NAME = 60
 
 
 def find_channels(first: Page, layout: Layout, channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
-    """Return what a file tells of each of its components; each is light, but for the samples of colour pictures.
+    """Return the channels of a file with their names, colours and windows; samples of colour pictures are not light.
 
-    first: the first page. channels: as of `Chosen`. Colours that do not tell the channels apart, such as white for all
-    or black for one, are left out.
+    first: the first page. channels: the channels of `Chosen`. Colours by which channels cannot be distinguished, such
+    as white for all or black for one, are left out.
     """
     count = len(channels)
     if sample_names(first) or count < 2:
@@ -48,7 +49,7 @@ def _of_ome(description: str, count: int) -> tuple[Channel, ...]:
 
 
 def _ome_color(text: str) -> tuple[float, float, float] | None:
-    """Return a colour that OME writes as a signed number of 32 bits: red, green, blue and alpha."""
+    """Return the colour of OME's signed number of 32 bits, which holds red, green, blue and alpha."""
     number = number_in(text)
     if not -(2**31) <= number < 2**32:
         return None
@@ -57,7 +58,7 @@ def _ome_color(text: str) -> tuple[float, float, float] | None:
 
 
 def _of_imagej(fields: dict[str, Any], layout: Layout, count: int) -> tuple[Channel, ...]:
-    """Return the channels of ImageJ, from its fields as tifffile names them; those of one plane may be missing."""
+    """Return the channels of ImageJ, from its fields by tifffile's names; the labels of some planes may be missing."""
     windows, tables = np.ravel(fields.get("Ranges", ())).tolist(), fields.get("LUTs", ())
     labels = [str(label) for label in fields.get("Labels", ())]
     planes = np.moveaxis(np.arange(np.prod(layout.counts)).reshape(layout.counts), layout.axes.find("C"), 0)

@@ -1,7 +1,7 @@
 """Read axes from the descriptions that ImageJ, OME, tifffile and Zeiss write into the first page of a TIFF file.
 
-ImageJ's is lines of `key=value`, and tifffile's JSON. OME's is XML, in which a few attributes are searched as text:
-nothing is parsed, expanded or nested. That of Zeiss LSM is a record of numbers.
+ImageJ writes lines of `key=value`, tifffile JSON, and Zeiss LSM a record of numbers. OME writes XML, in which a few
+attributes are searched as text: nothing is parsed, expanded or nested.
 """
 
 from __future__ import annotations
@@ -15,12 +15,16 @@ from typing import Any
 from renderer.errors import InputError
 from renderer.system import attribute, number_in, unescaped
 
+# The largest whole number of a description.
 _MAX_COUNT = 2**31 - 1
+# The most planes of an image in several files.
 _MAX_PLANES = 2**20
+# The most characters of a description's text in a message.
 _SHOWN_CHARACTERS = 40
-# Of ImageJ, side by side. tifffile writes more where it is not told that the first axis of a stack is z.
+# The most channels of a composite image of ImageJ. tifffile writes more if it is not told that the first axis is z.
 _MAX_CHANNELS = 7
 
+# The beginning of an image of OME.
 _PIXELS = re.compile(r"<(?:\w+:)?Pixels\b[^<>]*>")
 
 # A tifffile.TiffPage.
@@ -29,12 +33,12 @@ Page = Any
 
 @dataclass(frozen=True)
 class Layout:
-    """A layout of the pages: which times, slices and components they are.
+    """The arrangement of pages along axes of time, slices and components.
 
-    axes: of the pages from slowest to fastest: `T`, `Z`, `C`, or `-` for one of which the first item is drawn.
-    counts: the length of each.
+    axes: the axes from the slowest to the fastest: `T`, `Z`, `C`, or `-` for an axis whose first item is drawn.
+    counts: the length of each axis.
     space: the axis of space, `X`, `Y` or `Z`, along a row, a column and the slices.
-    note: on axes that the file does not name.
+    note: a remark on axes that the file does not name, or None.
     """
 
     axes: str
@@ -53,7 +57,7 @@ def is_imagej(description: str) -> bool:
 
 
 def imagej_fields(description: str) -> dict[str, str]:
-    """Return the lines `key=value` of a description by ImageJ, without blanks; none of any other."""
+    """Return the values of the lines `key=value` in a description by ImageJ, without blanks; none for any other one."""
     lines = description.splitlines() if is_imagej(description) else []
     pairs = (line.partition("=") for line in lines if "=" in line)
     return {key: value.strip() for key, _, value in pairs}
@@ -65,17 +69,17 @@ def is_ome(description: str) -> bool:
 
 
 def shaped_fields(page: Page) -> dict[str, Any]:
-    """Return what tifffile writes about an array: `shape`, `axes` and others, still unchecked; nothing without it."""
+    """Return the unchecked fields of tifffile's description of an array, such as `shape`; none without one."""
     text: str | None = None if is_ome(page.description) or is_imagej(page.description) else page.shaped_description
     if text is None:
         return {}
-    if not text.startswith("{"):  # of tifffile before 2016
+    if not text.startswith("{"):  # tifffile wrote no JSON before 2016
         return {"shape": re.findall("[0-9]+", text)}
     return dict(json.loads(text))
 
 
 def num_planes_by_description(page: Page) -> int:
-    """Return how many planes the description of the only page of ImageJ or tifffile tells of."""
+    """Return the number of planes in the description of a file's only page, by ImageJ or tifffile."""
     if is_imagej(page.description):
         images = re.search(r"^images=([0-9]{1,9})[ \t\r]*$", page.description, re.M)
         return int(images[1]) if images else 1
@@ -84,10 +88,10 @@ def num_planes_by_description(page: Page) -> int:
 
 
 def page_layout(page: Page, num_pages: int) -> Layout:
-    """Return the layout of pages by the description of the first one, or by the record of Zeiss.
+    """Return the layout of pages by the description of the first page, or by the record of Zeiss.
 
     OME counts samples of a pixel as channels. Planes of OME may be in other files.
-    Raises InputError if the description does not fit the number of pages, or has no numbers where they belong.
+    Raises InputError if the description does not fit the number of pages, or a number in it is invalid.
     """
     description, plane = page.description, "YX"
     if is_ome(description):
@@ -118,7 +122,7 @@ def page_layout(page: Page, num_pages: int) -> Layout:
 
 
 def _ome_axes(page: Page) -> tuple[str, list[int]]:
-    """Return the axes of pages by OME's first image, and the length of each."""
+    """Return the axes of pages, and the length of each, by OME's first image."""
     pixels = ome_pixels(page.description)
     order = attribute(pixels, "DimensionOrder") or ""
     axes = order[:1:-1] if order[:2] == "XY" and sorted(order[2:]) == ["C", "T", "Z"] else "TZC"
@@ -131,7 +135,7 @@ def _ome_axes(page: Page) -> tuple[str, list[int]]:
 
 
 def pages_of_first_image(pages: list[Page]) -> tuple[list[Page], str | None]:
-    """Return the pages of the first of several images of OME, and a note on the others; else all pages."""
+    """Return the pages of OME's first image, and a note on further images; all pages of a file with one image."""
     first = pages[0]
     num_images = len(_PIXELS.findall(first.description)) if is_ome(first.description) else 1
     if num_images < 2 or len({file for _, file, _ in _tiff_data(first.description)}) > 1:
@@ -144,13 +148,14 @@ def _shape(fields: dict[str, Any]) -> list[int]:
 
 
 def _shaped_axes(page: Page, fields: dict[str, Any], num_pages: int) -> tuple[str, list[int], str]:
-    """Return the axes of pages by tifffile's description, the length of each, and the axes of one page.
+    """Return the axes of pages, the length of each, and the axes of one page, by tifffile's description.
 
-    Several arrays of one shape have an axis more. If the pages are not of this array, all its axes are returned.
+    Several arrays of one shape get a further axis. If the pages do not fit the array, all axes of the array are
+    returned.
     """
     shape, plane = _shape(fields), [n for n in page.shaped if n > 1]
     axes = str(fields.get("axes") or "Q" * len(shape)).upper()
-    # The page has the last axes of the array; those of length 1 may be anywhere.
+    # A page has the last axes of the array; axes of length 1 may be anywhere among them.
     splits = [k for k in range(max(1, len(shape) - 1)) if [n for n in shape[k:] if n > 1] == plane]
     is_fit = splits and len(axes) == len(shape) and not any(axes.count(axis) > 1 for axis in "TZC")
     split = splits[-1] if is_fit else len(shape)
@@ -159,10 +164,10 @@ def _shaped_axes(page: Page, fields: dict[str, Any], num_pages: int) -> tuple[st
 
 
 def _named(axes: str, counts: list[int], plane: str) -> Layout:
-    """Return a layout whose other axes than `TZC` take the names that are left: z for the last one, then time and
-    components.
+    """Return a layout in which axes with other names become z, time or components.
 
-    plane: what columns and rows are, of `XYZ`.
+    The last of them is z, unless the file names another axis z; the others are times and components. plane: the axes
+    along a column and a row, of `XYZ`.
     """
     letters = [axis for axis, n in zip(axes, counts, strict=True) if n > 1]
     others = [k for k, axis in enumerate(letters) if axis not in "TZC"]
@@ -179,10 +184,11 @@ def _named(axes: str, counts: list[int], plane: str) -> Layout:
 
 
 def page_places(description: str, own_name: str, layout: Layout) -> list[tuple[str, int]]:
-    """Return the file and the number of the page of each plane, planes in the order of the layout.
+    """Return the file and the page number of each plane, in the order of the layout.
 
-    OME's TiffData elements may place planes on any page, also in files beside this one, whose name is left empty.
-    own_name: of this file, which may have had another one. Raises InputError unless each plane has a page of its own.
+    OME's TiffData elements may place planes on any page, also in files beside this one. An empty name stands for this
+    file. own_name: the name of this file, which may have been renamed. Raises InputError unless each plane has a page
+    of its own.
     """
     root, elements = re.search(r"<(?:\w+:)?OME\b([^<>]*)>", description), _tiff_data(description)
     own_uuid = (root and attribute(root[1], "UUID")) or None
@@ -209,9 +215,9 @@ def page_places(description: str, own_name: str, layout: Layout) -> list[tuple[s
 
 
 def _tiff_data(description: str) -> list[tuple[str, str, str]]:
-    """Return the TiffData elements of the first image of OME: attributes, file (without its folders) and UUID.
+    """Return the attributes, the file and the UUID of each TiffData element of OME's first image.
 
-    The last two are empty if it names no file.
+    The file has no folders. File and UUID are empty if the element names no file.
     """
     image = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
     found = []
@@ -224,13 +230,13 @@ def _tiff_data(description: str) -> list[tuple[str, str, str]]:
 
 
 def ome_elements(description: str, name: str) -> list[str]:
-    """Return the attributes of the elements of a name in the first image of OME."""
+    """Return the attributes of the elements with a name in OME's first image."""
     image = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
     return re.findall(rf"<(?:\w+:)?{name}\b([^<>]*)>", image)
 
 
 def ome_pixels(description: str) -> str:
-    """Return the first Pixels element of OME's XML, without what is inside it; all of the XML if there is none."""
+    """Return the tag of the first Pixels element of OME's XML; the whole XML if there is none."""
     found = _PIXELS.search(description)
     return found[0] if found else description
 
@@ -241,7 +247,10 @@ def _line(description: str, key: str) -> int | None:
 
 
 def number(text: str, key: str, least: int | None = None) -> float:
-    """Return the number that `text`, the value of `key`, spells: a finite one, or a whole one from `least` on."""
+    """Return the number in `text`, the value of `key`; raises InputError for any other text.
+
+    least: None for any finite number, else the least of the valid whole numbers.
+    """
     value = number_in(text)
     if math.isfinite(value) if least is None else value.is_integer() and least <= value <= _MAX_COUNT:
         return value
@@ -255,5 +264,5 @@ def _wrong(how: str, got: str | None, expected: str) -> InputError:
 
 
 def escaped(text: str) -> str:
-    """Return text for one line of a message; letters outside ASCII are escaped."""
+    """Return a text for one line of a message, with letters outside ASCII escaped."""
     return ascii(text[:_SHOWN_CHARACTERS])[1:-1] + "..." * (len(text) > _SHOWN_CHARACTERS)

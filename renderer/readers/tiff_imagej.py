@@ -1,4 +1,4 @@
-"""Read what ImageJ states of values and places in the description of a TIFF file: its calibration and its origin."""
+"""Read ImageJ's calibration of values and its origin from the description of a TIFF file."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ STATEMENTS = FormatTable(
         Statement("slices", "meaning", "the number of slices; also channels and frames"),
         Statement("unit", "meaning", "the unit of lengths; also yunit and zunit"),
         Statement("spacing", "place", "the distance of slices"),
-        Statement("xorigin", "place", "the pixel at 0; also yorigin and zorigin"),
+        Statement("xorigin", "place", "the index of the pixel at 0; also yorigin and zorigin"),
         Statement("finterval", "meaning", "the time between two frames, and its unit tunit"),
         Statement("c0", "values", "the calibration of values: a polynomial with c0, c1 and so on, where cf is 0 to 3"),
-        Statement("cf", "values", "a function of another kind by which values are calibrated", is_applied=False),
+        Statement("cf", "values", "a calibration by another kind of function", is_applied=False),
         Statement("vunit", "meaning", "the unit of calibrated values"),
         Statement("Ranges", "meaning", "the display range of each channel"),
         Statement("LUTs", "meaning", "the colours of channels"),
@@ -29,15 +29,17 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# Functions of ImageJ (Calibration, CurveFitter): a straight line, and polynomials of degree 2 to 4; and none.
+# The number of coefficients of ImageJ's polynomials (Calibration, CurveFitter), by the number of the function: a
+# straight line, and degrees 2 to 4.
 _POLYNOMIALS = {0: 2, 1: 3, 2: 4, 3: 5}
+# The number of ImageJ's function for no calibration.
 _NO_FUNCTION = 20
 
 
 class Calibration(NamedTuple):
-    """A polynomial by which stored numbers become values: its coefficients, the constant first, and the unit.
+    """A polynomial from stored numbers to values: its coefficients, the constant first, and the unit of the values.
 
-    note: on a function of another kind, which is not applied.
+    note: a remark on a function of another kind, which is not applied, or None.
     """
 
     coefficients: tuple[float, ...] = ()
@@ -45,17 +47,17 @@ class Calibration(NamedTuple):
     note: str | None = None
 
     def dtype(self, stored: np.dtype[Any]) -> np.dtype[Any]:
-        """Return the type of values of stored numbers of 16 bits or less."""
+        """Return the type of the values. stored: the type of stored numbers, which have at most 16 bits."""
         return np.dtype(np.float32) if self.coefficients else stored
 
     def apply(self, values: Array) -> None:
-        """Replace stored numbers, in a type of floats, by values."""
+        """Replace stored numbers, in an array of floats, by values."""
         if self.coefficients:
             for plane in values:
                 plane[...] = np.polynomial.polynomial.polyval(plane.astype(np.float64), self.coefficients)
 
     def of_ranges(self, ranges: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-        """Return ranges of values for ranges of stored numbers; without a calibration they are the same."""
+        """Return the ranges of values for ranges of stored numbers; without a calibration, the same ranges."""
         if not self.coefficients:
             return ranges
         ends = (np.polynomial.polynomial.polyval(np.array(pair), self.coefficients) for pair in ranges)
@@ -78,7 +80,7 @@ def find_calibration(page: Page) -> Calibration:
 
 
 def with_origin(world_from_index: Float64, page: Page) -> Float64:
-    """Return the affine with the pixel at 0 that ImageJ states."""
+    """Return the affine with ImageJ's origin: the pixel that lies at 0 in the world."""
     fields = imagej_fields(page.description)
     pixel = [number_in(fields.get(f"{axis}origin", "0")) for axis in "xyz"]
     if not any(pixel) or not np.isfinite([*pixel, *world_from_index.ravel()]).all():

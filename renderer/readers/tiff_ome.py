@@ -1,4 +1,4 @@
-"""Name what OME states of planes in the description of a TIFF file and is not applied."""
+"""Find OME's statements in the description of a TIFF file that are not applied."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ STATEMENTS = FormatTable(
         Statement("SizeC", "meaning", "the number of channels; also SizeZ and SizeT"),
         Statement("TiffData", "values", "the page of each plane"),
         Statement("TimeIncrement", "meaning", "the time between two steps, and its unit"),
-        Statement("DeltaT", "meaning", "when each plane was taken, and its unit"),
+        Statement("DeltaT", "meaning", "the time of each plane, and its unit"),
         Statement("Name", "meaning", "the names of channels"),
         Statement("Color", "meaning", "the colours of channels"),
-        Statement("PositionX", "place", "where the stage was; also PositionY and PositionZ", is_applied=False),
-        Statement("ModuloAlongZ", "meaning", "what an axis is beside z, such as angles", is_applied=False),
-        Statement("ModuloAlongC", "meaning", "what an axis is beside channels, such as lifetimes", is_applied=False),
-        Statement("ModuloAlongT", "meaning", "what an axis is beside times, such as lifetimes", is_applied=False),
+        Statement("PositionX", "place", "the position of the stage; also PositionY and PositionZ", is_applied=False),
+        Statement("ModuloAlongZ", "meaning", "another axis along z, such as angles", is_applied=False),
+        Statement("ModuloAlongC", "meaning", "another axis along channels, such as lifetimes", is_applied=False),
+        Statement("ModuloAlongT", "meaning", "another axis along times, such as lifetimes", is_applied=False),
     ),
 )
 
 
 def note_of(description: str) -> str | None:
-    """Return the note on what the description of the first page has and is not applied."""
+    """Return the note on statements in the first page's description that are not applied; None if there are none."""
     return STATEMENTS.note(set(_unapplied(description))) if is_ome(description) else None
 
 

@@ -1,7 +1,7 @@
 """Find the lengths of voxels in a TIFF file: in descriptions of ImageJ, OME and tifffile, by Zeiss, or by resolution.
 
-ImageJ writes no `spacing` where slices are 1 unit apart. What is not said is taken from x, and a note says so; pixels
-per inch of a screen are no lengths.
+ImageJ writes no `spacing` if slices are 1 unit apart. A missing length is taken from x, and a note says so. The usual
+pixels per inch of a screen or printer are not lengths.
 """
 
 from __future__ import annotations
@@ -13,41 +13,45 @@ from fractions import Fraction
 from typing import Any
 
 from renderer.errors import InputError
-from renderer.readers.common import GUESSED_LENGTHS, no_spacing
+from renderer.readers.affines import GUESSED_LENGTHS, no_spacing
 from renderer.readers.tiff_description import escaped, is_imagej, is_ome, number, ome_pixels, shaped_fields
 from renderer.readers.tiff_statements import records_of
 from renderer.readers.units import are_of_screen, one_spelling
 from renderer.system import attribute, unescaped
 
-# Fields by number.
+# The numbers of fields.
 _X_RESOLUTION = 282
 _Y_RESOLUTION = 283
 _RESOLUTION_UNIT = 296
 _PIXEL_SCALE = 33550
 
-# OME's units of length (OME 2016-06, UnitsLength) that can be converted. `pixel`, `reference frame` and unknown units
-# cannot; without a unit it is µm.
+# OME's units of length that can be converted, in metres (OME 2016-06, UnitsLength). `pixel`, `reference frame` and
+# unknown units cannot be converted. These are the prefixes of the metre, by their powers of ten.
 _PREFIXES = {"Y": 24, "Z": 21, "E": 18, "P": 15, "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "da": 1, "": 0, "d": -1}
 _PREFIXES |= {"c": -2, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15, "a": -18, "z": -21, "y": -24}
+# An inch in metres.
 _INCH = Fraction(254, 10_000)
+# Other units in metres.
 _OTHERS = {"Å": Fraction(1, 10**10), "thou": _INCH / 1000, "pt": _INCH / 72, "li": _INCH / 12, "in": _INCH}
 _OTHERS |= {"ft": _INCH * 12, "yd": _INCH * 36, "mi": _INCH * 63_360, "ua": Fraction(149_597_870_700)}
 _OTHERS |= {"ly": Fraction(9_460_730_472_580_800), "pc": Fraction(149_597_870_700 * 648_000 / math.pi)}
 _METRES = {f"{prefix}m": Fraction(10) ** power for prefix, power in _PREFIXES.items()} | _OTHERS
 _METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METRES.items()}
 
-# The units of the resolution by number, and their lengths in mm.
+# The units of the resolution, by their numbers.
 _UNITS_OF_TAG = {2: "inch", 3: "cm"}
+# The lengths of these units in mm.
 _MM_PER_UNIT = {2: 25.4, 3: 10.0}
+# The unit of OME and Zeiss where none is stated.
 _MICRON = unicodedata.normalize("NFKC", "µm")
 
 
 def find_spacing(first: Any) -> tuple[list[float], str, str | None]:
-    """Return the spacing along x, y, z, by the first page, its unit, and a note if lengths are guessed: those along x,
-    or 1.
+    """Return the spacing along x, y and z, by the first page, its unit, and a note on guessed lengths.
 
-    Lengths are in the unit of the description (µm for Zeiss), and in mm where there is only the resolution per inch or
-    cm. Raises InputError for lengths that are no numbers, or that are in units that cannot be compared.
+    Lengths are in the unit of the description (µm for Zeiss), or in mm if there is only a resolution per inch or cm. A
+    missing length is that along x, or 1. Raises InputError for lengths that are not numbers, or that are in units that
+    cannot be compared.
     """
     given, unit = _given_spacing(first)
     x = given[0] or 1.0
@@ -75,16 +79,16 @@ def _given_spacing(first: Any) -> tuple[list[float | None], str]:
     if not is_imagej(description):
         keys = [key for key in ("unit", "yunit", "zunit", "spacing") if fields.get(key) is not None]
         description = "\n".join(f"{key}={fields[key]}" for key in keys)
-        tag = 1 if tag == 2 and keys else tag  # tifffile writes inch where it is told no unit of the resolution
+        tag = 1 if tag == 2 and keys else tag  # tifffile writes inch if it is not told the unit of the resolution
     unit = _imagej_unit(description, "unit")
     mm = _MM_PER_UNIT.get(2 if tag is None and not unit else tag or 0)
     per_inch = [25.4 / (size * mm) for size in sizes if size and mm]
     is_screen = are_of_screen(per_inch)
-    if is_screen and not unit:  # as ImageJ has it for 72
+    if is_screen and not unit:  # ImageJ does the same for 72
         sizes, tag = [1.0, 1.0], 1
     is_said = bool(unit) and not is_screen
     if is_imagej(description) and (is_said or (tag == 1 and sizes not in ([1, 1], [None, None]))):
-        # ImageJ writes no line for slices 1 unit apart, and none for a single one.
+        # ImageJ writes no line for slices 1 unit apart, and none for a single slice.
         counts = re.findall(r"^(?:images|slices)=(.*)", description, re.M)
         is_left_out = any(count.strip() != "1" for count in counts) and "\nspacing=" not in description
         description += "\nspacing=1" * is_left_out
@@ -94,7 +98,7 @@ def _given_spacing(first: Any) -> tuple[list[float | None], str]:
 
 
 def _pixel_size(page: Any, tag: int) -> float | None:
-    """Return the length of a pixel by the resolution, which is a fraction; None without one."""
+    """Return the length of a pixel, the inverse of the resolution, which is a fraction; None without a resolution."""
     fraction: Any = page.tags.valueof(tag)
     if not (isinstance(fraction, tuple) and len(fraction) == 2 and all(fraction)):
         return None
@@ -105,17 +109,19 @@ def _imagej_spacing(description: str, sizes: list[float | None], tag: int | None
     """Return the spacing along x, y and z, None for an axis without one, and its unit.
 
     Lengths are in the unit of ImageJ's description, or in mm if the resolution is per inch or cm.
-    sizes: of x and y, from the resolution. tag: the number of its unit; None if that field is missing. Sizes per cm
-        with a unit of µm are converted, as ImageJ does. Raises InputError for other units with inch and cm, which
-        ImageJ, but no other program, takes for the unit of x and y, and for a spacing that is not a number.
+
+    sizes: the lengths of a pixel along x and y, from the resolution. tag: the number of the unit of the resolution, or
+        None if that field is missing. Pixels per cm with a unit of µm are converted, as in ImageJ. Raises InputError
+        for other units together with inch or cm, as ImageJ uses them for x and y but other programs do not, and for a
+        spacing that is not a number.
     """
-    step = re.search(r"^spacing=([0-9.eE+-]+)", description, re.M)  # words such as NaN mean that it is unknown
+    step = re.search(r"^spacing=([0-9.eE+-]+)", description, re.M)  # words such as NaN stand for an unknown spacing
     z = (abs(number(step[1], "spacing")) or 1.0) if step else None  # 0 is 1 to ImageJ
     units = {axis: _imagej_unit(description, key) for axis, key in zip("xyz", ("unit", "yunit", "zunit"), strict=True)}
     unit = units["x"]
     others = [name for name in (units["y"], units["z"]) if name not in ("", unit)]
     if tag is None and not unit:
-        tag = 2  # as TIFF has it
+        tag = 2  # the default of TIFF
     per = _UNITS_OF_TAG.get(tag or 0, "")
     x, y = sizes
     if not others and per == "cm" and unit == _MICRON:
@@ -128,14 +134,14 @@ def _imagej_spacing(description: str, sizes: list[float | None], tag: int | None
 
 
 def _imagej_unit(description: str, key: str) -> str:
-    """Return the unit of an ImageJ line, by one name for all spellings; empty for pixels and for no unit."""
+    """Return the unit in a line of ImageJ, in one spelling; an empty text for pixels and for no unit."""
     found = re.search(rf"^{key}=(.*)$", description, re.M)
     text = re.sub(r"\\u([0-9a-fA-F]{4})", lambda code: chr(int(code[1], 16)), found[1]) if found else ""
     return unicodedata.normalize("NFKC", one_spelling(text.replace("\ufffdm", "µm")))
 
 
 def _ome_spacing(description: str) -> tuple[list[float | None], str]:
-    """Return the spacing along x, y and z, None for an axis without one, in the unit of the first one, and that unit.
+    """Return the spacing along x, y and z, None for an axis without one, and its unit, the first unit of the axes.
 
     Raises InputError for a spacing that is not a number, and for units that cannot be converted to each other.
     """
@@ -144,9 +150,9 @@ def _ome_spacing(description: str) -> tuple[list[float | None], str]:
     given = {
         axis: number(text, f"PhysicalSize{axis}")
         for axis, text in found.items()
-        if text and not text.strip("0123456789.eE+-")  # words mean that it is unknown
+        if text and not text.strip("0123456789.eE+-")  # words stand for an unknown spacing
     }
-    sizes = {axis: size for axis, size in given.items() if size}  # 0 if it is unknown
+    sizes = {axis: size for axis, size in given.items() if size}  # 0 stands for an unknown size
     units = {axis: _unit(attributes, axis) for axis in sizes}
     first = next(iter(units.values()), "")
     if any(unit != first and not {unit, first} <= _METRES.keys() for unit in units.values()):
@@ -156,7 +162,7 @@ def _ome_spacing(description: str) -> tuple[list[float | None], str]:
 
 
 def _unit(attributes: str, axis: str) -> str:
-    """Return the unit of a PhysicalSize, in one of its Unicode spellings."""
+    """Return the unit of a PhysicalSize in its normalised Unicode spelling."""
     found = attribute(attributes, f"PhysicalSize{axis}Unit")
     # A Latin-1 file read as UTF-8 has a replacement character for its only letter outside ASCII.
     text = "µm" if found is None else unescaped(found).replace("\ufffdm", "µm").replace("\ufffd", "Å")

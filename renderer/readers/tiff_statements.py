@@ -1,6 +1,6 @@
-"""Tell what the fields of a TIFF page change beside its pixels: which way it faces, what its samples are.
+"""Read the fields of a TIFF page that change the meaning of its pixels, such as its orientation and its samples.
 
-What is known and not applied is named in a note.
+A note names the fields that are known but not applied.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ STATEMENTS = FormatTable(
     "TIFF",
     (
         Statement("SampleFormat", "values", "integers with or without a sign, or floats"),
-        Statement("Orientation", "place", "what the first row and the first column are"),
+        Statement("Orientation", "place", "the sides of the first row and the first column"),
         Statement("XResolution", "place", "pixels per unit of length; also YResolution"),
         Statement("ResolutionUnit", "place", "the unit of the resolution"),
         Statement("ModelPixelScaleTag", "place", "the size of pixels on a map"),
         Statement("GDAL_NODATA", "validity", "the value that stands for no data"),
         Statement("ExtraSamples", "meaning", "whether a sample is alpha"),
-        Statement("PhotometricInterpretation", "meaning", "white is 0, or colours are not red, green and blue",
+        Statement("PhotometricInterpretation", "meaning", "white at 0, or colours other than red, green and blue",
                   is_applied=False),
         Statement("ColorMap", "meaning", "the colours of values", is_applied=False),
         Statement("AssociatedAlpha", "meaning", "colours that are multiplied by alpha", is_applied=False),
         Statement("GrayResponseCurve", "meaning", "the optical density of values", is_applied=False),
-        Statement("XPosition", "place", "where the page lies; also YPosition", is_applied=False),
-        Statement("ModelTiepointTag", "place", "where the page lies on a map", is_applied=False),
-        Statement("ModelTransformationTag", "place", "where the page lies on a map", is_applied=False),
+        Statement("XPosition", "place", "the place of the page; also YPosition", is_applied=False),
+        Statement("ModelTiepointTag", "place", "the place of the page on a map", is_applied=False),
+        Statement("ModelTransformationTag", "place", "the place of the page on a map", is_applied=False),
         Statement("GDAL_METADATA", "values", "a scale and an offset of values", is_applied=False),
         Statement("CZ_SEM", "place", "a record of the microscope", is_applied=False),
         Statement("FEI_SFEG", "place", "a record of the microscope", is_applied=False),
@@ -42,47 +42,49 @@ STATEMENTS = FormatTable(
     ),
 )  # fmt: skip
 
-# Fields by number.
+# The numbers of fields.
 _ORIENTATION = 274
 _GDAL_METADATA = 42112
-# Fields that are named wherever they have another value than 0; records of microscopes, where nothing else gives
-# lengths.
+# Fields that a note names if they are present, by their numbers.
 _NAMED = {291: "GrayResponseCurve", 33922: "ModelTiepointTag", 34264: "ModelTransformationTag"}
+# The numbers of XPosition and YPosition, which a note names if they are not 0.
 _POSITIONS = (286, 287)
+# Records of microscopes, which a note names if nothing else gives lengths, by their numbers.
 _RECORDS = {34118: "CZ_SEM", 34680: "FEI_SFEG", 34682: "FEI_HELIOS", 33560: "OlympusSIS"}
 _RECORDS |= {51123: "MicroManagerMetadata", 33628: "UIC1tag", 37706: "TVIPS"}
 
-# Photometric interpretations.
+# The numbers of photometric interpretations.
 _WHITE_IS_0 = 0
 _BLACK_IS_0 = 1
 _RGB = 2
 _PALETTE = 3
 _YCBCR = 6
-# The compressions of JPEG, which is decoded to red, green and blue.
+# The numbers of the compressions of JPEG, which is decoded to red, green and blue.
 _JPEGS = (6, 7)
-# Extra samples: alpha by which colours are multiplied, and other alpha.
+# The number of an extra sample that is alpha by which colours are multiplied.
 _ASSOCIATED = 1
+# The number of an extra sample that is other alpha.
 _UNASSOCIATED = 2
 
 
 def orientation(page: Page) -> int:
-    """Return the number of the orientation, 1 if there is none."""
+    """Return the orientation of a page, 1 if it has none."""
     return known_orientation(page.tags.valueof(_ORIENTATION))
 
 
 def stated_orientations(pages: Sequence[Page]) -> set[int]:
-    """Return the numbers of the orientations that pages state."""
+    """Return the different orientations that pages state."""
     return {orientation(page) for page in pages if _ORIENTATION in page.tags}
 
 
 def has_rgb(page: Page) -> bool:
-    """Return whether the first three samples are red, green and blue as they are decoded."""
+    """Return whether the first three decoded samples are red, green and blue."""
     is_decoded = page.photometric == _YCBCR and page.compression in _JPEGS
     return bool(page.samplesperpixel >= 3 and (page.photometric == _RGB or is_decoded))
 
 
 def sample_names(page: Page) -> list[str]:
-    """Return the names of the samples of a page, if it has colours or alpha; else nothing."""
+    """Return the names of the samples of a page; none unless it has colours or alpha."""
     count = page.samplesperpixel
     is_grey = page.photometric in (_WHITE_IS_0, _BLACK_IS_0) and _alpha_of(page) is not None
     if not has_rgb(page) and not (is_grey and count == 2):
@@ -93,17 +95,17 @@ def sample_names(page: Page) -> list[str]:
 
 
 def _alpha_of(page: Page) -> int | None:
-    """Return which kind of alpha a page has; None for none."""
+    """Return the kind of alpha of a page, _ASSOCIATED or _UNASSOCIATED; None if it has no alpha."""
     return next((int(each) for each in page.extrasamples if each in (_ASSOCIATED, _UNASSOCIATED)), None)
 
 
 def note_of(page: Page) -> str | None:
-    """Return the note on what a page has and is not applied."""
+    """Return the note on statements of a page that are not applied; None if there are none."""
     return STATEMENTS.note(set(_unapplied(page)))
 
 
 def records_of(page: Page) -> list[str]:
-    """Return the names of records of microscopes, which may have lengths."""
+    """Return the names of a page's records of microscopes, which may have lengths."""
     return [name for number, name in _RECORDS.items() if number in page.tags]
 
 

@@ -1,9 +1,9 @@
-"""Read the volume that a `VolumeSpec` describes: one reader for each family of formats, and the steps common to all."""
+"""Read the volume that a `VolumeSpec` describes: choose the reader of its format, then crop and check the voxels."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -13,7 +13,10 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers import common
+from renderer.readers.affines import GUESSED_LENGTHS, check_axes, check_lengths, spacing_of, with_spacing
+from renderer.readers.components import are_colors, are_light, choose, select_index
+from renderer.readers.file_errors import errors_about, require_exists, unreadable_error
+from renderer.readers.image import Image
 from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.nodata import find_fill_values, mark_absent
 from renderer.readers.recent_images import FileMarks, RecentImages, marks_of
@@ -21,26 +24,35 @@ from renderer.readers.sniff import find_format, find_volume
 from renderer.readers.steps_in_time import TimeSteps, some_steps
 from renderer.readers.units import units_of
 from renderer.readers.voxel_colors import join_colors
-from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text, values_at
+from renderer.readers.voxel_limits import (
+    check_dtype,
+    check_integer_resolution,
+    check_memory,
+    describe_shape,
+    stays_mapped,
+)
+from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
+# Reads the voxels of a volume.
+ReadVolume = Callable[[VolumeSpec], Volume]
 Ranges = Sequence[tuple[int, int]]
-# Steps of DICOM that are kept, for the suggested look and the film: to find one, all files of a series are parsed.
+# The cache of steps of DICOM. A suggested look and the film need the same steps, and reading a step parses all files of
+# its series.
 _DICOM_IMAGES = RecentImages(most_bytes=256 << 20)
 
 
 def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
-    """Return the volume that `spec` describes, cropped, checked and read-only; between two steps a mixture of them.
+    """Return the volume that `spec` describes, cropped, checked and read-only; a mixture for a time between two steps.
 
-    Of `time: auto` it is the first step, and of what moves that of frame 0. like: another step, of the same shape and
-    kind of voxels.
+    `time: auto` reads the first step. A crop moves the affine along, so that voxels keep their place in the world.
+    `component: all` reads the first component, without a note on the others if each is light of its own or part of a
+    colour.
 
-    A crop moves the affine along, so that voxels keep their place in the world. Of `component: all` it is the first,
-    without a note on the others where each is light of its own or part of a colour. Raises InputError for every problem
-    with a file or with the part of it that is requested, lack of memory included. A large file that becomes shorter,
-    now or later, is such an error, too, and no signal that kills.
+    like: another step, which must have the same shape and kind of voxels. Raises InputError for every problem with a
+    file or with the requested part of it, lack of memory included. A large file that becomes shorter, now or later,
+    raises such an error, too; no signal ends the process.
     """
-    spec = values_at(spec, 0)
     time = 0 if spec.time == "auto" else spec.time
     step = None if time is None else math.floor(time)
     volume = _read_step(spec, step)
@@ -51,12 +63,12 @@ def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
 
 def _read_step(spec: VolumeSpec, time: int | None) -> Volume:
     name = _name(spec.source, time)
-    # Numbers of headers may be infinite; what comes of them is refused, or has no data.
-    with common.errors_about(name), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+    # Numbers of headers may be infinite. An affine that is not finite is refused, and such values have no data.
+    with errors_about(name), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
             return _read_volume(spec, time, name)
         except OSError as error:
-            raise common.unreadable_error(error) from error
+            raise unreadable_error(error) from error
         except MemoryError as error:
             raise InputError(
                 "there is not enough memory for this volume", hint="`crop` it, or render on a larger machine"
@@ -64,11 +76,13 @@ def _read_step(spec: VolumeSpec, time: int | None) -> Volume:
 
 
 def _check_alike(volume: Volume, like: Volume, *, by_kind: bool = True) -> None:
-    """Raise InputError unless a step has the shape and, as far as no voxel is absent, the type of another one."""
+    """Raise InputError unless a step has the shape and the type of another step.
+
+    by_kind: whether to compare types; absent voxels turn integers into floats.
+    """
     by_kind = by_kind and not volume.num_absent and not like.num_absent
     got, expected = (
-        f"{common.describe_shape(each.shape_xyz)} voxels{f' of {each.values.dtype.name}' * by_kind}"
-        for each in (volume, like)
+        f"{describe_shape(each.shape_xyz)} voxels{f' of {each.values.dtype.name}' * by_kind}" for each in (volume, like)
     )
     if got != expected:
         what = "the steps of this volume differ"
@@ -76,9 +90,9 @@ def _check_alike(volume: Volume, like: Volume, *, by_kind: bool = True) -> None:
 
 
 def mix_steps(before: Volume, after: Volume, share: float) -> Volume:
-    """Return a volume between two steps on one grid, float32: a share of the second, absent where one of them is.
+    """Return a volume between two steps on one grid, float32; a voxel is absent if it is absent in either step.
 
-    Raises InputError for steps on different grids.
+    share: the weight of the second step. Raises InputError for steps on different grids.
     """
     _check_alike(after, before)
     places = before.world_from_index, after.world_from_index
@@ -86,7 +100,7 @@ def mix_steps(before: Volume, after: Volume, share: float) -> Volume:
         got = f"first voxels at {', '.join(str(place[:3, 3].tolist()) for place in places)}"
         expected = f"the spacing, origin and directions of {before.name}"
         raise InputError("two steps on different grids are not mixed", where=after.name, got=got, expected=expected)
-    common.check_memory(4 * before.values.size)
+    check_memory(4 * before.values.size)
     values = np.empty(before.values.shape, np.float32)
     with np.errstate(over="ignore"):
         for plane, first, second in zip(values, before.values, after.values, strict=True):
@@ -111,13 +125,13 @@ def _between(before: Array, after: Array, share: float) -> Float64:
 
 def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
     image = _load(spec, time)
-    common.check_dtype(image.values.dtype)
-    common.check_axes(image.world_from_index)
+    check_dtype(image.values.dtype)
+    check_axes(image.world_from_index)
     spacing, replaced = spec.source.spacing if isinstance(spec.source, FileSource) else None, None
     if spacing is not None:
-        replaced = common.spacing_of(image.world_from_index)
-        image = replace(image, world_from_index=common.with_spacing(image.world_from_index, spacing))
-    common.check_lengths(image.world_from_index)
+        replaced = spacing_of(image.world_from_index)
+        image = replace(image, world_from_index=with_spacing(image.world_from_index, spacing))
+    check_lengths(image.world_from_index)
     crop, lengths = spec.crop or (None, None, None), image.values.shape[::-1]
     ranges = tuple(pair or (0, length) for pair, length in zip(crop, lengths, strict=True))
     image, colors = crop_image(image, ranges), None
@@ -125,36 +139,36 @@ def _read_volume(spec: VolumeSpec, time: int | None, name: str) -> Volume:
         image, colors = join_colors(
             image, spec.component, lambda k: crop_image(_load(replace(spec, component=k), time), ranges)
         )
-    notes = [each for each in image.notes if each and (spacing is None or not each.startswith(common.GUESSED_LENGTHS))]
-    is_light = common.are_light(image)
-    if spec.component == "all" and (is_light or common.are_colors(image.values.dtype, image.channels)):
+    notes = [each for each in image.notes if each and (spacing is None or not each.startswith(GUESSED_LENGTHS))]
+    is_light = are_light(image)
+    if spec.component == "all" and (is_light or are_colors(image.values.dtype, image.channels)):
         notes = [each for each in notes if not each.startswith(f"{len(image.channels)} components")]
     first = tuple(begin for begin, _ in ranges)
-    mapped = backing_file(image.values) if common.stays_mapped(image.values.nbytes) else None
+    mapped = backing_file(image.values) if stays_mapped(image.values.nbytes) else None
     if mapped is not None:
         guard_mapping(mapped, image.values)
     image = replace(image, values=_native_contiguous(image.values))
     file = backing_file(image.values)
     elsewhere = _fill_values_in_time(spec, image) if spec.nodata == "auto" else ()
     values, num_absent, note = mark_absent(image.values, file, spec.nodata, image.nodata, first, elsewhere)
-    if mapped is not None:  # checked for copies, too
+    if mapped is not None:  # also a copy is checked, as its file may have become shorter meanwhile
         mapped.require_unchanged()
     file = file if values is image.values else None
-    common.check_integer_resolution(values, file)
+    check_integer_resolution(values, file)
     made = make_volume(values, image.world_from_index, name, file, num_absent=num_absent, colors=colors)
     channels = tuple(replace(each, is_light=is_light) for each in image.channels)
     remarks = "; ".join([*notes, *filter(None, [note])]) or None
     named = replace(made, file_spacing=replaced, note=remarks, channels=channels, labels=image.labels)
-    is_guessed = not image.has_lengths or any((each or "").startswith(common.GUESSED_LENGTHS) for each in image.notes)
+    is_guessed = not image.has_lengths or any((each or "").startswith(GUESSED_LENGTHS) for each in image.notes)
     named = replace(named, has_lengths=spacing is not None or not is_guessed)
-    # Lengths of the scene may be in any unit.
+    # The scene's spacing may be in any unit. If it differs from the file's, the file's unit is not kept.
     are_own = spacing is None or np.allclose(spacing, replaced or 0.0, rtol=1e-3, atol=0.0)
     units = units_of(spec.unit or image.units.length_unit * bool(are_own), *image.units[1:])
     return replace(named, **image.steps._asdict(), **units._asdict())
 
 
-def _fill_values_in_time(spec: VolumeSpec, image: common.Image) -> tuple[float, ...]:
-    """Return the fill values of some steps of a volume in time: none of other volumes, and of bytes."""
+def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
+    """Return the fill values of some steps of a volume in time; none for a volume of one step, and for bytes."""
     num_times, source = image.steps.num_times, spec.source
     if num_times == 1 or image.values.dtype.itemsize == 1 or not isinstance(source, FileSource):
         return ()
@@ -163,7 +177,7 @@ def _fill_values_in_time(spec: VolumeSpec, image: common.Image) -> tuple[float, 
 
 
 def _marks(source: FileSource) -> Iterator[FileMarks]:
-    """Yield what tells whether the voxels of each step have changed."""
+    """Yield the marks of the files of each step, which change when its voxels do."""
     for path in source.steps or (source.file,):
         yield marks_of(path)
         if path.is_file():
@@ -172,9 +186,9 @@ def _marks(source: FileSource) -> Iterator[FileMarks]:
 
 @lru_cache(maxsize=16)
 def _found_fill_values(spec: VolumeSpec, num_times: int, _of_files: tuple[FileMarks, ...]) -> tuple[float, ...]:
-    """Return the fill values of some steps, ascending. _of_files: as of `_marks`.
+    """Return the fill values of some steps, in ascending order. _of_files: the marks of the files, for the cache.
 
-    A step that cannot be read has none: its error is told when it is drawn.
+    A step that cannot be read has no fill values; its error is raised when it is drawn.
     """
     found = set[float]()
     for step in some_steps(num_times):
@@ -194,16 +208,16 @@ def _name(source: FileSource | RawSource | ProceduralSource | ArraySource, time:
     return f"procedural {source.name}" if isinstance(source, ProceduralSource) else str(source.file)
 
 
-def _load(spec: VolumeSpec, time: int | None) -> common.Image:
-    """Return the image of one step from the reader of the source, which is imported on first use."""
+def _load(spec: VolumeSpec, time: int | None) -> Image:
+    """Return the image of one step from the reader of its source, which is imported on first use."""
     source = spec.source
     if isinstance(source, FileSource):
         return _load_listed(spec, source, time) if source.steps else _load_file(spec, source.file, time)
-    common.select_index("time", time, 1)
-    common.select_index("component", _component(spec), 1)
+    select_index("time", time, 1)
+    select_index("component", _component(spec), 1)
     if isinstance(source, ArraySource):
         values = source.values.view()
-        values.flags.writeable = False  # the array is never changed
+        values.flags.writeable = False  # this view protects the caller's array
     elif isinstance(source, RawSource):
         from renderer.readers.numpy_arrays import map_raw
 
@@ -212,20 +226,20 @@ def _load(spec: VolumeSpec, time: int | None) -> common.Image:
         from renderer.readers.procedural import procedural_values
 
         values = procedural_values(source)
-    return common.Image(values, np.diag([*source.spacing, 1.0]))
+    return Image(values, np.diag([*source.spacing, 1.0]))
 
 
-# The modules of readers that are not named after their format: `nrrd.py` has `read_nrrd`, and so on.
+# The modules of readers that are not named after their format; `nrrd.py` has `read_nrrd`, and so on.
 _MODULES = {"npy": "numpy_arrays", "npz": "numpy_arrays", "vtk": "vtk_image"}
-# Formats that large libraries parse are read in a child process.
+# The formats that large libraries parse, and that are read in a child process.
 _ISOLATED = ("tiff", "dicom", "vtk", "hdf5", "pictures")
 
 
-def _load_listed(spec: VolumeSpec, source: FileSource, time: int | None) -> common.Image:
-    """Return the image of one of several files, each of which is one step."""
-    chosen = common.choose("t", (len(source.steps),), time, None)
+def _load_listed(spec: VolumeSpec, source: FileSource, time: int | None) -> Image:
+    """Return the image of one of several files; each file is a step in time."""
+    chosen = choose("t", (len(source.steps),), time, None)
     file = source.steps[chosen.step]
-    own_time = 0 if spec.component is None else None  # with which axes that are not named are times, or not
+    own_time = 0 if spec.component is None else None  # with a component, an unnamed axis of the file is not time
     image = _load_file(spec, file, own_time)
     if image.steps.num_times > 1:
         got = f"{image.steps.num_times} time steps in this one"
@@ -235,9 +249,9 @@ def _load_listed(spec: VolumeSpec, source: FileSource, time: int | None) -> comm
     return replace(image, steps=steps, notes=(*image.notes, *chosen.notes))
 
 
-def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> common.Image:
+def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> Image:
     """Return the image in a file or a folder, from the reader of its format."""
-    found, form, note = find_volume(common.require_exists(path))
+    found, form, note = find_volume(require_exists(path))
     reader = f"renderer.readers.{_MODULES.get(form, form)}:read_{form}"  # imported on first use
     if spec.dataset is not None and form != "hdf5":
         raise InputError(
@@ -253,26 +267,26 @@ def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> common.Image:
         has_spacing = isinstance(spec.source, FileSource) and spec.source.spacing is not None
         read = partial(read_isolated, reader, found, has_spacing_override=has_spacing, **choice)
         if form == "dicom":
-            folder = found if found.is_dir() else found.parent  # others there tell whether a file is all of its series
+            folder = found if found.is_dir() else found.parent  # other files show whether a file is its whole series
             key = (found.resolve(), time, _component(spec), has_spacing, marks_of(folder))
             image = _DICOM_IMAGES.get(key, read)
         else:
             image = read()
     else:
-        with common.errors_about(found):
+        with errors_about(found):
             image = import_reader(reader)(found, time, _component(spec))
     return replace(image, notes=(note, *image.notes))
 
 
 def _component(spec: VolumeSpec) -> int | None:
-    """Return the component that is read first: of all and of colours, number 0."""
+    """Return the component that is read first: 0 for all components and for colours."""
     if spec.has_colors:
         return 0
     return spec.component if isinstance(spec.component, int) else None
 
 
 def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
-    """Return the file of a volume's header, and those of its voxels if a header names them: itself perhaps among them.
+    """Return the file of a volume's header, and the files of voxels that the header names, perhaps its own among them.
 
     Raises InputError for damaged headers and missing files.
     """
@@ -280,13 +294,13 @@ def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
     if form in ("nrrd", "metaimage"):
         from renderer.readers import metaimage, nrrd
 
-        with common.errors_about(file):
+        with errors_about(file):
             layout = (nrrd.read_header(file) if form == "nrrd" else metaimage.read_header(file))[1]
             return file, [part.file for part in layout.parts]
     if form == "vtk":
         from renderer.readers.vtk_image import piece_files
 
-        with common.errors_about(file):
+        with errors_about(file):
             return file, piece_files(file)
     if form == "nifti":
         from renderer.readers.nifti import find_pair
@@ -296,8 +310,8 @@ def header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
     return file, []
 
 
-def crop_image(image: common.Image, ranges: Ranges) -> common.Image:
-    """Return the voxels in half-open `ranges` for x, y, z, at the same place in the world; the values are a view.
+def crop_image(image: Image, ranges: Ranges) -> Image:
+    """Return the voxels in half-open `ranges` along x, y and z, at the same place in the world; the values are a view.
 
     Raises InputError for ranges that are empty or reach outside the volume.
     """
@@ -318,11 +332,11 @@ def crop_image(image: common.Image, ranges: Ranges) -> common.Image:
 def _native_contiguous(values: Array) -> Array:
     """Return the values in native byte order and C order.
 
-    Large arrays that are stored that way in a file stay mapped. Others get their own memory, which is not part of a
-    larger array.
+    Large arrays that a file stores in this form stay mapped. Others get memory of their own, so that no larger array
+    stays in memory.
     """
     is_mapped = isinstance(values, np.memmap)
-    if is_mapped and common.stays_mapped(values.nbytes) and values.flags.c_contiguous and values.dtype.isnative:
+    if is_mapped and stays_mapped(values.nbytes) and values.flags.c_contiguous and values.dtype.isnative:
         return np.asarray(values)
     is_part = values.base is not None and getattr(values.base, "nbytes", values.nbytes) > values.nbytes
     if is_mapped or is_part or not values.flags.c_contiguous:

@@ -1,4 +1,4 @@
-"""Join the components of voxels that are colours: 8 bits of red, green and blue, and their luminance or their alpha."""
+"""Join the components of coloured voxels into colours of 8 bits, and luminance or alpha as their values."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers.common import Image, check_memory
+from renderer.readers.image import Image
+from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted, join_some
 from renderer.volume import Array, UInt8, backing_file, guard_mapping
 
-# Of red, green and blue in luminance (Rec. 709).
+# The weights of red, green and blue in luminance (Rec. 709).
 _WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)
-# What white may be; of floats 1, too.
+# The numbers that may stand for white; for floats, 1 may as well.
 _WHITE = (255, 65535)
 
 
 def join_colors(first: Image, component: str, read: Callable[[int], Image]) -> tuple[Image, UInt8]:
-    """Return an image of luminance, or with `color_alpha` of alpha, in 8 bits, and the colours, uint8 [z, y, x, 3].
+    """Return an image of luminance in 8 bits, or of alpha for `color_alpha`, and the colours, uint8 [z, y, x, 3].
 
-    first: the first component. read: reads another one. Voxels with a component that is NaN or infinite are NaN.
-    Raises InputError for components that are no colours, and for lack of memory.
+    first: the first component. read: a function that reads another component. Voxels with a component that is NaN or
+    infinite are NaN. Raises InputError for components that are not colours, and for lack of memory.
     """
     count = max(1, len(first.channels))
     names = f" ({join_some([each.name for each in first.channels])})" if count > 1 and first.channels[0].name else ""
@@ -37,7 +38,7 @@ def join_colors(first: Image, component: str, read: Callable[[int], Image]) -> t
     check_memory(4 * first.values.size)
     parts = [first.values, *(read(k).values for k in range(1, count))]
     files = [file for part in parts if (file := backing_file(part))]
-    for file, part in zip(files, parts, strict=False):  # all or none of them are mapped
+    for file, part in zip(files, parts, strict=False):  # either all parts are mapped, or none
         guard_mapping(file, part)
     white = _white_of(parts)
     may_be_absent, is_byte = first.values.dtype.kind == "f", first.values.dtype == np.uint8
@@ -58,7 +59,7 @@ def join_colors(first: Image, component: str, read: Callable[[int], Image]) -> t
 
 
 def _white_of(parts: list[Array]) -> int:
-    """Return the number that stands for white: the least that no component exceeds."""
+    """Return the number that stands for white: the least possible one that no component exceeds."""
     if parts[0].dtype == np.uint8:
         return _WHITE[0]
     finite = (plane[np.isfinite(plane)] for part in parts for plane in part)

@@ -1,4 +1,4 @@
-"""Tell what the arrays of a VTK image are: components, and masks of points and cells that have no data.
+"""Sort the arrays of a VTK image into components, and masks of points and cells that have no data.
 
 The array of active scalars comes first. `vtkGhostType` hides points and cells, and filters that resample write
 `vtkValidPointMask`; neither is a component.
@@ -22,36 +22,39 @@ STATEMENTS = FormatTable(
         Statement("Origin", "place", "the place of the first point"),
         Statement("Spacing", "place", "the distance of points"),
         Statement("Direction", "place", "the directions of the axes"),
-        Statement("WholeExtent", "place", "the numbers of the first and the last point along each axis"),
+        Statement("WholeExtent", "place", "the indices of the first and the last point along each axis"),
         Statement("Coordinates", "place", "the places of points of a rectilinear grid"),
-        Statement("Scalars", "values", "the array that is drawn where none is chosen"),
+        Statement("Scalars", "values", "the array that is drawn unless the scene chooses another"),
         Statement("ComponentName0", "meaning", "the name of a component; also ComponentName1 and so on"),
         Statement("UNITS_LABEL", "meaning", "the unit of the values"),
         Statement("vtkGhostType", "validity", "points and cells that are hidden"),
         Statement("vtkValidPointMask", "validity", "points outside of the grid that was resampled"),
-        Statement("TimeValue", "meaning", "its time; a collection .pvd has the times of several files",
+        Statement("TimeValue", "meaning", "the time of the file; a collection .pvd has the times of several files",
                   is_applied=False),
         Statement("LOOKUP_TABLE", "meaning", "colours of the values", is_applied=False),
     ),
 )  # fmt: skip
 
-# Names of arrays that are masks.
+# The name of the mask of hidden points or cells.
 _GHOSTS = "vtkGhostType"
+# The name of the mask of valid points.
 _VALID = "vtkValidPointMask"
-# Bits of _GHOSTS that hide points and cells (vtkDataSetAttributes).
+
+# The bit of _GHOSTS that hides a point (vtkDataSetAttributes).
 _HIDDEN_POINT = 2
+# The bit of _GHOSTS that hides a cell.
 _HIDDEN_CELL = 32
 
 
 class Component(NamedTuple):
-    """A component of the image: an array of VTK, and which of its components."""
+    """A component of the image: an array of VTK, and the number of a component of the array."""
 
     array: Any
     number: int
 
     @property
     def name(self) -> str:
-        """Return its name, with that of the component, or its number, where the array has several."""
+        """Return the name of the array, with the name or the number of the component if the array has several."""
         name = short_text(self.array.GetName() or "an array without a name")
         if self.array.GetNumberOfComponents() == 1:
             return name
@@ -59,7 +62,7 @@ class Component(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return the unit of its values; an empty text where the file has none."""
+        """Return the unit of the values; an empty text if the file has none."""
         from vtkmodules.vtkCommonCore import vtkDataArray
 
         return self.array.GetInformation().Get(vtkDataArray.UNITS_LABEL()) or ""
@@ -71,7 +74,7 @@ def arrays_of(fields: Any) -> list[Any]:
 
 
 def components_of(fields: Any) -> list[Component]:
-    """Return the components of points or cells, those of the active scalars first, without masks."""
+    """Return the components of points or cells, without masks; the active scalars come first."""
     active = fields.GetScalars()
     arrays = [each for each in arrays_of(fields) if each.GetName() not in (_GHOSTS, _VALID)]
     arrays.sort(key=lambda each: each is not active)
@@ -79,7 +82,7 @@ def components_of(fields: Any) -> list[Component]:
 
 
 def notes_of(image: Any, component: Component, *, is_cells: bool) -> list[str | None]:
-    """Return the notes on what the file has and is not drawn."""
+    """Return the notes on arrays and statements of the file that are left out."""
     found = set()
     if image.GetFieldData().HasArray("TimeValue"):
         found.add("TimeValue")
@@ -91,9 +94,9 @@ def notes_of(image: Any, component: Component, *, is_cells: bool) -> list[str | 
 
 
 def hidden_voxels(image: Any, *, is_cells: bool) -> tuple[Bools | None, str | None]:
-    """Return which points or cells have no data, [z, y, x], and a note on the arrays that say so; None for none.
+    """Return a mask of the points or cells without data, [z, y, x], and a note on its arrays; None without masks.
 
-    A cell with a hidden corner is hidden, and a point whose cells are all hidden. Raises InputError for masks of
+    A cell is hidden if one of its corners is, and a point if all of its cells are. Raises InputError for masks of
     another length.
     """
     num_points = tuple(image.GetDimensions()[::-1])
@@ -112,7 +115,7 @@ def hidden_voxels(image: Any, *, is_cells: bool) -> tuple[Bools | None, str | No
 
 
 def _masked(fields: Any, shape: tuple[int, ...], bit: int) -> list[tuple[str, Bools]]:
-    """Return the masks of points or cells that hide any, by their names."""
+    """Return the names and values of the masks that hide any point or cell."""
     return [(name, hidden) for name, hidden in _masks(fields, shape, bit) if hidden.any()]
 
 
@@ -143,7 +146,7 @@ def _any_corner(points: Bools) -> Bools:
 
 
 def _all_cells(cells: Bools, num_points: tuple[int, ...]) -> Bools:
-    """Return which points have hidden cells alone."""
+    """Return which points have only hidden cells."""
     for axis, n in enumerate(num_points):
         if n > 1:
             padding = [(1, 1) if k == axis else (0, 0) for k in range(3)]

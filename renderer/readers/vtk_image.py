@@ -1,9 +1,11 @@
 """Read VTK images: XML (.vti, .vtr) and legacy (.vtk) files, by VTK, in a child process (`isolation.py`).
 
-They are image data, or rectilinear grids whose coordinates are even. The pieces of a parallel image (.pvti) are files
+The files hold image data, or rectilinear grids with even coordinates. The pieces of a parallel image (.pvti) are files
 in its folder, which are put together.
-Each component of each array is a component of the volume. Values of points are preferred to those of cells, which lie
-in the middle between points. Points and cells that a mask hides (`vtk_arrays.py`) have no data.
+
+Each component of each array is a component of the volume. If a file has values at points and values of cells, the
+points are read. The value of a cell lies at its centre. Points and cells that a mask hides (`vtk_arrays.py`) have no
+data.
 """
 
 from __future__ import annotations
@@ -20,7 +22,10 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import InputError, require_package
-from renderer.readers.common import Image, affine, choose, errors_about, even_steps, require_exists, select_index
+from renderer.readers.affines import affine, even_steps
+from renderer.readers.components import choose, select_index
+from renderer.readers.file_errors import errors_about, require_exists
+from renderer.readers.image import Image
 from renderer.readers.isolation import Host, allocate_voxels
 from renderer.readers.nodata import with_nan_where
 from renderer.readers.text_header import MAX_HEADER_BYTES
@@ -31,23 +36,26 @@ from renderer.scene import short_text
 from renderer.system import attribute, unescaped
 from renderer.volume import Array, Bools, Float64
 
-_MAX_PACKING = 1032  # of deflate
+# The largest ratio of decompressed to compressed bytes of deflate.
+_MAX_PACKING = 1032
+# The most pieces of a parallel image.
 _MAX_PIECES = 10_000
-# The readers of what a file says that it has; those of legacy files have capital letters.
+# The module and the class of VTK's reader for each kind of data. Legacy files spell their kinds in capital letters.
 _READERS = {
     "ImageData": ("vtkIOXML", "vtkXMLImageDataReader"),
     "RectilinearGrid": ("vtkIOXML", "vtkXMLRectilinearGridReader"),
     "STRUCTURED_POINTS": ("vtkIOLegacy", "vtkStructuredPointsReader"),
     "RECTILINEAR_GRID": ("vtkIOLegacy", "vtkRectilinearGridReader"),
 }
+# The hint for other kinds of grids.
 _RESAMPLE = "grids of other kinds are resampled to an image first, for instance by ParaView's filter Resample To Image"
 
 
 def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing_override: bool, host: Host) -> Image:
     """Read one component of one array of an image.
 
-    has_spacing_override: not used; the file always has lengths. Raises InputError for files that are truncated or hold
-        other data, and if `time` or `component` do not fit.
+    has_spacing_override: unused, as the file always has lengths. Raises InputError for files that are truncated or
+        hold other data, and if `time` or `component` do not fit.
     """
     require_package("vtkmodules", extra="vtk")
     select_index("time", time, 1)
@@ -69,10 +77,11 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
 
 @dataclass(frozen=True)
 class _Part:
-    """One component of an image, or of a piece of one.
+    """One component of an image, or of a piece of an image.
 
-    values: [z, y, x]. names: of all components. first: the indices of its first voxel. unit: of its values.
-    hidden: which voxels have no data, [z, y, x]; None for none.
+    values: the values, [z, y, x]. names: the names of all components. is_cells: whether the values are those of cells.
+    first: the indices of the first voxel. unit: the unit of the values. hidden: a mask of the voxels without data,
+    [z, y, x], or None.
     """
 
     values: Array
@@ -115,7 +124,7 @@ def _read_part(path: Path, component: int | None, host: Host, extent: tuple[int,
 
 
 def _assembled(path: Path, pieces: list[tuple[Path, tuple[int, ...]]], component: int | None, host: Host) -> _Part:
-    """Return the image that pieces make up; raises InputError for voxels in none, and for pieces that do not fit."""
+    """Return the image of all pieces; raises InputError for voxels in no piece, and for pieces that do not fit."""
     whole = _extent(re.search(r"<PImageData\b[^<>]*", _start(path)), "WholeExtent")
     made, is_there, is_shown, notes = None, np.zeros(0, bool), np.zeros(0, bool), dict[str | None, None]()
     for file, extent in pieces:
@@ -139,7 +148,7 @@ def _assembled(path: Path, pieces: list[tuple[Path, tuple[int, ...]]], component
                     "this piece does not fit the others of its image",
                     expected="the arrays and the spacing of the first piece, and a place inside the whole extent",
                 )
-            # A voxel that one piece hides may be shown by another.
+            # Pieces overlap: a voxel that one piece hides may be shown by another piece.
             shown = np.ones(part.values.shape, bool) if part.hidden is None else ~part.hidden
             np.copyto(made.values[place], part.values, where=shown)
             is_there[place] = True
@@ -157,9 +166,9 @@ def piece_files(path: Path) -> list[Path]:
 
 
 def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
-    """Return the files of pieces that a parallel image names, and the extent of each; none for other files.
+    """Return the files of the pieces that a parallel image names, and the extent of each; none for other files.
 
-    Raises InputError for a piece that is not there, or not in the folder of the image.
+    Raises InputError for a piece that is missing, or not in the folder of the image.
     """
     text = _start(path)
     if _kind(text) != "PImageData":
@@ -181,7 +190,7 @@ def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
 
 
 def _extent(tag: re.Match[str] | None, name: str) -> tuple[int, ...]:
-    """Return the first and the last point along each axis, by an attribute; raises InputError for anything else."""
+    """Return the first and the last point along each axis, by an attribute; raises InputError for an invalid one."""
     extent = extent_in(tag[0], name) if tag else None
     if extent is None:
         raise _damaged(f"no {name} of six numbers")
@@ -194,8 +203,8 @@ def _start(path: Path) -> str:
 
 
 def _kind(start: str) -> str:
-    """Return the kind of data that a file says it has; an empty text if it says none."""
-    if start.startswith("# vtk"):  # and a line of any text
+    """Return the kind of data that a file states; an empty text if it states none."""
+    if start.startswith("# vtk"):  # the second line may hold any text
         lines = (line.upper().split(maxsplit=2) for line in start.split("\n")[2:])
         return next((words[1] for words in lines if words[:1] == ["DATASET"] and len(words) > 1), "")
     root = re.search(r"<VTKFile\b[^<>]*", start)
@@ -207,9 +216,9 @@ def _is_legacy(path: Path) -> bool:
 
 
 def _read(path: Path, host: Host, extent: tuple[int, ...]) -> Any:
-    """Return a vtkImageData or a vtkRectilinearGrid; raises InputError for others, and for errors that VTK reports.
+    """Return a vtkImageData or a vtkRectilinearGrid; raises InputError for other data, and for errors of VTK.
 
-    extent: of the part that is read, of a piece; everything if it is empty.
+    extent: the extent of the part to read; an empty one reads everything.
     """
     from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
@@ -232,14 +241,14 @@ def _read(path: Path, host: Host, extent: tuple[int, ...]) -> Any:
             reader.ReadAllScalarsOn()
             reader.ReadAllVectorsOn()
             reader.ReadAllFieldsOn()
-        else:  # perhaps compressed
+        else:  # an XML file, perhaps with compression
             reader.UpdateInformation()
             host.expect_bytes(min(_num_bytes(reader), _MAX_PACKING * path.stat().st_size))
         reader.UpdateExtent(extent) if extent else reader.Update()
     finally:
         vtkOutputWindow.SetInstance(before)
     image = reader.GetOutput()
-    # Of a truncated legacy file VTK only warns.
+    # VTK only warns of a truncated legacy file.
     is_damaged = reader.GetErrorCode() != 0 or re.search("ERROR: In|Error reading", window.GetOutput())
     if is_damaged or image is None or image.GetDimensions() == (0, 0, 0):
         raise _damaged(None)
@@ -249,9 +258,9 @@ def _read(path: Path, host: Host, extent: tuple[int, ...]) -> Any:
 
 
 def _check_appended(path: Path, image: Any) -> None:
-    """Raise InputError unless a file has its end, and plain values behind its XML are all there.
+    """Raise InputError unless a file ends properly, with all plain values behind its XML.
 
-    VTK goes on with whatever there is in memory.
+    VTK itself would go on with random values from memory.
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         if data.rfind(b"</VTKFile>") < 0:
@@ -270,7 +279,7 @@ def _check_appended(path: Path, image: Any) -> None:
 
 
 def _num_bytes(reader: Any) -> int:
-    """Return more than the bytes of all arrays that an XML reader has found: those of tensors of float64."""
+    """Return an upper bound for the bytes of all arrays of an XML reader: each may be a tensor of float64."""
     from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
     extent = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()) or (0,) * 6
@@ -289,7 +298,7 @@ def _damaged(got: str | None) -> InputError:
 
 
 def _world_from_index(image: Any, *, is_cells: bool) -> Float64:
-    """Return the affine, float64 [4, 4], of the first voxel of the image, which may be a part of a larger one."""
+    """Return the affine, float64 [4, 4], of the first voxel of an image, which may be a part of a larger image."""
     first = np.full(3, 0.5 if is_cells else 0.0)
     if image.IsA("vtkRectilinearGrid"):
         coordinates = (image.GetXCoordinates(), image.GetYCoordinates(), image.GetZCoordinates())

@@ -1,4 +1,4 @@
-"""Check the XML of a VTK image, where VTK itself goes on with whatever there is in memory."""
+"""Check the XML of a VTK image for faults that VTK ignores, going on with random values from memory."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ import numpy as np
 
 from renderer.system import attribute, number_in
 
-# Places of an image, and the count of numbers of each.
+# The attributes with the place of an image, and the count of numbers of each.
 _PLACES = {"Origin": 3, "Spacing": 3, "Direction": 9}
+# A whole number of an attribute.
 _INTEGER = re.compile(r"-?[0-9]{1,9}")
 
 
 def extent_in(tag: str, name: str) -> tuple[int, ...] | None:
-    """Return the first and the last point along each axis, by an attribute of a tag; None for anything else."""
+    """Return the first and the last point along each axis, by an attribute of a tag; None for an invalid attribute."""
     words = (attribute(tag, name) or "").split()
     numbers = tuple(int(word) for word in words if _INTEGER.fullmatch(word))
     is_extent = len(words) == len(numbers) == 6 and all(numbers[k + 1] >= numbers[k] for k in (0, 2, 4))
@@ -26,8 +27,10 @@ def extent_in(tag: str, name: str) -> tuple[int, ...] | None:
 
 
 def fault_in(path: Path, image: Any, *, is_cells: bool) -> str | None:
-    """Return what is wrong with the XML of an image that VTK has read: places that are no numbers, and points or cells
-    that no piece has."""
+    """Return a text on the fault in the XML of an image that VTK has read; None if there is none.
+
+    Faults are places that are not numbers, and points or cells that are in no piece.
+    """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         end = data.find(b"<AppendedData")
         text = data if end < 0 else data[:end]

@@ -90,12 +90,10 @@ from .message_text import (
 from .mode_section import MODE_NAMES as MODE_NAMES, ModeSpec as ModeSpec
 from .motion import (
     Motion as Motion,
-    changing_frames as changing_frames,
-    motion_of as motion_of,
-    motions_in as motions_in,
+    OverFrames as OverFrames,
     moving as moving,
     moving_result as moving_result,
-    values_at as values_at,
+    value_at as value_at,
 )
 from .output_formats import (
     FILM_SUFFIXES as FILM_SUFFIXES,
@@ -123,6 +121,13 @@ from .scene_file import (
     load_scene as load_scene,
     parse_scene_content as parse_scene_content,
 )
+from .scene_reading import parse_scene as parse_scene
+from .scene_writing import (
+    moving_values as moving_values,
+    scene_to_dict as scene_to_dict,
+    spec_to_dict as spec_to_dict,
+    without_sources as without_sources,
+)
 from .schedule import (
     accuracy_of as accuracy_of,
     is_film_wide_goal as is_film_wide_goal,
@@ -147,13 +152,10 @@ from .schema import (
 )
 from .shading_section import FACE_DEPTH as FACE_DEPTH, ShadingSpec as ShadingSpec
 from .spec import (
+    AnyScene as AnyScene,
+    FilmScene as FilmScene,
     PyramidSpec as PyramidSpec,
     Scene as Scene,
-    moving_values as moving_values,
-    parse_scene as parse_scene,
-    scene_to_dict as scene_to_dict,
-    spec_to_dict as spec_to_dict,
-    without_sources as without_sources,
 )
 from .splat_section import SplatSpec as SplatSpec
 from .transfer_section import (
@@ -201,7 +203,7 @@ from .camera_section import (
     MIN_FIELD_OF_VIEW as MIN_FIELD_OF_VIEW,
 )
 from .colormaps import is_colormap as is_colormap, nearest_colormap as nearest_colormap
-from .motion import EASINGS as EASINGS, MotionKind as MotionKind
+from .motion import EASINGS as EASINGS, MotionKind as MotionKind, values_at as values_at
 from .output_section import MAX_SIDE as MAX_SIDE
-from .spec import SECTIONS as SECTIONS
+from .scene_reading import SECTIONS as SECTIONS
 from .tree_node import read_frame as read_frame

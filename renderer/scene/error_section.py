@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from renderer.scene import schema
 from renderer.scene.message_text import format_value, join_words
-from renderer.scene.motion import motion_of, motion_to_dict
+from renderer.scene.motion import Motion, motion_to_dict
 from renderer.scene.schema import INVALID, TreeNode
 
 # The smallest tolerance besides 0: smaller numbers have fewer digits, which interpolation would lose.
@@ -38,14 +38,14 @@ _PROBES = schema.word_or({"auto": None}, _NUM_PROBES, f"auto, or {_NUM_PROBES.ex
 class SplatBudget:
     """A goal: the finest cut of at most this many cells, or bricks."""
 
-    value: int
+    value: int | Motion[int]
 
 
 @dataclass(frozen=True)
 class TimeBudget:
     """A goal: the finest cut that this machine draws, rounds and encodes in this many seconds a frame."""
 
-    value: float
+    value: float | Motion[float]
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class ErrorSpec:
         accuracy of each frame; None for as many as its size suggests.
     """
 
-    tolerance: float = 0.1
+    tolerance: float | Motion[float] = 0.1
     measure: Literal["optical", "rms"] = "optical"
     of: Literal["classified", "scalar"] = "classified"
     finest_level: Annotated[int, schema.integer_field(minimum=0, maximum=MAX_LEVEL)] = 0
@@ -91,8 +91,7 @@ def schedule_to_dict(error: ErrorSpec) -> dict[str, Any]:
     if isinstance(error.goal, MetricTarget):
         key = error.goal.metric
     value = error.tolerance if error.goal is None else error.goal.value
-    motion = motion_of(value)
-    return {key: value if motion is None else motion_to_dict(motion, plain=lambda each: each)}
+    return {key: motion_to_dict(value, plain=lambda each: each) if isinstance(value, Motion) else value}
 
 
 def _parse_number(node: TreeNode) -> Any:

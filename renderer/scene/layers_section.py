@@ -120,7 +120,8 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
             hint = "`hsplat info` shows the values of a volume" if key == "range" else None
             _OWN_TABLE[key].reject(node.child(key), "missing", hint=hint)
         color, span = own.get("color", INVALID), own.get("range", INVALID)
-        own["transfer_function"] = INVALID if INVALID in (color, span) or INVALID in span else ramp(color, span)
+        is_right = INVALID not in (color, span) and not (isinstance(span, tuple) and INVALID in span)
+        own["transfer_function"] = ramp(color, span) if is_right else INVALID
     return LayerSpec(volume, **own)
 
 
@@ -181,11 +182,18 @@ def _named_mask(node: TreeNode, mask: Any, layers: Mapping[str, LayerSpec]) -> A
     return replace(mask, volume=named.volume, transform=named.transform, labels=labels)
 
 
-VOLUMES_SECTION = schema.sequence_field(
+_LIST = schema.sequence_field(
     schema.section_field({**VOLUME_TABLE, **_OWN_TABLE}, _build_layer),
     "a list of volumes, each with a transfer_function",
-    check=_check_names,
 )
+
+
+def _parse_volumes(node: TreeNode) -> Any:
+    layers = _LIST.parser(node)
+    return _check_names(node, layers) if isinstance(layers, tuple) and INVALID not in layers else layers
+
+
+VOLUMES_SECTION = replace(_LIST, parser=_parse_volumes)
 
 
 def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:

@@ -1,8 +1,8 @@
 """Check that the numbers of a scene fit each other.
 
-`renderer.scene.spec` checks every number by itself. The checks here are relative: a camera so far away that the volume
-vanishes, a pixel that shows less of a voxel than float32 can resolve. `hsplat check` runs them if the scene gives the
-volume's size; otherwise `renderer.frame.pipeline.prepare` does, before any work. Nothing here imports numpy.
+`renderer.scene.scene_reading` checks every number by itself. The checks here are relative: a camera so far away that
+the volume vanishes, a pixel that shows less of a voxel than float32 can resolve. `hsplat check` runs them if the scene
+gives the volume's size; otherwise `renderer.frame.pipeline.prepare` does, before any work. Nothing here imports numpy.
 
 The bounds are far outside any sensible value, and well inside what is computed exactly. Drawing is relative to the
 volume's centre and to half its diagonal, its *radius*, in float32, with eyes up to MAX_DISTANCE away.

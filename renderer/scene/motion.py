@@ -6,8 +6,9 @@ a frame. `smooth` is the monotone piecewise cubic of F. N. Fritsch and J. Butlan
 monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5 (1984): the velocity is continuous, and no value
 lies beyond its two keys; a motion that is not closed starts and ends at rest.
 
-A value that moves stands in a scene as a float, an int or a tuple with its `Motion`, equal to what it is at frame 0.
-`values_at` puts plain values in the places of all of these.
+A value that moves is no number: in the sections of a film's scene its `Motion` stands in its place. Only this room has
+those sections in its hands. Others have them as `OverFrames`, which gives plain values at a frame and nothing else, and
+as the few fields whose types name a `Motion`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,10 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import pairwise
-from typing import Any, Literal, get_args
+from typing import Any, Generic, Literal, TypeVar, get_args
+
+T = TypeVar("T")
+U = TypeVar("U")
 
 Easing = Literal["linear", "smooth", "hold", "in", "out"]
 EASINGS: tuple[Easing, ...] = get_args(Easing)
@@ -29,37 +33,41 @@ _LEAST = 1e-9
 
 
 @dataclass(frozen=True)
-class Motion:
+class Motion(Generic[T]):
     """A value by frame: frames ascend, and all values have the same shape; it is constant before and after its keys.
 
     kind: how values between two keys are found. is_closed: the last key is the first one of the next loop.
     """
 
     frames: tuple[int, ...]
-    values: tuple[Any, ...]
+    values: tuple[T, ...]
     easing: Easing = "linear"
     kind: MotionKind = "linear"
     is_closed: bool = False
 
-    def at(self, frame: float) -> Any:
+    def at(self, frame: float) -> T:
         """Return the value at a frame, exact at keys. Whole numbers stay whole: the nearest, or below of ratios."""
         following = bisect_right(self.frames, frame)
         if following == 0:
             return self.values[0]
-        before = self.values[following - 1]
+        before: Any = self.values[following - 1]
         if following == len(self.frames) or frame == self.frames[following - 1] or self.easing == "hold":
-            return before
-        after, key = self.values[following], following - 1
+            return self.values[following - 1]
+        after: Any = self.values[following]
+        key = following - 1
         if before == after and self.easing != "smooth":
-            return before
+            return self.values[key]
         x = (frame - self.frames[key]) / (self.frames[following] - self.frames[key])
+        between: Any
         if self.kind == "direction":
-            return _direction_between(before, after, _eased(x, self.easing))
+            between = _direction_between(before, after, _eased(x, self.easing))
+            return between  # type: ignore[no-any-return]
         parts = [self._part(part) for part in (key - 1, key, key + 1)]
         widths = [width for *_, width in parts]
         columns = zip(*(numbers_in(value) for *ends, _ in parts for value in ends), strict=True)
         numbers = (self._number_between(column, widths, x) for column in columns)
-        return _with_numbers(before, numbers, _LEAST if self.kind == "ratio" else 0.5)
+        between = _with_numbers(before, numbers, _LEAST if self.kind == "ratio" else 0.5)
+        return between  # type: ignore[no-any-return]
 
     def _part(self, number: int) -> tuple[Any, Any, float]:
         """Return the values at both ends of a part between keys, and its width; at rest beside a motion's ends."""
@@ -181,91 +189,101 @@ def _with_parts(value: Any, parts: Sequence[Any]) -> Any:
 # Values that move
 
 
-class _Moving:
-    """A mixin of values with a motion, which are equal only to those of the same motion."""
+@dataclass(frozen=True)
+class OverFrames(Generic[T]):
+    """A part of a scene over the frames of its film. Values in it may move, so that it is read at a frame.
 
-    motion: Motion
+    _value: with a motion in the place of each value that moves; no other room reads it.
+    """
 
-    def __eq__(self, other: object) -> bool:
-        return motion_of(other) == self.motion
+    _value: T
 
-    def __ne__(self, other: object) -> bool:
-        return motion_of(other) != self.motion
+    def at(self, frame: float) -> T:
+        """Return the part with plain values, as it is at a frame."""
+        return values_at(self._value, frame)
 
-    def __hash__(self) -> int:
-        return hash(self.motion)
+    def map(self, function: Callable[[T], U]) -> OverFrames[U]:
+        """Return what a function picks from the part, or makes by replacing something in it.
+
+        The function may not calculate: values that it is given may be motions.
+        """
+        return OverFrames(function(self._value))
+
+    @property
+    def motions(self) -> list[Motion[Any]]:
+        """Return the motions of all values that move."""
+        return list(motions_in(self._value))
+
+    @property
+    def moves(self) -> bool:
+        """Return whether any value moves."""
+        return any(motions_in(self._value))
+
+    @property
+    def key_frames(self) -> list[int]:
+        """Return the frames at which a motion has a key, ascending."""
+        return sorted({frame for motion in motions_in(self._value) for frame in motion.frames})
+
+    @property
+    def changing_frames(self) -> list[tuple[int, int]]:
+        """Return the runs of frames, first and last, on which something is not as on the frame before."""
+        found = {
+            frame
+            for motion in motions_in(self._value)
+            for (start, before), (end, after) in pairwise(zip(motion.frames, motion.values, strict=True))
+            if before != after
+            for frame in range(start + 1, end + 1)
+        }
+        starts, ends = (sorted(frame for frame in found if frame + step not in found) for step in (-1, 1))
+        return list(zip(starts, ends, strict=True))
 
 
-class _MovingFloat(_Moving, float):
-    """A number that moves."""
+def value_at(value: T | Motion[T], frame: float) -> T:
+    """Return a value that may move as it is at a frame."""
+    return value.at(frame) if isinstance(value, Motion) else value
 
 
-class _MovingInt(_Moving, int):
-    """A whole number that moves."""
-
-
-class _MovingTuple(_Moving, tuple[Any, ...]):
-    """A list, a vector or a colour that moves."""
-
-
-_MOVING: dict[type, Callable[[Any], Any]] = {float: _MovingFloat, int: _MovingInt, tuple: _MovingTuple}
-
-
-def motion_to_dict(motion: Motion, plain: Callable[[Any], Any]) -> dict[Any, Any]:
+def motion_to_dict(motion: Motion[Any], plain: Callable[[Any], Any]) -> dict[Any, Any]:
     """Return a motion as plain data, with values that `plain` makes; keys become text in JSON, and are read so."""
     by_frame = {frame: plain(value) for frame, value in zip(motion.frames, motion.values, strict=True)}
     return by_frame | ({"easing": motion.easing} if motion.easing != "linear" else {})
 
 
-def moving(motion: Motion) -> Any:
-    """Return the value of a motion that stands in a scene: a plain one if nothing moves."""
-    if len(set(motion.values)) == 1:
-        return motion.values[0]
-    value = motion.at(0)
-    made = _MOVING[type(value)](value)
-    made.motion = motion
-    return made
+def moving(motion: Motion[Any]) -> Any:
+    """Return a motion, or its value if that is the same at all keys: for a field of a film's section."""
+    return motion.values[0] if len(set(motion.values)) == 1 else motion
 
 
-def motion_of(value: object) -> Motion | None:
-    """Return the motion of a value; None of one that is still."""
-    return value.motion if isinstance(value, _Moving) else None
-
-
-def motions_in(value: Any) -> Iterator[Motion]:
+def motions_in(value: object) -> Iterator[Motion[Any]]:
     """Yield all motions in a part of a scene."""
-    if (motion := motion_of(value)) is not None:
-        yield motion
+    if isinstance(value, Motion):
+        yield value
         return
     for part in _parts(value):
         yield from motions_in(part)
 
 
-def changing_frames(value: Any) -> list[tuple[int, int]]:
-    """Return the runs of frames, first and last, on which something in a value is not as on the frame before."""
-    found = {
-        frame
-        for motion in motions_in(value)
-        for (start, before), (end, after) in pairwise(zip(motion.frames, motion.values, strict=True))
-        if before != after
-        for frame in range(start + 1, end + 1)
-    }
-    starts, ends = (sorted(frame for frame in found if frame + step not in found) for step in (-1, 1))
-    return list(zip(starts, ends, strict=True))
+def is_plain(*values: object) -> bool:
+    """Return whether no value is, or has in it, a motion."""
+    return not any(motions_in(values))
 
 
-def values_at(value: Any, frame: float) -> Any:
-    """Return a part of a scene as it is at a frame; itself if nothing in it moves."""
-    if (motion := motion_of(value)) is not None:
-        return motion.at(frame)
+def values_at(value: T, frame: float) -> T:
+    """Return a part of a scene as it is at a frame, with plain values in place of motions; itself if nothing moves."""
+    if isinstance(value, Motion):
+        plain: T = value.at(frame)
+        return plain
     parts = _parts(value)
-    return _with_parts(value, [values_at(part, frame) for part in parts]) if parts else value
+    made: T = _with_parts(value, [values_at(part, frame) for part in parts]) if parts else value
+    return made
 
 
 def at_keys(function: Callable[[Any], Any], value: Any) -> Any:
     """Return what a function makes of a value, or of one that moves at each of its keys."""
-    motion = motion_of(value)
-    return function(value) if motion is None else moving(replace(motion, values=tuple(map(function, motion.values))))
+    if not isinstance(value, Motion):
+        return function(value)
+    values = tuple(map(function, value.values))
+    return moving(Motion(value.frames, values, value.easing, value.kind, value.is_closed))
 
 
 def moving_result(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -277,4 +295,4 @@ def moving_result(function: Callable[..., Any], *arguments: Any) -> Any:
     if len(found) > 1:  # not affine in the frame
         motion, frames = Motion((), ()), list(range(frames[0], frames[-1] + 1))
     made = tuple(function(*values_at(arguments, frame)) for frame in frames)
-    return moving(replace(motion, frames=tuple(frames), values=made))
+    return moving(Motion(tuple(frames), made, motion.easing, motion.kind, motion.is_closed))

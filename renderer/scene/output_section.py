@@ -13,7 +13,7 @@ from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.input_file import place_name, place_of
 from renderer.scene.message_text import did_you_mean, format_value, join_words
-from renderer.scene.motion import motion_of
+from renderer.scene.motion import Motion, value_at
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
 from renderer.scene.schema import INVALID, Color, TreeNode
 
@@ -31,8 +31,9 @@ _FILE_WORDS = (
     "one frame (--frames 7), still.png"
 )
 
-# A colour, or that at the top and that at the bottom; None is transparent.
+# The colours at the top and at the bottom.
 Gradient = tuple[Color, Color]
+# None is transparent.
 Background = Color | Gradient | None
 
 
@@ -84,14 +85,22 @@ class PictureKind(NamedTuple):
     """
 
     size: tuple[int, int]
-    background: Background
+    background: Background | Motion[Background]
     depth: int
+
+    def at(self, frame: int) -> PictureKind:
+        """Return the kind with the background as it is at a frame."""
+        return self._replace(background=self.background_at(frame))
+
+    def background_at(self, frame: int) -> Background:
+        """Return the background as it is at a frame."""
+        return value_at(self.background, frame)
 
     @property
     def name(self) -> str:
         """Return words that tell it from other kinds: `256 x 256, transparent, 8 bits`."""
         width, height = self.size
-        behind = f"background {motion_of(self.background) or self.background}"
+        behind = f"background {self.background}"
         return f"{width} x {height}, {'transparent' if self.background is None else behind}, {self.depth} bits"
 
     @property
@@ -115,7 +124,7 @@ class OutputFile:
     file: Annotated[Path, OUTPUT_FILE_FIELD]
     size: Annotated[tuple[int, int], _SIZE] = (512, 512)
     frames_per_second: Annotated[float, schema.number_field(minimum=0.01, maximum=1000, motion=None)] = 30.0
-    background: Annotated[Background, _BACKGROUND] = (0.0, 0.0, 0.0)
+    background: Annotated[Background | Motion[Background], _BACKGROUND] = (0.0, 0.0, 0.0)
     quality: Annotated[float, schema.number_field(minimum=0, maximum=10, motion=None)] = 8.0
     codec: Annotated[str | None, schema.TEXT_FIELD] = None
     crf: Annotated[float | None, schema.number_field(minimum=0, maximum=_MAX_CRF, motion=None)] = None
@@ -132,6 +141,10 @@ class OutputFile:
     def is_frames(self) -> bool:
         """Return whether each frame is a separate file, which exists as soon as it is drawn."""
         return self.format.is_frames
+
+    def background_at(self, frame: int) -> Background:
+        """Return the background as it is at a frame."""
+        return value_at(self.background, frame)
 
     @property
     def is_numbered(self) -> bool:

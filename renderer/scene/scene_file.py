@@ -18,10 +18,11 @@ from renderer.scene.limits import raise_problems
 from renderer.scene.message_text import format_value, join_keys
 from renderer.scene.output_formats import output_suffix
 from renderer.scene.output_section import only_output
-from renderer.scene.spec import Scene, parse_scene
+from renderer.scene.scene_reading import parse_scene
+from renderer.scene.spec import FilmScene
 
 
-def load_scene(path: Path, **changes: Any) -> Scene:
+def load_scene(path: Path, **changes: Any) -> FilmScene:
     """Return the scene in the YAML file `path`; parameters and errors as in `parse_scene_content`."""
     return parse_scene_content(read_content(path), path, **changes)
 
@@ -34,7 +35,7 @@ def parse_scene_content(
     volume: Path | None = None,
     output: Path | str | None = None,
     is_single_frame: bool = False,
-) -> Scene:
+) -> FilmScene:
     """Return the scene in the content of the YAML file `path`.
 
     is_single_frame: only one frame of the path is drawn. Else parameters and errors as in `edit_scene_content`.
@@ -122,7 +123,7 @@ class TreeEditor:
         """Return the paths that options have written."""
         return [path for path, writer in self._writers.items() if isinstance(writer, int)]
 
-    def parse(self, *, is_single_frame: bool = False) -> Scene:
+    def parse(self, *, is_single_frame: bool = False) -> FilmScene:
         """Return the scene; its files are relative to the folder of the tree's file.
 
         Raises SceneError with all problems, in the order of the file, those of the command line last.

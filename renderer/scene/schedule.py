@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 from itertools import groupby
 from operator import itemgetter
+from typing import Any
 
 from renderer.scene.error_section import ErrorSpec, MetricTarget, TimeBudget
-from renderer.scene.motion import Motion, motion_of, moving, values_at
-from renderer.scene.spec import Scene
+from renderer.scene.motion import Motion, moving, value_at
+from renderer.scene.spec import AnyScene
 
 
 def tolerance_at(error: ErrorSpec, frame: int) -> float:
     """Return the tolerance of a frame; a goal, if any, has been resolved."""
     assert error.goal is None, f"to be resolved first: {error.goal}"
-    tolerance: float = values_at(error.tolerance, frame)
-    return tolerance
+    return value_at(error.tolerance, frame)
 
 
 def accuracy_of(error: ErrorSpec) -> ErrorSpec:
@@ -29,34 +29,39 @@ def is_film_wide_goal(error: ErrorSpec) -> bool:
     return isinstance(error.goal, (MetricTarget, TimeBudget))
 
 
-def with_draw_order(scene: Scene) -> Scene:
+def with_draw_order(scene: AnyScene) -> AnyScene:
     """Return the scene with the order in which splats are drawn: `unmixed`, a single order, for a time budget.
 
     Drawing some frames in a second order would double their time, or need a far coarser cut, which flickers.
     """
-    if isinstance(scene.error.goal, TimeBudget) and scene.splat.order == "depth":
-        return replace(scene, splat=replace(scene.splat, order="unmixed"))
+    if isinstance(scene.error.goal, TimeBudget) and scene.draw_order == "depth":
+        return scene.changed(lambda each: replace(each, splat=replace(each.splat, order="unmixed")))
     return scene
 
 
 def min_tolerance(error: ErrorSpec) -> float:
     """Return the smallest tolerance of any frame; 0 with a goal."""
-    motion = motion_of(error.tolerance)
-    return 0.0 if error.goal else min(motion.values if motion else [error.tolerance])
+    tolerance = error.tolerance
+    return 0.0 if error.goal else min(tolerance.values) if isinstance(tolerance, Motion) else tolerance
 
 
-def with_tolerance(scene: Scene, tolerance: float) -> Scene:
+def with_error(scene: AnyScene, **changes: Any) -> AnyScene:
+    """Return the scene with other values in its `error`."""
+    return scene.changed(lambda each: replace(each, error=replace(each.error, **changes)))
+
+
+def with_tolerance(scene: AnyScene, tolerance: float) -> AnyScene:
     """Return the scene at a constant tolerance."""
-    return replace(scene, error=replace(scene.error, tolerance=tolerance, goal=None))
+    return with_error(scene, tolerance=tolerance, goal=None)
 
 
-def with_tolerances(scene: Scene, tolerances: Mapping[int, float]) -> Scene:
+def with_tolerances(scene: AnyScene, tolerances: Mapping[int, float]) -> AnyScene:
     """Return the scene with a tolerance for each of these frames, in ascending order."""
-    return replace(scene, error=replace(scene.error, tolerance=schedule_from_tolerances(tolerances), goal=None))
+    return with_error(scene, tolerance=schedule_from_tolerances(tolerances), goal=None)
 
 
-def schedule_from_tolerances(tolerances: Mapping[int, float]) -> float:
+def schedule_from_tolerances(tolerances: Mapping[int, float]) -> float | Motion[float]:
     """Return a tolerance that has exactly these values at these frames, which are in ascending order."""
     frames, values = zip(*(next(run) for _, run in groupby(tolerances.items(), key=itemgetter(1))), strict=True)
-    tolerance: float = moving(Motion(frames, values, "hold", "ratio"))
+    tolerance: float | Motion[float] = moving(Motion(frames, values, "hold", "ratio"))
     return tolerance

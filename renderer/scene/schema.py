@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, TypeGuard, TypeVar, get_args, get_or
 
 from renderer.errors import Problem, closest_match
 from renderer.scene.message_text import did_you_mean, format_value, join_words
-from renderer.scene.motion import MotionKind
+from renderer.scene.motion import MotionKind, is_plain
 from renderer.scene.tree_node import (
     INVALID as INVALID,
     MAX_FRAMES as MAX_FRAMES,
@@ -196,7 +196,8 @@ def sequence_field(
 ) -> FieldType[Any]:
     """Return the type of a list of `count` items, or of one or more unless it `may_be_empty`; wrong items are INVALID.
 
-    check: returns the items, or INVALID; it is called if every item is right. motion: by default that of the items.
+    check: returns the items, or INVALID; it is called if every item is right and none moves, for items that move are
+        checked at their keys. motion: by default that of the items.
     """
 
     def parse(node: TreeNode) -> Any:
@@ -205,7 +206,7 @@ def sequence_field(
         if len(node.value) != count if count else not (node.value or may_be_empty):
             return node.reject("wrong number of items")
         items = tuple(item.read(node.child(index, value)) for index, value in enumerate(node.value))
-        return items if check is None or INVALID in items else check(node, items)
+        return items if check is None or INVALID in items or not is_plain(items) else check(node, items)
 
     return FieldType(expected, parse, motion=motion or (item.motion and "linear"), table=item.table)
 
@@ -275,7 +276,8 @@ def field_table(cls: Any) -> dict[str, FieldType[Any]]:
 
     Fields whose hints say too little are left out.
     """
-    found = {name: _field_type(hint) for name, hint in get_type_hints(cls, include_extras=True).items()}
+    hints = get_type_hints(cls, include_extras=True)
+    found = {each.name: _field_type(hints[each.name]) for each in fields(cls)}
     return {name: field for name, field in found.items() if field is not None}
 
 

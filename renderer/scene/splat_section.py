@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from renderer.scene import schema
 from renderer.scene.message_text import format_value
+from renderer.scene.motion import is_plain
 from renderer.scene.schema import INVALID, TreeNode
 
 Footprint = Literal["gaussian", "gouraud", "integrated"]
@@ -68,7 +69,8 @@ def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
             hint = f"this section gives no footprint, so it is {footprint}, which has no {key}"
             node.key(key).reject("needs footprint: gouraud", hint=hint)
     profile = given.get("profile", INVALID)
-    if isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile):
+    is_known = isinstance(profile, tuple) and all(isinstance(pair, tuple) and INVALID not in pair for pair in profile)
+    if is_known and is_plain(profile):
         _check_profile(node.child("profile"), profile, given.get("radial", SplatSpec.radial))
     return SplatSpec(**given)
 

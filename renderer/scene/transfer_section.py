@@ -16,7 +16,7 @@ from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.input_file import read_bounded, require_file
 from renderer.scene.labels_section import LABELS_TABLE, LabelsSpec, build_labels
 from renderer.scene.message_text import format_value
-from renderer.scene.motion import at_keys, motion_of, motions_in, moving_result, values_at
+from renderer.scene.motion import Motion, at_keys, is_plain, motions_in, moving_result, value_at, values_at
 from renderer.scene.schema import INVALID, Color, TreeNode
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class TransferSpec:
 
     `unit` is the world length that opacities refer to; None means the volume's finest spacing. What was imported is in
     the control points, so that `imported` changes nothing and is not recorded. relative: values are percentiles of the
-    volume's voxels with data, in place of which `renderer.suggest.resolve_scene` puts values.
+    volume's voxels with data, in place of which `renderer.resolve.resolve_scene` puts values.
     """
 
     mapping: tuple[ControlPoint, ...] | ColormapSpec | LabelsSpec
@@ -169,7 +169,7 @@ def _check_percentiles(node: TreeNode, given: Mapping[str, Any]) -> None:
                 place, value = place.child("value"), item.value
             elif isinstance(item, tuple):
                 place, value = place.child(0), item[0]
-            if value is not INVALID:
+            if value is not INVALID and is_plain(value):
                 _PERCENTILE.parse(replace(place, value=value))
     for key in schema.valid_keys(given, "shift", "scale") if "import" in given else ():
         node.key(key).reject(f"contradicts {node.path}.relative", expected="", hint="range says where its values are")
@@ -177,7 +177,7 @@ def _check_percentiles(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     unit = given.get("unit")
-    of_colormap = [] if isinstance(given.get("scale"), float) else ["scale"]  # a word
+    of_colormap = [] if isinstance(given.get("scale"), (float, Motion)) else ["scale"]  # a word
     if "import" in given:
         for key in schema.valid_keys(given, "points", "colormap", *of_colormap):
             node.key(key).reject(f"contradicts {node.path}.import", expected="one of them")
@@ -188,21 +188,24 @@ def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
         for key in schema.valid_keys(given, *_COLORMAP_FIELDS, *of_colormap):
             expected = "either points, or colormap with range and opacity"
             node.key(key).reject(f"contradicts {node.path}.points", expected=expected)
-        points = given["points"] if isinstance(given["points"], tuple) else ()
-        pairs = [(getattr(point, "value", INVALID), getattr(point, "opacity", INVALID)) for point in points]
+        points: Any = given["points"] if isinstance(given["points"], (tuple, Motion)) else ()
+        known = () if isinstance(points, Motion) else points
+        pairs = [(getattr(point, "value", INVALID), getattr(point, "opacity", INVALID)) for point in known]
         _check_points(node.child("points"), pairs, "value")
         return TransferSpec(points, unit)
     if not any(key in given for key in _COLORMAP_FIELDS):
         node.reject("no colors and opacities", got="", expected="points, colormap with range and opacity, or import")
     elif _has_opacities_alone(given):
-        _check_opacity(node.child("opacity"), given["opacity"])
-        valid = given["opacity"] if isinstance(given["opacity"], tuple) and INVALID not in given["opacity"] else ()
-        return TransferSpec(moving_result(_points, valid), unit)
+        opacity = given["opacity"]
+        _check_opacity(node.child("opacity"), opacity)
+        is_valid = isinstance(opacity, Motion) or (isinstance(opacity, tuple) and INVALID not in opacity)
+        return TransferSpec(moving_result(_points, opacity if is_valid else ()), unit)
     else:
         _require_colormap(node, given)
     name, low_high, opacity = (given.get(key, INVALID) for key in _COLORMAP_FIELDS)
-    if "opacity" not in given and isinstance(low_high, tuple) and INVALID not in low_high:
-        opacity = ((low_high[0], 1.0),)
+    ends = value_at(low_high, 0)
+    if "opacity" not in given and isinstance(ends, tuple) and INVALID not in ends:
+        opacity = ((ends[0], 1.0),)
     pairs = _check_opacity(node.child("opacity"), opacity)
     scale = given.get("scale")
     if scale == "log" and given.get("relative") is not True:
@@ -236,7 +239,7 @@ def check_colors_given(node: TreeNode) -> None:
 
 
 def _check_positive(node: TreeNode, value: Any) -> None:
-    if value is not INVALID and value <= 0:
+    if value is not INVALID and is_plain(value) and value <= 0:
         hint = "smaller values, also 0 and less, are drawn as the first of the range and of the opacities"
         node.child(0, value).reject("no logarithm", expected="with scale: log, a number greater than 0", hint=hint)
 
@@ -248,7 +251,7 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     span, opacities, num_problems = given.get("range"), given.get("opacity"), len(node.problems)
     if not all(map(_is_valid, given.values())):
         return TransferSpec((INVALID,))
-    _check_points(node.child("opacity"), list(opacities or ()), 0)
+    _check_points(node.child("opacity"), list(opacities) if isinstance(opacities, tuple) else [], 0)
     found = _read_look(node, given["import"], given.get("name"))
     if found is None or len(node.problems) > num_problems:
         return TransferSpec((INVALID,))
@@ -261,12 +264,12 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
         return TransferSpec((INVALID,))
 
     points = _place_points(look, span, opacities, given.get("scale", 1.0), given.get("shift", 0.0))
-    place = node.child("import", given["import"])
-    if not all(math.isfinite(point.value) for point in points):
+    place, first = node.child("import", given["import"]), value_at(points, 0)
+    if not all(math.isfinite(point.value) for point in first):
         place.reject("its values become too large for a number")
-    if len(points) > MAX_LOOK_POINTS:
-        place.reject("too many points", got=str(len(points)), expected=f"at most {MAX_LOOK_POINTS}")
-    _check_points(place, [(point.value, point.opacity) for point in points], 0)
+    if len(first) > MAX_LOOK_POINTS:
+        place.reject("too many points", got=str(len(first)), expected=f"at most {MAX_LOOK_POINTS}")
+    _check_points(place, [(point.value, point.opacity) for point in first], 0)
     name, has_opacities = Path(given["import"]).name, look.has_opacities or opacities is not None
     imported = ImportedLook(name, file, has_opacities, look.shading, look.left_out, look, span, opacities)
     return TransferSpec(points, given.get("unit", look.unit), imported)
@@ -313,7 +316,7 @@ def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: obje
     values = [value for value, _ in points]
     for index, (before, value) in enumerate(pairwise(values), start=1):
         place = node.child(index).child(value_key, value)
-        if INVALID in (before, value):
+        if INVALID in (before, value) or not is_plain(before, value):
             continue
         if value < before:
             place.reject("points out of order", expected=f"at least {format_value(before)}, as in the point before")
@@ -355,7 +358,7 @@ def map_values(transfer: TransferSpec, function: Callable[[float], float]) -> Tr
     """
 
     def mapped(part: Any) -> Any:
-        if motion_of(part) is not None:
+        if isinstance(part, Motion):
             return at_keys(mapped, part)
         if isinstance(part, ControlPoint):
             return replace(part, value=mapped(part.value))
@@ -371,7 +374,7 @@ def map_values(transfer: TransferSpec, function: Callable[[float], float]) -> Tr
         mapping = _place_points(imported.look, mapped(imported.range), opacities)
     elif isinstance(mapping, ColormapSpec):
         mapping = replace(mapping, range=mapped(mapping.range), opacity=mapped_pairs(mapping.opacity))
-    elif isinstance(mapping, tuple):
+    elif not isinstance(mapping, LabelsSpec):
         mapping = _without_ties(mapped(mapping))
     return replace(transfer, mapping=mapping, relative=False)
 

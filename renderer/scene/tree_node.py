@@ -37,7 +37,7 @@ INVALID: Any = object()
 class FilmTime:
     """A film of so many frames, in which values may move.
 
-    num_frames: None where that is not known. at: the frame at which values are read; None keeps their motions.
+    num_frames: None where that is not known. at: the frame at which values are read; None puts motions in their places.
     keys: the frames of all motions that were read. motions: those without problems, by their paths and the types that
         they were read as, which are kept: values are read at many frames, and motions may have many keys.
     """
@@ -46,7 +46,7 @@ class FilmTime:
     frames_per_second: float
     at: int | None = None
     keys: set[int] = field(default_factory=set)
-    motions: dict[tuple[str, int], tuple[FieldType[Any], Motion]] = field(default_factory=dict)
+    motions: dict[tuple[str, int], tuple[FieldType[Any], Motion[Any]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
     return moving(motion) if film.at is None else motion.at(film.at)
 
 
-def _check_between_keys(field: FieldType[Any], node: TreeNode, motion: Motion) -> None:
+def _check_between_keys(field: FieldType[Any], node: TreeNode, motion: Motion[Any]) -> None:
     """Check what a list or a matrix is on the way from one key to the next, such as one that has no inverse."""
     if any(True for part in motion.values[0] if not isinstance(part, (int, float, tuple))):
         return
@@ -232,7 +232,7 @@ def check_frames_ascend(node: TreeNode, before: Any, frame: Any) -> bool:
     return ascends
 
 
-def _check_ratios(node: TreeNode, motion: Motion) -> None:
+def _check_ratios(node: TreeNode, motion: Motion[Any]) -> None:
     """Check that no number goes from or to 0, which has no logarithm, over several frames."""
     for (start, before), (end, after) in pairwise(zip(motion.frames, motion.values, strict=True)):
         if motion.easing != "hold" and (before == 0) != (after == 0) and end - start > 1:

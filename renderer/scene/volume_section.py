@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from renderer.scene import schema
 from renderer.scene.message_text import format_value
-from renderer.scene.motion import motion_of, moving_result, values_at
+from renderer.scene.motion import Motion, OverFrames, is_plain, moving_result
 from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.volume_files import SOURCE_FIELD, FileSource, file_field
 from renderer.system import printable
@@ -235,14 +235,15 @@ class VolumeSpec:
         return self.component in ("color", "color_alpha")
 
 
-def steps_in_time(spec: VolumeSpec) -> list[VolumeSpec]:
+def steps_in_time(volume: OverFrames[VolumeSpec]) -> list[VolumeSpec]:
     """Return the steps that a film shows, or mixes, of a volume whose time moves, ascending; else itself.
 
-    What else moves is as on frame 0.
+    Whatever else moves is as on frame 0.
     """
-    plain, motion = values_at(spec, 0), motion_of(spec.time)
-    if motion is None:
+    plain, motions = volume.at(0), volume.map(lambda spec: spec.time).motions
+    if not motions:
         return [plain]
+    (motion,) = motions
     times: Sequence[float] = motion.values
     if motion.easing != "hold":
         times = [motion.at(frame) for frame in range(motion.frames[0], motion.frames[-1] + 1)]
@@ -272,7 +273,7 @@ def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
         for key in schema.valid_keys(given, "time", "interpolate", "component", "dataset"):
             node.key(key).reject(f"{kind} neither time steps, components nor datasets", hint="remove the key")
     shape, crop = getattr(source, "shape", INVALID), given.get("crop", INVALID)
-    pairs = () if INVALID in (crop, shape) else zip(crop, shape, strict=True)
+    pairs = () if INVALID in (crop, shape) or not is_plain(crop) else zip(crop, shape, strict=True)
     is_by_name = isinstance(node.value, Mapping) and isinstance(node.value.get("crop"), Mapping)
     for axis, (pair, length) in zip("xyz" if is_by_name else range(3), pairs, strict=False):
         if None not in (pair, length) and INVALID not in (pair, length) and INVALID not in pair and pair[1] > length:
@@ -289,8 +290,7 @@ def _as_step(node: TreeNode, time: Any, *, interpolates: bool) -> Any:
         return time
     if interpolates:
         return moving_result(float, time)
-    motion = motion_of(time)
-    for value in (time,) if motion is None else motion.values:
+    for value in time.values if isinstance(time, Motion) else (time,):
         if isinstance(value, float):
             expected, hint = SUBSET_INDEX_FIELD.expected, "`interpolate: true` mixes the two steps beside it"
             return node.reject("not a whole number", got=format_value(value), expected=expected, hint=hint)

@@ -1,26 +1,22 @@
-"""Suggest a transfer function that shows what is in a volume.
+"""Suggest a transfer function, a light and clip planes that show the content of a volume.
 
-In: a volume and its statistics. Out: `Suggestion`: the kind of data, and control points and opacities that show it.
-Thresholds by Otsu 1979; densities by visibility, Correa and Ma 2011.
+In: a volume and its statistics, and perhaps a wish. Out: `Suggestion`: the kind of data, control points and opacities,
+and the reason in words. Opacities are solved for visibility, Correa and Ma 2011.
 
-- `volume_suggestion.py` makes the suggestion; `unread.py`: of a volume that is still to be read, all of its channels
-  and its steps in time; `suggestion.py` is what it consists of, and hides outliers; `fill_value.py` chooses what voxels
-  without data count as.
-- `histogram.py`: range, histogram; `isolated.py`: hot and dead pixels, which are set aside; `percentiles.py`: exact
-  ranks.
-- `features.py`: a sample of the voxels, its background and noise; `padding.py`: zeros at the border, which are no
-  background; `classes.py`: thresholds and materials; `medium.py`: what surrounds the object evenly; `separation.py`:
-  the object, and planes that clip away what lies around it.
-- `recognition.py` chooses by the kind of data; `level_sets.py`: distances and the like; `label_volume.py`: masks and
-  segmentations, in the colours of `palette.py`; `wishes.py`: a suggestion steered by a word, a preset or a file.
-- `presets.py`: layers and colours for each kind of data; `opacity_calibration.py`: how dense they are, so that each has
-  its part of the picture; `opacity.py`: depths as opacities.
-- `channels.py`: a layer for each channel of a file, for `component: all`; `label_choice.py`: which labels are shown,
-  and their colours; `relative.py`: values for percentiles; `open_layers.py`: all of these, where a scene leaves them
-  open.
-- `matching.py`: how the values of one scan become those of another, by their histograms.
-- `over.py`: two volumes, one over the other; its weights are searched by `opacity_calibration.py`.
-- `film_options.py`: the defaults of the film around it.
+- `file_suggestion.py`: for a volume that is still to be read, with all of its channels; `looks_in_time.py`: for all of
+  its steps in time; `volume_suggestion.py`: for one that is in memory, with its labels and colours;
+  `value_suggestion.py`: for its values alone.
+- `suggestion.py` holds the result of all of these, and hides outliers; `film_options.py`: the defaults of the film
+  around it.
+- `recognition.py` chooses a preset by the kind of data, `wishes.py` by a word; `imported_look.py` takes a preset by
+  name, or a file, in its place.
+- `presets.py`: a preset, its layers and colours; `scan_presets.py` and `field_presets.py`: presets for each kind of
+  data; `layer.py`: one layer of values; `preset_points.py`: control points from a preset.
+- `opacity_calibration.py`: how dense layers are, so that each has its share of the picture, along
+  `turntable_rays.py`; `opacity.py`: optical depths as opacities.
+- `separation.py`: the object, and planes that clip its surroundings away.
+- `label_look.py`: masks and segmentations; `palette.py`: colours that differ as they are seen.
+- `channels.py`: a layer for each channel of a file; `over.py`: two volumes, one over the other.
 """
 
 import lazy_loader

@@ -3,43 +3,52 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from renderer.errors import InputError
-from renderer.readers import some_steps
-from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, VolumeSpec, ramp, steps_in_time
-from renderer.suggest import features
-from renderer.suggest.histogram import compute_statistics
-from renderer.suggest.padding import without_padding
+from renderer.readers import ReadVolume, some_steps
+from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, OverFrames, ramp, steps_in_time
+from renderer.statistics import compute_statistics, find_background, sample_volume, without_padding
 from renderer.suggest.palette import in_8_bits
 from renderer.volume import Channel, Volume
 
-# In turn, for channels without one; the first two are told apart by those who see no difference of red and green.
+# The colours of channels without one, in turn. People who see no difference of red and green tell the
+# first two apart.
 _COLORS: tuple[Color, ...] = (
-    (0.0, 1.0, 0.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0),
-    (1.0, 0.5, 0.0), (1.0, 1.0, 1.0),
-)  # fmt: skip
+    (0.0, 1.0, 0.0),
+    (1.0, 0.0, 1.0),
+    (0.0, 1.0, 1.0),
+    (1.0, 1.0, 0.0),
+    (1.0, 0.0, 0.0),
+    (0.0, 0.0, 1.0),
+    (1.0, 0.5, 0.0),
+    (1.0, 1.0, 1.0),
+)
+# The most channels.
 _MAX_CHANNELS = 64
-# Of the values above the background, this percentile has the full colour.
+# The percentile of the values above the background that has the full colour.
 _BRIGHT_PERCENTILE = 99.0
-# Voxels of a sample along each axis. Rays with this part of the most light are bright, and this percentile of them is
-# fully bright. The largest factor.
-_SAMPLED_SIDE, _LEAST_BRIGHT, _FULL_PERCENTILE, _MOST_WEIGHT = 96, 0.1, 93.0, 50.0
-# Where no background stands apart, as in tissue that fills the picture, the light of lower values would burn it out.
+# The percentile that is dark where no background stands apart, as in tissue that fills the picture: there the light of
+# lower values would burn it out.
 _DARK_PERCENTILE = 80.0
-
-
-# Reads the voxels of a volume.
-ReadVolume = Callable[[VolumeSpec], Volume]
+# The most voxels along each axis whose light is summed up.
+_SAMPLED_SIDE = 96
+# The least light of a bright ray, as a part of the most light.
+_LEAST_BRIGHT = 0.1
+# The percentile of the bright rays that is fully bright.
+_FULL_PERCENTILE = 93.0
+# The largest weight, and one over the smallest.
+_MOST_WEIGHT = 50.0
 
 
 def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[LayerSpec]:
-    """Return a layer for each channel of a volume; a transfer function that is given is that of all.
+    """Return a layer for each channel of a volume; a transfer function that is given is for all of them.
 
-    first: the first channel, or the volume if that has no others. read: reads the voxels of others.
+    layer: of a film, in which values may move. first: the first channel, or the volume if that has no others.
+    read: reads the voxels of others.
     """
     channels, made = first.channels or (Channel(color=(1.0, 1.0, 1.0)),), []
     if len(channels) > _MAX_CHANNELS:
@@ -50,7 +59,7 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
         name = " ".join(filter(None, (layer.name, channel.name or (f"{number + 1}" if layer.name else ""))))
         own = replace(layer, volume=spec, name=name)
         if layer.transfer_function == OF_CHANNELS:
-            every = steps_in_time(spec)
+            every = steps_in_time(OverFrames(spec))
             steps = [every[k] for k in some_steps(len(every))]
             volumes = [first] if number == 0 and len(steps) == 1 else map(read, steps)
             window, brightest = _common_window(volumes)
@@ -83,8 +92,8 @@ def suggest_window(volume: Volume) -> tuple[float, float]:
     shown = statistics.without_outliers or statistics
     if shown.minimum == shown.maximum:
         return float(shown.minimum), float(shown.minimum) + max(1.0, abs(shown.minimum))
-    sample = without_padding(features.sample_volume(volume, shown))
-    background, values = features.find_background(sample), sample.normalized[sample.is_valid]
+    sample = without_padding(sample_volume(volume, shown))
+    background, values = find_background(sample), sample.normalized[sample.is_valid]
     low = background.high if background.is_there else float(np.percentile(values, _DARK_PERCENTILE))
     above = values[values > low]
     high = max(float(np.percentile(above, _BRIGHT_PERCENTILE)) if above.size else 1.0, low + 0.01)

@@ -1,4 +1,4 @@
-"""Declare what a suggested film is besides its transfer function: a turntable, and its defaults."""
+"""Declare the options of a suggested film besides its transfer function: a turntable, and its defaults."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 
 from renderer.scene import OutputSpec, VolumeSpec, file_source
 
-# What a suggestion can be steered by; `wishes.py` has what each does. Here, so that options are declared without numpy.
+# The words by which a suggestion can be steered; `wishes.py` has a function for each. They are here, so that options
+# are declared without numpy.
 PRESET_WORDS = ("bone", "vessels", "skin", "brain", "xray", "surface", "glow", "labels")
 
 
@@ -38,5 +39,5 @@ class FilmOptions:
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> FilmOptions:
-        """Return those among the options of a command, by their names."""
+        """Return the options among all options of a command, by their names."""
         return cls(**{field.name: options[field.name] for field in fields(cls) if field.name in options})

@@ -18,13 +18,3 @@ def opacity_from_depth(depth: float, diagonal: float) -> float:
     exact = depth * (opacity_unit_length(diagonal) / (diagonal / 100))
     opacity, clear = -math.expm1(-exact), math.exp(-exact)
     return float(f"{opacity:.3g}") if opacity <= 0.9 else round(1 - float(f"{clear:.2g}"), 6)
-
-
-def format_number(value: float) -> str:
-    """Return a number as text, whole numbers without a point."""
-    return str(int(value)) if value == int(value) and abs(value) < 2**53 else f"{value:g}"
-
-
-def format_percent(part: float) -> str:
-    """Return a part as a percentage with two digits; less than a millionth is nothing."""
-    return f"{100 * part:.0f} %" if part >= 0.0995 else f"{100 * round(part, 6):.2g} %"

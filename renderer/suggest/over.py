@@ -6,27 +6,31 @@ from dataclasses import replace
 
 import numpy as np
 
+from renderer.readers import ReadVolume
 from renderer.scene import Color, VolumeSpec, raise_problems, volume_extent, volume_problems
-from renderer.suggest.channels import ReadVolume
-from renderer.suggest.features import VoxelSample, sample_volume
-from renderer.suggest.label_volume import number_sample
-from renderer.suggest.opacity_calibration import balance, cast_through, depths_along
+from renderer.statistics import VoxelSample, sample_volume
+from renderer.suggest.label_look import number_sample
+from renderer.suggest.opacity_calibration import balance, depths_along
 from renderer.suggest.palette import to_lab
 from renderer.suggest.separation import Plane, are_beyond
 from renderer.suggest.suggestion import Suggestion, with_8_bit_colors, with_colormap
-from renderer.suggest.volume_suggestion import NO_WISH, VolumeSuggestion, read_in_colors, suggest_read
-from renderer.suggest.wishes import Wish
+from renderer.suggest.turntable_rays import cast_through
+from renderer.suggest.volume_suggestion import VolumeSuggestion, read_in_colors, suggest_read
+from renderer.suggest.wishes import NO_WISH, Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float64
 
-# The part of what is seen that the upper volume has, on the rays that meet both.
+# The share of the upper volume in the picture, on the rays that meet both.
 UPPER_SHARE = 2 / 3
-# Percentiles of the gradients of what is visible between which a shell fades in.
+# The percentiles of the gradients of visible voxels between which a shell fades in.
 _SHELL_PERCENTILES = (60, 98)
+# Ends of a shell that shows all gradients alike.
 _EVERY_GRADIENT = (-1.0, 0.0)
-# Colours with less chroma than this, in CIELAB, are taken for grey.
+# The largest chroma of a grey colour, in CIELAB.
 _MAX_GREY_CHROMA = 15.0
-_WARM, _GREY = (1.0, 0.68, 0.36), (1.0, 1.0, 1.0)
+_WARM = (1.0, 0.68, 0.36)
+_GREY = (1.0, 1.0, 1.0)
+# The weights of red, green and blue in luminance.
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
@@ -35,7 +39,7 @@ def suggest_over(
 ) -> tuple[VolumeSuggestion, VolumeSuggestion]:
     """Suggest how to show a volume and the one underneath, each in its place in the world, with weights.
 
-    wish: for the upper one. Parameters and errors are else those of `suggest_for`.
+    wish: for the upper one. Other parameters and errors are as in `suggest_for`.
     """
     (upper, above), (lower, below) = _suggest(volume, read, wish), _suggest(under, read, NO_WISH)
     if wish == NO_WISH and not upper.volume.has_colors and _has_grey(upper.suggestion):
@@ -65,7 +69,7 @@ def suggest_over(
 
 
 def _suggest(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> tuple[VolumeSuggestion, VoxelSample]:
-    """Return what is suggested for a volume and holds beside another one, too; and a sample of what it shows."""
+    """Return the part of a suggestion that holds beside another volume, too, and a sample of the visible part."""
     volume = read(spec)
     raise_problems(volume_problems(volume_extent(volume), volume.name))
     if volume.num_times > 1 and spec.time is None:
@@ -94,7 +98,7 @@ def _gradients(sample: VoxelSample) -> Float64:
 
 
 def _shell_ends(found: VolumeSuggestion, sample: VoxelSample) -> tuple[float, float]:
-    """Return the gradients from and to which a shell fades in: labels, and what has no surfaces, are shown whole."""
+    """Return the gradients from and to which a shell fades in; labels, and data without surfaces, are shown whole."""
     suggestion = found.suggestion
     transfer = make_transfer_function(suggestion.transfer, min(sample.spacing))
     values = sample.minimum + (sample.maximum - sample.minimum) * sample.normalized

@@ -11,57 +11,76 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.suggest import features, presets
-from renderer.suggest.classes import foreground_threshold, otsu_threshold
-from renderer.suggest.features import Background, VoxelSample
-from renderer.suggest.histogram import Statistics
-from renderer.suggest.level_sets import is_level_set_interior
-from renderer.suggest.medium import find_medium
-from renderer.suggest.presets import Choice
-from renderer.volume import Float64
+from renderer.statistics import (
+    Background,
+    VoxelSample,
+    find_background,
+    find_medium,
+    foreground_threshold,
+    has_nested_levels,
+    is_about_zero,
+    is_level_set_interior,
+    is_smooth,
+    noise_reach,
+    otsu_threshold,
+    tail_ratio,
+)
+from renderer.suggest.field_presets import diverging_preset, field_preset
+from renderer.suggest.presets import Choice, opaque_preset, two_phase_preset
+from renderer.suggest.scan_presets import ct_preset, materials_preset
 
-# The values of a field with two signs begin at least so far from the background.
-_MIN_AWAY, _MIN_AWAY_OF_NOISE = 0.015, 0.025
-# Floats with such a tail spread over orders of magnitude.
+# The least normalised distance from the background of the values that are shown, in a smooth field with two signs.
+_MIN_AWAY = 0.015
+# The same where the values are noisy.
+_MIN_AWAY_OF_NOISE = 0.025
+# The least ratio of the largest values to the median in a field of floats with a long tail, whose values spread over
+# orders of magnitude.
 _HEAVY_TAIL = 25.0
-# Where fewer voxels than this part stand out, levels are those of logarithms, if the ratios of the quartiles, and of
-# nearly the largest and the smallest values, are so large: noise has ratios of 1.2 and 2.
-_MIN_TAIL, _MIN_MIDDLE_RATIO, _MIN_RATIO = 0.01, 3.0, 1000.0
-# Two phases have at least this part of the variance between them: a normal distribution has 0.64, a uniform one 0.75.
+# The largest share of voxels above the background for which values may be shown by their logarithms.
+_MIN_TAIL = 0.01
+# The least ratio of the quartiles of values over many orders of magnitude. Noise has 1.2.
+_MIN_MIDDLE_RATIO = 3.0
+# The least ratio of nearly the largest to nearly the smallest of these values. Noise has 2.
+_MIN_RATIO = 1000.0
+# The least part of the variance that lies between two phases. A normal distribution has 0.64, a uniform one 0.75.
 _TWO_PHASE_SEPARATION = 0.85
-# A sign whose values are smaller than this part of the other sign's is noise.
+# The smallest reach of the weaker sign of a field with two signs, compared with the stronger sign. Below, it is noise.
 _MIN_SECOND_SIGN = 0.2
-# The values of such a field begin before this part of the way to the farthest one.
+# The largest distance from the middle at which the values that are shown begin in such a field, as a part of the way to
+# the farthest value.
 _MOST_AWAY = 0.75
-# A filled volume shows values above this percentile.
+# A filled volume shows the values above this percentile.
 _FILLED_PERCENTILE = 60.0
 
 
 def recognise(sample: VoxelSample, zero: float | None, *, is_float: bool) -> Choice:
-    """Return the preset for data that are no labels. zero: the stored value of 0 Hounsfield units, if the values are
-    such; is_float: whether the values are no integers."""
+    """Return the preset for data that are no labels.
+
+    zero: the stored value of 0 Hounsfield units; None for values in other units. is_float: whether the values are
+    floats.
+    """
     if zero is not None:
         reason = f"air lies near {zero - 1000:g} and soft tissue near {zero:g}{offset_text(zero)}"
-        return Choice("CT in Hounsfield units", reason, presets.ct_preset(sample, zero))
-    background = features.find_background(sample)
+        return Choice("CT in Hounsfield units", reason, ct_preset(sample, zero))
+    background = find_background(sample)
     if not background.is_there or background.above + background.below == 0:
         return _filled_volume_preset(sample)
     if background.has_much_below and background.has_much_above:
         middle = sample.round_value(sample.denormalize(background.middle))
-        floor = _MIN_AWAY if features.is_smooth(sample, background.high) else _MIN_AWAY_OF_NOISE
+        floor = _MIN_AWAY if is_smooth(sample, background.high) else _MIN_AWAY_OF_NOISE
         away = max(background.high - background.middle, floor)
         reason = f"values lie on both sides of a background near {middle:.12g}"
         return _two_signs_choice(sample, background.middle, away, reason)
     if background.below > background.above:
         turned = sample.with_inverted_range()
-        kind, reason, preset = _object_preset(turned, features.find_background(turned), is_float)
+        kind, reason, preset = _object_preset(turned, find_background(turned), is_float)
         return Choice(f"{kind}, dark in a bright background", reason, preset.with_inverted_range())
     return _object_preset(sample, background, is_float)
 
 
 def logarithmic_choice(sample: VoxelSample) -> tuple[VoxelSample, Choice] | None:
     """Return the logarithms of values over many orders of magnitude, and the preset for them; None for other values."""
-    background = features.find_background(sample)
+    background = find_background(sample)
     if sample.minimum < 0 or (background.is_there and background.above >= _MIN_TAIL):
         return None
     shares = sample.shares(sample.normalized[sample.is_valid])
@@ -71,11 +90,11 @@ def logarithmic_choice(sample: VoxelSample) -> tuple[VoxelSample, Choice] | None
     if third < _MIN_MIDDLE_RATIO * first or top < _MIN_RATIO * low:
         return None
     logarithms = sample.with_logarithms(smallest)
-    background = features.find_background(logarithms)
+    background = find_background(logarithms)
     begin = float(np.percentile(logarithms.normalized[sample.is_valid], _FILLED_PERCENTILE))
     begin = background.high if background.is_there else begin
     reason = f"the values span {math.log10(top / low):.0f} orders of magnitude, and few are near the largest"
-    preset = presets.field_preset(logarithms, begin, origin=0.0)
+    preset = field_preset(logarithms, begin, origin=0.0)
     return logarithms, Choice("density over many orders of magnitude", reason, preset)
 
 
@@ -83,27 +102,27 @@ def _object_preset(sample: VoxelSample, background: Background, is_float: bool) 
     """Return the preset for an object brighter than its background."""
     visible = sample.normalized[sample.normalized > background.high]
     near = f"the background is near {sample.round_value(sample.denormalize(background.middle)):.12g}"
-    if is_float and presets.tail_ratio(visible - background.middle) > _HEAVY_TAIL:
+    if is_float and tail_ratio(visible - background.middle) > _HEAVY_TAIL:
         kind, reason = "field with a long tail", "the largest values are many times those in the middle"
-    elif features.is_smooth(sample, background.high) and presets.has_nested_levels(sample, background.high):
+    elif is_smooth(sample, background.high) and has_nested_levels(sample, background.high):
         kind, reason = "smooth field", "the levels of the values lie inside one another"
     else:
         reason, first = f"{near}, and what stands out from it has edges", foreground_threshold(sample, background)
         if medium := find_medium(sample, background, first):
             reason = f"{near}, an even medium near {sample.round_value(sample.denormalize(medium.middle)):.12g}"
             reason, first = f"{reason} is in it, and an object in this", foreground_threshold(sample, medium)
-        return Choice("scan without an absolute scale", reason, presets.materials_preset(sample, first))
-    preset = presets.field_preset(sample, background.high, origin=background.middle)
+        return Choice("scan without an absolute scale", reason, materials_preset(sample, first))
+    preset = field_preset(sample, background.high, origin=background.middle)
     return Choice(kind, f"{near}, and {reason}", preset)
 
 
 def _two_signs_choice(sample: VoxelSample, middle: float, away: float, reason: str) -> Choice:
     """Return the preset of values on both sides of a middle, from `away` on; of a map, from the end of its noise on."""
-    if noise := features.noise_reach(sample, middle):
+    if noise := noise_reach(sample, middle):
         away = noise
         reach = sample.round_value(sample.denormalize(middle + noise) - sample.denormalize(middle))
         reason = f"{reason}, and those up to {reach:.3g} from it are noise, from which others stand out"
-    return Choice("field with two signs", reason, presets.diverging_preset(sample, middle, away))
+    return Choice("field with two signs", reason, diverging_preset(sample, middle, away))
 
 
 def _filled_volume_preset(sample: VoxelSample) -> Choice:
@@ -111,64 +130,29 @@ def _filled_volume_preset(sample: VoxelSample) -> Choice:
     shares, zero = sample.normalized[sample.is_valid], sample.normalize(0.0)
     if 0 < zero < 1:
         weaker, stronger = sorted((zero, 1 - zero))
-        if features.is_about_zero(sample) and weaker > _MIN_SECOND_SIGN * stronger:
+        if is_about_zero(sample) and weaker > _MIN_SECOND_SIGN * stronger:
             reason = "values lie on both sides of 0 and fill the volume to its border"
             away = min(1.2 * float(np.std(shares)), _MOST_AWAY * stronger)
             return _two_signs_choice(sample, zero, away, reason)
         if is_level_set_interior(sample.with_inverted_range(), 1 - zero):
-            preset = presets.opaque_preset("inside", 1 - zero, min(1.02 - zero, 1.0)).with_inverted_range()
+            preset = opaque_preset("inside", 1 - zero, min(1.02 - zero, 1.0)).with_inverted_range()
             return Choice("level set", "negative values lie inside of positive ones", preset)
         if is_level_set_interior(sample, zero):
-            preset = presets.opaque_preset("inside", zero, min(zero + 0.02, 1.0))
+            preset = opaque_preset("inside", zero, min(zero + 0.02, 1.0))
             return Choice("level set", "positive values lie inside of negative ones", preset)
     bottom, top = np.percentile(shares, (0.01, 99.99)).tolist()
     threshold = otsu_threshold(shares, bottom, top, _TWO_PHASE_SEPARATION)
     if threshold is not None:
-        preset = presets.two_phase_preset(sample, threshold)
+        preset = two_phase_preset(sample, threshold)
         return Choice("two phases", "there is no background, and values gather in two groups", preset)
     first = float(np.percentile(shares, _FILLED_PERCENTILE))
-    if not features.is_smooth(sample, first):
+    if not is_smooth(sample, first):
         middle = otsu_threshold(shares, bottom, top) or first
         reason = "there is no background, and values next to each other differ"
         # Nothing lies around an object that fills the volume.
-        return Choice("filled scan", reason, replace(presets.materials_preset(sample, middle), is_scan=False))
-    preset = presets.field_preset(sample, first, origin=float(sample.normalized.min()))
+        return Choice("filled scan", reason, replace(materials_preset(sample, middle), is_scan=False))
+    preset = field_preset(sample, first, origin=float(sample.normalized.min()))
     return Choice("filled volume", "there is no background; the upper 40% of the values are shown", preset)
-
-
-# Computed tomography
-
-# The stored value of 0 Hounsfield units: 0, or an offset that makes 12 bits positive.
-_HOUNSFIELD_ZEROS = (0.0, 1024.0, 1000.0)
-
-
-def hounsfield_zero(statistics: Statistics) -> float | None:
-    """Return the stored value of water if the values are Hounsfield units, perhaps with 1000 or 1024 added; else None.
-
-    In a scan, air and lungs (-1100 to -700) and soft tissue (-150 to 150) are much more frequent than the values
-    between them (-600 to -300), and something is denser. Values below -1100 are padding around the scanner's circle.
-    """
-    low, high = float(statistics.minimum), float(statistics.maximum)
-    for zero in _HOUNSFIELD_ZEROS:
-        is_possible = (zero == 0) == (low < -200) and 150 < high - zero < 40_000 and low - zero >= -9000
-        if not is_possible or (zero and high > 5200):
-            continue
-        values = statistics.bins - zero
-        air, between, soft = (
-            float(statistics.counts[(values >= a) & (values < b)].sum()) / (b - a)
-            for a, b in ((-1100, -700), (-600, -300), (-150, 150))
-        )
-        has_peaks = min(air, soft) > 1.5 * between and soft * 300 > 0.01 * float(statistics.counts.sum())
-        if has_peaks and (zero == 0 or _is_narrow(statistics, values)):
-            return zero
-    return None
-
-
-def _is_narrow(statistics: Statistics, values: Float64) -> bool:
-    """Return whether soft tissue has a narrow peak, as on an absolute scale: half of -300 to 300 lies within 150."""
-    counts = [float(statistics.counts[(values >= a) & (values < a + 50)].sum()) for a in range(-300, 300, 50)]
-    widest = max(sum(counts[k : k + 3]) for k in range(len(counts) - 2))
-    return widest > 0.5 * sum(counts) > 0
 
 
 def offset_text(zero: float | None) -> str:

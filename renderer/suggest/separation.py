@@ -1,7 +1,7 @@
-"""Tell the object from what lies around it, and clip the rest away: tables, holders, frames and specks.
+"""Tell the object from its surroundings, and clip these away: tables, holders, frames and specks.
 
-What is visible falls into connected parts. The object is the largest part that is not a sheet, with the parts beside it
-that are not much smaller. Planes that touch the object clip away what is beyond them.
+The visible voxels fall into connected parts. The object is the largest part that is not a sheet, with the parts beside
+it that are not much smaller. Planes that touch the object clip away the parts beyond them.
 """
 
 from __future__ import annotations
@@ -14,28 +14,38 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.scene import MAX_CLIPS, ClipSpec, PlaneSpec, Vector
-from renderer.suggest.features import VoxelSample
-from renderer.volume import Bools, Float64, Int64, grow, label_parts, reduce_blocks
+from renderer.statistics import VoxelSample, pool_voxels
+from renderer.volume import Bools, Float64, Int64, grow, label_parts
 
-# Cells along each axis.
-_MAX_CELLS = 64
-# Parts with less of the volume of the main one are specks, unless gaps of less than twice these cells lead to it. What
-# touches a sheet is a piece of it, unless it is larger.
-_MIN_VOLUME, _GAP, _MIN_VOLUME_AT_SHEET = 0.002, 2, 0.1
-# The thickness of a sheet is less than this part of its diagonal: plates have 0.03 to 0.06, a ball 0.2. A sheet that
+# The smallest volume of a part of the object, compared with the main part. Smaller parts are specks, unless they are
+# near.
+_MIN_VOLUME = 0.002
+# Parts are near the main one if gaps of less than twice these cells lead to it.
+_GAP = 2
+# The smallest volume of a part that touches a sheet and is no piece of the sheet, compared with the main part.
+_MIN_VOLUME_AT_SHEET = 0.1
+# The largest thickness of a sheet, as a part of its diagonal: plates have 0.03 to 0.06, a ball 0.2. A sheet that
 # reaches the border is a table, a holder or a frame.
 _MAX_SHEET_THICKNESS = 0.09
-# Planes must clip away this part of what is visible, or make it this much smaller.
-_MIN_CLIPPED, _MIN_SHRINKAGE = 0.01, 0.1
-# So much of what is not the object lies beyond planes that touch it: parts of which less does are within it.
+# Planes are worth it if they clip away this share of the visible cells,
+_MIN_CLIPPED = 0.01
+# or if they make the diagonal of the visible cells smaller by this part.
+_MIN_SHRINKAGE = 0.1
+# The smallest share of a part beyond the planes that touch the object. A part with less is within the object.
 _MIN_BEYOND = 0.3
-# What is left has at least this part: a larger sheet is a part of the object, such as the plate on an engine.
+# The smallest share of the visible cells that is left. A larger sheet is a part of the object, such as the plate on an
+# engine.
 _MIN_LEFT = 0.35
-# Cells below a surface, and percentiles of places that are outermost.
-_DEPTH, _OUTERMOST = 3, (2, 98)
-# What has one cross-section fills at least this part of its length, which has at least so many cells. Rods are no
-# sheets: they are about twice as wide as thick, by volume and surface.
-_MIN_FILLED, _MIN_LENGTH, _MIN_WIDTH = 0.95, 16, 5.0
+# Percentiles of places along an axis that are outermost.
+_OUTERMOST = (2, 98)
+# The smallest share of its length that a part with one cross-section fills.
+_MIN_FILLED = 0.95
+# The least length of such a part, in cells.
+_MIN_LENGTH = 16
+# The least second length of a sheet, in thicknesses. Rods are no sheets: they are about twice as wide as thick, by
+# volume and surface.
+_MIN_WIDTH = 5.0
+# The directions in which planes may face, and the same as unit vectors.
 _DIRECTIONS = np.array([each for each in product(range(-2, 3), repeat=3) if math.gcd(*each) == 1], np.float64)
 _NORMALS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
@@ -48,13 +58,13 @@ class Plane(NamedTuple):
 
 
 def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
-    """Return up to six planes that clip away what is not the object.
+    """Return up to six planes that clip away the surroundings of the object.
 
     is_visible: bool [z, y, x], of the sample's voxels.
     """
     if not is_visible.any():
         return []
-    cells, sides = _pool(is_visible, sample.spacing)
+    cells, sides = pool_voxels(is_visible, sample.spacing)
     holders = _are_holders(cells, sides)
     parts = _measure_parts(cells, np.where(holders, label_parts(holders), label_parts(cells & ~holders)), sides)
     axes = sample.directions * sides[::-1]
@@ -72,17 +82,8 @@ def _limits(heights: Float64, of_object: Bools, reach: Float64) -> Float64:
     return np.asarray(heights[of_object].max(axis=0) + reach)
 
 
-def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
-    """Return which of the sample's voxels lie deep inside of what is visible, bool [z, y, x]."""
-    cells, _ = _pool(is_visible, sample.spacing)
-    for _ in range(_DEPTH):
-        cells = ~grow(~cells, 1)
-    z, y, x = (np.arange(num) // factor for num, factor in zip(is_visible.shape, _factors(is_visible), strict=True))
-    return np.asarray(cells[np.ix_(z, y, x)])
-
-
 def corner_box(sample: VoxelSample, is_visible: Bools) -> tuple[Float64, Float64]:
-    """Return the lowest and the highest corner of a box around an eighth of what is visible: right, front and top.
+    """Return the lowest and the highest corner of a box around an eighth of the visible part: right, front and top.
 
     In the world, from the centre of the volume.
     """
@@ -123,16 +124,6 @@ def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
         z, y, x = (at * slope for at, slope in zip(places, slopes, strict=True))
         found |= z[:, None, None] + y[:, None] + x > plane.point @ plane.normal
     return found
-
-
-def _pool(is_visible: Bools, spacing: tuple[float, float, float]) -> tuple[Bools, Float64]:
-    """Return which cells of blocks of voxels have a visible one, and the lengths of a cell along z, y, x."""
-    factors = _factors(is_visible)
-    return reduce_blocks(np.logical_or, is_visible, factors), np.array(spacing) * factors
-
-
-def _factors(voxels: Bools) -> list[int]:
-    return [-(-n // _MAX_CELLS) for n in voxels.shape]
 
 
 def _are_holders(cells: Bools, sides: Float64) -> Bools:
@@ -197,7 +188,7 @@ def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
 
 
 def _touching_planes(points: Float64, heights: Float64, limits: Float64) -> list[Plane]:
-    """Return planes that touch the object, those first that clip most away; none if they are not worth it.
+    """Return planes that touch the object, by the cells that they clip away, most first; none if they are not worth it.
 
     points: of the centres of all cells, float64 [n, 3]. heights: along each normal. limits: of the object.
     """

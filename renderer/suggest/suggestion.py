@@ -10,16 +10,13 @@ from operator import attrgetter
 import numpy as np
 
 from renderer.scene import ClipSpec, ColormapSpec, ControlPoint, LabelsSpec, ShadingSpec, TransferSpec, colormap_points
-from renderer.suggest.features import VoxelSample
-from renderer.suggest.histogram import Statistics
-from renderer.suggest.isolated import OutlierValue
-from renderer.suggest.opacity import format_number
+from renderer.statistics import OutlierValue, Statistics, VoxelSample, format_number
 from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST, in_8_bits
 
-# Values further from the range of the others than this part of the range are transparent; half-way to outliers that are
-# nearer.
+# The widest margin around the values that are shown, as a part of their range: values farther away are transparent.
+# Half of the gap to outliers that are nearer.
 _OUTLIER_MARGIN = 0.02
-# A background with a smaller opacity of a unit length is hardly seen: a unit is about 1 % of the diagonal.
+# The least opacity of a unit length, about 1 % of the diagonal, that is seen in a background.
 LEAST_OPACITY = 1e-3
 
 
@@ -27,8 +24,8 @@ LEAST_OPACITY = 1e-3
 class ShownLayer:
     """Values that are shown.
 
-    name: what they are, in words. ranges: from low to high, in data units. voxels: their part of the voxels. share: of
-        what the picture shows. target: what was asked for.
+    name: of the material, in words. ranges: from low to high, in data units. voxels: their share of all voxels. share:
+        of the picture. target: the share that was asked for.
     """
 
     name: str
@@ -40,14 +37,14 @@ class ShownLayer:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A transfer function that shows what is in a volume, and why it was chosen.
+    """A transfer function that shows the content of a volume, and why it was chosen.
 
     kind: the kind of data. reason: the signs by which it was recognised, a clause without a full stop.
     transfer: the transfer function, with its unit. notes: a comment for each of its points, mostly empty.
     shading: None where the data have no surfaces.
     outlier_notes: a clause for each outlier or nodata value that is not shown.
-    clip: planes that clip away what is not the object, and a box to look into it.
-    visible: what the picture shows, over a turntable.
+    clip: planes that clip away the surroundings of the object, and a box to look into it.
+    visible: the values that the pictures of a turntable show.
     """
 
     kind: str
@@ -135,7 +132,7 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
     )
     suggestion = replace(suggestion, outlier_notes=(*outlier_notes, *suggestion.outlier_notes))
     mapping = suggestion.transfer.mapping
-    if isinstance(mapping, LabelsSpec):  # which leave out what they do not name
+    if isinstance(mapping, LabelsSpec):  # which leave out all labels that they do not name
         return suggestion
     points: Sequence[ControlPoint]
     if isinstance(mapping, ColormapSpec):

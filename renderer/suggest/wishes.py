@@ -1,34 +1,27 @@
-"""Steer a suggestion: by a word, such as `bone` or `glow`, each a function here; or by a preset or a file.
+"""Steer a suggestion by a word, such as `bone` or `glow`, each a function here.
 
-What a word means depends on the scan: a range of Hounsfield units in computed tomography, else a material.
+The meaning of a word depends on the scan: a range of Hounsfield units in computed tomography, else a material.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from renderer.errors import Problem, SceneError, closest_match
-from renderer.scene import TRANSFER_FUNCTION_SECTION, Color, ControlPoint, TransferSpec, colormap_points, schema
-from renderer.suggest import features
-from renderer.suggest.classes import foreground_threshold, material_edges, otsu_threshold, top_value
-from renderer.suggest.features import VoxelSample
-from renderer.suggest.film_options import PRESET_WORDS
-from renderer.suggest.opacity_calibration import Layer
-from renderer.suggest.presets import OPAQUE_COVERAGE, RAMP, SHADING, STONE, Choice, Preset, glow_preset, opaque_preset
+from renderer.scene import Color, colormap_points
+from renderer.statistics import VoxelSample, find_background, foreground_threshold, material_edges, otsu_threshold
+from renderer.suggest.field_presets import glow_preset
+from renderer.suggest.layer import Layer
+from renderer.suggest.presets import OPAQUE_COVERAGE, RAMP, SHADING, STONE, Choice, Preset, opaque_preset
 from renderer.suggest.recognition import offset_text
-from renderer.suggest.suggestion import LEAST_OPACITY, Suggestion, transparent_between
 
 
 @dataclass(frozen=True)
 class Wish:
-    """A wish for what a suggestion shall be.
+    """A wish that steers a suggestion.
 
     colormap: the name of a colormap that replaces its colours. preset: a word of WISHES or LABELS_WISH, the name of a
         preset, or a file of another program, of whose transfer functions #NAME picks one.
@@ -59,11 +52,16 @@ class Materials:
         return otherwise if self.zero is None else in_hounsfield
 
 
-_SKIN, _BONE, _BLOOD, _BRAIN = (0.91, 0.72, 0.60), (0.97, 0.93, 0.84), (0.85, 0.22, 0.16), (0.90, 0.70, 0.66)
+# No wish: the values alone decide.
+NO_WISH = Wish()
+
+_SKIN = (0.91, 0.72, 0.60)
+_BONE = (0.97, 0.93, 0.84)
+_BLOOD = (0.85, 0.22, 0.16)
+_BRAIN = (0.90, 0.70, 0.66)
 _VEIL = (0.45, 0.52, 0.66)
+# The mean opacity, in a picture like an X-ray, of the rays that meet anything.
 _XRAY_COVERAGE = 0.4
-# A transfer function suits values that have this part of its range.
-_LEAST_COMMON = 0.5
 
 
 def _surface(scan: Materials, color: Color = STONE) -> Preset:
@@ -132,11 +130,11 @@ WISHES: dict[str, Callable[[Materials], Preset]] = {
 
 def choose_by_word(sample: VoxelSample, zero: float | None, *, word: str) -> Choice:
     """Return the preset of a word of WISHES. zero: the stored value of 0 Hounsfield units, if the values are such."""
-    background = features.find_background(sample)
+    background = find_background(sample)
     is_dark = zero is None and background.is_there and background.below > background.above
     if is_dark:
         sample = sample.with_inverted_range()
-        background = features.find_background(sample)
+        background = find_background(sample)
     if background.is_there:
         first = foreground_threshold(sample, background)
     else:
@@ -146,77 +144,5 @@ def choose_by_word(sample: VoxelSample, zero: float | None, *, word: str) -> Cho
     return Choice(f"shown as --preset {word}", reason, preset.with_inverted_range() if is_dark else preset)
 
 
-# Takes the values for labels, although they do not look like some.
+# The word for values that are labels, although they do not look like some.
 LABELS_WISH = "labels"
-
-
-def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> Suggestion:
-    """Return the transfer function of a preset or a file. Raises SceneError where it cannot be read.
-
-    Shares become the range of the values above the middle of the background. Others are shifted by the stored value of
-    0 Hounsfield units; where that is not known, a note says if they lie elsewhere than the values of the volume.
-    """
-    file, _, name = wish.partition("#")
-    given: dict[str, Any] = {"import": file} | ({"name": name} if name else {})
-    if zero:
-        given["shift"] = zero
-    found, problems = _parsed(given)
-    background = features.find_background(sample)
-    ends = (background.middle, top_value(sample))
-    span = [sample.round_value(sample.denormalize(end)) for end in ends]
-    is_share = [problem.path for problem in problems] == ["range"]
-    if is_share:
-        found, problems = _parsed({**given, "range": span, "shift": 0.0})
-    if problems:
-        raise SceneError([_at_option(problem, wish) for problem in problems])
-    imported = found.imported
-    assert imported is not None
-    points = [
-        replace(point, value=float(f"{point.value:.9g}"), opacity=round(point.opacity, 6)) for point in found.points
-    ]
-    notes = [f"not imported: {clause}" for clause in imported.left_out]
-    if not is_share and zero is None:
-        notes += _misfits([(point.value, point.opacity) for point in points], imported.name, span)
-    if zero is None and background.is_there and _opacity_at(points, span[0]) > LEAST_OPACITY:
-        points = transparent_between(points, *map(sample.denormalize, (background.low, background.high)))
-        notes.append(f"{imported.name} shows values near {span[0]:g}, which are the background here and are left out")
-    return Suggestion(
-        f"shown as --preset {wish}",
-        f"values and opacities are those of {imported.name}{offset_text(zero)}",
-        replace(found, mapping=tuple(points)),
-        ("",) * len(points),
-        replace(SHADING, **imported.shading, occlusion=0.0) if imported.shading else SHADING,
-        outlier_notes=tuple(notes),
-    )
-
-
-def _opacity_at(points: Sequence[ControlPoint], value: float) -> float:
-    return float(np.interp(value, [point.value for point in points], [point.opacity for point in points]))
-
-
-def _misfits(points: Sequence[tuple[float, float]], name: str, span: Sequence[float]) -> Iterator[str]:
-    """Yield a note if most of the values that (value, opacity) tell apart are outside of `span`, that of an object."""
-    seen = [(first, last) for (first, before), (last, after) in pairwise(points) if before or after]
-    low, high = (seen[0][0], seen[-1][1]) if seen else span
-    if span[0] < span[1] and low < high and min(high, span[1]) - max(low, span[0]) < _LEAST_COMMON * (high - low):
-        scale = (span[1] - span[0]) / (high - low)
-        yield (
-            f"{name} is made for values from {low:g} to {high:g}, and most here lie from {span[0]:g} to {span[1]:g}; "
-            f"in a scene, `import: {name}` with `shift: {span[0] - scale * low:.4g}` and `scale: {scale:.4g}` fits them"
-        )
-
-
-def _parsed(given: dict[str, Any]) -> tuple[TransferSpec, list[Problem]]:
-    problems: list[Problem] = []
-    return TRANSFER_FUNCTION_SECTION.read(schema.TreeNode(given, "", problems)), problems
-
-
-def _at_option(problem: Problem, wish: str) -> Problem:
-    expected, hint = problem.expected, problem.hint
-    if problem.path == "name" and "#" not in wish:
-        hint = f"preset {wish}#NAME picks one"
-    elif not Path(wish.partition("#")[0]).suffix:
-        close = closest_match(wish, PRESET_WORDS) if hint is None else None
-        expected = f"{', '.join(WISHES)} or {LABELS_WISH}; a file; or a preset, {expected}"
-        hint = f"did you mean {close}?" if close else hint
-    return replace(problem, path="", location=f"preset {wish}", expected=expected, hint=hint)

@@ -13,8 +13,8 @@ from stage_pictures import decibels, drawn, exact
 
 from renderer.frame import Stage, prepare_stage
 from renderer.readers import read_volume
+from renderer.resolve import resolve_scene
 from renderer.scene import parse_scene
-from renderer.suggest import resolve_scene
 from renderer.volume import UInt8
 
 LIGHT = {"ambient": 0.3, "diffuse": 0.7, "light": [1, -1, 1]}

@@ -12,8 +12,8 @@ from stage_pictures import decibels, drawn, exact
 from renderer.accuracy import FrameProber
 from renderer.frame import Stage, prepare_stage
 from renderer.readers import read_volume
+from renderer.resolve import resolve_scene
 from renderer.scene import Scene, parse_scene
-from renderer.suggest import resolve_scene
 from renderer.system import MemoryShare
 from renderer.volume import Float32, Float64
 

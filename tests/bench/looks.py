@@ -17,7 +17,8 @@ from measuring import PAGES, machine_line, parser_of, write_page
 
 import renderer
 from renderer.readers import read_volume
-from renderer.suggest import compute_statistics, suggest
+from renderer.statistics import compute_statistics
+from renderer.suggest import suggest
 from renderer.volume import UInt8
 
 PAGE = PAGES / "looks.md"

@@ -28,7 +28,7 @@ from renderer.film import encode_png
 from renderer.frame import Frame, LODCostEstimator, Stage, finest_level_at, prepare_stage, render_frames, view_of
 from renderer.job import JobEvents, make_plan
 from renderer.pyramid import cut_pyramid
-from renderer.scene import Scene, SplatBudget, load_scene, values_at
+from renderer.scene import FilmScene, Scene, SplatBudget, load_scene, value_at
 
 # Of a scene of this size, in any state.
 PATIENCE_S = 60
@@ -170,20 +170,22 @@ def _command(case: Case, path: Path) -> tuple[int, str]:
     return code, said.getvalue()
 
 
-def _judge_picture(scene: Scene, case: Case, rasterizer_for: Callable[[Scene], Rasterizer], verdict: Verdict) -> Frame:
+def _judge_picture(
+    scene: FilmScene, case: Case, rasterizer_for: Callable[[Scene], Rasterizer], verdict: Verdict
+) -> Frame:
     volumes = [case.volume] if case.in_memory and case.volume is not None else None
     stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volumes=volumes)
     if case.volume is not None and not case.in_memory:
         _require_same_volume(stage, case)
-    rasterizer, number = rasterizer_for(scene), min(case.frame, scene.camera.path.frames - 1)
+    rasterizer, number = rasterizer_for(scene), min(case.frame, scene.at(0).camera.path.frames - 1)
     stage = make_plan(LODCostEstimator(stage), [number], lambda: rasterizer, JobEvents()).stage
     (frame,) = render_frames(stage, [number], rasterizer, clock=time.perf_counter)
     if not np.isfinite(frame.radiance).all():
         raise WrongError("the picture has pixels that are not finite numbers")
     if isinstance(scene.error.goal, SplatBudget):
-        _require_finest(stage, frame, values_at(scene.error.goal.value, number))
+        _require_finest(stage, frame, value_at(scene.error.goal.value, number))
     view = view_of(stage, number)
-    if scene.splat.footprint == "integrated":
+    if not scene.needs_opengl:
         compare_bricks(stage, frame, view, rasterizer)
     else:
         with np.errstate(all="ignore"):
@@ -196,10 +198,10 @@ def _require_finest(stage: Stage, frame: Frame, max_cells: float) -> None:
     """Of at most so many cells: any cut with another number of cells, at a smaller tolerance, has too many."""
     if frame.num_cells > max_cells:
         raise WrongError(f"{frame.num_cells} cells instead of {max_cells}")
-    if stage.scene.splat.footprint == "integrated":  # whose numbers may fall with the tolerance
+    if not stage.scene.needs_opengl:  # whose numbers may fall with the tolerance
         return
     for tolerance in (*(frame.tolerance * factor for factor in (0.3, 0.9, 0.99, 0.9999)), 0.0):
-        finer = cut_pyramid(stage.layers[0].pyramid, tolerance, finest_level=finest_level_at(stage, tolerance))
+        finer = cut_pyramid(stage.layers[0].pyramid, tolerance, finest_level=finest_level_at(stage.first, tolerance))
         if frame.num_cells < len(finer) <= max_cells:
             raise WrongError(f"{frame.num_cells} cells, {len(finer)} at tolerance {tolerance}, and {max_cells} may be")
 

@@ -7,14 +7,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from renderer.job import FilmRecord
+from renderer.record import FilmRecord
 from renderer.scene import schema
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "sidecar.md"
 _HEAD = """\
 ## Keys
 
-This section is made from `renderer/job/record.py` by `tests/pages/sidecar_page.py`. A key in italics may be left out.
+This section is made from `renderer/record/film_record.py` by `tests/pages/sidecar_page.py`. A key in italics may be
+left out.
 """
 
 

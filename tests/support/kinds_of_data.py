@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.scene import TransferSpec
-from renderer.suggest import Suggestion, VoxelSample, Wish, compute_statistics, sample_volume, suggest
+from renderer.statistics import VoxelSample, compute_statistics, sample_volume
+from renderer.suggest import Suggestion, Wish, suggest
 from renderer.transfer import make_transfer_function
 from renderer.volume import Array, Volume, make_volume
 

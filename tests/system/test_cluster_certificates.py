@@ -51,7 +51,9 @@ def test_certificates(cluster: LocalCluster, tmp_path: Path) -> None:
 def test_a_scheduler_with_tls_at_an_address_without(cluster: LocalCluster) -> None:
     address = cluster.scheduler_address.replace("tls://", "tcp://")
     with (
-        pytest.raises(InputError, match=r"address hangs up\n.*\n.*; that of one with TLS begins with tls://"),
+        pytest.raises(
+            InputError, match=r"address hangs up\n.*\n.*; the address of a scheduler with TLS begins with tls://"
+        ),
         connect(address),
     ):
         pass

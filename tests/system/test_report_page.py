@@ -126,7 +126,7 @@ def test_estimates_have_bars_and_intervals() -> None:
     assert up == pytest.approx(np.array([(math.log10(20), low), (math.log10(20), high)]), abs=1e-9)
     prose = prose_of("quick")
     assert f"30.00 {low:.2f} to {high:.2f} 0.0316" in prose
-    assert "Those of the PSNR hold it in 95 % of cases or more." in prose
+    assert "Bars of the PSNR hold it in 95 % of cases or more." in prose
     assert "8 x 6 pixels, frames 0, 7" in prose and "counts there by the chance" in prose
     for absent in ("SSIM", "on the volume", "Convergence", "amplified"):
         assert absent not in prose

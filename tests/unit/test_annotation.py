@@ -32,8 +32,8 @@ from renderer.scene import (
     AnnotationSpec,
     ColorBarSpec,
     EntrySpec,
+    FilmScene,
     Motion,
-    Scene,
     TimeSpec,
     TitleSpec,
     fill_format,
@@ -74,9 +74,9 @@ FRAME = FrameFacts(12, 0.4, accuracy="47.3 dB", world_per_pixel=0.35, axes=axes_
 WHITE = ((1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
 
 
-def annotation(scene: Scene = PLAIN, **keys: Any) -> AnnotationSpec:
+def annotation(scene: FilmScene = PLAIN, **keys: Any) -> AnnotationSpec:
     """The annotation that a scene with these keys has."""
-    return parse_scene(scene_to_dict(scene) | {"annotation": keys}, base=Path()).annotation
+    return parse_scene(scene_to_dict(scene) | {"annotation": keys}, base=Path()).at(0).annotation
 
 
 def drawn(spec: AnnotationSpec, facts: AnnotationFacts = FACTS, frame: FrameFacts = FRAME) -> np.ndarray:
@@ -173,7 +173,8 @@ def test_formats_fill_in_numbers_and_nothing_else() -> None:
     for each in wrong.split(" | "):
         with pytest.raises(SceneError):
             annotation(time=each)
-    film = replace(PLAIN, camera=replace(PLAIN.camera, distance=moving(Motion((0, 7), (50.0, 85.0)))))
+    distance = moving(Motion((0, 7), (50.0, 85.0)))
+    film = PLAIN.changed(lambda each: replace(each, camera=replace(each.camera, distance=distance)))
     assert annotation(film, time="{camera.distance:.0f} {time}").time
     for name, time in (("time", "{camera.zoom}"), ("time.format", {"format": "{frame.__class__}"})):
         with pytest.raises(SceneError) as caught:

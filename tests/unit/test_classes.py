@@ -8,14 +8,8 @@ import numpy as np
 import pytest
 from kinds_of_data import KINDS, blurred, noise, sample_of, suggested
 
-from renderer.suggest import (
-    distinct_colors,
-    find_background,
-    foreground_threshold,
-    material_edges,
-    otsu_thresholds,
-    to_lab,
-)
+from renderer.statistics import find_background, foreground_threshold, material_edges, otsu_thresholds
+from renderer.suggest import distinct_colors, to_lab
 
 N = 96
 

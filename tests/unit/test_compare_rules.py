@@ -94,7 +94,7 @@ def test_limits_that_differ_from_the_level_are_listed(goldens: Path) -> None:
     file = goldens / "compare.yaml"
     assert compared(goldens).other_limits == [
         f"largest 200, p99 none, densest 3 by {file}",
-        f"those of 1 frame by {file}",
+        f"limits of 1 frame by {file}",
     ]
     assert compared(goldens, limits=["largest=5", "p99=0.12345678", "densest=none"]).other_limits == [
         "p99 0.12345678, densest none by option"

@@ -102,7 +102,7 @@ def test_json_has_the_same_facts(ramp):
 def test_voxels_that_stay_in_their_file_are_not_in_memory(ramp, monkeypatch):
     assert "int16, 120 bytes in memory\n" in run(ramp)
     assert facts_of(ramp)["stays_in_file"] is False
-    monkeypatch.setattr("renderer.readers.common._MIN_MAPPED_BYTES", 1)  # those of a large file
+    monkeypatch.setattr("renderer.readers.voxel_limits._MIN_MAPPED_BYTES", 1)  # those of a large file
     assert "int16, 120 bytes, which stay in the file\n" in run(ramp)
     assert facts_of(ramp)["stays_in_file"] is True
 

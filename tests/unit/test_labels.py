@@ -17,8 +17,9 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError, SceneError
 from renderer.layers import leave_out_masked, mask_volume, number_labels
 from renderer.readers import read_volume
+from renderer.resolve import resolve_scene
 from renderer.scene import FileSource, LabelsSpec, LabelStyle, MaskSpec, Scene, VolumeSpec, parse_scene, scene_to_dict
-from renderer.suggest import label_colors, resolve_scene
+from renderer.suggest import label_colors
 from renderer.volume import Array, make_volume, move_volume
 
 RED, GREEN, BLUE, WHITE, BLACK = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)

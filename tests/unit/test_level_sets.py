@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from kinds_of_data import axes, blurred, noise, suggested
 
-from renderer.suggest import compute_statistics, suggest
+from renderer.statistics import compute_statistics
+from renderer.suggest import suggest
 from renderer.volume import Array, make_volume
 
 

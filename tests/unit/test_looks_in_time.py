@@ -11,8 +11,9 @@ import pytest
 from kinds_of_data import ball, extinction
 
 from renderer.readers import read_volume
+from renderer.resolve import resolve_scene
 from renderer.scene import FileSource, LabelsSpec, VolumeSpec, parse_scene
-from renderer.suggest import VolumeSuggestion, Wish, resolve_scene, suggest_for
+from renderer.suggest import VolumeSuggestion, Wish, suggest_for
 from renderer.volume import Array, Channel, Volume, make_volume
 
 BALL = ball((0.0, 0.0, 0.0), 0.5)

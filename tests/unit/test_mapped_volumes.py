@@ -19,7 +19,7 @@ from renderer.errors import InputError
 from renderer.frame import Stage, deserialize_stage, prepare_stage, render_frames, serialize_stage
 from renderer.readers import read_volume
 from renderer.scene import ErrorSpec, PyramidSpec, RawSource, Scene, VolumeSpec
-from renderer.suggest import compute_statistics
+from renderer.statistics import compute_statistics
 from renderer.transfer import TransferFunction
 
 Array = npt.NDArray[Any]
@@ -32,7 +32,7 @@ HINT = "large volumes are read from their files while they are drawn: start agai
 @pytest.fixture(autouse=True)
 def _everything_mapped(monkeypatch: pytest.MonkeyPatch) -> None:
     """Map volumes of any size."""
-    monkeypatch.setattr("renderer.readers.common._MIN_MAPPED_BYTES", 1)
+    monkeypatch.setattr("renderer.readers.voxel_limits._MIN_MAPPED_BYTES", 1)
 
 
 def noise(shape: tuple[int, ...] = (9, 7, 11), dtype: str = "uint8") -> Array:
@@ -53,7 +53,7 @@ def test_the_same_voxels_as_in_memory(name: str, dtype: str, tmp_path: Path, mon
         write_volume(tmp_path / name, noise(dtype=dtype), order)
         volume = read(tmp_path / name)
         with monkeypatch.context() as patch:
-            patch.setattr("renderer.readers.common._MIN_MAPPED_BYTES", 2**20)
+            patch.setattr("renderer.readers.voxel_limits._MIN_MAPPED_BYTES", 2**20)
             copied = read(tmp_path / name)
         assert copied.source is None
         np.testing.assert_array_equal(volume.values, noise(dtype=dtype))

@@ -6,6 +6,7 @@ import copy
 import json
 import math
 import pickle
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +16,16 @@ import pytest
 from renderer.errors import SceneError
 from renderer.scene import (
     EASINGS,
+    FilmScene,
     Motion,
     MotionKind,
-    Scene,
-    motion_of,
+    OverFrames,
     moving,
     moving_result,
     parse_scene,
     read_frame,
     scene_to_dict,
+    value_at,
     values_at,
 )
 
@@ -37,7 +39,7 @@ PLAIN: dict[str, Any] = {
 PLAIN["transfer_function"]["points"][1]["opacity"] = 0.5
 
 
-def parse(tree: object) -> Scene:
+def parse(tree: object) -> FilmScene:
     return parse_scene(tree, base=Path(__file__).parent)
 
 
@@ -105,15 +107,16 @@ def test_whole_numbers_stay_whole() -> None:
     assert isinstance(Motion((0, 4), (0, 3)).at(1), int)
 
 
-def test_what_moves_is_what_it_is_at_frame_0_and_knows_the_rest() -> None:
+def test_a_value_over_frames_is_read_at_a_frame() -> None:
     for values in ((1.0, 3.0), (1, 3), ((1.0, (2, 3)), (2.0, (3, 4)))):
         motion = Motion((0, 8), values)
-        found = moving(motion)
-        assert type(values[0])(found) == values[0]
-        assert motion_of(found) == motion and motion_of(values[0]) is None
-        assert found == moving(motion) != moving(Motion((0, 9), values)) and found != values[0]
+        found = OverFrames((moving(motion), 7.0))
+        assert (found.at(0), found.at(8)) == ((values[0], 7.0), (values[1], 7.0))
+        assert found.motions == [motion] and found.key_frames == [0, 8]
+        assert found == OverFrames((motion, 7.0)) != OverFrames((Motion((0, 9), values), 7.0))
         assert pickle.loads(pickle.dumps(found)) == found
-    assert motion_of(moving(Motion((0, 8), (1.0, 1.0)))) is None
+        assert found.map(itemgetter(0)).moves and not found.map(itemgetter(1)).moves
+    assert moving(Motion((0, 8), (1.0, 1.0))) == 1.0
 
 
 def test_what_is_made_of_moving_values_moves() -> None:
@@ -153,8 +156,9 @@ MOVES: list[tuple[str, str, Any, Any]] = [
 def test_numbers_move(path: str, name: str, value: object, expected: object) -> None:
     tree = changed(path, value)
     scene = parse(tree)
-    assert value_in(scene.at(10), name) == pytest.approx(expected)
-    assert scene.at(99) == scene.at(59) != scene
+    assert value_at(value_in(scene.at(10), name), 10) == pytest.approx(expected)
+    assert scene.at(99) == scene.at(59)
+    assert scene.at(99) != scene or path == "error.tolerance"
     assert scene.moves == (path != "error.tolerance")
     plain = scene_to_dict(scene)
     assert parse(plain) == parse(json.loads(json.dumps(plain))) == scene
@@ -168,11 +172,11 @@ def test_a_still_scene_is_the_same_at_every_frame() -> None:
 
 def test_frames_from_the_end_and_in_seconds() -> None:
     written = {0: 0.0, "0.5s": 0.2, "1.0s": 0.3, "-21": 0.4, -1: 1.0, "easing": "in"}
-    look = parse(changed("transfer_function.points.1.opacity", written)).transfer_function
-    motion = motion_of(look.points[1].opacity)
-    assert motion == Motion((0, 15, 30, 39, 59), (0.0, 0.2, 0.3, 0.4, 1.0), "in")
+    look = parse(changed("transfer_function.points.1.opacity", written)).map(lambda each: each.transfer_function.points)
+    assert look.motions == [Motion((0, 15, 30, 39, 59), (0.0, 0.2, 0.3, 0.4, 1.0), "in")]
     scene = parse(changed("camera", {"path": {"type": "turntable", "seconds": 2}, "near": {0: 0, "2s": 1}}))
-    assert scene.num_frames == 60 and motion_of(scene.camera.near) == Motion((0, 59), (0.0, 1.0))
+    assert scene.num_frames == 60
+    assert scene.map(lambda each: each.camera.near).motions == [Motion((0, 59), (0.0, 1.0))]
 
 
 def test_an_imported_transfer_function_is_shifted() -> None:

@@ -14,7 +14,8 @@ from kinds_of_data import KINDS, N, axes, ball, two_materials_and
 from renderer.errors import InputError
 from renderer.readers import read_volume
 from renderer.scene import ArraySource, FileSource, VolumeSpec
-from renderer.suggest import compute_statistics, suggest, suggest_fill
+from renderer.statistics import compute_statistics, suggest_fill
+from renderer.suggest import suggest
 from renderer.volume import Volume
 
 Array = npt.NDArray[Any]

@@ -8,18 +8,8 @@ import numpy as np
 import pytest
 from kinds_of_data import Array, ball, sample_of, volume_of
 
-from renderer.suggest import (
-    Layer,
-    Plane,
-    TurntableRays,
-    are_beyond,
-    cast_rays,
-    compute_statistics,
-    measure_visibility,
-    sample_volume,
-    solve_depths,
-    without,
-)
+from renderer.statistics import compute_statistics, fill_with_background, sample_volume
+from renderer.suggest import Layer, Plane, TurntableRays, are_beyond, cast_rays, measure_visibility, solve_depths
 from renderer.volume import Volume
 
 
@@ -104,7 +94,7 @@ def test_rays_turn_around_the_axis_of_the_world() -> None:
 def test_what_planes_clip_away_is_not_seen() -> None:
     sample = sample_of(nested_balls())
     planes = [Plane(np.zeros(3), np.array([1.0, 0.0, 0.0]))]
-    whole, half = cast_rays(sample), cast_rays(without(sample, are_beyond(sample, planes)))
+    whole, half = cast_rays(sample), cast_rays(fill_with_background(sample, are_beyond(sample, planes)))
     assert np.nansum(half.values) == pytest.approx(np.nansum(whole.values) / 2, rel=0.05)
 
 

@@ -10,7 +10,7 @@ import pytest
 from kinds_of_data import KINDS, axes, extinction, head_in_hounsfield_units, suggested, two_materials, two_materials_and
 
 from renderer.scene import ColormapSpec
-from renderer.suggest import OutlierValue, compute_statistics
+from renderer.statistics import OutlierValue, compute_statistics
 
 Array = npt.NDArray[Any]
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from kinds_of_data import KINDS, extinction, volume_of
 
-from renderer.suggest import Suggestion, compute_statistics, suggest, suggest_window
+from renderer.statistics import compute_statistics
+from renderer.suggest import Suggestion, suggest, suggest_window
 
 AIR = 400
 

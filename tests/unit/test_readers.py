@@ -347,8 +347,8 @@ def test_voxels_that_do_not_fit_into_memory_are_refused(tmp_path, monkeypatch, o
         save(path, image_fields(values, PixelSpacing=["1", "1"], SpacingBetweenSlices="1"))
     else:
         write_image(path, values)
-    monkeypatch.setattr("renderer.readers.common.free_bytes", lambda: 100)
-    monkeypatch.setattr("renderer.readers.common.free_swap_bytes", lambda: values.nbytes - 101)
+    monkeypatch.setattr("renderer.readers.voxel_limits.free_bytes", lambda: 100)
+    monkeypatch.setattr("renderer.readers.voxel_limits.free_swap_bytes", lambda: values.nbytes - 101)
     assert refused(path, match="the voxels of this file do not fit into memory").where == str(path)
-    monkeypatch.setattr("renderer.readers.common.free_swap_bytes", lambda: values.nbytes - 100)
+    monkeypatch.setattr("renderer.readers.voxel_limits.free_swap_bytes", lambda: values.nbytes - 100)
     assert read(path).values.size == values.size

@@ -101,7 +101,7 @@ def test_the_size_of_pixels(tmp_path):
 
 def test_colours_of_16_bits_lose_half_of_them(tmp_path):
     volume = read(write_deep_pictures(tmp_path / "in", depth=16))
-    assert volume.values.dtype == np.uint8 and "16 bits (of colours, of which 8 are read" in str(volume.note)
+    assert volume.values.dtype == np.uint8 and "16 bits (colours of 16 bits, read with 8" in str(volume.note)
     assert "16 bits" not in str(read(write_deep_pictures(tmp_path / "in", depth=8)).note)
 
 

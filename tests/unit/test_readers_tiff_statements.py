@@ -132,4 +132,4 @@ def test_fill_order(tmp_path):
 
 def test_positions_and_angles_of_ome_are_told(tmp_path):
     volume = read(ome(inside="<Plane PositionX='7'/>", after="<ModuloAlongT Type='lifetime'/>")(tmp_path))
-    assert "PositionX (where the stage was" in str(volume.note) and "ModuloAlongT" in str(volume.note)
+    assert "PositionX (the position of the stage" in str(volume.note) and "ModuloAlongT" in str(volume.note)

@@ -15,7 +15,8 @@ from vtkmodules.vtkIOImage import vtkMetaImageReader
 
 from renderer.readers import read_volume
 from renderer.scene import RawSource, VolumeSpec
-from renderer.suggest import compute_statistics, suggest
+from renderer.statistics import compute_statistics
+from renderer.suggest import suggest
 from renderer.volume import Volume
 
 pytestmark = pytest.mark.real_data

@@ -10,8 +10,9 @@ import pytest
 
 from renderer.errors import InputError, SceneError
 from renderer.readers import read_volume
-from renderer.scene import Motion, Scene, motion_of, parse_scene, scene_to_dict
-from renderer.suggest import match_values, resolve_scene
+from renderer.resolve import resolve_scene
+from renderer.scene import FilmScene, Motion, parse_scene, scene_to_dict
+from renderer.statistics import match_values
 from renderer.volume import Array, Volume, make_volume
 
 # 300 zeros, then 1 to 699 and a last value that is far away, in no order.
@@ -29,7 +30,7 @@ def files(folder: Path) -> None:
     np.save("twice.npy", 2 * VALUES)
 
 
-def resolved(transfer: dict[str, Any], file: Any = "int32.npy", **volume: Any) -> Scene:
+def resolved(transfer: dict[str, Any], file: Any = "int32.npy", **volume: Any) -> FilmScene:
     """Return a scene with values, of which its plain data are a scene, too."""
     camera, output = {"path": {"type": "turntable", "frames": 10}}, {"file": "a.mp4"}
     tree = {"transfer_function": transfer, "camera": camera, "output": output}
@@ -44,7 +45,8 @@ def resolved(transfer: dict[str, Any], file: Any = "int32.npy", **volume: Any) -
     layers = [{"file": "constant.npy", "color": "red", "range": [0, 9]}, {"file": file, **volume}]
     layers[1]["transfer_function"] = transfer
     several = resolve_scene(parse_scene({**tree, "volumes": layers}, base=Path()), read_volume)
-    assert several.volumes[1].transfer_function == scene.transfer_function
+    looks = [each.map(lambda layer: layer.transfer_function) for each in (several.film_layers[1], scene.film_layers[0])]
+    assert looks[0] == looks[1]
     return scene
 
 
@@ -66,9 +68,10 @@ def test_percentiles_move_and_steps_have_those_of_the_first() -> None:
     scene = resolved(moving, ["int32.npy", "twice.npy"], time={0: 0, 9: 1})
     plain = scene_to_dict(scene)["transfer_function"]["points"]
     assert [each["value"] for each in plain] == [0, 0, {0: 200, 9: 1000000, "easing": "smooth"}]
-    found = resolved({**RAMP, "range": {0: [40, 99], 9: [50, 60]}}).transfer_function.mapping
+    found = resolved({**RAMP, "range": {0: [40, 99], 9: [50, 60]}})
     assert scene_to_dict(scene)["volume"]["time"] == {0: 0, 9: 1}
-    assert motion_of(found.range) == Motion((0, 9), ((100.0, 690.0), (200.0, 300.0)))
+    spans = found.map(lambda each: each.transfer_function.mapping.range)
+    assert spans.motions == [Motion((0, 9), ((100.0, 690.0), (200.0, 300.0)))]
 
 
 def test_what_is_imported_is_stretched_between_values() -> None:
@@ -80,7 +83,7 @@ def test_what_is_imported_is_stretched_between_values() -> None:
         assert found == resolved_plain(plain).transfer_function
 
 
-def resolved_plain(transfer: dict[str, Any]) -> Scene:
+def resolved_plain(transfer: dict[str, Any]) -> FilmScene:
     tree = {"volume": {"file": "int32.npy"}, "output": {"file": "a.mp4"}, "transfer_function": transfer}
     return parse_scene({**tree, "camera": {"path": {"type": "turntable", "frames": 10}}}, base=Path())
 

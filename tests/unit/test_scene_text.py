@@ -91,7 +91,7 @@ def test_a_spacing_and_a_choice_of_voxels_read_back(tmp_path: Path) -> None:
     found = VolumeSuggestion(volume, SUGGESTION, has_absent=False)
     text, scene = read_back(found, tmp_path)
     assert scene.volume == volume
-    assert "  spacing: [1e-07, 2e-07, 0.003]  # lengths of a voxel, in place of the file's\n" in text
+    assert "  spacing: [1e-07, 2e-07, 0.003]  # size of a voxel, in place of the file's\n" in text
 
 
 @pytest.mark.parametrize("opacity", [1e-9, ((-3, 0.25), (2**53, 1.0), *((value, 0.5) for value in range(60)))])

@@ -25,7 +25,7 @@ from renderer.scene import (
     parse_scene,
     scene_to_dict,
     tolerance_at,
-    values_at,
+    value_at,
     with_tolerance,
     with_tolerances,
 )
@@ -50,7 +50,7 @@ def test_one_entry_is_constant() -> None:
 
 def test_0_is_held_and_left_at_once() -> None:
     tolerance = scheduled((2, 0.0), (5, 0.0), (6, 0.5), (8, 0.5), (9, 0.0))
-    assert [values_at(tolerance, frame) for frame in range(12)] == [0, 0, 0, 0, 0, 0, 0.5, 0.5, 0.5, 0, 0, 0]
+    assert [value_at(tolerance, frame) for frame in range(12)] == [0, 0, 0, 0, 0, 0, 0.5, 0.5, 0.5, 0, 0, 0]
 
 
 def test_the_least_tolerance() -> None:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from kinds_of_data import Array, axes, ball, blurred, extinction, noise, sample_of, suggested
 
-from renderer.suggest import are_beyond, are_deep, corner_box, separating_planes
+from renderer.statistics import are_deep
+from renderer.suggest import are_beyond, corner_box, separating_planes
 from renderer.volume import Bools
 
 N = 64

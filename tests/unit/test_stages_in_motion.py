@@ -11,7 +11,7 @@ from film_stages import stage_of
 from small_scene import engine_block, small_tree
 
 from renderer.frame import Stage
-from renderer.scene import changing_frames, parse_scene
+from renderer.scene import parse_scene
 
 NUM_FRAMES = 8
 POINTWISE = {"ambient": 0.3, "specular": 0.2}
@@ -82,6 +82,6 @@ def test_a_film_that_is_still_has_one_stage() -> None:
 def test_runs_of_frames_that_change() -> None:
     tree = small_tree(frames=NUM_FRAMES, shading={"ambient": {1: 0.1, 3: 0.1, 5: 0.4}, "specular": {0: 0, 1: 1}})
     scene = parse_scene(tree, base=Path())
-    assert changing_frames(scene) == [(1, 1), (4, 5)]
+    assert scene.map(lambda each: each).changing_frames == [(1, 1), (4, 5)]
     changed = [frame for frame in range(1, NUM_FRAMES) if scene.at(frame) != scene.at(frame - 1)]
     assert changed == [1, 4, 5]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from renderer.suggest import compute_statistics, rebin
+from renderer.statistics import compute_statistics, rebin
 
 DTYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float16", "float32", "float64")
 
@@ -48,7 +48,7 @@ def test_floats_far_from_zero_and_of_tiny_range():
 @pytest.mark.parametrize("dtype", ["int32", "int64", "float16", "float32", "float64"])
 def test_percentiles_beside_outliers_are_values_of_the_volume(dtype, monkeypatch):
     """Percentiles are exact with zeros of either sign, values that differ in their last bits, and outliers."""
-    monkeypatch.setattr("renderer.suggest.histogram._CHUNK", 1000)
+    monkeypatch.setattr("renderer.statistics.histogram._CHUNK", 1000)
     kind = np.dtype(dtype)
     ends = np.iinfo(kind) if kind.kind == "i" else np.finfo(kind)
     values = np.random.default_rng(5).integers(-9, 10, (10, 20, 30)).astype(kind)

@@ -26,7 +26,8 @@ from kinds_of_data import (
 
 from renderer.readers import read_volume
 from renderer.scene import ColormapSpec, FileSource, LabelsSpec, VolumeSpec, colormap_points
-from renderer.suggest import Wish, compute_statistics, hounsfield_zero, suggest
+from renderer.statistics import compute_statistics, hounsfield_zero
+from renderer.suggest import Wish, suggest
 from renderer.transfer import make_transfer_function
 
 Array = npt.NDArray[Any]
@@ -144,7 +145,7 @@ def test_signs_are_alike() -> None:
 
 
 def test_labels_that_stay_in_their_file_have_the_same_suggestion(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("renderer.readers.common._MIN_MAPPED_BYTES", 1)
+    monkeypatch.setattr("renderer.readers.voxel_limits._MIN_MAPPED_BYTES", 1)
     for values in (labels(), (labels() > 1).astype(np.uint8)):
         np.save(tmp_path / "labels.npy", values)
         in_file = read_volume(VolumeSpec(FileSource(tmp_path / "labels.npy")))

@@ -20,7 +20,7 @@ from hsplat_cli.commands.init import init
 from renderer.errors import InputError, SceneError
 from renderer.job import scene_files
 from renderer.readers import read_volume
-from renderer.scene import FileSource, Scene, VolumeSpec, motion_of, parse_scene, scene_to_dict
+from renderer.scene import FileSource, Scene, VolumeSpec, parse_scene, scene_to_dict
 from renderer.volume import Array
 
 RAMP = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
@@ -212,7 +212,7 @@ def test_the_time_moves_in_steps_or_between_them(tmp_path: Path) -> None:
     mixed = scene_of(tmp_path, "a_{}.npy", time=by_frame, interpolate=True)
     assert [mixed.at(frame).volume.time for frame in (0, 1, 5, 7)] == [0.0, 0.2, 1.0, 1.5]
     for scene in (moved, mixed):
-        assert motion_of(scene.volume.time) is not None
+        assert scene.map(lambda each: each.volume.time).moves
         assert parse_scene(json.loads(json.dumps(scene_to_dict(scene))), base=Path()) == scene
 
 

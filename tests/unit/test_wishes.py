@@ -10,16 +10,8 @@ import pytest
 from kinds_of_data import KINDS, dark_object, extinction, head_as_unsigned, two_materials, volume_of
 
 from renderer.errors import InputError
-from renderer.suggest import (
-    PRESET_WORDS,
-    WISHES,
-    Materials,
-    Suggestion,
-    Wish,
-    compute_statistics,
-    sample_volume,
-    suggest,
-)
+from renderer.statistics import compute_statistics, sample_volume
+from renderer.suggest import PRESET_WORDS, WISHES, Materials, Suggestion, Wish, suggest
 
 CLUT = """[FLT]
 min=0

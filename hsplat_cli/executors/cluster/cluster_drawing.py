@@ -1,9 +1,8 @@
 """Draws a film on a cluster.
 
-The client gives each frame to one worker, and does not leave it to Dask's scheduler: a worker that cannot draw does not
-take frame after frame, and the number of frames under way is bounded. Workers may come and go. Each frame has a thread
-that waits for the worker that draws it. A frame whose worker is lost is drawn by another one, until MAX_LOSSES workers
-were lost at it.
+The client, and not Dask's scheduler, gives each frame to a worker. So a worker that cannot draw does not take frame
+after frame, and the number of frames under way is bounded. Workers may come and go. A thread for each frame waits for
+its worker. If the worker is lost, another one draws the frame, until MAX_LOSSES workers were lost at the same frame.
 """
 
 from __future__ import annotations
@@ -16,10 +15,10 @@ from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from hsplat_cli.executors.cluster.registry import WorkerRegistry
-from hsplat_cli.executors.cluster.worker import SerializedStage, draw_on_worker
+from hsplat_cli.executors.cluster.worker import DrawnPictures, SerializedStage, draw_on_worker
 from hsplat_cli.terminal import Reporter
 from renderer.errors import ContextLostError, HsplatError, RenderError
 from renderer.film import Picture
@@ -33,21 +32,22 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Workers are looked for when no frame is finished for this long.
+# Longest time without a finished frame before the client looks for workers.
 _POLL_INTERVAL_S = 0.5
-# A picture that does not come within this time makes the client look whether its worker is still there.
+# Time to fetch a picture before the client looks whether its worker is still there; doubled at each look.
 _FETCH_TIMEOUT_S = 2.0
-# Threads wait for workers: more than a cluster has workers.
+# Most threads that wait for workers: more than a cluster has workers.
 _MAX_THREADS = 1000
+# Workers that may be lost at the same frame before the film fails.
 MAX_LOSSES = 3
-# Frames that are drawn, or finished and wait for one before them, for each worker.
+# Frames for each worker that are under way, or finished before a frame that precedes them.
 _WINDOW_PER_WORKER = 4
-# Neighbours that one worker draws, one after the other, where something moves: they often have the same layers.
+# Consecutive frames that one worker draws where something moves: they often share layers.
 _RUN_IN_MOTION = 8
 
 
 class ClusterDrawing:
-    """A drawing of a plan by the workers of a cluster, at the tolerances of its schedule; to be closed.
+    """Draws the frames of a plan with the workers of a cluster, until it is closed.
 
     where: the option that chose the cluster, for messages. memory: as of ExecutorSpec. `draw` raises RenderError where
     workers are missing or cannot draw.
@@ -61,12 +61,12 @@ class ClusterDrawing:
         self._threads = ThreadPoolExecutor(_MAX_THREADS, "hsplat-cluster")
         self._lock = threading.Lock()
         self._stage_data: Future | None = None
-        self._worker_versions: list[dict[str, Any]] = []  # each once
+        self._worker_versions: list[dict[str, str]] = []  # without repetitions
         self._redrawn: list[int] = []
 
     @property
     def notes(self) -> list[str]:
-        """Return what the user should know: versions that drew and differ from those here, and what went wrong."""
+        """Return notes for the user: on workers with other versions than this process, and on frames drawn again."""
         mixed = []
         for name, here in package_versions().items():
             found = sorted({versions[name] for versions in self._worker_versions} or {here})
@@ -80,7 +80,7 @@ class ClusterDrawing:
     def draw(self, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Yield these frames, in this order.
 
-        Raises RenderError, or what a frame failed with, once several workers have failed on it, or were lost at it.
+        Raises RenderError, or the error of a frame, once several workers have failed on a frame or were lost at it.
         """
         length, window = (1, _WINDOW_PER_WORKER) if self.plan.stage.maker is None else (_RUN_IN_MOTION, 1)
         runs = [numbers[first : first + length] for first in range(0, len(numbers), length)]
@@ -90,7 +90,7 @@ class ClusterDrawing:
                 yield from run
 
     def close(self) -> None:
-        """Let the workers free the stage, and the threads end."""
+        """Let the workers free the stage, and end the threads."""
         self._registry.close()
         self._threads.shutdown(wait=False, cancel_futures=True)
         self._stage_data = None
@@ -99,7 +99,7 @@ class ClusterDrawing:
         return [self._draw(number) for number in numbers]
 
     def _draw(self, number: int) -> DrawnFrame:
-        """Draw a frame, in a thread, with one worker after another, until several were lost at it or failed on it."""
+        """Draw a frame with one worker after another, until one has drawn it, or several were lost or have failed."""
         losses: list[str] = []
         while True:
             worker, future, error = self._run(number)
@@ -126,8 +126,8 @@ class ClusterDrawing:
                 raise RenderError(f"frame {number} cannot be drawn", where=worker, got=got) from error
 
     def _run(self, number: int) -> tuple[str, Future | None, BaseException | None]:
-        """Wait for an idle worker, and for its end of the task. Return no future with a worker that is lost."""
-        from distributed import KilledWorker  # one died, once too often by Dask's own settings
+        """Let an idle worker draw a frame; return worker, future and error, without a future if the worker is lost."""
+        from distributed import KilledWorker  # raised where a worker died more often than Dask's settings allow
 
         while True:
             with self._registry.idle_worker() as worker:
@@ -146,25 +146,26 @@ class ClusterDrawing:
                 if not is_done.is_set() or isinstance(error, KilledWorker):
                     self._registry.recheck(worker)
                     return worker, None, None
-                # While it is still busy: no other frame may go to it. A lost context may come back.
+                # Excluded while it is still busy, so that no other frame goes to it. A lost context may come back.
                 if error is not None and not isinstance(error, ContextLostError):
                     self._registry.exclude(worker, str(error))
                 return worker, future, error
 
     def _send_stage(self, worker: str) -> Future:
-        """Send the stage to a worker, unless one has it; others get it from each other."""
+        """Send the stage to a worker, unless some worker has it: workers pass it on to each other."""
         with self._lock:
-            if self._stage_data is None or self._stage_data.status != "finished":  # lost, with the workers that had it
+            if self._stage_data is None or self._stage_data.status != "finished":  # all workers that had it are lost
                 stage_data = SerializedStage(serialize_stage(self.plan.stage))
                 self._stage_data = self._client.scatter(stage_data, workers=[worker], hash=False)
             return self._stage_data
 
-    def _fetch(self, worker: str, future: Future) -> Any:
-        """Return what a worker has drawn; None where it died before that came."""
+    def _fetch(self, worker: str, future: Future) -> DrawnPictures | None:
+        """Fetch the pictures of a frame from its worker; None where the worker died before they came."""
         seconds = _FETCH_TIMEOUT_S
         while True:
             try:
-                return future.result(timeout=seconds)
+                found: DrawnPictures = future.result(timeout=seconds)
+                return found
             except (CancelledError, KeyError):
                 self._registry.recheck(worker)
                 return None
@@ -177,10 +178,10 @@ class ClusterDrawing:
 def draw_ahead(
     runs: Sequence[T], draw: Callable[[T], R], threads: ThreadPoolExecutor, check: Callable[[], int], *, window: int
 ) -> Generator[R, None, None]:
-    """Draw a few runs of frames ahead of the one that is waited for, and yield them in order; may be closed early.
+    """Draw runs of frames ahead in threads, and yield the results in order; may be closed early.
 
-    draw: draws a run, in one of the threads. check: returns the number of workers; called before each run, and
-    after every interval without one; what it raises ends the film. window: of runs for each worker.
+    draw: draws a run. check: returns the number of workers; it is called before each run and after every interval
+    without a finished run, and an error that it raises ends the film. window: runs under way for each worker.
     """
     waiting, drawing = iter(runs), deque[futures.Future[R]]()
     try:

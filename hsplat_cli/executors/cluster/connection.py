@@ -17,13 +17,14 @@ from renderer.errors import InputError
 if TYPE_CHECKING:
     from distributed import Client
 
-# Time for the scheduler to answer.
+# Time in which the scheduler must answer.
 _CONNECT_TIMEOUT_S = 6.0
 _START_HINT = "`dask scheduler` starts one, and says its address"
-_NOBODY, _NO_SCHEDULER = "nobody answers at this address", "the server at this address is not a Dask scheduler"
+_NOBODY = "nobody answers at this address"
+_NO_SCHEDULER = "the server at this address is not a Dask scheduler"
 _CERTIFICATES = "distributed.comm.tls.ca-file and distributed.comm.tls.client.cert, and .key if it is a file of its own"
 _TLS_HINT = "set DASK_DISTRIBUTED__COMM__TLS__CA_FILE and DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT (docs/security.md)"
-# Time for clients to end by themselves.
+# Time in which a client must end by itself.
 _CLOSE_TIMEOUT_S = 2.0
 
 
@@ -35,7 +36,7 @@ def connect(address: str) -> Iterator[Client]:
     with _silent_libraries():
         _require_scheduler(address)
         client = Client(address, timeout=_CONNECT_TIMEOUT_S, set_as_default=False, name="hsplat")
-        # Dask drops tasks that failed, whose tracebacks would be printed at some time, even after this block.
+        # Dask drops tasks that failed; asyncio would print their tracebacks later, even after this context.
         client.loop.asyncio_loop.set_exception_handler(lambda *_: None)
         try:
             yield client
@@ -45,7 +46,7 @@ def connect(address: str) -> Iterator[Client]:
 
 @contextlib.contextmanager
 def _silent_libraries() -> Iterator[None]:
-    """Log nothing and show no warnings: what matters to users of Dask's is reported as an error or a note."""
+    """Silence logs and warnings of libraries; errors and notes of hsplat report the problems that matter to users."""
     with warnings.catch_warnings(), contextlib.ExitStack() as stack:
         stack.callback(logging.disable, logging.root.manager.disable)
         logging.disable(logging.CRITICAL)
@@ -54,7 +55,7 @@ def _silent_libraries() -> Iterator[None]:
 
 
 def _require_scheduler(address: str) -> None:
-    """Raise InputError unless a scheduler answers: a Client would wait without end for a server that is silent."""
+    """Raise InputError unless a scheduler answers; a Client would wait for a silent server without end."""
     from distributed.comm import CommClosedError
 
     fails = partial(InputError, where=f"--scheduler {address}", expected=ADDRESSES, hint=_START_HINT)
@@ -63,7 +64,7 @@ def _require_scheduler(address: str) -> None:
         kind = asyncio.run(asyncio.wait_for(_kind_of_server(address, settings), _CONNECT_TIMEOUT_S))
     except CommClosedError as error:  # after TCP has connected
         if not address.startswith("tls://"):
-            hint = f"{_START_HINT}; that of one with TLS begins with tls://"
+            hint = f"{_START_HINT}; the address of a scheduler with TLS begins with tls://"
             raise fails("the server at this address hangs up", hint=hint) from error
         is_refused_here = isinstance(error.__cause__, ssl.SSLCertVerificationError)
         got = error.__cause__.verify_message if is_refused_here else "it does not accept our certificate, or has none"
@@ -77,7 +78,7 @@ def _require_scheduler(address: str) -> None:
 
 
 def _connection_settings(address: str) -> dict[str, Any]:
-    """Return what Dask's configuration says of connections.
+    """Return the arguments of connections by Dask's configuration.
 
     Raises InputError where its certificates cannot be read, are missing for TLS, or are required and not used.
     """
@@ -103,7 +104,7 @@ def _connection_settings(address: str) -> dict[str, Any]:
 
 
 async def _kind_of_server(address: str, settings: dict[str, Any]) -> str:
-    """Return `Scheduler`, `Worker` or `Nanny`."""
+    """Return the kind of Dask server at an address: `Scheduler`, `Worker` or `Nanny`."""
     from distributed.comm import connect
     from distributed.core import send_recv
 

@@ -1,4 +1,4 @@
-"""Keeps track of the workers of a cluster: they come and go, and may have another hsplat, or none."""
+"""Keeps track of the workers of a cluster, which come and go, and may have another version of hsplat or none."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 from hsplat_cli.executors.cluster.worker import describe_worker
 from hsplat_cli.terminal import Reporter
@@ -19,24 +19,26 @@ from renderer.errors import RenderError
 if TYPE_CHECKING:
     from distributed import Client
 
+T = TypeVar("T")
+
 # Time between two looks for workers.
 _CHECK_INTERVAL_S = 1.0
-# The longest time without any worker.
+# Longest time without any worker before the film fails.
 _MAX_WAIT_S = 60.0
 _HINT = "`dask worker ADDRESS` starts one"
 
 
 class WorkerRegistry:
-    """A registry of the workers of a cluster that can draw, as `usable_workers`, by their addresses.
+    """Knows which workers of a cluster can draw.
 
-    where: the option that chose the cluster, for messages.
+    where: the option that chose the cluster, for messages. usable_workers: the addresses of the workers that can draw.
     """
 
     def __init__(self, client: Client, where: str, reporter: Reporter) -> None:
         self._client, self._reporter = client, reporter
         self._error = partial(RenderError, where=where)
         self._here = describe_worker()
-        self._excluded: dict[str, str] = {}  # why, by address
+        self._excluded: dict[str, str] = {}  # the reasons, by address
         self._missing_text, self._is_reported = "the cluster has no workers", False
         self._next_check = self._last_seen = time.monotonic()
         self.usable_workers: set[str] = set()
@@ -51,7 +53,7 @@ class WorkerRegistry:
 
     @contextmanager
     def idle_worker(self) -> Iterator[str]:
-        """Wait for a worker that nobody uses; it is busy in the block. Raises CancelledError after `close`."""
+        """Wait for an idle worker, and keep it busy in this context. Raises CancelledError after `close`."""
         with self._changed:
             while not (idle := self.usable_workers - self._busy):
                 if self._is_closed:
@@ -67,7 +69,7 @@ class WorkerRegistry:
                 self._changed.notify()
 
     def close(self) -> None:
-        """End all that waits for workers."""
+        """Cancel everything that waits for a worker."""
         with self._changed:
             self._is_closed = True
             self.usable_workers.clear()
@@ -79,14 +81,14 @@ class WorkerRegistry:
         self.usable_workers.discard(worker)
 
     def recheck(self, worker: str) -> None:
-        """Do not use this worker, which may be gone, until the next update has checked it, at once."""
+        """Stop using a worker that may be gone, and let the next update, which is due at once, check it."""
         self.usable_workers.discard(worker)
         self._next_check = time.monotonic()
 
     def update_workers(self) -> int:
-        """Find out which workers have come and gone, if it is time; return the number of those that can draw.
+        """Update the workers if a look is due, and return the number of workers that can draw.
 
-        Raises RenderError where none that can draw is left.
+        Raises RenderError where no worker can draw, or there has been no worker for too long.
         """
         now = time.monotonic()
         if now < self._next_check:
@@ -116,23 +118,23 @@ class WorkerRegistry:
 
     @property
     def notes(self) -> list[str]:
-        """Return what the user should know."""
+        """Return a note for the user on workers that were not used."""
         excluded = _count_reasons(self._excluded.values())
         return [f"workers that could not draw were not used: {excluded}"] if excluded else []
 
     def _check_new_workers(self, workers: set[str]) -> None:
-        # Not a task: a worker without the module of a task's function would end.
+        # Run directly and not as a task: a worker that lacks the module of a task's function would end.
         answers = self._ask(lambda: self._client.run(describe_worker, workers=sorted(workers), on_error="return"))
         for worker, answer in answers.items():
             if not isinstance(answer, dict):
                 # Dask sends some exceptions as text.
                 if isinstance(answer, ImportError) or re.search("ModuleNotFoundError|ImportError", str(answer)):
                     self._excluded[worker] = f"without hsplat ({answer})"
-                elif not isinstance(answer, OSError):  # that one is gone again
+                elif not isinstance(answer, OSError):  # which means that the worker is gone again
                     self._excluded[worker] = str(answer)
             elif answer["hsplat"] != self._here["hsplat"]:
                 self._excluded[worker] = f"hsplat {answer['hsplat']}"
-            elif answer.get("sources") != self._here["sources"]:  # a changed checkout has the version of its release
+            elif answer.get("sources") != self._here["sources"]:  # a changed checkout still has its release's version
                 self._excluded[worker] = f"hsplat {answer['hsplat']} of other sources"
             else:
                 self.usable_workers.add(worker)
@@ -147,11 +149,11 @@ class WorkerRegistry:
                 hint=f"install hsplat {self._here['hsplat']} in its environment",
             ) from error
 
-    def _ask(self, question: Callable[[], Any]) -> Any:
-        """Return the scheduler's answer; raises RenderError where it does not answer any more."""
+    def _ask(self, question: Callable[[], T]) -> T:
+        """Return the scheduler's answer. Raises RenderError where it no longer answers."""
         try:
             return question()
-        except OSError as error:  # of Dask's, too
+        except OSError as error:  # Dask's own errors included
             raise self._error("the scheduler no longer answers") from error
 
 

@@ -1,6 +1,6 @@
 """Runs on the workers of a cluster: a worker gets the serialised stage once, and draws frame after frame.
 
-Needs no file of the client. The client and the scheduler import this module, too: they pass its functions on by name.
+It needs no file of the client. The client and the scheduler import this module, too, because they name its functions.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import functools
 import os
 import weakref
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,15 +18,28 @@ from renderer.accuracy import open_prober
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import ContextLostError
 from renderer.frame import ScheduleController, deserialize_stage
-from renderer.job import FrameRecord, draw_frames
+from renderer.job import draw_frames
+from renderer.record import FrameRecord
 from renderer.system import MemoryShare, package_versions, sources_digest
 
 
-class SerializedStage:
-    """Holds the bytes of a stage, as `renderer.frame.transport` writes them, and in a worker what draws it.
+class DrawnPictures(NamedTuple):
+    """Holds the result of drawing a frame on a worker.
 
-    Dask keeps one in each worker's memory for as long as the client needs it, even if the client is killed. Copies for
-    other workers have the bytes alone. One thread draws, because OpenGL's contexts belong to threads.
+    contents: the files of its pictures, by kind. record: for the sidecar. versions: of the packages and the device that
+    drew it, by name.
+    """
+
+    contents: dict[int, bytes]
+    record: FrameRecord
+    versions: dict[str, str]
+
+
+class SerializedStage:
+    """Holds the bytes of a stage, as `renderer.frame.transport` writes them, and on a worker also its rasterizer.
+
+    Dask keeps a SerializedStage in each worker's memory for as long as the client needs it, even if the client is
+    killed. Copies for other workers have only the bytes. One thread draws, because OpenGL's contexts belong to threads.
 
     content: uint8 [num_bytes].
     """
@@ -43,18 +56,14 @@ class SerializedStage:
     def __sizeof__(self) -> int:
         return self._content.nbytes
 
-    def draw(
-        self, number: int, num_threads: int, memory: MemoryShare
-    ) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
-        """Draw a frame, after those that other threads have requested; returns what `draw_on_worker` does.
+    def draw(self, number: int, num_threads: int, memory: MemoryShare) -> DrawnPictures:
+        """Draw a frame, after the frames that other threads have requested.
 
-        num_threads: that draw it, unless LP_NUM_THREADS is set. memory: as of `open_rasterizer`.
+        num_threads: number of threads that draw, unless LP_NUM_THREADS is set. memory: as of `open_rasterizer`.
         """
         return self._thread.submit(self._draw, number, num_threads, memory).result()
 
-    def _draw(
-        self, number: int, num_threads: int, memory: MemoryShare
-    ) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
+    def _draw(self, number: int, num_threads: int, memory: MemoryShare) -> DrawnPictures:
         if not self._rasterizers:
             os.environ.setdefault("LP_NUM_THREADS", str(num_threads))
             content = self._content if self._content.flags.writeable else self._content.copy()
@@ -63,37 +72,39 @@ class SerializedStage:
             self._rasterizers.append(open_rasterizer(self._stage.scene, memory))
             self._versions = package_versions() | {"device": self._rasterizers[0].device}
         try:
-            (drawn,) = draw_frames(self._stage, [number], self._rasterizers[0], self._controller, self._prober)
+            (drawn,) = draw_frames(
+                self._stage, [number], self._rasterizers[0], self._controller, self._prober, is_overlapped=False
+            )
         except ContextLostError:
             self._rasterizers.pop().release()
             raise
-        drawn = drawn.finished()
         pictures = {kind: picture.content for kind, picture in drawn.pictures.items()}
-        return pictures, drawn.record, self._versions
+        return DrawnPictures(pictures, drawn.record, self._versions)
 
 
 def _close(thread: ThreadPoolExecutor, rasterizers: list[Rasterizer]) -> None:
-    """Release the OpenGL context, and end the thread; does not wait for it."""
+    """Release the OpenGL context and end the thread, without waiting for it."""
     for rasterizer in rasterizers:
         thread.submit(rasterizer.release)
     thread.shutdown(wait=False)
 
 
-def describe_worker() -> dict[str, Any]:
-    """Return the versions in this process, and as `sources` the digest of what draws: checkouts may share a version."""
+def describe_worker() -> dict[str, str]:
+    """Return the versions of packages in this process, and as `sources` the digest of the drawing code.
+
+    Checkouts with different sources may have the same version.
+    """
     return package_versions() | {"sources": _sources_digest()}
 
 
-# Once, for the sources that this process has loaded: a checkout may change later.
+# Computed once, for the sources that this process has loaded: the checkout may change later.
 _sources_digest = functools.cache(sources_digest)
 
 
-def draw_on_worker(
-    stage_data: SerializedStage, number: int, memory: MemoryShare
-) -> tuple[dict[int, bytes], FrameRecord, dict[str, Any]]:
-    """Draw a frame; return its pictures' files, its record for the sidecar, and by name the versions that made it.
+def draw_on_worker(stage_data: SerializedStage, number: int, memory: MemoryShare) -> DrawnPictures:
+    """Draw a frame in this worker.
 
-    memory: as of `open_rasterizer`; that of the first frame counts.
+    memory: as of `open_rasterizer`, which is called for the first frame only.
     """
     from distributed import get_worker
 

@@ -1,0 +1,116 @@
+"""Place voxels in the world: affines, their lengths and directions, and notes on lengths that are guessed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import InputError
+from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, short_text
+from renderer.volume import Array, Float64
+
+# Notes on guessed lengths begin with this. A scene's own `spacing` makes them void.
+GUESSED_LENGTHS = "the file does not give its voxel size"
+# The note for a file without any lengths.
+NO_SPACING = f"{GUESSED_LENGTHS}; 1 x 1 x 1 is assumed"
+# The most fields that a note names, of those that may have lengths.
+_MAX_NAMED = 8
+
+
+def no_spacing(names: Sequence[str]) -> str:
+    """Return the note for a file without lengths in a known form. names: of its fields that may have them."""
+    listed = ", ".join(short_text(name) for name in names[:_MAX_NAMED])
+    return f"{GUESSED_LENGTHS} in a known form; 1 x 1 x 1 is assumed; not applied: {listed}" if names else NO_SPACING
+
+
+def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLike) -> Float64:
+    """Return float64 [4, 4]: `direction @ diag(spacing)` and the origin; the columns of `direction` are the index
+    axes."""
+    world_from_index = np.eye(4)
+    with np.errstate(over="ignore", invalid="ignore"):  # check_axes refuses what is not finite
+        world_from_index[:3, :3] = np.asarray(direction, np.float64) * np.asarray(spacing, np.float64)
+    world_from_index[:3, 3] = origin
+    return world_from_index
+
+
+def in_lps(world_from_index: Float64, factors: tuple[float, ...]) -> Float64:
+    """Return the affine with x, y and z of the world multiplied by these factors, each 1 or -1, and without -0."""
+    return np.asarray(world_from_index * np.array([*factors, 1.0])[:, np.newaxis] + 0.0, np.float64)
+
+
+def even_steps(coordinates: Array) -> tuple[float, float] | None:
+    """Return the first of some coordinates and the step between them, which is 1 for one alone; None if it varies.
+
+    A thousandth of a step is a rounding error, and so are the last digits of floats.
+    """
+    num_digits = np.finfo(coordinates.dtype).eps if coordinates.dtype.kind == "f" else 0.0
+    coordinates = coordinates.astype(np.float64)
+    if len(coordinates) == 1:
+        return float(coordinates[0]), 1.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        first, step = float(coordinates[0]), float(coordinates[-1] - coordinates[0]) / (len(coordinates) - 1)
+        offsets = np.abs(coordinates - first - step * np.arange(len(coordinates)))
+        largest = 1e-3 * abs(step) + 2 * num_digits * np.abs(coordinates).max()
+    return (first, step) if step and np.all(offsets <= largest) else None
+
+
+def has_volume(world_from_index: Float64) -> bool:
+    """Return whether the affine is finite and its index axes span space, whatever their lengths."""
+    if not np.isfinite(world_from_index).all():
+        return False
+    if not np.abs(world_from_index[:3, :3]).max(axis=0).all():
+        return False
+    _, axes = _directions(world_from_index)
+    return abs(float(np.linalg.det(axes / np.linalg.norm(axes, axis=0)))) > 1e-6
+
+
+def check_axes(world_from_index: Float64) -> None:
+    """Raise InputError unless every voxel has a place and a volume, whatever its lengths."""
+    if not has_volume(world_from_index):
+        raise InputError(
+            "the spacing, origin and direction give the voxels no volume",
+            got=_in_words(world_from_index),
+            expected="finite numbers, positive spacings and three independent axes",
+            hint="correct them in the file's header, or export it again from its source",
+        )
+
+
+def check_lengths(world_from_index: Float64) -> None:
+    """Raise InputError unless an affine has lengths that a scene may have."""
+    sizes = np.abs(world_from_index[:3])
+    if sizes.max() > MAX_WORLD_LENGTH or sizes[:, :3].max(axis=0).min() < MIN_WORLD_LENGTH:
+        raise InputError(
+            "the spacing or the origin is out of range",
+            got=_in_words(world_from_index),
+            expected=f"lengths from {MIN_WORLD_LENGTH:g} to {MAX_WORLD_LENGTH:g}",
+            hint="give lengths in another unit",
+        )
+
+
+def _in_words(world_from_index: Float64) -> str:
+    rows = ", ".join("[" + " ".join(f"{value:g}" for value in row) + "]" for row in world_from_index[:3])
+    return f"{rows} (world from voxel index)"
+
+
+def spacing_of(world_from_index: Float64) -> tuple[float, float, float]:
+    """Return the lengths of the index axes, however long or short."""
+    largest, unit = _directions(world_from_index)
+    x, y, z = (largest * np.linalg.norm(unit, axis=0)).tolist()
+    return x, y, z
+
+
+def with_spacing(world_from_index: Float64, spacing: tuple[float, float, float]) -> Float64:
+    """Return the affine, float64 [4, 4], with these lengths of its axes; directions and origin stay."""
+    _, axes = _directions(world_from_index)
+    return affine(spacing, world_from_index[:3, 3], axes / np.linalg.norm(axes, axis=0))
+
+
+def _directions(world_from_index: Float64) -> tuple[Float64, Float64]:
+    """Return the largest component of each index axis, float64 [3], and the axes divided by it, [3, 3].
+
+    The squares of the divided axes neither overflow nor vanish.
+    """
+    largest = np.abs(world_from_index[:3, :3]).max(axis=0)
+    return largest, world_from_index[:3, :3] / largest

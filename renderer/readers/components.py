@@ -1,0 +1,113 @@
+"""Choose the time step and the component that are read, and tell light and colours among components."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import InputError
+from renderer.readers.image import Image
+from renderer.readers.steps_in_time import TimeSteps
+from renderer.scene import join_some, short_text
+from renderer.volume import Channel
+
+# The most components that are each light of its own. More are taken for spectra and the like.
+MAX_LIGHTS = 8
+# The most components that are described.
+MAX_LISTED = 1000
+
+_PRIMARIES = {"R": (1.0, 0.0, 0.0), "G": (0.0, 1.0, 0.0), "B": (0.0, 0.0, 1.0)}
+
+
+def select_index(key: str, wanted: int | None, count: int) -> int:
+    """Return which of `count` time steps or components to read: the first if none is wanted.
+
+    key: the scene's key for it. Raises InputError if the one that is wanted does not exist.
+    """
+    if wanted is not None and not 0 <= wanted < count:
+        raise InputError(
+            f"there is no such {'time step' if key == 'time' else key}",
+            got=f"{key}: {wanted}",
+            expected=f"0 to {count - 1}" if count > 1 else f"0 or no `{key}` at all: the volume has one",
+        )
+    return wanted or 0
+
+
+class Chosen(NamedTuple):
+    """A choice of the part of an array that is read: one time step and one component.
+
+    part: its index; step, component: their numbers. is_step: whether the time step was asked for.
+    notes: one each if none of several time steps, and of several components, was asked for.
+    channels: what is known of components that are only named; RGB and the like are no light.
+    steps: how many there are in time.
+    """
+
+    part: tuple[int | slice, ...]
+    step: int
+    component: int
+    is_step: bool
+    notes: tuple[str, ...]
+    channels: tuple[Channel, ...]
+    steps: TimeSteps
+
+
+def choose(
+    axes: str,
+    shape: tuple[int, ...],
+    time: int | None,
+    component: int | None,
+    names: Sequence[str] = (),
+    by_axis: Mapping[str, str] = MappingProxyType({}),
+) -> Chosen:
+    """Return which part of an array is read. Raises InputError if `time` or `component` do not fit.
+
+    axes: a letter for each axis: `t` for time, `c` for components, `-` for one of which the first item is chosen, and
+        any other for an axis in space. names: of the components, if they all have one. by_axis: what tells the items of
+        an axis apart, by its letter.
+    """
+    lengths = {"t": 1, "c": 1} | dict(zip(axes, shape, strict=True))
+    step, own = select_index("time", time, lengths["t"]), select_index("component", component, lengths["c"])
+    about = {axis: f" (by {short_text(name)})" for axis, name in by_axis.items()}
+    count, channels = lengths["c"], (Channel(),) * (min(lengths["c"], MAX_LISTED) if lengths["c"] > 1 else 0)
+    if len(names) == count > 1:
+        about["c"] = f" ({join_some(names)})"
+        channels = tuple(Channel(name, _PRIMARIES.get(name), is_light=False) for name in names)
+    may_be_colors = count in (3, 4) and "c" not in by_axis and _may_be_colors(names)
+    hints = {"c": "; `component: color` draws the colours" * may_be_colors}
+    notes = tuple(
+        f"{lengths[letter]} {key}s{about.get(letter, '')}; the first is drawn; `{key}: k` chooses another"
+        f"{hints.get(letter, '')}"
+        for letter, key, wanted in (("t", "time", time), ("c", "component", component))
+        if wanted is None and lengths[letter] > 1
+    )
+    part = tuple({"t": step, "c": own, "-": 0}.get(letter, slice(None)) for letter in axes)
+    return Chosen(part, step, own, time is not None, notes, channels, TimeSteps(lengths["t"]))
+
+
+def are_light(image: Image) -> bool:
+    """Return whether each component is light of its own: by what the file says, else as integers that are no picture.
+
+    Floats are vectors, and three or four bytes are colours, where the file does not say. Layers of labels are no light.
+    """
+    if image.labels or not 2 <= len(image.channels) <= MAX_LIGHTS:
+        return False
+    may_be_light = image.values.dtype.kind != "f" and (image.values.itemsize > 1 or len(image.channels) not in (3, 4))
+    return all(may_be_light if each.is_light is None else each.is_light for each in image.channels)
+
+
+def are_colors(dtype: npt.DTypeLike, channels: Sequence[Channel]) -> bool:
+    """Return whether components are those of a colour: by their names, else as three or four bytes, no light."""
+    names = [each.name for each in channels]
+    if len(names) not in (3, 4) or any(each.is_light for each in channels):
+        return False
+    return names[:3] == ["R", "G", "B"] or (np.dtype(dtype) == np.uint8 and _may_be_colors(names))
+
+
+def _may_be_colors(names: Sequence[str]) -> bool:
+    """Return whether names are not those of something else: as of another space of colours, or of several arrays."""
+    are_numbered = all(not name or name.endswith(f"[{number}]") for number, name in enumerate(names))
+    return are_numbered or list(names[:3]) == ["R", "G", "B"]

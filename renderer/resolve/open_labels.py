@@ -1,0 +1,108 @@
+"""Choose the labels that a scene leaves open: which are shown, their numbers, names, colours and opacities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+from renderer.errors import Problem
+from renderer.readers import ReadVolume
+from renderer.scene import FilmScene, LabelKey, LabelsSpec, LayerSpec, MaskSpec, OverFrames, VolumeSpec, format_value
+from renderer.statistics import KnownLabels, read_labels
+from renderer.suggest import colors_by_label, labels_with_looks
+
+T = TypeVar("T")
+Problems = list[Problem]
+
+
+def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Problems) -> LayerSpec:
+    """Return a layer in which all labels that are shown have their number, colour and name.
+
+    place: of the layer in the scene. read: reads the voxels of volumes whose labels are not known yet. problems: labels
+    that are not there are added to it. Raises InputError for volumes that are no labels, and tables that cannot
+    be read.
+    """
+    look, labels = layer.transfer_function, layer.transfer_function.labels
+    if labels is not None and not labels.has_colors:
+        known = read_labels(OverFrames(layer.volume), read, labels)
+        look = replace(look, mapping=choose_labels(labels, known, f"{place}labels", problems))
+    return replace(layer, transfer_function=look, mask=with_numbers(layer.mask, f"{place}mask", read, problems))
+
+
+def with_numbers(mask: MaskSpec | None, place: str, read: ReadVolume, problems: Problems) -> MaskSpec | None:
+    """Return a mask in which all labels that are shown have their number; as `with_labels`."""
+    if mask is None or mask.labels.has_numbers or not isinstance(mask.volume, VolumeSpec):
+        return mask
+    known = read_labels(OverFrames(mask.volume), read, mask.labels)
+    return replace(mask, labels=LabelsSpec(show=choose_labels(mask.labels, known, place, problems).show))
+
+
+def label_problems(scene: FilmScene, read: ReadVolume) -> Problems:
+    """Return the labels that a scene names and no step of their volume, nor its table, has.
+
+    Only volumes of which some are named are read. Raises InputError as `read_labels`.
+    """
+    problems, choices = Problems(), dict[str, tuple[OverFrames[VolumeSpec], LabelsSpec]]()
+    first = scene.at(0)
+    for number, layer in enumerate(first.layers):
+        place = f"volumes.{number}." if scene.has_list else ""
+        over_frames = scene.film_layers[number]
+        if (labels := layer.transfer_function.labels) is not None:
+            choices[f"{place}labels"] = over_frames.map(lambda each: each.volume), labels
+        if (mask := layer.mask) is not None and isinstance(mask.volume, VolumeSpec):
+            place = "mask" if mask == first.mask else f"{place}mask"
+            choices[place] = over_frames.map(_mask_volume), mask.labels
+    for place, (volume, labels) in choices.items():
+        if labels.show or labels.hide or isinstance(labels.colors, tuple) or isinstance(labels.opacity, tuple):
+            choose_labels(labels, read_labels(volume, read, labels), place, problems)
+    return problems
+
+
+def _mask_volume(layer: LayerSpec) -> VolumeSpec:
+    assert layer.mask is not None and isinstance(layer.mask.volume, VolumeSpec)
+    return layer.mask.volume
+
+
+def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: Problems) -> LabelsSpec:
+    """Return the labels that are shown with their numbers, colours, opacities and names.
+
+    place: of the labels in the scene. problems: labels that are not there are added to it.
+    """
+
+    def values_of(key: LabelKey, path: str) -> Iterator[int]:
+        values = known.find(key)
+        if not values:
+            what, expected = "no such label in the volume", "the number or the name of one of its labels"
+            problems.append(Problem(f"{place}.{path}", what, format_value(key), expected, known.hint(key)))
+        yield from values
+
+    def by_value(pairs: Iterable[tuple[LabelKey, T]], path: str) -> dict[int, T]:
+        return {value: item for key, item in pairs for value in values_of(key, f"{path}.{key}")}
+
+    def in_list(keys: Sequence[LabelKey], path: str) -> list[int]:
+        return [value for number, key in enumerate(keys) for value in values_of(key, f"{path}.{number}")]
+
+    rest = [value for value in known.present if value]
+    hidden = {*in_list(spec.hide, "hide")}
+    asked = {*(rest if spec.show is None else in_list(spec.show, "show"))} - hidden
+    if isinstance(spec.opacity, tuple):
+        opacities = by_value(spec.opacity, "opacity")
+    elif spec.opacity is None:
+        opacities = {value: label.opacity for value, label in known.table.items() if label.opacity is not None}
+    else:
+        opacities = dict.fromkeys(known.present, spec.opacity)
+    colors = colors_by_label(rest)
+    if spec.colors != "auto":
+        colors |= {value: label.color for value, label in known.table.items() if label.color is not None}
+    if isinstance(spec.colors, tuple):
+        colors |= by_value(spec.colors, "colors")
+    shown = [value for value in known.present if value in asked and opacities.get(value, 1.0) > 0]
+    if not shown and not problems:
+        what = "no label is shown" if rest else "no voxel has a label: all are 0"
+        expected = f"some of {format_value(rest)}, with opacities above 0" if rest else "labels other than 0"
+        problems.append(Problem(place, what, expected=expected))
+    if spec.colors == "table" and (missing := [value for value in shown if value not in known.table]):
+        what, expected = "the table has no such label", "a table with all labels that are shown"
+        problems.append(Problem(f"{place}.colors", what, format_value(missing), expected))
+    return labels_with_looks({value: opacities.get(value, 1.0) for value in shown}, colors, known.names)

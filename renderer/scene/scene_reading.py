@@ -1,0 +1,116 @@
+"""Read a scene from plain data: nested mappings, lists and scalars, as a YAML or JSON reader gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from renderer.errors import Problem
+from renderer.scene import schema
+from renderer.scene.annotation_section import check_annotation
+from renderer.scene.clip_section import check_what_is_clipped
+from renderer.scene.layers_section import OF_CHANNELS, check_layers, name_mask, take_labels
+from renderer.scene.limits import proportion_problems, raise_problems
+from renderer.scene.motion import is_plain
+from renderer.scene.output_section import OutputSpec, check_frame_field
+from renderer.scene.scene_writing import moving_values
+from renderer.scene.schema import INVALID
+from renderer.scene.spec import FilmScene, Scene, film_scene
+from renderer.scene.transfer_section import LABELS_FIELD
+from renderer.scene.volume_section import WITHOUT_TRANSFER
+
+# The most key frames at which the values of a scene are compared with each other.
+_MOST_CHECKED = 64
+
+
+def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> FilmScene:
+    """Return the scene that `tree` describes.
+
+    base: the folder that volume files are relative to; they are kept as `base / file`, the output file as given.
+    is_single_frame: one frame is drawn, so the output may be a PNG without a number in its name.
+    Raises SceneError with every problem.
+    """
+    film = _film_time(tree)
+
+    def read(at: int | None) -> tuple[Scene, list[Problem]]:
+        node = schema.TreeNode(tree, "", [], base, film=replace(film, at=at))
+        return _read_scene(node, is_single_frame=is_single_frame), node.problems
+
+    scene, problems = read(None)
+    keys = sorted(film.keys)
+    # Values that move are compared with others as they are at frame 0, and then at keys.
+    for frame in [*([0] if keys else []), *keys[:: len(keys) // _MOST_CHECKED + 1]]:
+        known = {(problem.path, problem.what) for problem in problems}
+        when = f"at frame {frame}: " if frame > 0 else ""
+        new = [found for found in read(frame)[1] if (found.path, found.what) not in known]
+        problems += [replace(found, what=f"{when}{found.what}") for found in new]
+    raise_problems(problems)
+    return film_scene(scene)
+
+
+def _film_time(tree: object) -> schema.FilmTime:
+    """Return how many frames a scene has, and their rate, as far as it gives them."""
+    sections, film = tree if isinstance(tree, Mapping) else {}, schema.FilmTime(None, OutputSpec.frames_per_second)
+    output, camera = (schema.TreeNode(sections.get(key), "", [], film=film) for key in ("output", "camera"))
+    found: Any = _TABLE["output"].read(output)
+    rate = getattr(found, "frames_per_second", INVALID)
+    film = film if rate is INVALID else replace(film, frames_per_second=rate)
+    found = _TABLE["camera"].read(replace(camera, film=film))
+    is_known = isinstance(getattr(getattr(found, "path", None), "frames", None), int)
+    return schema.FilmTime(found.num_frames if is_known else None, film.frames_per_second)
+
+
+def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
+    """Return the scene in a tree; of no use where there are problems."""
+    tree, problems = node.value, node.problems
+    has_volumes = isinstance(tree, Mapping) and "volumes" in tree
+    only = tree.get("volume") if isinstance(tree, Mapping) and not has_volumes else None
+    of_channels = isinstance(only, Mapping) and only.get("component") in WITHOUT_TRANSFER
+    has_labels = isinstance(tree, Mapping) and "labels" in tree
+    left_out = _OF_ONE_VOLUME if has_volumes else ("transfer_function",) if of_channels or has_labels else ()
+    required = [key for key in schema.required_keys(Scene) if key not in left_out]
+    given = schema.read_fields(node, SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
+    take_labels(node, given)
+    if of_channels:
+        given.setdefault("transfer_function", OF_CHANNELS)
+    has_plain_values = is_plain(*(section for key, section in given.items() if key != "error"))
+    if has_plain_values:
+        check_layers(node, given)
+    name_mask(node, given)
+    check_what_is_clipped(node, given)
+    if not is_single_frame:
+        check_frame_field(node.child("output"), given)
+    if has_volumes:
+        first = given["volumes"][0] if isinstance(given["volumes"], tuple) else INVALID
+        given |= {key: getattr(first, key, INVALID) for key in _OF_ONE_VOLUME}
+    scene = Scene(**given)
+    if not problems:  # values are compared only if each is correct
+        for layer in scene.layers if has_plain_values else ():
+            problems += proportion_problems(layer.volume, scene.camera, scene.output.size)
+        if node.film is not None and node.film.at is None:  # where a frame is read, nothing moves
+            place = node.child("annotation", isinstance(tree, Mapping) and tree.get("annotation"))
+            moving = moving_values(film_scene(scene), 0) if scene.annotation.time is not None else {}
+            check_annotation(place, scene.annotation, len(scene.layers), moving)
+    return scene
+
+
+_TABLE = schema.field_table(Scene)
+SECTIONS: schema.FieldTable = {
+    **{key: _TABLE[key] for key in ("volume", "transfer_function")},
+    "labels": LABELS_FIELD,
+} | _TABLE
+_OF_ONE_VOLUME = ("volume", "transfer_function")
+
+# Keys that users put at the top level, and where they belong, or what they are called now.
+_MISPLACED_KEY_HINTS = {
+    key: f"did you mean {place}.{key}?"
+    for place, keys in {
+        "error": ("tolerance", "psnr", "rmse", "seconds"),
+        "camera.path": ("frames", "elevation"),
+        "output": ("size", "background", "frames_per_second"),
+        "splat": ("footprint",),
+    }.items()
+    for key in keys
+} | {"cuts": "cuts is called clip now", "overlay": "overlay: bounds is written annotation: {bounds: true} now"}

@@ -1,0 +1,117 @@
+"""Divide values into classes, which stand apart in the histogram: two of all, or the materials above the background."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from renderer.statistics.background import Background
+from renderer.statistics.voxel_sample import VoxelSample
+from renderer.volume import Float64
+
+# Bins of the histogram.
+_NUM_BINS = 256
+# Values above this percentile are outliers.
+_TOP_PERCENTILE = 99.99
+# The number of bins in which a valley is looked for ahead.
+_LOOK_AHEAD = 8
+# The highest count of a bin in a valley, as a part of the count where the search stands.
+_DESCENT = 0.97
+# The highest end of the background, as a part of the range from its middle to the largest value.
+_MAX_VALLEY = 0.5
+# The most materials.
+_MAX_CLASSES = 3
+# The smallest share of the voxels of a material that differ little from all of their neighbours: 0.5 to 0.95 in the
+# materials of scans. A class with less, 0.01 to 0.45, consists of edges: their values lie between a material and its
+# surroundings.
+_MIN_FLAT = 0.5
+# The largest little difference, as a part of the range of the class.
+_MAX_STEP = 0.5
+
+
+def top_value(sample: VoxelSample) -> float:
+    """Return the largest normalised value that is no outlier."""
+    return float(np.percentile(sample.normalized, _TOP_PERCENTILE))
+
+
+def foreground_threshold(sample: VoxelSample, background: Background) -> float:
+    """Return the normalised value at which the object begins: the histogram's first valley above the background."""
+    first, top = background.middle, top_value(sample)
+    if not first < background.high < top:
+        return background.high
+    counts, edges = np.histogram(sample.normalized, _NUM_BINS, (first, top))
+    smooth = np.convolve(counts, np.full(5, 0.2), mode="same")
+    at = max(1, int(np.searchsorted(edges, background.high)))
+    while at < _MAX_VALLEY * _NUM_BINS and smooth[at + 1 : at + 1 + _LOOK_AHEAD].min() < _DESCENT * smooth[at]:
+        at += 1
+    return float(edges[at])
+
+
+def material_edges(sample: VoxelSample, first: float) -> tuple[float, ...]:
+    """Return the ends of one to three classes of the normalised values from `first` on, ascending.
+
+    A class of edges joins the one above it.
+    """
+    top = max(top_value(sample), first + 1e-6)
+    counts, edges = np.histogram(sample.normalized, _NUM_BINS, (first, top))
+    # Roots let small materials count.
+    ends = [first, *(float(edges[cut]) for cut in otsu_thresholds(np.sqrt(counts), _MAX_CLASSES)), top]
+    kept = [high for low, high in pairwise(ends[:-1]) if low < high and not _is_made_of_edges(sample, low, high)]
+    return (first, *kept, top)
+
+
+def _is_made_of_edges(sample: VoxelSample, low: float, high: float) -> bool:
+    chosen = (sample.normalized >= low) & (sample.normalized < high)
+    steps = np.abs(sample.neighbours[:, chosen] - sample.normalized[chosen])
+    return bool(np.mean(steps.max(axis=0) < _MAX_STEP * (high - low)) < _MIN_FLAT) if steps.size else True
+
+
+def otsu_threshold(values: Float64, low: float, high: float, min_separation: float = 0.0) -> float | None:
+    """Return the threshold between two classes of the values from `low` to `high`.
+
+    It has the largest variance between its two sides, moved to the least populated bin between the medians of the
+    sides. None if there are no two, or if less than `min_separation` of the variance is between them.
+    """
+    if high <= low:
+        return None
+    counts, edges = np.histogram(values, _NUM_BINS, (low, high))
+    if np.count_nonzero(counts) < 2:
+        return None
+    (cut,) = otsu_thresholds(counts, 2)
+    # Sums of squared distances from the mean, in bins: of all values, and on either side.
+    total, below, above = (
+        float(np.cov(np.arange(_NUM_BINS)[part], fweights=counts[part], ddof=0)) * counts[part].sum()
+        for part in (slice(None), slice(cut), slice(cut, None))
+    )
+    if 1 - (below + above) / total < min_separation:
+        return None
+    cumulative = np.cumsum(counts)
+    first, last = np.searchsorted(cumulative, (cumulative[cut - 1] / 2, (cumulative[cut - 1] + cumulative[-1]) / 2))
+    # A box of five bins keeps single empty bins of stretched data from passing for a valley.
+    smooth = np.convolve(np.pad(counts, 2, mode="edge"), np.full(5, 0.2), mode="valid")[first + 1 : last + 1]
+    lowest = np.flatnonzero(smooth <= smooth.min() * (1 + 1e-9))
+    return float(edges[first + 1 + lowest[len(lowest) // 2]])
+
+
+def otsu_thresholds(counts: Float64, num_classes: int) -> tuple[int, ...]:
+    """Return the first bins of all classes but the lowest, with the largest variance between the classes.
+
+    N. Otsu, "A Threshold Selection Method from Gray-Level Histograms", IEEE Trans. SMC 9(1), 1979; P.-S. Liao et al.,
+    "A Fast Algorithm for Multilevel Thresholding", J. Inf. Sci. Eng. 17, 2001. counts: [n].
+    """
+    weights = np.append(0.0, np.cumsum(counts))
+    moments = np.append(0.0, np.cumsum(counts * np.arange(len(counts))))
+    weight, moment = (sums[None, :] - sums[:, None] for sums in (weights, moments))
+    # The part of the variance between classes that comes from bins i to j.
+    part = np.divide(moment**2, weight, out=np.zeros_like(weight), where=weight > 0)
+    part[np.tril_indices(len(part))] = -np.inf
+    best, origins = part[0], []
+    for _ in range(num_classes - 1):
+        joined = best[:, None] + part
+        origins.append(joined.argmax(axis=0))
+        best = joined.max(axis=0)
+    starts = [len(counts)]
+    for origin in reversed(origins):
+        starts.append(int(origin[starts[-1]]))
+    return tuple(reversed(starts[1:]))

@@ -1,0 +1,39 @@
+"""Choose the value that voxels without data have in a sample, so that they look like the surroundings of the object."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.statistics.background import find_background
+from renderer.statistics.histogram import Statistics
+from renderer.statistics.label_volume import label_values
+from renderer.statistics.level_sets import is_level_set_interior
+from renderer.statistics.spread import is_about_zero
+from renderer.statistics.voxel_sample import VoxelSample, faces, sample_volume
+from renderer.volume import Volume
+
+
+def suggest_fill(volume: Volume, statistics: Statistics) -> float | None:
+    """Return the value for voxels without data, from the statistics of the others; None if the lowest value serves."""
+    low, high = float(statistics.minimum), float(statistics.maximum)
+    sample = sample_volume(volume, statistics)
+    if label_values(volume, statistics, sample) is not None:
+        return _surrounding_label(sample, low)
+    if low < 0 < high and is_about_zero(sample):
+        return 0.0
+    if low < 0 < high and is_level_set_interior(sample.with_inverted_range(), 1 - sample.normalize(0.0)):
+        return high
+    background = find_background(sample)
+    if not (background.is_there and background.has_much_below):
+        return None
+    return sample.round_value(sample.denormalize(background.middle))
+
+
+def _surrounding_label(sample: VoxelSample, low: float) -> float | None:
+    """Return the label at the border if it has more voxels there than lack data; else a label that no voxel has."""
+    is_known = faces(sample.is_valid)
+    values, counts = np.unique(faces(sample.normalized)[is_known], return_counts=True)
+    if counts.max(initial=0) > np.count_nonzero(~is_known):
+        outside = float(values[counts.argmax()])
+        return sample.denormalize(outside) if outside > 0 else None
+    return 0.0 if low > 0 else None

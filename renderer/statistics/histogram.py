@@ -1,0 +1,168 @@
+"""Compute the statistics of a volume: range, percentiles, histogram and outliers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from operator import attrgetter
+
+import numpy as np
+
+from renderer.statistics.isolated import OutlierValue, find_isolated
+from renderer.statistics.percentiles import Chunks, OrderedKeys, make_ordered_keys, values_at_ranks
+from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
+
+# The most bins of a histogram. Every value of 16-bit data has its own bin; wider types are resolved as finely.
+MAX_BINS = 2**16
+
+# The percentiles that statistics have.
+PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
+
+# The least number of different values besides outliers. With fewer the data are steps or labels, and no value is an
+# outlier.
+_MIN_OTHER_VALUES = 16
+# The most searches for outliers. Isolated voxels may hide others that are less far away.
+_MAX_ROUNDS = 3
+
+# Values of a chunk. Chunks are read one by one, so that no float64 copy of the volume is made.
+_CHUNK = 2**20
+
+_HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """A summary of all voxels.
+
+    minimum, maximum: exact, int for integer volumes and float otherwise.
+    mean: in float64.
+    counts: int64 [n], voxels by bin.
+    bins: float64 [n], the middle of each bin; integers whose range fits 16 bits have a bin for every value.
+    bin_width: in data units.
+    percentiles: of PERCENTILES, exact: the smallest value that at least this part of the voxels does not exceed.
+    outliers: values that are far from all others. without_outliers: the statistics of the others; None if no value is
+        an outlier.
+    """
+
+    minimum: int | float
+    maximum: int | float
+    mean: float
+    counts: Int64
+    bins: Float64
+    bin_width: float
+    percentiles: Mapping[float, int | float]
+    outliers: tuple[OutlierValue, ...] = ()
+    without_outliers: Statistics | None = None
+
+
+def safe_scale(minimum: float, maximum: float) -> float:
+    """Return a power of two that brings values into [-1/2, 1/2]: neither their sum nor their range overflows."""
+    return math.ldexp(1.0, min(-1 - math.frexp(max(abs(minimum), abs(maximum)))[1], 1000))
+
+
+def compute_statistics(values: Array, source: MappedFile | None = None) -> Statistics:
+    """Compute the statistics of integer or float values, finite but for NaN without data, in bounded memory.
+
+    values: any shape, C-contiguous; at least one is finite. source: the file that they are mapped from, if any.
+    Raises InputError if that file has changed.
+    """
+    chunks = partial(_chunks_of_data, values, source)
+    whole = others = _statistics(values.dtype, chunks)
+    outliers: list[OutlierValue] = []
+    for _ in range(_MAX_ROUNDS):
+        ends = others.minimum, others.percentiles[1.0], others.percentiles[99.0], others.maximum
+        found = find_isolated(values, source, ends, safe_scale(others.minimum, others.maximum))
+        if found is None:
+            break
+        outliers += found[0]
+        others = _statistics(values.dtype, partial(_values_between, chunks, *found[1:]))
+    if not outliers or np.count_nonzero(others.counts) < _MIN_OTHER_VALUES:
+        return whole
+    return replace(whole, outliers=tuple(sorted(outliers, key=attrgetter("value"))), without_outliers=others)
+
+
+def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]:
+    """Yield the values without NaN, some at a time."""
+    for chunk in iter_slabs(values.reshape(-1), source, values.itemsize * _CHUNK):
+        least = chunk.min()
+        data = chunk if not math.isnan(least) else chunk[~np.isnan(chunk)]
+        if data.size:
+            yield data
+
+
+def _statistics(dtype: np.dtype[np.generic], chunks: Chunks) -> Statistics:
+    """Return the statistics of all values."""
+    minimum, maximum, size = _extent(chunks)
+    scale = np.float64(safe_scale(minimum, maximum))
+    low, extent = minimum * scale, maximum * scale - minimum * scale
+    is_counted = dtype.kind in "iu" and maximum - minimum < MAX_BINS
+    if is_counted:
+        width, bins = 1.0, np.arange(maximum - minimum + 1) + float(minimum)
+    elif extent == 0.0:
+        width, bins = 0.0, np.array([minimum], np.float64)
+    else:
+        width, bins = extent / MAX_BINS / scale, (low + extent * ((np.arange(MAX_BINS) + 0.5) / MAX_BINS)) / scale
+    ordered_keys = make_ordered_keys(dtype, minimum, maximum)
+    key_counts, total = np.zeros(ordered_keys.num, np.int64), 0.0
+    counts = key_counts if is_counted else np.zeros(len(bins), np.int64)
+    for chunk in chunks():
+        key_counts += ordered_keys.count(chunk)
+        total += float(np.sum(chunk * scale))
+        if not is_counted:  # a constant volume has the index 0
+            index = ((chunk * scale - low) / (extent / MAX_BINS or 1.0)).astype(np.int64)
+            counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
+    percentiles = _values_at(PERCENTILES, size, key_counts, ordered_keys, chunks)
+    return Statistics(minimum, maximum, total / size / scale, counts, bins, width, percentiles)
+
+
+def exact_percentiles(
+    values: Array, source: MappedFile | None, percents: Sequence[float]
+) -> Mapping[float, int | float]:
+    """Return percentiles, as `Statistics` has them; 0 is the smallest value.
+
+    Parameters and errors are as in `compute_statistics`.
+    """
+    chunks = partial(_chunks_of_data, values, source)
+    minimum, maximum, size = _extent(chunks)
+    ordered_keys = make_ordered_keys(values.dtype, minimum, maximum)
+    counts = np.zeros(ordered_keys.num, np.int64)
+    for chunk in chunks():
+        counts += ordered_keys.count(chunk)
+    return _values_at(percents, size, counts, ordered_keys, chunks)
+
+
+def _extent(chunks: Chunks) -> tuple[int | float, int | float, int]:
+    """Return the smallest and the largest value, and how many there are."""
+    ends = [(chunk.min().item(), chunk.max().item(), chunk.size) for chunk in chunks()]
+    return min(low for low, _, _ in ends), max(high for _, high, _ in ends), sum(num for _, _, num in ends)
+
+
+def _values_at(
+    percents: Sequence[float], size: int, counts: Int64, ordered_keys: OrderedKeys, chunks: Chunks
+) -> dict[float, int | float]:
+    ranks = {percent: max(math.ceil(percent * size / 100), 1) - 1 for percent in percents}
+    found = values_at_ranks([*ranks.values()], counts, ordered_keys, chunks)
+    return {percent: found[rank] for percent, rank in ranks.items()}
+
+
+def _values_between(chunks: Chunks, low: float, high: float) -> Iterator[Array]:
+    """Yield the values from `low` to `high`, both included."""
+    for chunk in chunks():
+        inside = chunk[(chunk >= low) & (chunk <= high)]
+        if inside.size:
+            yield inside
+
+
+def rebin(statistics: Statistics, num_bins: int) -> tuple[Int64, Float64]:
+    """Return (counts, edges): int64 [m] and float64 [m + 1], m <= num_bins equal parts of the range.
+
+    Every part holds the same number of the original bins, except the last, which may hold fewer.
+    """
+    per_part = -(-len(statistics.counts) // num_bins)
+    counts = np.add.reduceat(statistics.counts, np.arange(0, len(statistics.counts), per_part))
+    # Halves, since the range of float64 may exceed the largest number.
+    half_first, half_width = statistics.bins[0] / 2 - statistics.bin_width / 4, statistics.bin_width / 2
+    half_edges = half_first + np.arange(len(counts) + 1) * per_part * half_width
+    return counts, 2 * np.clip(half_edges, -_HALF_OF_LARGEST, _HALF_OF_LARGEST)

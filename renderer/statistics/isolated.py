@@ -1,0 +1,92 @@
+"""Find voxels far from all of their neighbours and beyond the range of all others, as hot and dead pixels are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from renderer.volume import Array, Bools, Int64, MappedFile, iter_slabs
+
+# The largest share of all voxels that isolated voxels have. More are not noise.
+_MAX_FRACTION = 1e-3
+# The smallest share of isolated voxels among the voxels beyond the range of the others. Where there are many, some
+# touch.
+_MIN_ISOLATED = 0.95
+# The smallest distance of an isolated voxel from the range of its neighbours, in lengths of this range. Noise reaches
+# 0.7. Of the lowest and the highest percent of 40 volumes, 7 voxels reach 2, and they lie in the range of the others.
+_MIN_DISTANCE = 2.0
+# The least number of neighbours that a voxel has. Along a single line they tell nothing.
+_MIN_NEIGHBOURS = 8
+# Voxels that are read at a time.
+_CHUNK = 2**20
+
+
+@dataclass(frozen=True)
+class OutlierValue:
+    """A range of values beyond the range of all others, from `value` to `last`, that `num` isolated voxels have."""
+
+    value: int | float
+    num: int
+    last: int | float
+
+
+# The outliers, and the range of the other values.
+OutlierSplit = tuple[tuple[OutlierValue, ...], float, float]
+
+
+def find_isolated(
+    values: Array, source: MappedFile | None, ends: tuple[float, float, float, float], scale: float
+) -> OutlierSplit | None:
+    """Return the isolated voxels at both ends, and the range of the others; None if there are none.
+
+    values: C-contiguous. source: the file that they are mapped from, if any. ends: minimum, first and last of the usual
+    values, maximum; only values between the two of a side are looked at. scale: a power of two with which differences
+    are finite.
+    """
+    minimum, *usual, maximum = ends
+    cube, first = values.reshape(-1, *(1, 1, *values.shape)[-2:]), 0
+    limit = max(1, int(_MAX_FRACTION * values.size)) + 1  # the last is one of the others
+    beyond = [(np.empty(0, values.dtype), np.empty(0, bool))] * 2
+    for slab in iter_slabs(cube, source, values.itemsize * _CHUNK):
+        is_within = (slab >= minimum) & (slab <= maximum)
+        for k, is_beyond in enumerate((slab < usual[0], slab > usual[1])):
+            z, y, x = np.nonzero(is_beyond & is_within)
+            if z.size:
+                are_isolated = _are_isolated(cube, np.stack([z + first, y, x]), ends, scale)
+                far = np.append(beyond[k][0], slab[z, y, x])
+                are_isolated = np.append(beyond[k][1], are_isolated)
+                # From the end inwards; of equal values, isolated ones come last.
+                order = np.lexsort((are_isolated ^ bool(k), far))[:: -1 if k else 1][:limit]
+                beyond[k] = far[order], are_isolated[order]
+        first += len(slab)
+    outliers, others = list[OutlierValue](), usual
+    for k, (far, are_isolated) in enumerate(beyond):
+        is_last = are_isolated & (np.cumsum(are_isolated) >= _MIN_ISOLATED * np.arange(1, len(far) + 1))
+        num = int(np.flatnonzero(is_last[: limit - 1]).max(initial=-1)) + 1
+        if num < len(far):
+            others[k] = far[num].item()
+        if num:
+            outliers.append(OutlierValue(far[:num].min().item(), num, far[:num].max().item()))
+    return (tuple(outliers), others[0], others[1]) if outliers and others[0] < others[1] else None
+
+
+def _are_isolated(cube: Array, places: Int64, ends: Sequence[float], scale: float) -> Bools:
+    """Return which voxels, at `places` [3, n], are far from all of their neighbours but one."""
+    steps = [step for step in product(*((-1, 0, 1) if num > 1 else (0,) for num in cube.shape)) if any(step)]
+    if len(steps) < _MIN_NEIGHBOURS:
+        return np.zeros(places.shape[1], bool)
+    lasts = np.array(cube.shape)[:, None] - 1
+    lowest, low, high, highest = np.repeat([[np.inf], [np.inf], [-np.inf], [-np.inf]], places.shape[1], axis=1)
+    for step in steps:
+        # Beyond the border are the neighbours on the other side.
+        z, y, x = lasts - np.abs(lasts - np.abs(places + np.array(step)[:, None]))
+        near = np.clip(cube[z, y, x] * scale, ends[0] * scale, ends[-1] * scale)
+        # Neighbours without data, NaN, do not count.
+        lowest, low = np.fmin(lowest, near), np.fmin(low, np.maximum(lowest, near))
+        highest, high = np.fmax(highest, near), np.fmax(high, np.minimum(highest, near))
+    own = cube[tuple(places)] * scale
+    distance = np.maximum(own - high, low - own)
+    return np.asarray((distance > 0) & (distance > _MIN_DISTANCE * (high - low)))

@@ -1,0 +1,108 @@
+"""Recognise volumes whose values are labels: masks, segmentations, connected components."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.scene import MAX_LABELS
+from renderer.statistics.histogram import Statistics
+from renderer.statistics.voxel_sample import SAME, VoxelSample, faces
+from renderer.volume import Bools, Volume, iter_slabs
+
+# The most values that are always labels.
+_MAX_CERTAIN_LABELS = 3
+# The smallest share of the neighbours of voxels outside the background that have the voxel's own value, where more
+# values are labels. Scans have up to 0.6.
+_MIN_EQUAL_NEIGHBOURS = 0.75
+# The same for labels of a few voxels each, which lie in one place.
+_MIN_EQUAL_NEIGHBOURS_OF_SMALL = 0.45
+# The largest scatter of such labels, as a part of the scatter of all: they have 0.02 to 0.3, the values of a scan 0.6
+# to 1.
+_MAX_SCATTER_OF_SMALL = 0.5
+# The most labels that may be steps of a field.
+_MAX_GRADED_LABELS = 16
+# The largest share of the unequal neighbours that differ by one or two, where there are more labels. Steps of a smooth
+# field have more.
+_MAX_SMALL_STEPS = 0.6
+# The largest share of the values that only occur in transitions. A clipped image and a smoothed edge have more.
+_MAX_TRANSITION_FRACTION = 0.5
+# The largest integer that float64, in which values are found here, does not round.
+_MAX_EXACT = 2**53
+
+
+def label_values(volume: Volume, statistics: Statistics, sample: VoxelSample) -> list[float] | None:
+    """Return the values of a volume of labels, ascending; None for other volumes."""
+    is_piecewise = is_piecewise_constant(sample)
+    if len(np.unique(sample.normalized)) > _MAX_CERTAIN_LABELS and not is_piecewise:
+        return None
+    found = distinct_values(volume, statistics)
+    if found is None or not all(value == int(value) and abs(value) <= _MAX_EXACT for value in found):
+        return None
+    if len(found) > _MAX_CERTAIN_LABELS:
+        if not is_piecewise or _transition_value_fraction(sample) > _MAX_TRANSITION_FRACTION:
+            return None
+        two_levels = 2.5 / (found[-1] - found[0])
+        if len(found) > _MAX_GRADED_LABELS and _small_step_fraction(sample, two_levels) > _MAX_SMALL_STEPS:
+            return None
+    return found
+
+
+def is_piecewise_constant(sample: VoxelSample) -> bool:
+    """Return whether most voxels outside the background have neighbours of the same value, or lie in small pieces."""
+    are_outside = np.abs(sample.normalized - border_mode(sample)) > SAME
+    are_equal = np.abs(sample.neighbours[:, are_outside] - sample.normalized[are_outside]) <= SAME
+    equal = np.mean(are_equal) if are_equal.size else 1
+    if _MIN_EQUAL_NEIGHBOURS_OF_SMALL <= equal < _MIN_EQUAL_NEIGHBOURS:
+        return _scatter(sample, are_outside) <= _MAX_SCATTER_OF_SMALL
+    return bool(equal >= _MIN_EQUAL_NEIGHBOURS)
+
+
+def _scatter(sample: VoxelSample, are_outside: Bools) -> float:
+    """Return the variance of the places of voxels with one value, as a part of the variance of all places.
+
+    Voxels of the background do not count. Low for labels, about 1 for scans.
+    """
+    _, number, counts = np.unique(sample.normalized[are_outside], return_inverse=True, return_counts=True)
+    places = np.argwhere(are_outside).T * np.array(sample.spacing)[:, None]
+    means = [(np.bincount(number, at) / counts)[number] for at in places]
+    within = sum(float(np.var(at - mean)) for at, mean in zip(places, means, strict=True))
+    return within / max(float(np.var(places, axis=1).sum()), 1e-300)
+
+
+def _transition_value_fraction(sample: VoxelSample) -> float:
+    """Return the part of the distinct values most of whose voxels lie strictly between their neighbours along x or y.
+
+    The edges of an image have such values; the voxels of a label lie side by side.
+    """
+    here, (left, right, down, up) = sample.normalized, sample.neighbours
+    passed = ((left < here) & (here < right)) | ((left > here) & (here > right))
+    passed |= ((down < here) & (here < up)) | ((down > here) & (here > up))
+    _, number, counts = np.unique(here, return_inverse=True, return_counts=True)
+    return float(np.mean(np.bincount(number.ravel(), passed.ravel()) > counts / 2))
+
+
+def _small_step_fraction(sample: VoxelSample, step: float) -> float:
+    """Return the part of the unequal neighbours that differ by at most `step`, normalised."""
+    differences = np.abs(sample.neighbours - sample.normalized)
+    unequal = differences[differences > SAME]
+    return float(np.mean(unequal <= step)) if unequal.size else 0.0
+
+
+def distinct_values(volume: Volume, statistics: Statistics) -> list[float] | None:
+    """Return every value in the range of the statistics, ascending; None if there are too many."""
+    if statistics.bin_width == 1.0 and volume.values.dtype.kind in "iu":
+        counted: list[float] = statistics.bins[statistics.counts > 0].tolist()
+        return counted if len(counted) <= MAX_LABELS else None
+    found: set[float] = set()
+    for plane in iter_slabs(volume.values, volume.source, 1):
+        values = np.unique(plane)
+        found.update(values[(values >= statistics.minimum) & (values <= statistics.maximum)].astype(float).tolist())
+        if len(found) > MAX_LABELS:
+            return None
+    return sorted(found)
+
+
+def border_mode(sample: VoxelSample) -> float:
+    """Return the normalised value that is most frequent on the faces of a volume."""
+    values, counts = np.unique(faces(sample.normalized), return_counts=True)
+    return float(values[counts.argmax()])

@@ -1,0 +1,102 @@
+"""Find padding: one value at the border of a volume whose air, behind it, has another one.
+
+Templates and resampled scans have zeros there. They are no background: the air behind them is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from renderer.statistics.background import Background, background_at, fill_with_noise, find_background
+from renderer.statistics.voxel_sample import SAME, ValueRange, VoxelSample, faces, sample_volume
+from renderer.volume import Array, Bools, Float64, Volume
+
+# The smallest share of the border that padding has.
+_MIN_OF_BORDER = 0.5
+# The largest share of all voxels that it has: the corners around a ball that touches the border have 0.48.
+_MAX_OF_VOXELS = 0.35
+# The largest median thickness on each face, as a part of the side. Around a ball it is 0.15.
+_MAX_THICKNESS = 0.1
+# The smallest share of the voxels behind padding that air has: in a template a quarter.
+_MIN_AIR = 0.1
+# The highest place of air in the range of the values behind padding, from 0 to 1. Above, it may be an object that fills
+# its box. In a template it is 0.05.
+_MAX_AIR_VALUE = 0.25
+# The smallest share of the voxels that is denser than air.
+_MIN_OBJECT = 0.01
+# The fewest voxels along an axis. Thinner volumes have no inside.
+_MIN_SIDE = 8
+# Percentiles of the values of a volume between which its range is measured: a few outliers do not count.
+_RANGE_OF_ALL = (0.01, 99.99)
+# The same for the values behind padding, where more may be outliers at the edges.
+_RANGE_BEHIND = (0.01, 99.9)
+
+
+def without_padding(sample: VoxelSample) -> VoxelSample:
+    """Return a sample with air, noise included, in place of padding that is darker than it; others as they are."""
+    values, counts = np.unique(faces(sample.normalized)[faces(sample.is_valid)], return_counts=True)
+    is_thin = min(sample.normalized.shape) < _MIN_SIDE
+    if is_thin or not counts.size or counts.max() < _MIN_OF_BORDER * counts.sum():
+        return sample
+    padding = float(values[counts.argmax()])
+    has_value = np.abs(sample.normalized - padding) <= SAME
+    behind = _values_behind(sample, has_value) if has_value.mean() <= _MAX_OF_VOXELS else None
+    if behind is None:
+        return sample
+    border, is_padding = behind
+    inside = sample.normalized[sample.is_valid & ~is_padding]
+    air = background_at(replace(sample, is_valid=sample.is_valid & ~is_padding), border, inside)
+    if not _is_air(air, inside) or padding >= air.low:
+        return sample
+    noise = border[(border >= air.low) & (border <= air.high)]
+    filled = fill_with_noise(sample.normalized, is_padding, noise)
+    neighbours = fill_with_noise(sample.neighbours, np.abs(sample.neighbours - padding) <= SAME, noise)
+    return replace(sample, normalized=filled, neighbours=neighbours)
+
+
+def background_value(volume: Volume) -> float | None:
+    """Return the value of the background of a volume; None where there is none.
+
+    A background lies at an end of the values: values that fill the box, with others on both sides, are an object.
+    """
+    low, high = volume.value_range()
+    if low == high or volume.is_labels:
+        return None
+    sample = without_padding(sample_volume(volume, ValueRange(low, high)))
+    background = find_background(sample)
+    first, last = np.percentile(sample.normalized[sample.is_valid], _RANGE_OF_ALL).tolist()
+    place = (background.middle - first) / max(last - first, SAME)
+    is_lowest = background.below < background.above and place < _MAX_AIR_VALUE
+    is_highest = background.above < background.below and place > 1 - _MAX_AIR_VALUE
+    is_outside = background.is_there and (is_lowest or is_highest)
+    return sample.round_value(sample.denormalize(background.middle)) if is_outside else None
+
+
+def _is_air(air: Background, inside: Float64) -> bool:
+    """Return whether a background behind padding is air around an object."""
+    low, high = np.percentile(inside, _RANGE_BEHIND).tolist()
+    share = float(np.mean((inside >= air.low) & (inside <= air.high)))
+    is_dark = air.middle - low < _MAX_AIR_VALUE * (high - low)
+    return air.is_there and share >= _MIN_AIR and is_dark and air.above >= _MIN_OBJECT
+
+
+def _values_behind(sample: VoxelSample, has_value: Bools) -> tuple[Float64, Bools] | None:
+    """Return the values a voxel behind padding, as many from each face, [n], and which voxels are padding.
+
+    has_value: which voxels have the value of padding. None where it is too thick.
+    """
+    values, is_padding = list[Array](), np.zeros_like(has_value)
+    for axis in range(3):
+        for step in (1, -1):
+            turned = np.moveaxis(has_value, axis, 0)[::step]
+            depths = np.where(turned.all(axis=0), len(turned), turned.argmin(axis=0))
+            if np.median(depths) > _MAX_THICKNESS * len(turned):
+                return None
+            np.moveaxis(is_padding, axis, 0)[::step][...] |= np.arange(len(turned))[:, None, None] < depths
+            at = np.minimum(depths + (depths > 0), len(turned) - 1)[None]
+            found = np.take_along_axis(np.moveaxis(sample.normalized, axis, 0)[::step], at, axis=0)[0]
+            values.append(found[depths < len(turned)])
+    num = max(map(len, values))
+    return np.concatenate([each[np.arange(num) * len(each) // num] for each in values if len(each)]), is_padding

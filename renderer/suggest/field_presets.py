@@ -1,0 +1,97 @@
+"""Choose layers and colours for fields: thin shells at some levels, or a glow that gets denser.
+
+A field has no materials, but values that rise from the background to a peak.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from renderer.scene import Color, colormap_points
+from renderer.statistics import MAX_CROSSINGS, VoxelSample, crossings, tail_ratio
+from renderer.suggest.layer import Layer
+from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST
+from renderer.suggest.presets import SHADING, Preset
+from renderer.volume import Float64
+
+# The mean opacity, in the picture of shells, of the rays that meet anything.
+_SHELL_COVERAGE = 0.8
+# The same for a glow.
+_GLOW_COVERAGE = 0.65
+# Shells of a field with one sign.
+_NUM_SHELLS = 4
+# The place of the lowest shell on the way from the first value to the second shell, from 0 to 1.
+_FIRST_SHELL = 0.6
+# The width of a shell, as a part of the distance of shells.
+_SHELL_WIDTH = 0.36
+# The smallest normalised width, so that the steps of 8 bits do not show.
+_MIN_SHELL_WIDTH = 0.012
+# The largest optical depth of 1 % of the diagonal. Shells are thin, and so dense; from 40 on they look the same, but a
+# frame takes up to 1.4 times as long.
+_MAX_SHELL_DEPTH = 12.0
+# Up to twice this tail ratio, levels are at even steps.
+_SHORT_TAIL = 4.0
+
+
+def field_preset(sample: VoxelSample, first: float, *, origin: float) -> Preset:
+    """Return the preset of a field that rises from `first` on; ratios are counted from `origin`."""
+    levels = origin + _shell_levels(sample.normalized - origin, first - origin, _NUM_SHELLS)
+    palette = colormap_points(FIELD_COLORMAP, 256)
+    colors = [palette[int(255 * at)] for at in np.linspace(FIELD_DARKEST, 1.0, _NUM_SHELLS)]
+    return _shells_preset(sample, [(level,) for level in zip(levels.tolist(), colors, strict=True)])
+
+
+def _shell_levels(distances: Float64, first: float, num: int) -> Float64:
+    """Return levels from a first distance to the largest ones.
+
+    They are at even steps of the distances, or nearly of their logarithms where few are much larger than the others.
+    """
+    visible = distances[distances > first]
+    top = max(float(np.percentile(visible, 99.8)) if visible.size else 1.0, first * 1.01 + 1e-6)
+    power = 1 / max(1.0, math.log2(tail_ratio(visible) / _SHORT_TAIL))
+    low, high = max(first, top * 1e-6) ** power, top**power
+    steps = (np.arange(num) + _FIRST_SHELL) / num
+    return np.asarray((low + (high - low) * steps) ** (1 / power))
+
+
+# The colours of the shells of a field with two signs, from the middle outwards.
+_NEGATIVE = ((0.62, 0.84, 1.0), (0.34, 0.62, 0.98), (0.16, 0.42, 0.92))
+_POSITIVE = ((1.0, 0.80, 0.62), (0.98, 0.52, 0.34), (0.90, 0.25, 0.16))
+
+
+def diverging_preset(sample: VoxelSample, middle: float, dead_zone: float) -> Preset:
+    """Return the preset of values on both sides of `middle`, blue below and red above.
+
+    Values nearer than `dead_zone` to it are transparent.
+    """
+    away = _shell_levels(np.abs(sample.normalized - middle), dead_zone, len(_POSITIVE))
+    pairs = zip(away.tolist(), _NEGATIVE, _POSITIVE, strict=True)
+    return _shells_preset(sample, [((middle - at, blue), (middle + at, red)) for at, blue, red in pairs])
+
+
+def _shells_preset(sample: VoxelSample, shells: Sequence[tuple[tuple[float, Color], ...]]) -> Preset:
+    """Return the preset of thin shells, each at one or two (normalised value, colour), which are equally dense."""
+    found = [shell for shell in shells if 0 < max(crossings(sample, at) for at, _ in shell) < MAX_CROSSINGS]
+    if len(found) < 2:
+        return glow_preset(shells)
+    gap = min(abs(other[0][0] - one[0][0]) for one, other in pairwise(shells))
+    width = max(_SHELL_WIDTH * gap, min(_MIN_SHELL_WIDTH, 0.9 * gap)) / 2
+    layers, colors = [], []
+    for shell in found:
+        knots = [(at + step * width, 1.0 - abs(step)) for at, _ in sorted(shell) for step in (-1, 0, 1)]
+        layers.append(Layer("a shell" if len(shell) == 1 else "two shells", tuple(knots), max_depth=_MAX_SHELL_DEPTH))
+        colors += [(at + step * width, color) for at, color in shell for step in (-1, 1)]
+    return Preset(tuple(layers), tuple(sorted(colors)), _SHELL_COVERAGE, replace(SHADING, two_sided=True))
+
+
+def glow_preset(shells: Sequence[tuple[tuple[float, Color], ...]]) -> Preset:
+    """Return the preset of a field that gets denser from the first to the last shell, each as in `_shells_preset`."""
+    weights = np.linspace(0.0, 1.0, len(shells)) ** 2
+    knots = sorted((at, weight) for shell, weight in zip(shells, weights.tolist(), strict=True) for at, _ in shell)
+    colors = sorted(level for shell in shells for level in shell)
+    return Preset((Layer("the strong values", tuple(knots)),), tuple(colors), _GLOW_COVERAGE, None)
