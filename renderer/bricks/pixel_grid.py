@@ -31,13 +31,13 @@ TERMINATION_TRANSMITTANCE, MAX_TERMINATION_TRANSMITTANCE = 0.04, 0.025
 
 # Rays along the rows and columns of a pixel, where its neighbours differ, and where these rays differ.
 RAYS_ACROSS = (2, 4)
-# The difference between a pixel and a neighbour up to which one ray is enough, in tolerances. At 512 x 512 and tolerance
-# 0.1, 1.5 gives 53.1, 52.4 and 53.2 dB (engine, bonsai, labels) of the mean over the pixel in 1.5, 2.0 and 1.8 of the
-# time of one ray; 3 gives 51.5, 48.0 and 51.0 dB in 1.3, 1.4 and 1.6. With 1.5 a larger tolerance is as exact in less
-# time.
+# The difference between a pixel and a neighbour up to which one ray is enough, in tolerances. At 512 x 512 and
+# tolerance 0.1, 1.5 gives 53.1, 52.4 and 53.2 dB (engine, bonsai, labels) of the mean over the pixel in 1.5, 2.0 and
+# 1.8 of the time of one ray; 3 gives 51.5, 48.0 and 51.0 dB in 1.3, 1.4 and 1.6. With 1.5 a larger tolerance is as
+# exact in less time.
 CONTRAST_THRESHOLD = 1.5
-# The difference between the four rays of a pixel up to which they are enough, in tolerances. 16 rays cost as much as four
-# pixels of 4, so that a larger difference than between pixels is worth them.
+# The difference between the four rays of a pixel up to which they are enough, in tolerances. 16 rays cost as much as
+# four pixels of 4, so that a larger difference than between pixels is worth them.
 SPREAD_THRESHOLD = 4.0
 
 # The least contrast that counts: half a level of 8 bits.

@@ -388,6 +388,14 @@ class Kernels:
         pixels: NDArray[np.int64],
         marks: NDArray[np.uint8],
     ) -> None: ...
+    def follow_lines(
+        self,
+        *,
+        image: NDArray[np.float32],
+        threshold: float,
+        pixels: NDArray[np.int64],
+        marks: NDArray[np.uint8],
+    ) -> None: ...
     def average_rays(
         self,
         *,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from brickwork import alone, bricks_of, level_cut, ordered, placed, transfer_of
 
-from renderer.bricks import BrickBatch, ScreenSampling
+from renderer.bricks import BrickBatch, ScreenSampling, screen_sampling_at
 from renderer.draw import BrickRasterizer
 from renderer.view import View
 from renderer.volume import Array, Float64, Volume
@@ -17,7 +17,8 @@ from renderer.volume import Array, Float64, Volume
 WHITE = (1.0, 1.0, 1.0)
 # Opaque from one half on: 40 in an optical depth of a voxel.
 OPAQUE = transfer_of((0, WHITE, 0.0), (0.5, WHITE, 0.0), (0.5, WHITE, 40.0), (1, WHITE, 40.0))
-LADDER = ScreenSampling((1,), 0.0, 0.0, contrast_threshold=0.15, spread_threshold=0.4)
+LADDER = screen_sampling_at(0.1, 1.0)
+ONE_RAY = ScreenSampling((1,), 0.0, 0.0)
 
 
 def batch_of(volume: Volume, sampling: ScreenSampling = LADDER) -> BrickBatch:
@@ -63,7 +64,7 @@ def test_an_edge_has_the_coverage_of_its_pixels(brick_rasterizer: BrickRasterize
     expected = coverage(view, lambda x, y: (x > 0) & (abs(x) < 24) & (abs(y) < 24))
     error = np.abs(alphas(brick_rasterizer, batch_of(volume), view) - expected)
     assert error.max() < 1.5 / 16 and np.sqrt((error**2).mean()) < 0.01
-    one = alphas(brick_rasterizer, batch_of(volume, ScreenSampling((1,), 0.0, 0.0)), view)
+    one = alphas(brick_rasterizer, batch_of(volume, ONE_RAY), view)
     assert degrees % 90 == 0 or np.abs(one - expected).max() > 0.3
 
 
@@ -75,7 +76,7 @@ def test_no_wire_is_dashed(brick_rasterizer: BrickRasterizer, width: int, degree
     shown[8 - width // 2 : 8 - width // 2 + width] = 1
     volume = plates(shown)
     view = turned(volume, degrees, voxels_per_px=8.0, size=(44, 28))
-    image = alphas(brick_rasterizer, batch_of(volume), view)
+    image = alphas(brick_rasterizer, batch_of(volume, screen_sampling_at(0.1, 1 / 8)), view)
     expected = coverage(view, lambda x, y: (np.abs(y + 0.5 * (width % 2 == 0)) < width / 2) & (np.abs(x) < 190), 32)
     along = image.sum(axis=0)[6:-6].reshape(-1, 4).mean(axis=1)
     wanted = expected.sum(axis=0)[6:-6].reshape(-1, 4).mean(axis=1)
@@ -99,7 +100,7 @@ def test_even_pixels_have_one_ray(brick_rasterizer: BrickRasterizer) -> None:
     cut = level_cut(bricks, 0)
     view = turned(volume, 0.0, voxels_per_px=1.5, size=(32, 32))
     pictures = []
-    for sampling in (LADDER, ScreenSampling((1,), 0.0, 0.0)):
+    for sampling in (LADDER, ONE_RAY):
         batch = BrickBatch(cut, alone(bricks), np.ones(len(cut)), sampling, volume.centre, volume.half_diagonal)
         pictures.append(brick_rasterizer.rasterize([batch], [ordered(cut, view)], view))
     assert pictures[0][:, 2:-2].tobytes() == pictures[1][:, 2:-2].tobytes()

@@ -80,8 +80,30 @@ def _antialias(image: Float64, batch: BrickBatch, draw: DrawRays) -> None:
         image[marked], spreads[marked] = rays.mean(axis=1), np.ptp(rays, axis=1).max(axis=-1)
         has_several |= marked
         marked = (_contrasts(image, marked) > sampling.contrast_threshold) & ~has_several
-    if (uneven := spreads > sampling.spread_threshold).any():
-        image[uneven] = draw(np.argwhere(uneven), 4).mean(axis=1)
+    marked = spreads > sampling.spread_threshold
+    has_many = np.zeros_like(marked)
+    while marked.any():
+        image[marked] = draw(np.argwhere(marked), 4).mean(axis=1)
+        has_many |= marked
+        marked = _neighbours(_are_on_lines(image, sampling.contrast_threshold) & marked) & ~has_many
+
+
+def _are_on_lines(image: Float64, threshold: float) -> Bools:
+    """[rows, columns]: pixels above both of two opposite neighbours, or below both; none at the picture's border."""
+    found = np.zeros(image.shape[:2], np.bool_)
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        one, other = (image - np.roll(image, (sign * down, sign * right), (0, 1)) for sign in (1, -1))
+        above, below = np.minimum(one, other), -np.maximum(one, other)
+        found |= np.maximum(above, below).max(axis=-1) > threshold
+    found[[0, -1]] = found[:, [0, -1]] = False
+    return found
+
+
+def _neighbours(among: Bools) -> Bools:
+    """[rows, columns]: pixels that are among some, or next to one of them."""
+    height, width = among.shape
+    padded = np.pad(among, 1)
+    return np.any([padded[y : y + height, x : x + width] for y, x in product(range(3), range(3))], axis=0)
 
 
 def _contrasts(image: Float64, among: Bools) -> Float64:

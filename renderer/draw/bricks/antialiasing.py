@@ -1,7 +1,7 @@
 """Draw several rays in the pixels of a picture that one ray cannot tell, and take their mean.
 
     one ray a pixel -> pixels that differ from a neighbour: 4 rays -> neighbours that differ then: 4 rays, and so on
-    -> pixels whose 4 rays differ: 16 rays
+    -> pixels whose 4 rays differ: 16 rays -> where these are on a thin line, their neighbours: 16 rays, and so on
 
 The picture decides, and not the threads or the memory: it is the same bytes for any number of them.
 """
@@ -22,10 +22,11 @@ DrawRays = Callable[[Int64, int], Float32]
 
 # Pixels whose rays are in memory at once: 16 rays of each take 16 MiB.
 _PIXELS_AT_ONCE = 1 << 16
-# The mark of pixels that have several rays.
-_DRAWN = 1
-# The mark of pixels that are to get them.
-_MARKED_NOW = 2
+# Marks of pixels: those that have 4 rays, or are to get them, and those that have 16 rays, or are to get them.
+_HAS_FEW = 1
+_MARKED_FOR_FEW = 2
+_HAS_MANY = 3
+_MARKED_FOR_MANY = 4
 
 
 def antialias(image: Float32, sampling: ScreenSampling, draw_rays: DrawRays, threads: ThreadPool) -> None:
@@ -34,13 +35,14 @@ def antialias(image: Float32, sampling: ScreenSampling, draw_rays: DrawRays, thr
     marks = np.zeros(image.shape[:2], np.uint8)
     mark = kernels().mark_contrasts.partial(image=image, threshold=sampling.contrast_threshold, marks=marks)
     threads.for_rows(lambda first, end: mark(first_row=first, end_row=end), image)
-    uneven = list[Int64]()
-    while (pixels := np.flatnonzero(marks == _MARKED_NOW)).size:
-        marks.reshape(-1)[pixels] = _DRAWN
-        uneven.append(pixels[_draw_means(image, pixels, few, sampling.spread_threshold, draw_rays)])
+    while (pixels := np.flatnonzero(marks == _MARKED_FOR_FEW)).size:
+        differ = _draw_means(image, pixels, few, sampling.spread_threshold, draw_rays)
+        marks.reshape(-1)[pixels] = np.where(differ, _MARKED_FOR_MANY, _HAS_FEW)
         kernels().spread_contrasts(image=image, threshold=sampling.contrast_threshold, pixels=pixels, marks=marks)
-    if uneven:
-        _draw_means(image, np.sort(np.concatenate(uneven)), many, sampling.spread_threshold, draw_rays)
+    while (pixels := np.flatnonzero(marks == _MARKED_FOR_MANY)).size:
+        _draw_means(image, pixels, many, sampling.spread_threshold, draw_rays)
+        marks.reshape(-1)[pixels] = _HAS_MANY
+        kernels().follow_lines(image=image, threshold=sampling.contrast_threshold, pixels=pixels, marks=marks)
 
 
 def _draw_means(image: Float32, pixels: Int64, across: int, threshold: float, draw_rays: DrawRays) -> Bools:

@@ -5,8 +5,11 @@
 namespace {
 
 using Pixel = Vector<float, 4>;
+// As in renderer/draw/bricks/antialiasing.py.
 constexpr uint8_t NOT_MARKED = 0;
-constexpr uint8_t MARKED_NOW = 2;
+constexpr uint8_t MARKED_FOR_FEW = 2;
+constexpr uint8_t HAS_MANY = 3;
+constexpr uint8_t MARKED_FOR_MANY = 4;
 
 INLINE Pixel pixel_at(const Array<const float, 3>& image, int64_t row, int64_t column) {
     return load<Pixel>(&image(row, column, 0), 0);
@@ -42,7 +45,7 @@ Status mark_contrasts(const MarkContrasts* arguments) {
             Extent right = extent_of_column(least(column + 1, last_column));
             Extent around = join_extents(left, join_extents(middle, right));
             Pixel here = pixel_at(image, row, column);
-            if (is_more(max_of(around.high - here, here - around.low), threshold)) marks(row, column) = MARKED_NOW;
+            if (is_more(max_of(around.high - here, here - around.low), threshold)) marks(row, column) = MARKED_FOR_FEW;
             left = middle, middle = right;
         }
     }
@@ -61,7 +64,34 @@ Status spread_contrasts(const SpreadContrasts* arguments) {
         for (int64_t y = most<int64_t>(row - 1, 0); y <= least(row + 1, num_rows - 1); y++)
             for (int64_t x = most<int64_t>(column - 1, 0); x <= least(column + 1, num_columns - 1); x++)
                 if (marks(y, x) == NOT_MARKED && is_more(magnitude(pixel_at(image, y, x) - here), threshold))
-                    marks(y, x) = MARKED_NOW;
+                    marks(y, x) = MARKED_FOR_FEW;
+    }
+    return DONE;
+}
+
+// Mark the neighbours, for many rays, of the pixels that lie on a thin line: those that are above both pixels beside them,
+// or below both, by more than a threshold, in a channel. A line that is thinner than the gaps between few rays goes on
+// where they see nothing of it.
+Status follow_lines(const FollowLines* arguments) {
+    const auto [image, threshold, pixels, marks] = *arguments;
+    int64_t num_rows = image.shape[0], num_columns = image.shape[1];
+    if (!match(marks, image)) return OUT_OF_BOUNDS;
+    constexpr int64_t ACROSS[4][2] = {{0, 1}, {1, 0}, {1, 1}, {1, -1}};
+    for (int64_t k = 0; k < pixels.shape[0]; k++) {
+        if (pixels[k] < 0 || pixels[k] >= num_rows * num_columns) return OUT_OF_BOUNDS;
+        int64_t row = pixels[k] / num_columns, column = pixels[k] % num_columns;
+        if (row == 0 || column == 0 || row == num_rows - 1 || column == num_columns - 1) continue;
+        Pixel here = pixel_at(image, row, column);
+        bool is_on_line = false;
+        for (auto [down, right] : ACROSS) {
+            Pixel one = here - pixel_at(image, row - down, column - right);
+            Pixel other = here - pixel_at(image, row + down, column + right);
+            is_on_line |= is_more(max_of(min_of(one, other), -max_of(one, other)), threshold);
+        }
+        if (!is_on_line) continue;
+        for (int64_t y = row - 1; y <= row + 1; y++)
+            for (int64_t x = column - 1; x <= column + 1; x++)
+                if (marks(y, x) < HAS_MANY) marks(y, x) = MARKED_FOR_MANY;
     }
     return DONE;
 }

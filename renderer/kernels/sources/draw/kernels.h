@@ -115,6 +115,16 @@ struct SpreadContrasts {
 };
 KERNEL(spread_contrasts, SpreadContrasts)
 
+// Mark the neighbours of some pixels that lie on a thin line. Members as in SpreadContrasts.
+struct FollowLines {
+    Sized<const float, 3, 4> image;
+    float threshold;
+    Array<const int64_t, 1> pixels;
+    // [h, w]: 3 where pixels have all rays; 4 where they are marked.
+    Array<uint8_t, 2> marks;
+};
+KERNEL(follow_lines, FollowLines)
+
 // Average the rays of pixels.
 struct AverageRays {
     // [n * num_rays, 4]: premultiplied RGBA of the rays, pixel by pixel.

@@ -1,4 +1,4 @@
-"""The page docs/formats.md, made from the tables of statements: `python tests/support/formats_page.py` writes it."""
+"""The page docs/formats.md, made from the tables of statements: `python tests/pages/formats_page.py` writes it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _HEAD = """\
 
 Beside numbers, files state how these are to be understood: a scale, a direction, values that are no data, the names of
 labels. Of each format hsplat applies the fields that are listed first, and names those of the table in a note, as the
-standard of the format does. `tests/support/formats_page.py` makes this page from the tables of the readers.
+standard of the format does. `tests/pages/formats_page.py` makes this page from the tables of the readers.
 """
 _LINE_LENGTH = 120
 
