@@ -40,6 +40,10 @@ CONTRAST_THRESHOLD = 1.5
 # four pixels of 4, so that a larger difference than between pixels is worth them.
 SPREAD_THRESHOLD = 4.0
 
+# How far the ray of a scattered pixel moves from one column, and from one row, to the next, along x and y, in 2^-32.
+SCATTER = np.array([[1779033703, 1013904243], [3144134277, 2773480762]])
+# Of pixels that are smaller than a cell none is scouted: structures are thinner than a pixel where cells are.
+MAX_SCOUTED_CELL_PX = 1.0
 # The least contrast that counts: half a level of 8 bits.
 MIN_CONTRAST_THRESHOLD = 0.5 / 255
 # float32 does not resolve a smaller transmittance.
@@ -60,6 +64,8 @@ class ScreenSampling:
     contrast_threshold: pixels that differ in a channel by more than this from one of their eight neighbours get four
         rays, if every pixel is drawn.
     spread_threshold: pixels whose four rays differ in a channel by more than this get 16.
+    is_scouted: whether every other pixel has one more ray somewhere in it, which finds lines between the rays. Pixels
+        that differ from it by more than `contrast_threshold` get 16 rays.
     """
 
     strides: tuple[int, ...]
@@ -67,6 +73,7 @@ class ScreenSampling:
     termination_transmittance: float
     contrast_threshold: float = math.inf
     spread_threshold: float = math.inf
+    is_scouted: bool = False
 
     @property
     def termination_alpha(self) -> float:
@@ -90,17 +97,22 @@ def screen_sampling_at(tolerance: float, cell_px: float, thinnest_px: float = ma
         min(TERMINATION_TRANSMITTANCE * tolerance, MAX_TERMINATION_TRANSMITTANCE),
         contrast,
         contrast * SPREAD_THRESHOLD / CONTRAST_THRESHOLD,
+        cell_px < MAX_SCOUTED_CELL_PX,
     )
 
 
-def ray_positions(pixels: Int64, width: int, across: int) -> Float64:
+def ray_positions(pixels: Int64, width: int, across: int, *, is_scattered: bool = False) -> Float64:
     """Return where the rays of pixels are in a picture, in pixels from its top left corner: float64 [n * across^2, 2].
 
     pixels: numbers, row by row, of a picture with this width. The rays of a pixel are a sheared grid, as in `rays.h`.
+    is_scattered: whether the only ray of a pixel is somewhere in it, and not in its middle.
     """
     row, column = np.divmod(pixels, width)
     below, beside = np.divmod(np.arange(across**2), across)
     centres = (np.stack([beside, below], axis=1) + 0.5) / across
     shear = (centres[:, ::-1] - 0.5) / across * (1.0, -1.0)
     positions = np.stack([column, row], axis=1)[:, None] + centres + shear
+    if is_scattered:
+        whole = np.stack([column, row], axis=1) @ SCATTER & 0xFFFFFFFF
+        positions += ((whole >> 8) / 2.0**24 - 0.5)[:, None]
     return np.asarray(positions.reshape(-1, 2), np.float64)

@@ -21,6 +21,7 @@ premultiplied RGBA without a background. Each footprint has its rasteriser.
 - `bricks/brick_cache.py`: keeps the texels of bricks.
 - `bricks/grid.py`: divides the picture into tiles, and finds the bricks over each.
 - `bricks/bands.py`: joins tiles whose bricks have room at once.
+- `bricks/antialiasing.py`: draws several rays in pixels that one ray cannot tell.
 - `bricks/subsampling.py`: interpolates between pixels that are drawn.
 - `bricks/field.py`: the scalars that samples are taken from, and the colours for them.
 - `bricks/light.py`: light and extinction that depend on the view or on gradients.

@@ -61,6 +61,8 @@ _STRIDE_EXPONENT, _DIFFERING_SHARE, _THRESHOLD_EXPONENT = 1.1, 0.1, 0.5
 # Fitted to an engine, a bonsai, labels and a head between tolerances 0.01 and 0.3, where it is 0.3 to 2 times as much.
 _ANTIALIASED_SHARE = 0.12
 _CONTRAST_EXPONENT = 0.8
+# Rays that look between the others, for each pixel.
+_SCOUTS = 0.5
 # About the largest number of bricks from which the cost of all is estimated.
 _MAX_SAMPLED_BRICKS = 4096
 
@@ -369,6 +371,7 @@ def _cost_of_lattices(screen_sampling: ScreenSampling) -> float:
     for stride in others:
         differing = min(1.0, _DIFFERING_SHARE * screen_sampling.difference_threshold**-_THRESHOLD_EXPONENT)
         share += differing * stride**-_STRIDE_EXPONENT
+    share += _SCOUTS * screen_sampling.is_scouted
     if screen_sampling.strides[-1] == 1:
         share += _ANTIALIASED_SHARE * screen_sampling.contrast_threshold**-_CONTRAST_EXPONENT
     return float(share)

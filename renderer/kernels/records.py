@@ -34,6 +34,8 @@ class Grid(NamedTuple):
     stride: int
     # Rays along the rows and the columns of a pixel.
     rays_across: int
+    # Whether the only ray of a pixel is somewhere in it, and not in its middle.
+    is_scattered: bool
     # The row of the picture that is the first row of the grid.
     first_row: int
     # Rows and columns of pixels.

@@ -63,7 +63,7 @@ def test_an_edge_has_the_coverage_of_its_pixels(brick_rasterizer: BrickRasterize
     view = turned(volume, degrees, voxels_per_px=1.7, size=(14, 14))
     expected = coverage(view, lambda x, y: (x > 0) & (abs(x) < 24) & (abs(y) < 24))
     error = np.abs(alphas(brick_rasterizer, batch_of(volume), view) - expected)
-    assert error.max() < 1.5 / 16 and np.sqrt((error**2).mean()) < 0.01
+    assert error.max() < 1.5 / 16 and np.sqrt((error**2).mean()) < 0.02
     one = alphas(brick_rasterizer, batch_of(volume, ONE_RAY), view)
     assert degrees % 90 == 0 or np.abs(one - expected).max() > 0.3
 
@@ -89,7 +89,7 @@ def test_a_disc_has_the_coverage_of_its_pixels(brick_rasterizer: BrickRasterizer
     volume = plates(np.clip(20.5 - np.hypot(x, y), 0, 1))
     view = turned(volume, 10.0, voxels_per_px=1.3, size=(40, 40))
     error = alphas(brick_rasterizer, batch_of(volume), view) - coverage(view, lambda x, y: np.hypot(x, y) < 20)
-    assert np.sqrt((error**2).mean()) < 0.008
+    assert np.sqrt((error**2).mean()) < 0.015
 
 
 def test_even_pixels_have_one_ray(brick_rasterizer: BrickRasterizer) -> None:

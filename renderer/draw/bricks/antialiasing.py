@@ -1,24 +1,33 @@
 """Draw several rays in the pixels of a picture that one ray cannot tell, and take their mean.
 
-    one ray a pixel -> pixels that differ from a neighbour: 4 rays -> neighbours that differ then: 4 rays, and so on
-    -> pixels whose 4 rays differ: 16 rays -> where these are on a thin line, their neighbours: 16 rays, and so on
+    one ray a pixel; where cells are smaller than a pixel, one more ray somewhere in every other pixel
+    -> pixels that differ from a neighbour: 4 rays; neighbours that differ then: 4 rays, and so on
+    -> pixels whose 4 rays differ, or that differ from their other ray: 16 rays
+    -> neighbours of pixels on a thin line: 16 rays, and so on
 
 The picture decides, and not the threads or the memory: it is the same bytes for any number of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
 from renderer.bricks import RAYS_ACROSS, ScreenSampling
 from renderer.kernels import ThreadPool, kernels
-from renderer.volume import Bools, Float32, Int64
+from renderer.volume import Bools, Float32, Int64, UInt8
 
-# Draws several rays in pixels: from the numbers of pixels, row by row, and the rays across each to colours, float32
-# [pixels * across^2, 4], pixel by pixel.
-DrawRays = Callable[[Int64, int], Float32]
+
+class DrawRays(Protocol):
+    """Draws rays in pixels."""
+
+    def __call__(self, pixels: Int64, across: int, *, is_scattered: bool = False) -> Float32:
+        """Return the colours of rays, float32 [n * across^2, 4], pixel by pixel.
+
+        pixels: int64 [n], ascending numbers, row by row. across, is_scattered: as of `ray_positions`.
+        """
+
 
 # Pixels whose rays are in memory at once: 16 rays of each take 16 MiB.
 _PIXELS_AT_ONCE = 1 << 16
@@ -35,6 +44,8 @@ def antialias(image: Float32, sampling: ScreenSampling, draw_rays: DrawRays, thr
     marks = np.zeros(image.shape[:2], np.uint8)
     mark = kernels().mark_contrasts.partial(image=image, threshold=sampling.contrast_threshold, marks=marks)
     threads.for_rows(lambda first, end: mark(first_row=first, end_row=end), image)
+    if sampling.is_scouted:
+        _scout(image, sampling.contrast_threshold, marks, draw_rays)
     while (pixels := np.flatnonzero(marks == _MARKED_FOR_FEW)).size:
         differ = _draw_means(image, pixels, few, sampling.spread_threshold, draw_rays)
         marks.reshape(-1)[pixels] = np.where(differ, _MARKED_FOR_MANY, _HAS_FEW)
@@ -43,6 +54,20 @@ def antialias(image: Float32, sampling: ScreenSampling, draw_rays: DrawRays, thr
         _draw_means(image, pixels, many, sampling.spread_threshold, draw_rays)
         marks.reshape(-1)[pixels] = _HAS_MANY
         kernels().follow_lines(image=image, threshold=sampling.contrast_threshold, pixels=pixels, marks=marks)
+
+
+def _scout(image: Float32, threshold: float, marks: UInt8, draw_rays: DrawRays) -> None:
+    """Mark pixels that look even, but differ from one more ray somewhere in them; every other pixel has one."""
+    height, width = image.shape[:2]
+    rows_at_once = max(1, _PIXELS_AT_ONCE // width)
+    for first in range(0, height, rows_at_once):
+        rows = np.arange(first, min(first + rows_at_once, height))[:, None]
+        pixels = (rows * width + np.arange(width))[(rows + np.arange(width)) % 2 == 0]
+        pixels = pixels[marks.reshape(-1)[pixels] == 0]
+        if pixels.size:
+            scouts = draw_rays(pixels, 1, is_scattered=True)
+            differ = np.abs(scouts - image.reshape(-1, 4)[pixels]).max(axis=1) > threshold
+            marks.reshape(-1)[pixels[differ]] = _MARKED_FOR_MANY
 
 
 def _draw_means(image: Float32, pixels: Int64, across: int, threshold: float, draw_rays: DrawRays) -> Bools:

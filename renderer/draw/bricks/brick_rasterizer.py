@@ -106,15 +106,24 @@ class BrickRasterizer(Rasterizer):
         stride = sampling.strides[-1]
         return image if stride == 1 else upsample(image, stride, view.size, self.threads)
 
-    def _draw_rays(self, parts: Sequence[_Part], view: View, finish: RayColors, pixels: Int64, across: int) -> Float32:
+    def _draw_rays(
+        self,
+        parts: Sequence[_Part],
+        view: View,
+        finish: RayColors,
+        pixels: Int64,
+        across: int,
+        *,
+        is_scattered: bool = False,
+    ) -> Float32:
         """Draw several rays in pixels, as of `DrawRays`."""
         width, first_row = view.size[0], int(pixels[0]) // view.size[0]
         num_rows = int(pixels[-1]) // width + 1 - first_row
         places = np.full((num_rows, width), -1, np.int32)
         places.reshape(-1)[pixels - first_row * width] = np.arange(len(pixels), dtype=np.int32) * across**2
         rays = np.zeros((len(pixels) * across**2, 4), np.float32)
-        self._draw_parts(parts, RayGrid(rays, (num_rows, width), places, rays_across=across, first_row=first_row))
-        return finish(rays, ray_positions(pixels, width, across))
+        self._draw_parts(parts, RayGrid(rays, (num_rows, width), places, 1, across, is_scattered, first_row))
+        return finish(rays, ray_positions(pixels, width, across, is_scattered=is_scattered))
 
     def _caches_of(self, batches: Sequence[BrickBatch]) -> list[BrickCache]:
         """Return the caches of the layers of batches, which share the memory, and free those of all other layers."""
@@ -164,6 +173,7 @@ def _finest(samplings: Sequence[ScreenSampling]) -> ScreenSampling:
         termination_transmittance=min(each.termination_transmittance for each in samplings),
         contrast_threshold=min(each.contrast_threshold for each in samplings),
         spread_threshold=min(each.spread_threshold for each in samplings),
+        is_scouted=any(each.is_scouted for each in samplings),
     )
 
 

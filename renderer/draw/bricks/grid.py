@@ -24,7 +24,7 @@ class RayGrid(NamedTuple):
     places: int32 [rows, columns], of the first ray of each pixel in `rays`, or -1 where none is drawn; None where each
         pixel has one ray.
     stride: the pixels of the grid are every `stride`-th pixel of the picture along both axes, from its first.
-    rays_across: of a pixel, along rows and columns. first_row: of the pixels of the grid.
+    rays_across: of a pixel, along rows and columns. is_scattered: as in Grid. first_row: of the pixels of the grid.
     """
 
     rays: Float32
@@ -32,6 +32,7 @@ class RayGrid(NamedTuple):
     places: Int32 | None = None
     stride: int = 1
     rays_across: int = 1
+    is_scattered: bool = False
     first_row: int = 0
 
 
@@ -46,8 +47,8 @@ def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False
     shape = grid.shape[1] * across, grid.shape[0] * across
     # From one ray to the next, and of the first one, in pixels.
     step, first = grid.stride / across, np.array([0.5 / across, 0.5 / across + grid.first_row])
-    # Rays of a pixel are off their rows and columns by up to this.
-    shear = (0.5 - 0.5 / across) / across
+    # Rays are off their rows and columns by up to this, in pixels.
+    shear = 0.5 if grid.is_scattered else (0.5 - 0.5 / across) / across
     low = np.ceil((rectangles_px[:, :2] - first - shear - _EDGE_ROUNDING_PX) / step)
     high = np.floor((rectangles_px[:, 2:] - first + shear + _EDGE_ROUNDING_PX) / step) + 1
     rectangles = np.clip(np.hstack([low, high]), 0, shape * 2).astype(np.int64)
@@ -63,6 +64,7 @@ def make_grid(rectangles_px: Float64, grid: RayGrid, *, is_mixture: bool = False
         side=side,
         stride=grid.stride,
         rays_across=across,
+        is_scattered=grid.is_scattered,
         first_row=grid.first_row,
         shape=grid.shape,
         rectangles=rectangles,

@@ -150,6 +150,8 @@ struct Grid {
     int64_t stride;
     // Rays along the rows and the columns of a pixel.
     int64_t rays_across;
+    // Whether the only ray of a pixel is somewhere in it, and not in its middle.
+    bool is_scattered;
     // The row of the picture that is the first row of the grid.
     int64_t first_row;
     // Rows and columns of pixels.

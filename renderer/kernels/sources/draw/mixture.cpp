@@ -136,8 +136,8 @@ struct Mixture {
             packet.jitter = to_float32(whole >> 8 & 0xFFFFFF) / 16777216.0f - 0.5f;
             for (int64_t group = 0; group < scene.groups.shape[0]; group++) {
                 const RaySetup& setup = scene.groups[group].rays;
-                Wide x = position_px<Wide>(grid, column, row, 1.0) - setup.center_px[0];
-                Wide y = position_px<Wide>(grid, row, column, -1.0) - setup.center_px[1];
+                auto [x, y] = position_px<Wide>(grid, column, row);
+                x -= setup.center_px[0], y -= setup.center_px[1];
                 Wide square = setup.slope_per_px * setup.slope_per_px * (x * x + y * y);
                 packet.length_per_depth = __builtin_convertvector(root(1.0 + square), Floats);
                 PacketRays& of = rays[group * packets.shape[0] + p];

@@ -17,6 +17,10 @@ constexpr int SPAN_FLOATS = 8;
 constexpr double DITHER = 0.15;
 // In 2^-32: the plastic number's inverse, and its square.
 constexpr uint32_t JITTER_PER_PX[2] = {3242174889, 2447445414};
+// In 2^-32, by which a scattered ray is further right and further down from one column and from one row to the next: the
+// fractions of the square roots of 2, 3, 5 and 7.
+constexpr uint32_t SCATTER_ALONG_X[2] = {1779033703, 3144134277};
+constexpr uint32_t SCATTER_ALONG_Y[2] = {1013904243, 2773480762};
 
 // The numbers of a ray: origin [3]; direction [3]; its inverse [3], 0 where the direction is 0; the length of the
 // direction, dithered; 1/2 plus the jitter; length per depth, in model units.
@@ -158,15 +162,33 @@ INLINE void clip_rays(const ClipRegion& clip, double start, const Tile& tile, in
     }
 }
 
-// Where the ray of a row and a column of a grid is in the picture, along one axis, in pixels.
+// A position in a pixel from its middle, along one axis, in pixels: a share from 0 to 1 less 1/2.
+template <class V, class Ints>
+INLINE V scatter_of(Ints column, Ints row, const uint32_t (&per_px)[2]) {
+    Ints whole = column * (int32_t)per_px[0] + row * (int32_t)per_px[1];
+    return __builtin_convertvector(whole >> 8 & 0xFFFFFF, V) / 16777216.0 - 0.5;
+}
+
+// Positions of rays in the picture, in pixels.
+template <class V>
+struct Position {
+    V x, y;
+};
+
+// Where the rays of rows and columns of a grid are in the picture.
 //
 // The rays of a pixel are a grid whose rows and columns are sheared, so that no two of them are in line: an edge along an
 // axis passes them one after the other.
 template <class V, class Ints>
-INLINE V position_px(const Grid& grid, Ints along, Ints across, double shear) {
+INLINE Position<V> position_px(const Grid& grid, Ints column, Ints row) {
     double per_ray = 1.0 / (double)grid.rays_across, step = (double)grid.stride * per_ray;
-    V shift = (__builtin_convertvector(across % (int32_t)grid.rays_across, V) + 0.5) * per_ray - 0.5;
-    return __builtin_convertvector(along, V) * step + 0.5 * per_ray + shear * per_ray * shift;
+    int32_t across = (int32_t)grid.rays_across;
+    auto shift = [&](Ints along) { return (__builtin_convertvector(along % across, V) + 0.5) * per_ray - 0.5; };
+    V x = __builtin_convertvector(column, V) * step + 0.5 * per_ray + per_ray * shift(row);
+    V y = __builtin_convertvector(row, V) * step + 0.5 * per_ray - per_ray * shift(column);
+    if (grid.is_scattered)
+        x += scatter_of<V>(column, row, SCATTER_ALONG_X), y += scatter_of<V>(column, row, SCATTER_ALONG_Y);
+    return {x, y};
 }
 
 // The place of the first ray of a pixel in the rays of a grid, below 0 where none is drawn.
@@ -207,8 +229,8 @@ INLINE int64_t set_up_rays(const Grid& grid, const RaySetup& rays, Window window
     int64_t num = list_rays(grid, window, tile, channel);
     for (int64_t begin = 0; begin < num; begin += CLIPPED) {
         ClippedInts column = load<ClippedInts>(tile.columns, begin), row = load<ClippedInts>(tile.rows, begin);
-        Doubles x = position_px<Doubles>(grid, column, row, 1.0) - rays.center_px[0];
-        Doubles y = position_px<Doubles>(grid, row, column, -1.0) - rays.center_px[1];
+        auto [x, y] = position_px<Doubles>(grid, column, row);
+        x -= rays.center_px[0], y -= rays.center_px[1];
         Doubles square = 0.0;
         for (int axis = 0; axis < 3; axis++) {
             const double *origin = rays.origins + 3 * axis, *direction = rays.directions + 3 * axis;

@@ -27,7 +27,7 @@ INLINE int64_t tiles_along(const Grid& grid, int axis) {
 
 // Whether shapes fit together, and all numbers are of tiles and of bricks.
 inline bool is_consistent(const Grid& grid, const Array<const int64_t, 1>& tiles) {
-    const auto& [side, stride, rays_across, first_row, shape, rectangles, starts, numbers, places, rays] = grid;
+    const auto& [side, stride, rays_across, is_scattered, first_row, shape, rectangles, starts, numbers, places, rays] = grid;
     if (side < 1 || stride < 1 || rays_across < 1 || side % rays_across != 0 || shape[0] < 1 || shape[1] < 1) return false;
     if (places.exists && (places.value.shape[0] != shape[0] || places.value.shape[1] != shape[1])) return false;
     if (!places.exists && (rays_across > 1 || rays.shape[0] != shape[0] * shape[1])) return false;
