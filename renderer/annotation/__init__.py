@@ -1,12 +1,14 @@
-"""What is drawn over finished pictures: titles, times, bars, legends, the orientation, a logo.
+"""Draw titles, times, bars, legends, the orientation and a logo over finished pictures.
 
-In: the scene's `annotation` and what it shows, as plain data. Out: patches, which `draw_annotation` puts over a
+In: the scene's `annotation`, and facts about the film and the frame. Out: patches, which `draw_annotation` puts over a
 picture, or the problems that keep them from being drawn. All is computed in whole numbers: the same bytes everywhere.
 
-- `annotator.py` places the entries, draws those that change, and finds what has no room; `entries.py` draws each.
-- `facts.py`: what an annotation shows, of a film and of a frame; `numbers.py`: round numbers, ticks and units.
-- `sketch.py`: masks put together, coloured, given a rim, and put over a picture; `text.py`: lines of text, in the font
-  of `fonts/`, DejaVu Sans with its licence, or another.
+- `annotator.py`: the entries, placed around the picture and drawn for each frame
+- `entries.py`: a drawing function for each kind of entry
+- `facts.py`: the facts about a film and about a frame that annotations show
+- `numbers.py`: round numbers, ticks and units
+- `sketch.py`: masks, joined and coloured, with a rim, and put over a picture
+- `text.py`: lines of text, in the font of `fonts/` (DejaVu Sans, with its licence) or in another
 """
 
 import lazy_loader
