@@ -1,9 +1,9 @@
-"""Project bricks into a view: which are visible in which order, where on the image, and the rays that meet them.
+"""Project bricks into a view: their visibility order, their rectangles on the image, and the rays through them.
 
-Rays are in index space, relative to the volume's centre. Each begins on the plane through that centre that faces the
-camera: there its origin keeps its digits in float32, however far away the eye is. In perspective rays begin at the eye
-itself where that is near, because rays of wide views meet the plane far away. Origins and directions are linear in the
-pixel's position.
+Rays are in index space, relative to the volume's centre. Each ray begins on the plane through the centre that faces the
+camera, where its origin keeps its digits in float32, however far away the eye is. In perspective, rays begin at the eye
+if that is near, because rays of wide views meet the plane far away. Origins and directions are linear in the pixel's
+position.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import model_view
 from renderer.volume import Float64, UInt32, Volume
 
-# Eyes nearer to the volume's centre than this, in model units, are where rays begin.
+# The distance between the eye and the volume's centre, in model units, below which rays begin at the eye.
 _NEAR_EYE_DISTANCE = 2.0
 
 
 class RaySetup(NamedTuple):
-    """A view's rays. With (x, y) the position of a pixel's centre in pixels, y downwards, relative to `center_px`:
+    """The rays of a view, as linear functions of a pixel's centre (x, y), in pixels, y downwards, from `center_px`:
 
         origin = origins @ (1, x, y)        direction = directions @ (1, x, y)
 
     origins: float64 [3, 3], index space relative to the volume's centre. directions: float64 [3, 3], index units per
         model unit of depth in perspective, per model unit of length otherwise.
     slope_per_px: a ray's length per unit of depth is `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
-    start: where the near plane is, in model units along the direction.
+    start: the place of the near plane, in model units along the direction.
     center_px: (x, y) of the image's centre.
-    clip: what is left of the volume, if the view clips it.
+    clip: the region that clip planes and boxes leave; None without any.
     """
 
     origins: Float64
@@ -51,8 +51,9 @@ def ray_setup(
 ) -> RaySetup:
     """Return the rays of a view in the grid of a volume; `length` is the world length of a model unit.
 
-    clip: besides that of the view. middle: the world position through which the plane goes on which rays begin: depths
-        are counted from there, and those of several volumes agree. By default the volume's centre.
+    clip: planes and boxes besides those of the view. middle: the world position of the plane on which rays begin, and
+        from which depths are counted; one for several volumes makes their depths agree. By default, it is the volume's
+        centre.
     """
     centre = view.view_from_world(volume.centre) / length
     begins = centre if middle is None else view.view_from_world(middle) / length
@@ -77,7 +78,7 @@ def ray_setup(
 def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
     """Return the bricks that may touch the image, in their exact order front to back: uint32 [k].
 
-    Those that are clipped away as a whole are left out.
+    Bricks that are clipped away as a whole are left out.
     """
     cut = batch.cut
     rectangles = screen_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
@@ -91,8 +92,9 @@ def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
 def screen_rectangles(batch: BrickBatch, order: UInt32, view: View) -> Float64:
     """Return rectangles around the visible bounds of bricks: float64 [n, 4], left, top, right and bottom, in pixels.
 
-    They are clipped to the image, enlarged by what the coarsest pixel grid has beyond its edges. They are empty (right
-    <= left or bottom <= top) where the bounds are not in the image, and the whole of it where the eye plane clips them.
+    Rectangles are clipped to the image, enlarged by the pixels that the coarsest pixel grid has beyond its edges. A
+    rectangle is empty (right <= left or bottom <= top) if the bounds are outside of the image, and the whole image if
+    the eye plane cuts the bounds.
     """
     volume, camera = batch.cut.volume, model_view(batch, view)
     view_from_index = view.axes @ volume.world_from_index[:3, :3] / batch.model_unit
