@@ -1,4 +1,4 @@
-"""Where the cells of a brick and its halo lie, and the voxels that kernels read into bricks."""
+"""Define the places of the cells of a brick and its halo, and the voxels that kernels read into bricks."""
 
 from __future__ import annotations
 
@@ -9,9 +9,13 @@ import numpy as np
 from renderer.transfer import Classifier, RawVoxels, raw_voxels
 from renderer.volume import Float64, Int32, Volume
 
+# The number of octree levels between a brick and its cells.
 BRICK_LEVELS = 4
+# The number of cells along each side of a brick.
 BRICK_SIZE = 1 << BRICK_LEVELS
+# The width of the halo, in cells.
 HALO = 1
+# The number of cells along each side of a brick with its halo.
 PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO
 
 
@@ -27,10 +31,10 @@ def grid_cells(shape: tuple[int, ...]) -> Int32:
 
 
 class Voxels(NamedTuple):
-    """A volume's voxels, as kernels read them into bricks.
+    """The voxels of a volume, as kernels read them into bricks.
 
-    raw: as `raw_voxels` returns them. scalars: the scalar of each bit pattern; None where voxels are scalars
-        themselves. has_absent: whether any voxel has no data. is_labels: whether scalars are numbers of labels.
+    raw: the voxels as `raw_voxels` returns them. scalars: the scalar of each bit pattern; None if the raw voxels are
+        scalars. has_absent: whether any voxel has no data. is_labels: whether scalars are numbers of labels.
     """
 
     raw: RawVoxels
@@ -40,5 +44,5 @@ class Voxels(NamedTuple):
 
 
 def voxels_of(volume: Volume, classifier: Classifier) -> Voxels:
-    """Return the voxels of a volume, whose classifier this is."""
+    """Return the voxels of a volume. classifier: the classifier of the volume."""
     return Voxels(raw_voxels(volume), classifier.scalars, volume.num_absent > 0, volume.is_labels)
