@@ -1,7 +1,8 @@
-"""What the kernels of `nodes.cpp` write of the nodes that they build, and how that is stored.
+"""Hold and store the nodes that the kernels of `nodes.cpp` build.
 
-Nodes come in *groups*: 64 of them, their 8 parents, and the root of those. The levels 1, 2, 3 of a block of 8^3 voxels
-are a group; the roots of up to 64 groups make the next one, with the levels 3, 4, 5, and so on.
+Nodes come in *groups* of three levels: 64 nodes, their 8 parents, and one root. Levels 1, 2 and 3 of a block of 8^3
+voxels are a group. The roots of up to 64 groups are the lowest level of another group, with the levels 3, 4 and 5, and
+so on.
 """
 
 from __future__ import annotations
@@ -13,20 +14,24 @@ import numpy as np
 from renderer.kernels import kernels
 from renderer.volume import Array, Float32, Float64, Int32, Int64, UInt8
 
+# The number of nodes of each level of a group.
 NODES_OF_GROUP = (64, 8, 1)
 
+# The number of voxels along each side of a block.
 BLOCK_SIZE = 8
 
 
 class VisibleNodes(NamedTuple):
-    """Room for the visible nodes of some groups: for each level of all groups, one level behind the other.
+    """Arrays for the visible nodes of several groups, with the parts for their three levels one after the other.
 
     means: float32 [n, 4]. deviations: float32 [n], the roots of variances, which are summed over channels. masks: as in
-        Level; not of the first level of blocks. cells: int32 [n, 3] (x, y, z), and sizes: int64 [n], their numbers of
-        voxels; empty where nobody asks.
-    counts: int64 [3], how many nodes of each level are visible; they are at its beginning, in Morton order.
-    root_means: float32 [g, 4], of the groups' roots, visible or not.
-    root_error_means, root_variances: float64 [g, c], of what errors are measured of.
+        Level; unused for level 1. cells: int32 [n, 3], the places (x, y, z) of nodes, and sizes: int64 [n], their
+        numbers of voxels; both are empty if they are not asked for.
+    counts: int64 [3], the number of visible nodes of each level. They are at the beginning of the level's part, in
+        Morton order.
+    root_means: float32 [g, 4], the means of the groups' roots, visible or not.
+    root_error_means, root_variances: float64 [g, c], the means and variances of the roots in the channels that errors
+        are measured on.
     """
 
     means: Float32
@@ -41,7 +46,11 @@ class VisibleNodes(NamedTuple):
 
     @classmethod
     def empty(cls, num_groups: int, num_channels: int, *, listed: bool = False) -> VisibleNodes:
-        """Return room for some groups. num_channels: of what errors are measured of: 4, or 1 for scalars."""
+        """Return arrays for some groups.
+
+        num_channels: the number of channels that errors are measured on: 4, or 1 for scalars. listed: whether the
+            arrays include `cells` and `sizes`.
+        """
         num = num_groups * sum(NODES_OF_GROUP)
         errors = (np.empty((num_groups, num_channels)) for _ in range(2))
         of_nodes = np.empty((num, 4), np.float32), np.empty(num, np.float32), np.empty(num, np.uint8)
@@ -50,20 +59,20 @@ class VisibleNodes(NamedTuple):
         return cls(*of_nodes, *places, counts, np.empty((num_groups, 4), np.float32), *errors)
 
     def of_level(self, part: int) -> slice:
-        """Return where the visible nodes of a level of the groups are."""
+        """Return the slice of the visible nodes of a level. part: 0, 1 or 2, the level within groups."""
         first = len(self.root_means) * sum(NODES_OF_GROUP[:part])
         return slice(first, first + int(self.counts[part]))
 
 
 def packed_channels(values: Array) -> Array:
-    """Return four channels [..., 4] as one item [...], which is moved at once; a view."""
+    """Return a view of four channels [..., 4] as one item [...], which numpy moves at once."""
     return values.view(np.uint64 if values.dtype == np.float16 else np.complex128)[..., 0]
 
 
 def opacities_to_depths(means: Float32, max_depth: float) -> None:
     """Convert means of (a c, a) [n, 4] to optical depths times (c, 1), in place.
 
-    Depths keep their digits in half precision. Of opacities near 1 it would leave none.
+    In half precision, depths keep their digits, while opacities near 1 would lose them.
     """
     opacities = means[:, 3].astype(np.float64)
     with np.errstate(divide="ignore"):  # an opacity that rounds to 1 has the largest depth
