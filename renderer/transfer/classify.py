@@ -1,11 +1,13 @@
-"""Classification of voxels: what the kernels of `classify.h` apply the transfer function, and shading, to a voxel by.
+"""Prepare the classification of voxels: the tables with which the kernels of `classify.h` colour and light a voxel.
 
 A voxel's four channels are `(tau c, tau) * h0` with `tau` its extinction, `c` its colour and `h0` the finest spacing:
-optical depths of one voxel, without a unit. Where a pyramid averages opacities they are `(a c, a)` with
-`a = 1 - exp(-tau h0)`. Extinction-weighted colours are what may be averaged (Wittenbrink, Malzbender, Goss 1998).
+optical depths of one voxel, without a unit. If a pyramid averages opacities, they are `(a c, a)` with
+`a = 1 - exp(-tau h0)`. Only colours that are weighted by extinction may be averaged (Wittenbrink, Malzbender, Goss
+1998).
 
-Values of at most 16 bits are read as unsigned bit patterns and classified by a table over all of them. Wider ones are
-evaluated, exactly, in float64. A voxel without data, NaN, has no channels, and no part in the gradient of another one.
+Values of at most 16 bits are read as unsigned bit patterns and classified by a table over all patterns. Wider values
+are classified exactly, in float64. An absent voxel, NaN, has channels of 0, and no part in the gradients of its
+neighbours.
 """
 
 from __future__ import annotations
@@ -21,15 +23,16 @@ from renderer.transfer.piecewise import TransferTable
 from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints
 from renderer.volume import Float32, Float64, UInt8, Volume
 
+# Voxels as kernels read them: uint8 and uint16 bit patterns, or wider values.
 RawVoxels = npt.NDArray[Any]
 
 
 class VoxelLighting(NamedTuple):
     """A light on voxels.
 
-    light: the unit vector towards the light in world axes, ambient, diffuse.
-    world_from_gradient: float64 [3, 3], takes a gradient along the index axes to the world.
-    grid: how much of the light reaches each voxel; NO_LIGHT_GRID where all of it does.
+    light: the unit vector towards the light in world axes, the ambient factor and the diffuse factor.
+    world_from_gradient: float64 [3, 3], the matrix that takes a gradient along the index axes to the world.
+    grid: the light that reaches each voxel; NO_LIGHT_GRID if all light does.
     """
 
     light: tuple[float, float, float, float, float]
@@ -42,12 +45,12 @@ class Classifier(NamedTuple):
 
     table: float32 [num_patterns, 4], channels by bit pattern; None for wider values.
     scalars: float64 [num_patterns], the scalar of each bit pattern; None for wider values.
-    curve: the transfer function, extinctions times the finest spacing; None where `table` is used.
+    curve: the transfer function, with extinctions times the finest spacing; None if `table` is used.
     is_opacity: whether the channels are (a c, a).
-    lighting: None without shading.
-    breakpoints: visibility breakpoints (`renderer.transfer.transfer_function`).
-    colors: of the voxels, by which those of the transfer function are multiplied; None for white.
-    shown: 0 for voxels that a mask hides; None for none.
+    lighting: the light on voxels; None without shading.
+    breakpoints: the visibility breakpoints (`renderer.transfer.transfer_function`).
+    colors: the colours of voxels, by which the colours of the transfer function are multiplied; None for white.
+    shown: 0 for voxels that a mask hides; None without a mask.
     """
 
     table: Float32 | None
@@ -61,7 +64,7 @@ class Classifier(NamedTuple):
 
 
 def raw_voxels(volume: Volume) -> RawVoxels:
-    """Return the voxels as kernels read them: unsigned bit patterns if they have at most 16 bits. A view."""
+    """Return a view of the voxels as kernels read them: as unsigned bit patterns if they have at most 16 bits."""
     size = volume.values.dtype.itemsize
     return volume.values.view({1: np.uint8, 2: np.uint16}[size]) if size <= 2 else volume.values
 
@@ -74,7 +77,10 @@ def make_classifier(
     opacity: bool,
     grid: LightGrid = NO_LIGHT_GRID,
 ) -> Classifier:
-    """Prepare classification of this volume's voxels, in opacities or in optical depths. grid: of the shading."""
+    """Return the classifier of a volume's voxels.
+
+    opacity: whether its channels are opacities, not optical depths. grid: the light that reaches each voxel.
+    """
     finest_spacing, dtype = volume.finest_spacing, volume.values.dtype
     breakpoints, lighting = visibility_breakpoints(transfer, finest_spacing), None
     if shading:
@@ -96,6 +102,6 @@ def make_classifier(
 
 
 def toward_light(shading: ShadingSpec) -> Float64:
-    """Return the unit vector towards the light, in world axes, float64 [3]."""
+    """Return the unit vector towards the light, in world axes: float64 [3]."""
     light = np.array(shading.light, np.float64)
     return np.asarray(light / np.linalg.norm(light))
