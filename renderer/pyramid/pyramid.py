@@ -419,7 +419,7 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
 
 
 def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: _Scratch) -> tuple[list[Level], _Tier]:
-    """Build the levels inside the blocks of one task; return their stored nodes, parts of `targets`, and their roots."""
+    """Build the levels inside the blocks of one task; return the stored parts of `targets`, and the blocks' roots."""
     pyramid, (nodes, build), stored = plan.pyramid, scratch, []
     cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, pyramid.volume.shape_xyz)
     extents, visible = cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz), np.empty(len(cells), np.bool_)

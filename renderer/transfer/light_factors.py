@@ -18,12 +18,11 @@ class LightGrid(NamedTuple):
     """A grid of factors on light, from 0, dark, to 1, at the centres of cells, between which they are linear.
 
     occlusion, shadow: float32 [z + 2, y + 2, x + 2], factors on the ambient and on the diffuse light, in steps of
-        1 / 255; [0, 0, 0] where they were not asked for. They are 1 where neither a cell nor a neighbour of it shows
-        anything.
-    corners: int32, for each cell the factors that are there, each in two numbers: 255 times the factors at the cell and
-        at its neighbours, eight bytes, x before y before z. Two numbers follow.
+        1 / 255; [0, 0, 0] if they were not asked for. They are 1 at a cell that is invisible with all its neighbours.
+    corners: int32, two numbers for each cell and each kind of factor: eight bytes with 255 times the factors at the
+        cell and at its next neighbours, x before y before z. Two numbers of padding follow at the end.
     cell_size: the width of a cell, in voxels. Cells begin at the corner of the first voxel.
-    occlusion_strength, shadow_strength: from 0 to 1, how much of the factors applies.
+    occlusion_strength, shadow_strength: the weights of the factors, from 0 for no effect to 1.
     """
 
     occlusion: Float32
@@ -34,7 +33,9 @@ class LightGrid(NamedTuple):
     shadow_strength: float
 
 
+# The factors of a kind that was not asked for.
 _NO_FACTORS = np.empty((0, 0, 0), np.float32)
+# The light grid of a scene in which all light reaches every place.
 NO_LIGHT_GRID = LightGrid(_NO_FACTORS, _NO_FACTORS, np.empty(0, np.int32), 1.0, 0.0, 0.0)
 
 

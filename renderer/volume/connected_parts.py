@@ -32,7 +32,7 @@ def label_parts(cells: Bools) -> Int64:
 
 
 def grow(cells: Bools, distance: int) -> Bools:
-    """Return cells grown by a distance along each axis: bool [z + 2 d, y + 2 d, x + 2 d] for [z, y, x]."""
+    """Return the cells with all cells that are within a distance along each axis: bool [z, y, x]."""
     grown = np.pad(cells, distance)
     for axis in range(3):
         grown = np.asarray(np.lib.stride_tricks.sliding_window_view(grown, 2 * distance + 1, axis).any(axis=-1))
