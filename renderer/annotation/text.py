@@ -23,9 +23,9 @@ from renderer.volume import UInt8
 MAX_FONT_BYTES = 2**25
 # The font that comes with hsplat.
 _OWN_FONT = Path(__file__).with_name("fonts") / "DejaVuSans.ttf"
-# Letters with ascenders. The least top of a line is that of these letters, so that lines of one size have one height.
+# Letters with ascenders. Every line has room above for these letters, so that lines of one size have one height.
 _TALL = "Hdl"
-# Letters with descenders. The least bottom of a line is that of these letters.
+# Letters with descenders. Every line has room below for these letters.
 _DEEP = "gpq"
 # A code point that will never be a character, and for which no font has a glyph.
 _NO_CHARACTER = "\U0010ffff"

@@ -1,7 +1,7 @@
 """Gather or recompute the means of the nodes in a brick and its halo when the brick is drawn.
 
 A pyramid for bricks does not store levels 1 and 2. For these, the code that builds pyramids classifies and averages the
-voxels of a brick and its halo, 18^3 cells, block by block. The means are those that it would have stored, bit for bit.
+voxels of a brick and its halo, 18^3 cells, block by block. The means equal the means of a stored level, bit for bit.
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ _MIN_RANGE_SHARE = 1 / 64
 
 @dataclass(frozen=True)
 class BrickLevel:
-    """A level of bricks: all bricks, including those in which nothing is visible.
+    """A level of bricks, including invisible bricks.
 
     visible_bounds: float32 [z, y, x, 2, 3], the lowest and the highest corner (x, y, z) of the box around all places in
         the brick where the field, halo included, is not transparent. In cells from the brick's lowest corner, 0 to

@@ -32,7 +32,7 @@ def extreme_bricks(layers: BrickLayers, mode: ModeSpec, *, num_threads: int) -> 
     """Return the bricks of level 0 in which the most extreme scalar may lie, for tolerance 0.
 
     layers: a single layer. Its transfer function is a ramp over the colour range, from 0 at the least extreme end, so
-        that visible bricks are those with more extreme scalars.
+        that a brick is visible if it has more extreme scalars.
     """
     bricks = layers.layers[0].bricks
     cut, volume = cut_bricks(bricks, 0.0), bricks.volume

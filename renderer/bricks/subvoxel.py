@@ -66,7 +66,7 @@ def make_scalar_curve(volume_range: tuple[float, float]) -> TransferTable:
 def _simplify(values: Float64, points: Float64, tolerance: float) -> Int64:
     """Return the indices of points whose connecting lines are within the tolerance of all other points: int64 [m].
 
-    The algorithm is that of Douglas and Peucker 1973, along the axis of values: it takes the farthest point first.
+    The algorithm of Douglas and Peucker 1973, along the axis of values, takes the farthest point first.
     """
     chosen, parts = {0, len(values) - 1}, [(0, len(values) - 1)]
     while parts:

@@ -57,7 +57,7 @@ class StageMaker:
 
     any_tolerance: whether pyramids serve every tolerance, and not only the tolerances of the scene's schedule.
     volumes: the volumes of the last scene's layers, with the keys that they were made from.
-    read: the volumes that were read for the last scene, with those that were made of them, by key.
+    read: the volumes that were read or placed for the last scene, by key.
     layers: the layers of the last scene, by digest. last: the stage of the last scene.
     known: the fingerprints that volumes of the film must have.
     """
@@ -141,7 +141,7 @@ class StageMaker:
         return tuple(layers)
 
     def digests_of(self, scene: Scene, tolerance: float) -> list[str]:
-        """Return the digests of the layers of a scene. The parameters are those of `layers_of`."""
+        """Return the digests of the layers of a scene. See `layers_of` for the parameters."""
         volumes, finest_cut = self.volumes_of(scene), self._finest_cut(scene, tolerance)
         return [layer_digest(*each, finest_cut) for each in zip(scene.layers, repeat(scene), volumes)]
 
@@ -184,7 +184,7 @@ class FilmVolumes:
 
 
 def read_film_volumes(scene: FilmScene) -> FilmVolumes:
-    """Read the volumes of a film, and one after the other all steps of each volume that changes in time.
+    """Read the volumes of a film, with all steps of each volume that changes in time, one step at a time.
 
     Raises InputError for files that cannot be read, and for steps that differ in shape or kind.
     """

@@ -42,8 +42,8 @@ class FrameStageMaker(Protocol):
 class FilmStage:
     """A stage holds all data that a film is drawn from. Its method `at` returns the `Stage` of a frame.
 
-    It owns its layers, which are those of the first frame: use it as a context manager, or call `close`. If nothing
-    moves, the stage of the film is itself a `Stage`.
+    It owns the layers of the first frame: use it as a context manager, or call `close`. If nothing moves, the stage of
+    the film is itself a `Stage`.
 
     target: the world position that the camera looks at.
     distance: the distance from the eye to the target, in world units.

@@ -55,9 +55,9 @@ def layer_parts(spec: LayerSpec, scene: Scene) -> tuple[Any, ...]:
 
 
 def parts_over_frames(film: FilmScene, number: int) -> OverFrames[tuple[Any, ...]]:
-    """Return the parts of a scene that a layer of a film is made from, over all frames. number: that of the layer.
+    """Return the parts of a scene that a layer of a film is made from, over all frames.
 
-    The choice of the parts is made on the first frame, as by `layer_parts`.
+    The choice of the parts is made on the first frame, as by `layer_parts`. number: the number of the layer.
     """
     first = film.at(0)
     held = _Held.by(first.layers[number], first)

@@ -51,9 +51,8 @@ def ray_setup(
 ) -> RaySetup:
     """Return the rays of a view in the grid of a volume; `length` is the world length of a model unit.
 
-    clip: planes and boxes besides those of the view. middle: the world position of the plane on which rays begin, and
-        from which depths are counted; one for several volumes makes their depths agree. By default, it is the volume's
-        centre.
+    clip: further planes and boxes, besides the view's. middle: a world position on the plane on which rays begin and
+        depths are 0; one position for several volumes makes their depths agree. By default, it is the volume's centre.
     """
     centre = view.view_from_world(volume.centre) / length
     begins = centre if middle is None else view.view_from_world(middle) / length

@@ -49,7 +49,7 @@ def fly(path: FlightPath, start: Float64 | None, frames: Float64) -> Float64:
 def _way(curve: Float64, at: Float64) -> Float64:
     """Return the lengths of a curve from its start to parameters `at` [n]: float64 [n].
 
-    The length is that of the eye's way, or of the target's way between keys at which the eye stays.
+    The length is measured along the eye's way, or along the target's way between keys at which the eye stays.
     """
     moves = np.diff(_on_curve(curve, at), axis=0).reshape(len(curve) - 1, _NUM_CHORDS, -1)
     eye, target = (np.linalg.norm(moves[..., part], axis=2) for part in (EYE, TARGET))

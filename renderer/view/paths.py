@@ -11,8 +11,8 @@ smallest rotation that takes +z to that axis; for -z by half a turn about x.
 
 Between keyframes, azimuth, elevation and the logarithm of the zoom are interpolated separately. The eye stays on its
 sphere, the picture does not roll about the axis, keys of one elevation make a turntable, and azimuths 0 and 360 make a
-full turn. A great circle only keeps the eye on its sphere: between two keys of one elevation it rises above it. Easing
-is that of `renderer.scene.motion`. A path that does not loop starts and ends at rest.
+full turn. A great circle would keep the eye on its sphere, but rise between two keys of one elevation. Easing is
+defined in `renderer.scene.motion`. A path that does not loop starts and ends at rest.
 
 On a flight, eye and target move freely. On all other paths, the eye moves about the target of the film.
 """
@@ -57,7 +57,7 @@ class CameraPoses(NamedTuple):
 
     direction, right, up: float64 [n, 3]; `direction` points from the target to the eye. zoom: float64 [n],
     magnifications, > 0. is_free: bool [n], whether the frame is one of a flight. target, distance: float64 [n, 3] and
-    [n], those of the flight or else of the film.
+    [n], of the flight or else of the film.
     """
 
     direction: Float64
