@@ -134,7 +134,7 @@ def _array_source(values: npt.ArrayLike) -> ArraySource:
     except (ValueError, TypeError, RuntimeError) as error:  # such as ragged lists, or tensors on another device
         got = short_text(" ".join(str(error).split()))
         raise InputError(
-            "this cannot be made an array", got=got, expected="numbers in three axes, [z, y, x]"
+            "this cannot be converted to an array", got=got, expected="numbers in three axes, [z, y, x]"
         ) from error
     if array.ndim != 3:
         what = "the array does not have the axes of a volume"

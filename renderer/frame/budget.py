@@ -118,7 +118,7 @@ class LODCostEstimator:
         return self._fixed + self._rate * typical_seconds
 
     def size_for_seconds(self, seconds: float) -> float:
-        """Return the size at which a frame is expected to take a time, from the frames predicted so far.
+        """Return the size at which a frame is expected to take `seconds`, from the frames predicted so far.
 
         Between two known sizes, seconds follow a power of the size. Beyond the known sizes, the power of the nearest
         two is kept.
@@ -178,8 +178,8 @@ def find_finest_in_time(
 ) -> tuple[DrawList, float]:
     """Return the finest frame predicted to fit into `seconds`, and its predicted seconds.
 
-    The frame takes less time if it shows every voxel, and more time if even a single cell takes more. The estimator
-    must have predicted frames before. sizes: the smallest and the largest size allowed.
+    A frame that shows every voxel may take less time, and a frame of a single cell may take more. The estimator must
+    have predicted frames before. sizes: the smallest and the largest size allowed.
     """
     aim = _TARGET_SHARE * seconds
     best: tuple[DrawList, float] | None = None

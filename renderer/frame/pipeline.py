@@ -224,7 +224,7 @@ def framing_note(scene: FilmScene) -> str | None:
     )
     if not (is_open and changes and len(frames) < scene.num_frames):
         return None
-    return f"framed by what is visible on {len(frames)} of {scene.num_frames} frames"
+    return f"framed by the voxels visible on {len(frames)} of {scene.num_frames} frames"
 
 
 def _sampled(scene: FilmScene, num: int) -> list[int]:

@@ -233,9 +233,10 @@ def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> tuple[Float64, flo
 
 
 def _framed_points(layer: Layer, clip: tuple[ClipSpec, ...] | None) -> tuple[Float64, float]:
-    """Return the points of `points_in_frame` for a layer. clip: planes and boxes that count; None if clipping does not.
+    """Return the points of `points_in_frame` for a layer.
 
-    With `clip`, the layer's own planes and boxes count, too.
+    clip: planes and boxes whose removed parts need not be in frame, besides the layer's own; None to frame the whole
+        layer.
     """
     region = None if clip is None else place_object_clips(layer.volume, clip + layer.spec.clip)
     if layer.projection is not None:  # a single voxel may be the brightest on a ray

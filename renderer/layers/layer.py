@@ -48,8 +48,8 @@ class Layer:
 def layer_parts(spec: LayerSpec, scene: Scene) -> tuple[Any, ...]:
     """Return the parts of a scene that a layer is made from, besides its volume.
 
-    The layer's name and weight, and the camera, are none of them. Clipping is one only if light or extremes depend on
-    it.
+    They do not include the layer's name and weight, or the camera. They include clipping only if light or extrema
+    depend on it.
     """
     return _parts(spec, scene, _Held.by(spec, scene))
 

@@ -53,9 +53,10 @@ def fit_distance(
         )
     distance = least_distance(camera, points_world, target, size, margin)
     if not distance > 0.0:
-        what = "all that is visible lies beyond the target, and is in frame from any distance"
+        what = "all visible voxels lie beyond the target, and are in frame from any distance"
+        no_extent = "the visible voxels have no extent, so there is nothing to frame"
         raise InputError(
-            what if (points_world != target).any() else "what is visible has no extent, so there is nothing to frame",
+            what if (points_world != target).any() else no_extent,
             where="camera.distance",
             hint="set camera.distance",
         )

@@ -156,7 +156,7 @@ def _flight_poses(path: FlightPath, end: CameraPoses | None, at: Float64) -> Cam
 
 
 def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
-    """Return sines and cosines of angles [n], exactly 0 and 1 at right angles.
+    """Return sines and cosines of angles [n], with exact values at multiples of 90 degrees.
 
     So rays along an axis are parallel to the faces along it. Remainders are exact: a direction is the same after many
     turns.
