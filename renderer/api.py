@@ -58,7 +58,7 @@ from renderer.system import ctrl_c_stops_kernels, num_cores, printable
 _ANY_PICTURE = "{frame}.png"
 
 
-class FrameImage(np.ndarray[tuple[int, ...], np.dtype[np.uint8]]):  # npt.NDArray is no class from NumPy 2.5 on
+class FrameImage(np.ndarray[tuple[int, ...], np.dtype[np.uint8]]):  # from NumPy 2.5 on, npt.NDArray is no class
     """A picture: a uint8 array [height, width, 3 or 4] that notebooks display.
 
     It is a numpy array in every other respect: `image.shape`, `image[:100]`, `np.asarray(image)`. Row 0 is the top. The

@@ -83,7 +83,8 @@ def make_scene(
         assert isinstance(stand_in, ProceduralSource)
         placed = replace(array, spacing=stand_in.spacing)
         scene = scene.changed(lambda each: replace(each, volume=replace(each.volume, source=placed)))
-    if isinstance(source, FilmScene) and "transfer_function" not in given:  # plain data lack its origin
+    # Plain data do not record the origin of a transfer function.
+    if isinstance(source, FilmScene) and "transfer_function" not in given:
         scene = scene.changed(_with_transfer_function, source)
     suggests = wish is not None or (is_new and "transfer_function" not in given)
     return resolve_scene(_with_suggestion(scene, wish) if suggests else scene, read_volume)
@@ -232,7 +233,7 @@ def frame_number(frame: int, scene: FilmScene) -> int:
 def frame_numbers(frames: int | slice | Sequence[int] | None, scene: FilmScene) -> Sequence[int]:
     """Return the numbers of frames on the scene's path, None for all. Raises InputError if one is not on it."""
     path = range(scene.num_frames)
-    with contextlib.suppress(IndexError, TypeError, ValueError):  # ValueError: a slice with the step 0
+    with contextlib.suppress(IndexError, TypeError, ValueError):  # a slice with the step 0 raises ValueError
         if frames is None or isinstance(frames, slice):
             picked: Sequence[int] = path[frames or slice(None)]
         else:

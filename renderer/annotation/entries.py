@@ -97,7 +97,8 @@ def draw_legend(_: EntrySpec, pen: Pen, px: int, __: object) -> Sketch:
     for number, (name, color) in enumerate(entries[:MAX_LEGEND_ROWS]):
         line, row = pen.font.line(name, px), round(1.45 * px) * number
         whole.draw(line.mask, row, side + px // 2)
-        whole.fill(row + line.baseline - side, 0, side, side)  # a frame, for colours like the background
+        # A frame shows squares whose colour is like the background.
+        whole.fill(row + line.baseline - side, 0, side, side)
         whole.color(inside, color, row + line.baseline - side + frame, frame)
     if more > 0:
         whole.draw(pen.font.line(f"and {more} more", px).mask, round(1.45 * px) * MAX_LEGEND_ROWS, side + px // 2)
@@ -119,7 +120,8 @@ def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) ->
             mask, row, column = polygon(corners)
             whole.color(mask, color, row, column)
         line = pen.font.line(name, letter_px)
-        letter, beyond = grown(line.mask, rim, rim), reach + 0.75 * letter_px / max(length, 0.3)  # beside the tip
+        # Letters lie beside the tip of an arrow.
+        letter, beyond = grown(line.mask, rim, rim), reach + 0.75 * letter_px / max(length, 0.3)
         row = min(max(round(side / 2 + beyond * down - line.baseline / 2) - rim, 0), side - letter.shape[0])
         column = min(max(round(side / 2 + beyond * across - line.mask.shape[1] / 2) - rim, 0), side - letter.shape[1])
         whole.erase(widen(letter, rim), row, column)

@@ -66,6 +66,6 @@ class FrameFacts:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Return the numbers that formats may name."""
+        """Return the numbers that format strings of texts may name."""
         own = {"frame": self.frame, "seconds": self.seconds} | ({} if self.time is None else {"time": self.time})
         return own | self.moving

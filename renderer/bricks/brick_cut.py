@@ -107,7 +107,7 @@ def _count_at_thresholds(bricks: Sequence[Bricks | BrickLayers], finest_levels: 
     found = [_visible_thresholds(*each) for each in zip(bricks, finest_levels, strict=True)]
     begin, end = (np.sort(np.concatenate(each)) for each in zip(*found, strict=True))
     steps = np.sort(np.concatenate([begin, end]))[::-1]
-    is_new = np.append(True, steps[1:] != steps[:-1])  # np.unique would import masked arrays
+    is_new = np.append(True, steps[1:] != steps[:-1])  # without np.unique, which would import masked arrays
     steps = steps[is_new & (steps >= 0) & (steps < np.inf)]
     num_begun, num_ended = (len(sorted_) - np.searchsorted(sorted_, steps) for sorted_ in (begin, end))
     return steps, np.array([np.count_nonzero(begin == np.inf), *(num_begun - num_ended)], np.int64)

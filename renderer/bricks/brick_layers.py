@@ -29,7 +29,7 @@ class BrickLayer:
     def lights_faces(self) -> bool:
         """Return whether the faces that clipping cuts are lit by their own normals.
 
-        Voxels that are colours have none, as they are lit before.
+        The faces of voxels that are colours are not, as such voxels are lit before they are interpolated.
         """
         return self.shading is not None and self.shading.cut_faces and self.bricks.volume.colors is None
 

@@ -221,7 +221,7 @@ def _root_mean_square_of_children(of_brick: Float64) -> Float64:
 
     Bricks at the border count as whole bricks.
     """
-    largest = float(of_brick.max()) or 1.0  # squares of errors of scalars may overflow
+    largest = float(of_brick.max()) or 1.0  # errors are divided by it, as squares of scalars may overflow
     squares, nums = (reduce_blocks(np.add, each, 2) for each in ((of_brick / largest) ** 2, np.ones_like(of_brick)))
     return np.asarray(largest * np.sqrt(squares / nums))
 
@@ -272,7 +272,7 @@ def _measure_voxels(
         pool.map(work, _parts(len(cells)))
     volume.require_unchanged()
     if pyramid.of == "scalar":
-        measures *= volume_range[1] / 2 - volume_range[0] / 2  # the range itself may overflow
+        measures *= volume_range[1] / 2 - volume_range[0] / 2  # halves are used, as the width of the range may overflow
         measures *= 2
     return bounds, measures
 

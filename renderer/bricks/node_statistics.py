@@ -50,7 +50,8 @@ class NodeStatistics:
         cells: [n, 3], the places (x, y, z) of nodes. sizes: [n], their numbers of voxels. errors: [n], in the measure's
         unit. means: [n, 4], as stored.
         """
-        depths = means[:, 3].view(np.uint16) if means.dtype == np.float16 else means[:, 3]  # 0 has no bits
+        # Numbers of float16 are compared with 0 by their bits, which are all 0 for 0.
+        depths = means[:, 3].view(np.uint16) if means.dtype == np.float16 else means[:, 3]
         kernels().add_nodes(
             cells=cells, sizes=sizes, errors=errors, is_visible=depths > 0,
             max_error_by_neighbour=self.max_error_by_neighbour, bounds_by_neighbour=self.bounds_by_neighbour,
@@ -70,7 +71,7 @@ class NodeStatistics:
         low, end = np.full((*shape, 3), BRICK_SIZE + 1), np.full((*shape, 3), -BRICK_SIZE)
         for at, neighbours in _neighbours(self.bounds_by_neighbour):
             of_neighbours = neighbours[..., 2 - at[0], 2 - at[1], 2 - at[2], :, :].astype(np.int64)
-            is_visible = of_neighbours[..., 0, :] < of_neighbours[..., 1, :]  # beyond the border, both are 0
+            is_visible = of_neighbours[..., 0, :] < of_neighbours[..., 1, :]  # beyond the border, both bounds are 0
             of_neighbours += BRICK_SIZE * (np.array(at[::-1]) - 1)
             np.minimum(low, of_neighbours[..., 0, :], out=low, where=is_visible)
             np.maximum(end, of_neighbours[..., 1, :], out=end, where=is_visible)

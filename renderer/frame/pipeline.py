@@ -119,7 +119,7 @@ def render_frames(
                 watch.lap("layers")
             draw_list, predicted_seconds = controller.prepare_frame(number, watch)
             if thread is not None and following is not None and isinstance(controller, ScheduleController):
-                ahead = thread.submit(stage.at, following)  # while this frame is drawn
+                ahead = thread.submit(stage.at, following)  # the next stage is made while this frame is drawn
             yield replace(draw_frame(draw_list, rasterizer, watch), predicted_seconds=predicted_seconds)
             controller.finish_frame(draw_list, watch)
 

@@ -356,7 +356,7 @@ def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:
     model_from_index = cut.volume.world_from_index[:3, :3] / batch.model_unit
     in_view_from_index = camera.view_from_model[:, :3] @ model_from_index
     centres = ((low + high) / 2 - cut.volume.centre_index) @ in_view_from_index.T + camera.view_from_model[:, 3]
-    edges = in_view_from_index * (high - low)[:, None, :]  # columns: the edges of each box
+    edges = in_view_from_index * (high - low)[:, None, :]  # the columns are the edges of each box
     faces = np.cross(edges[:, :, [1, 2, 0]], edges[:, :, [2, 0, 1]], axis=1)
     directions, scale_px = np.broadcast_to([0.0, 0.0, -1.0], centres.shape), np.full(len(chosen), camera.scale_px)
     if camera.perspective:

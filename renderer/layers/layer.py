@@ -142,7 +142,7 @@ def make_layer(
         are_removed = None if clip is None else partial(are_clipped_away, clip)
         light_grid = compute_light_grid(volume, optics, spec.shading, are_removed=are_removed, num_threads=num_threads)
         lap("light")
-    baked = spec.shading and spec.shading.lambert  # samples between voxels compute all other shading
+    baked = spec.shading and spec.shading.lambert  # other shading is computed at samples between voxels
     baked = None if volume.is_labels else baked
     options: dict[str, Any] = {"spec": scene.pyramid, "error": scene.error, "shading": baked}
     options |= {"light_grid": light_grid, "num_threads": num_threads, "finest_cut": finest_cut}

@@ -84,7 +84,8 @@ def node_errors(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int) -> Flo
 
 def cell_voxel_counts(cells: Int32, level: int, volume: Volume) -> Int64:
     """Return the number of voxels in each cell of a level: int64 [n]."""
-    x, y, z = cell_extents(cells, level, volume.shape_xyz).T  # a product along the rows would take ten times as long
+    # The product is taken by columns, as a product along rows takes ten times as long.
+    x, y, z = cell_extents(cells, level, volume.shape_xyz).T
     return np.asarray(x * y * z)
 
 

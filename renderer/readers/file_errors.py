@@ -25,7 +25,7 @@ def require_exists(path: Path) -> Path:
             raise InputError("no permission to read this", where=str(path))
         if not (path.is_file() or path.is_dir()):
             raise InputError("this is neither a file nor a folder", where=str(path))
-        if path.is_file() and path.stat().st_size == 0:  # or a file of the kernel, which may block readers
+        if path.is_file() and path.stat().st_size == 0:  # files of the kernel have the size 0, too, and may block
             raise InputError("an empty file", where=str(path))
         return path
     raise missing_file_error(path, "no such file or folder")

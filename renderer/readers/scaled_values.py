@@ -20,7 +20,7 @@ def scaled(values: Array, slope: float, intercept: float) -> Array:
     if (slope, intercept) == (1.0, 0.0):
         return values
     found = np.empty(values.shape, scaled_type(values.dtype))
-    with np.errstate(over="ignore", invalid="ignore"):  # values that are too large become infinite: refused later
+    with np.errstate(over="ignore", invalid="ignore"):  # values too large become infinite, and are refused later
         for plane, target in zip(values, found, strict=True):  # plane by plane, to hold no second volume in float64
             target[...] = plane.astype(np.float64) * slope + intercept
     return found

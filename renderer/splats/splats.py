@@ -47,7 +47,8 @@ class GaussianFootprint:
     """
 
     name: ClassVar[Literal["gaussian"]] = "gaussian"
-    uniforms: ClassVar = ("cutoff", "decay", "coefficients", "rim", "min_sigma_px")  # members that shaders use
+    # The names of the fields that shaders use.
+    uniforms: ClassVar = ("cutoff", "decay", "coefficients", "rim", "min_sigma_px")
 
     decay: float
     coefficients: tuple[float, float, float]
@@ -88,7 +89,7 @@ class GouraudFootprint:
     """
 
     name: ClassVar[Literal["gouraud"]] = "gouraud"
-    uniforms: ClassVar = ("min_sigma_px",)  # members that shaders use
+    uniforms: ClassVar = ("min_sigma_px",)  # the names of the fields that shaders use
 
     vertices: Float64
     weights: Float64
@@ -169,7 +170,7 @@ def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
     number_of_code[used] = np.arange(len(used))
     extents_of_shape = _extents_of_codes(used, shape)
     num_voxels = np.prod(extents_of_shape, axis=1, dtype=np.float64)
-    if not spec.opacity_correction:  # a cell of any size has the opacity of a voxel
+    if not spec.opacity_correction:  # without correction, a cell of any size has the opacity of a voxel
         num_voxels /= np.cbrt(num_voxels)
     shifts, areas = (extents_of_shape - shape) / 2, num_voxels * area_unit
     vertices = np.empty((len(cut), 8), np.float32)

@@ -55,7 +55,7 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
         pass_fds: the file descriptors that the child inherits, under the same numbers. streams: the arguments `stdout`
             and `stderr` of Popen. Raises OSError if the child cannot be started.
         """
-        if not sys.executable:  # Python is part of another program
+        if not sys.executable:  # Python may be embedded in another program
             raise FileNotFoundError(errno.ENOENT, "sys.executable does not name a Python interpreter")
         child_end, parent_end = os.pipe()  # a pipe for each child, as only one process gets the signal of an end
         folders = [*filter(None, sys.path)]  # "" stands for the current folder, and is left out

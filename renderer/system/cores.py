@@ -38,7 +38,7 @@ def control_groups(controller: str, groups: Path = _CGROUP_ROOT, own: Path = _OW
         lines = []
     folders = {groups, groups / controller}
     for _, controllers, path in (line for line in lines if len(line) == 3):
-        if controllers == "" or controller in controllers.split(","):  # version 2 has no names, version 1 has some
+        if controllers == "" or controller in controllers.split(","):  # lines of version 2 have no names of controllers
             root = groups / controller if controllers else groups
             inner = root / path.lstrip("/")
             folders.update(folder for folder in (inner, *inner.parents) if folder.is_relative_to(root))

@@ -19,7 +19,7 @@ from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-if TYPE_CHECKING:  # it loads queues and logging, which most commands do not need
+if TYPE_CHECKING:  # the module loads queues and logging, which most commands do not need
     from concurrent.futures import Future, ThreadPoolExecutor
 
 Result = TypeVar("Result")
@@ -110,7 +110,7 @@ def start_threads(num: int, name: str = "") -> ThreadPoolExecutor:
         try:
             waiting = [threads.submit(all_started.wait) for _ in range(num)]
         except RuntimeError:
-            all_started.abort()  # threads that have started would wait for ever
+            all_started.abort()  # without it, threads that have started would wait for ever
             raise
         for started in waiting:
             started.result()

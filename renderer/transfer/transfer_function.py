@@ -87,7 +87,7 @@ def make_transfer_function(spec: TransferSpec, finest_spacing: float) -> Transfe
 
     def extinction(opacity: Float64) -> Float64:
         with np.errstate(divide="ignore", over="ignore"):  # the infinite extinction of opacity 1 meets the cap
-            return np.minimum(-np.log1p(-opacity) / unit, cap) + 0.0  # -0.0 + 0.0 is 0.0
+            return np.minimum(-np.log1p(-opacity) / unit, cap) + 0.0  # adding 0.0 turns -0.0 into 0.0
 
     if isinstance(spec.mapping, LabelsSpec):
         # Steps lie half-way between the numbers of labels. Hidden labels have the number 0.

@@ -165,7 +165,7 @@ def _extreme_corners(pyramid: Pyramid, occupied: Bools) -> Float64:
 def _without_clipped_cells(pyramid: Pyramid, clip: ClipRegion) -> Bools:
     """Return which occupied cells clipping leaves, at least in part."""
     volume, left = pyramid.volume, np.zeros_like(pyramid.occupied)
-    for z in range(len(left)):  # a plane at a time, to bound memory
+    for z in range(len(left)):  # planes are taken one at a time, to bound memory
         y, x = np.nonzero(pyramid.occupied[z])
         first = np.column_stack([x, y, np.full_like(x, z)]) << pyramid.occupied_level
         last = np.minimum(first + (1 << pyramid.occupied_level), volume.shape_xyz)

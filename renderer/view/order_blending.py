@@ -69,7 +69,7 @@ def make_order_blending(world_from_index: Float64, path: CameraPath, about: Abou
     steps = NEIGHBOURS @ world_from_index[:3, :3].T
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
     low, high = np.full(len(steps), np.inf), np.full(len(steps), -np.inf)
-    moved, turned = np.zeros((3, 3)), 0.0  # squared movements of the viewing direction, and of all axes
+    moved, turned = np.zeros((3, 3)), 0.0  # sums of squared movements, of the viewing direction and of all axes
     for poses in iter_camera_poses(path, about):
         axes = poses.axes
         slopes = -axes[:, 2] @ steps.T
@@ -137,7 +137,8 @@ def sort_directions(blending: OrderBlending, forward: Float64) -> list[tuple[flo
 def _sphere_points() -> Float64:
     """Return points that are spread evenly over the unit sphere, and mirrored between its octants: float64 [n, 3]."""
     z = (np.arange(_POINTS_PER_OCTANT) + 0.5) / _POINTS_PER_OCTANT
-    turns = np.arange(_POINTS_PER_OCTANT) * (math.sqrt(5) - 1) / 2 % 1  # the golden section: even in every part of z
+    # Turns by the golden section are even in every range of z.
+    turns = np.arange(_POINTS_PER_OCTANT) * (math.sqrt(5) - 1) / 2 % 1
     angle, radius = math.pi / 2 * turns, np.sqrt(1 - z * z)
     octant = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
     signs = 1 - 2 * (np.arange(8)[:, None] >> np.arange(3) & 1)

@@ -211,7 +211,8 @@ def _rotation_from_z_to(axis: Vector) -> Float64:
     aside = x * x + y * y
     if aside < 1e-300:  # the axis is z to all digits, and 2 / aside may be infinite
         return np.diag([1.0, 1.0, 1.0]) if z > 0.0 else np.diag([1.0, -1.0, -1.0])
-    factor = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / aside  # 1 / (1 + z), without cancellation near -z
+    # Both are 1 / (1 + z); the second avoids cancellation near -z.
+    factor = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / aside
     return np.array(
         [
             [1.0 - x * x * factor, -x * y * factor, x],

@@ -105,7 +105,8 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     magnification = camera.scale_px / nearest
     center_px = size / 2 + camera.scale_px * (slopes if camera.perspective else origin[:2])
     model_px = magnification * (radius * np.hypot(1, slopes) + batch.footprint.cutoff * sigma * np.hypot(1, limit))
-    reach_px = model_px + batch.footprint.cutoff * batch.footprint.min_sigma_px + 2  # for rounding and whole pixels
+    # Two pixels allow for rounding to whole pixels.
+    reach_px = model_px + batch.footprint.cutoff * batch.footprint.min_sigma_px + 2
     low = np.clip(np.floor(center_px - reach_px), 0, size).astype(int)
     high = np.clip(np.ceil(center_px + reach_px), 0, size).astype(int)
     return Region(int(low[0]), int(low[1]), *(int(n) for n in high - low))

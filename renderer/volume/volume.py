@@ -158,7 +158,8 @@ def make_volume(
     assert values.flags.c_contiguous, values.strides
     assert values.dtype.isnative, values.dtype
     values.flags.writeable = False
-    placed = np.array(world_from_index, np.float64) + 0.0  # -0.0 becomes 0.0: equal affines have equal bytes
+    # Adding 0.0 turns -0.0 into 0.0, so that equal affines have equal bytes.
+    placed = np.array(world_from_index, np.float64) + 0.0
     placed.flags.writeable = False
     digest = hashlib.blake2b(f"{values.dtype.name} {values.shape}".encode(), digest_size=16)
     digest.update(placed.data.cast("B"))
@@ -196,7 +197,7 @@ def move_volume(volume: Volume, matrix: Float64) -> Volume:
     turns = np.diag(matrix[:3, :3]) < math.cos(math.radians(30)) * np.linalg.norm(matrix[:3, :3], axis=0)
     axes = "" if turns.any() else volume.world_axes
     moved = replace(volume, world_from_index=placed, fingerprint=digest.hexdigest(), world_axes=axes)
-    return replace(moved, has_lengths=True)  # the matrix implies lengths
+    return replace(moved, has_lengths=True)  # a matrix is given in world lengths, which are then known
 
 
 def joint_fingerprint(volumes: Sequence[Volume]) -> str:
