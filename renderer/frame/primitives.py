@@ -68,8 +68,8 @@ _DIFFERING_SHARE = 0.1
 # The exponent of the share of pixels that differ from their interpolation.
 _THRESHOLD_EXPONENT = 0.5
 # The factor of the cost of several rays in pixels: `_ANTIALIASED_SHARE contrast_threshold^-_CONTRAST_EXPONENT` of the
-# time of one ray a pixel. Fitted to an engine, a bonsai, labels and a head at tolerances from 0.01 to 0.3, where the cost
-# is 0.3 to 2 times as much.
+# time of one ray a pixel. Fitted to an engine, a bonsai, labels and a head at tolerances from 0.01 to 0.3, where the
+# cost is 0.3 to 2 times as much.
 _ANTIALIASED_SHARE = 0.12
 # The exponent of the same cost.
 _CONTRAST_EXPONENT = 0.8
@@ -381,8 +381,8 @@ def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:
     return float(samples.mean()) * len(order) * _cost_of_lattices(batch.screen_sampling)
 
 
-def _subsampling_cost_share(screen_sampling: ScreenSampling) -> float:
-    """Return the ratio of the time of a subsampled picture to the time of a picture in which all pixels are drawn."""
+def _cost_of_lattices(screen_sampling: ScreenSampling) -> float:
+    """Return the ratio of the time of a picture to the time of a picture with one ray in each pixel."""
     first, *others = screen_sampling.strides
     share = first**-_STRIDE_EXPONENT
     for stride in others:
