@@ -15,7 +15,20 @@ _HEAD = """\
 ## Keys
 
 This section is made from `renderer/job/record.py` by `tests/support/sidecar_page.py`. A key in italics may be left out.
+A number without a range is from 0 to 1e+100, a whole number is 0 or more. A mapping or list *below* has its own table.
 """
+# Short words for the values that most keys have.
+_SHORT = {
+    "a number from 0 to 1e+100": "number",
+    "a whole number of at least 0": "whole number",
+    "a whole number from 0 to 999999": "whole number to 999999",
+    "a number from -200 to 200": "decibels from -200 to 200",
+    "a mapping with ": "mapping with ",
+    "a list of numbers": "numbers",
+    "a list": "list",
+    "a mapping": "mapping",
+    "a number": "number, also below 0",
+}
 
 
 def sidecar_page() -> str:
@@ -50,11 +63,17 @@ def _table(cls: Any, paths: list[str]) -> Iterator[str]:
     hints, types = get_type_hints(cls, include_extras=True), schema.field_table(cls)
     for field in dataclasses.fields(cls):
         kind, meaning, read = hints[field.name].__origin__, hints[field.name].__metadata__[-1], types[field.name]
-        value = ("a list of mappings" if "a list" in read.expected else "a mapping") + ", see below"
+        below = "list below" if "a list" in read.expected else "mapping below"
         is_optional = field.default is not dataclasses.MISSING and not field.default
         name = f"*`{field.name}`*" if is_optional else f"`{field.name}`"
-        yield f"| {name} | {value if _sections_in(kind) else read.expected} | {meaning} |"
+        yield f"| {name} | {below if _sections_in(kind) else _short(read.expected)} | {meaning} |"
     yield ""
+
+
+def _short(expected: str) -> str:
+    """Return the value of a key in short words."""
+    found = next((each for each in _SHORT if expected.startswith(each)), "")
+    return _SHORT.get(found, "") + expected.removeprefix(found)
 
 
 if __name__ == "__main__":
