@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
 import textwrap
 from pathlib import Path
 
@@ -12,13 +13,14 @@ from renderer.readers import FormatTable
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
 _HEAD = """\
-# What files say of their voxels
+# Fields of volume files
 
-Beside numbers, files state how these are to be understood: a scale, a direction, values that are no data, the names of
-labels. Of each format hsplat applies the fields that are listed first, and names those of the table in a note, as the
-standard of the format does. `tests/support/formats_page.py` makes this page from the tables of the readers.
+Beside numbers, files state their scale, directions, values that are no data, the names of labels. Of each format hsplat
+applies the fields that are listed first, and names the fields of the table in a note.
+`tests/support/formats_page.py` makes this page from the tables of the readers.
 """
 _LINE_LENGTH = 120
+_ARTICLE = re.compile("^(the|an?) ")
 
 
 def format_tables() -> list[FormatTable]:
@@ -46,11 +48,11 @@ def _section(table: FormatTable) -> str:
 
 
 def _by_meaning(table: FormatTable, *, is_applied: bool) -> dict[str, str]:
-    """Return the names of the fields that state the same, by the noun phrase for it."""
+    """Return the names of the fields that state the same, by the noun for it."""
     found: dict[str, list[str]] = {}
     for each in table.statements:
         if each.is_applied == is_applied:
-            found.setdefault(each.about, []).append(f"`{each.field}`")
+            found.setdefault(_ARTICLE.sub("", each.about), []).append(f"`{each.field}`")
     return {about: ", ".join(fields) for about, fields in found.items()}
 
 
