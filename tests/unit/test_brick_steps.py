@@ -10,7 +10,7 @@ from brick_reference import DITHER
 
 from renderer.bricks import BRICK_SIZE, MIN_STEP, step_sizes
 
-# From corner to corner of a brick, in the shortest steps; decision 014 in docs/decisions states it.
+# From corner to corner of a brick, in the shortest steps; decision 015 in docs/decisions states it.
 MOST_SAMPLES = 3814
 
 
