@@ -15,8 +15,8 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
 _HEAD = """\
 # Fields of volume files
 
-Beside numbers, files state their scale, directions, values that are no data, the names of labels. Of each format hsplat
-applies the fields that are listed first, and names the fields of the table in a note.
+Beside numbers, files state their scale, directions, values that are no data, the names of labels. hsplat applies the
+fields that are listed first, and names the others in a note.
 `tests/support/formats_page.py` makes this page from the tables of the readers.
 """
 _LINE_LENGTH = 120
@@ -37,13 +37,13 @@ def formats_page() -> str:
 
 
 def _section(table: FormatTable) -> str:
-    """Return the section of a format: a list of the fields that are applied, and a table of the others."""
-    applied, named = (_by_meaning(table, is_applied=is_applied) for is_applied in (True, False))
-    listed = ", ".join(f"{fields} ({about})" for about, fields in applied.items())
-    lines = [f"## {table.format}", "", *textwrap.wrap(f"{listed}.", _LINE_LENGTH, break_on_hyphens=False), ""]
-    if named:
-        rows = [f"| {fields} | {about} |" for about, fields in named.items()]
-        lines += ["| named | states |", "|---|---|", *rows, ""]
+    """Return the section of a format: a list of the fields that are applied, and a list of the others."""
+    lines = [f"## {table.format}", ""]
+    for title, is_applied in (("Applied", True), ("Named", False)):
+        found = _by_meaning(table, is_applied=is_applied)
+        if found:
+            listed = ", ".join(f"{fields} ({about})" for about, fields in found.items())
+            lines += [*textwrap.wrap(f"{title}: {listed}.", _LINE_LENGTH, break_on_hyphens=False), ""]
     return "\n".join(lines)
 
 
