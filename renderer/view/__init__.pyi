@@ -1,12 +1,10 @@
 from .brick_projection import (
-    RaySetup as RaySetup,
     ray_setup as ray_setup,
     screen_rectangles as screen_rectangles,
     visible_bricks as visible_bricks,
 )
 from .camera import View as View
 from .clip_slabs import (
-    ClipRegion as ClipRegion,
     are_clipped_away as are_clipped_away,
     are_near_faces as are_near_faces,
     place_clips as place_clips,
@@ -29,7 +27,6 @@ from .splat_projection import (
     CLIPPED_SIGMAS as CLIPPED_SIGMAS,
     CULLED_SIGMAS as CULLED_SIGMAS,
     SLOPE_LIMIT as SLOPE_LIMIT,
-    ModelView as ModelView,
     Region as Region,
     blended_orders as blended_orders,
     covered_region as covered_region,

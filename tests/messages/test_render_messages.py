@@ -17,7 +17,7 @@ import pytest
 
 from hsplat_cli import main
 from renderer.film import bytes_digest, join_png_chunks, png_chunks
-from renderer.job import describe_differences
+from renderer.record import describe_differences
 from tests.messages.conftest import small_scene
 from tests.support.resuming import on_each_frame
 from tests.support.transcripts import Case, cases
@@ -92,13 +92,13 @@ def test_an_output_folder_that_vanishes(output: str, monkeypatch, capsys) -> Non
     folder = Path("out", "frames.unfinished" if output == "{frame}.png" else f"{output}.unfinished")
 
     def vanish() -> None:
-        while not (folder / "000002.json").exists():  # frames are kept by a thread behind the drawing
+        while not (folder / "000001.json").exists():  # frames are kept by a thread, two frames behind the drawing
             time.sleep(0.001)
         while Path("out").exists():  # an encoder that starts late makes its file in a folder that is being emptied
             shutil.rmtree("out", ignore_errors=True)
 
     at_frame(monkeypatch, 3, vanish)
-    place = "out/3.png" if output == "{frame}.png" else folder / "000003.png"
+    place = "out/2.png" if output == "{frame}.png" else folder / "000002.png"
     assert render(capsys, "--output", f"out/{output}") == (
         1,
         f"{place}: the output folder has vanished\n  hint: it existed when the work began\n",

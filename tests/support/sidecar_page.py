@@ -8,15 +8,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from renderer.job import FilmRecord
+from renderer.record import FilmRecord
 from renderer.scene import schema
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "sidecar.md"
 _HEAD = """\
 ## Keys
 
-This section is made from `renderer/job/record.py` by `tests/support/sidecar_page.py`. A key in italics may be left out.
-A number without a range is from 0 to 1e+100, a whole number is 0 or more. A mapping or list *below* has a section.
+This section is made from `renderer/record/film_record.py` by `tests/support/sidecar_page.py`. A key in italics may be
+left out. A number without a range is from 0 to 1e+100, a whole number is 0 or more. A mapping or list *below* has a
+section.
 """
 # Short words for the values that most keys have.
 _SHORT = {

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from renderer.bricks import BRICK_SIZE, PADDED_BRICK_SIZE
 from renderer.draw import make_grid
-from renderer.kernels import kernels
-from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS, PiecewiseTransfer
-from renderer.view import RaySetup
+from renderer.kernels import Field, LayerBricks, Light, PiecewiseTransfer, RaySetup, kernels
+from renderer.transfer import GUIDE_SIZE, PIECE_FLOATS
 from renderer.volume import Array, Float32
 
 _PER_BRICK = BRICK_SIZE**2
 # Rays along z, one for each column of texels.
 _ORIGINS, _DIRECTIONS = np.array([[0.0, 1, 0], [0, 0, 1], [0, 0, 0]]), np.array([[0.0, 0, 0], [0, 0, 0], [1, 0, 0]])
-_RAYS = RaySetup(_ORIGINS, _DIRECTIONS, 0.0, 0.0, (0.0, 0.0), None)
+_RAYS = RaySetup(_ORIGINS, _DIRECTIONS, 0.0, 0.0, np.zeros(2), None)
 # Extinction is the scalar.
 LINEAR = PiecewiseTransfer(
     np.array([[np.inf, 0, 0, 1] + [0] * (PIECE_FLOATS - 4)], np.float32),
     np.zeros(GUIDE_SIZE, np.int32),
-    np.float32(-np.inf),
+    -np.inf,
 )
 
 
@@ -30,7 +27,7 @@ def drawn(
     pieces: PiecewiseTransfer = LINEAR,
     *,
     scale: float = 1.0,
-    light: dict[str, Any] | None = None,
+    light: Light | None = None,
     gradients: Array | None = None,
 ) -> Float32:
     """Return the pixels [n, 4] of texels with these scalars [n] and gradients [n, 3].
@@ -52,16 +49,30 @@ def drawn(
     image = np.zeros((BRICK_SIZE, BRICK_SIZE * num_bricks, 4), np.float32)
     rectangles, offsets = np.column_stack([left, zero, right, size]), np.arange(num_bricks) * bricks.shape[1]
     grid = make_grid(rectangles, 1, np.ones(image.shape[:2], np.bool_), image)
-    field = {
-        "scalars": np.append(bricks, np.zeros(2, np.float32)), "means": np.empty(0, np.float32),
-        "texel_offsets": offsets, "pieces": pieces, "weight": 1.0, "has_absent": False, "is_lit": False,
-        "has_colors": False, "is_labels": False, "mask": None, "lambert": (0.0,) * 5, "light": light,
-        "lights_faces": False,
-    }  # fmt: skip
-    of_layer = {
-        "rays": _RAYS, "spacings_per_model_unit": scale, "boxes": boxes, "is_mean": np.zeros(num_bricks, np.bool_),
-        "fields": [field], "have_faces": np.zeros(num_bricks, np.bool_), "face_depth": 0.0,
-    }  # fmt: skip
-    tiles = np.arange(len(grid["starts"]) - 1)
+    field = Field(
+        scalars=np.append(bricks, np.zeros(2, np.float32)),
+        means=np.empty(0, np.float32),
+        texel_offsets=offsets,
+        pieces=pieces,
+        weight=1.0,
+        lambert=np.zeros(5),
+        has_absent=False,
+        is_labels=False,
+        has_colors=False,
+        is_lit=False,
+        lights_faces=False,
+        light=light,
+        mask=None,
+    )
+    of_layer = LayerBricks(
+        rays=_RAYS,
+        spacings_per_model_unit=scale,
+        boxes=boxes,
+        is_mean=np.zeros(num_bricks, np.bool_),
+        have_faces=np.zeros(num_bricks, np.bool_),
+        face_depth=0.0,
+        fields=[field],
+    )
+    tiles = np.arange(len(grid.starts) - 1)
     kernels().draw_tiles(grid=grid, bricks=of_layer, termination_alpha=1.0, is_additive=False, tiles=tiles)
     return image.reshape(BRICK_SIZE, num_bricks, BRICK_SIZE, 4).swapaxes(0, 1).reshape(-1, 4)[:num]

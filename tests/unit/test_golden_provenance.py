@@ -27,7 +27,7 @@ from hsplat_cli.compare import (
     read_provenance,
 )
 from renderer.errors import InputError
-from renderer.job import FilmFingerprint, VolumeRecord
+from renderer.record import FilmFingerprint, VolumeRecord
 
 DIGEST = "0123456789abcdef" * 2
 

@@ -10,10 +10,11 @@ import pytest
 from dense_bricks import OBLIQUE
 from light_reference import exact_occlusion, exact_shadow, sampled
 
+from renderer.kernels import LightGrid
 from renderer.lighting import compute_light_grid
 from renderer.pyramid import build_pyramid, cut_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec, Vector
-from renderer.transfer import LightGrid, TransferFunction, make_light_grid
+from renderer.transfer import TransferFunction, make_light_grid
 from renderer.volume import Bools, Float64, Volume, make_volume
 
 LIGHT, RADIUS = (0.4, -0.3, 0.9), 15.0

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from renderer.accuracy import MOST_DB, ErrorSamples, pool_samples, psnr, squared_error
-from renderer.job.record import FileAccuracy, FilmAccuracy, FrameAccuracy, FrameRecord, Range, WorstFrame
+from renderer.record.film_record import FileAccuracy, FilmAccuracy, FrameAccuracy, FrameRecord, Range, WorstFrame
 
 if TYPE_CHECKING:
     from renderer.accuracy import Probe
@@ -16,13 +16,13 @@ _METHOD = "stratified by the differences between neighbouring pixels"
 
 
 def frame_accuracy(probe: Probe) -> FrameAccuracy:
-    """Return the record of what rays have measured of a frame."""
+    """Return the record of the accuracy of a frame that rays have measured."""
     samples = probe.samples
     return FrameAccuracy(*_decibels(samples), samples.num, samples.variance, samples.largest, probe.largest_error)
 
 
 def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
-    """Return the record of what rays have measured of a film; None unless they have of each frame."""
+    """Return the record of the accuracy of a film; None unless rays have measured each frame."""
     measured = [(frame.frame, frame.accuracy) for frame in frames if frame.accuracy is not None]
     if len(measured) < len(frames):
         return None
@@ -41,10 +41,10 @@ def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
 
 
 def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int) -> FilmAccuracy:
-    """Return the accuracy of a film with that of its file.
+    """Return the accuracy of a film together with the accuracy of its file.
 
-    loss: the mean squared error between the frames as they were drawn and as they are decoded, in [0, 1]. It adds to
-        that of the drawing: neither error knows of the other.
+    loss: the mean squared error between the frames as they were drawn and as they are decoded, in [0, 1]. It is added
+        to the error of the drawing, as the two are independent.
     """
     both = min(psnr(loss + squared_error(accuracy.psnr)), MOST_DB)
     return replace(accuracy, file=FileAccuracy(both, min(psnr(loss), MOST_DB), num_frames))
@@ -59,7 +59,10 @@ def accuracy_text(accuracy: FilmAccuracy) -> str:
 
 
 def file_accuracy_text(accuracy: FilmAccuracy, psnr_of_encoding: float | None = None) -> str:
-    """Return `file PSNR 40.7 dB (40.6 to 40.8)`, of a file that keeps so much of the frames; None: all."""
+    """Return `file PSNR 40.7 dB (40.6 to 40.8)`.
+
+    psnr_of_encoding: of the decoded frames, measured from the frames as they were drawn; None for a file without loss.
+    """
     loss = 0.0 if psnr_of_encoding is None else squared_error(psnr_of_encoding)
     return f"file PSNR {_decibels_text(accuracy, loss)}"
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Iterator, Sequence
 
 from renderer.accuracy import ROUNDING_ERROR, psnr, wanted_error
 from renderer.errors import RenderError
-from renderer.job.film_accuracy import accuracy_text, film_accuracy
-from renderer.job.plan import BEST_EFFORT_HINT, FilmPlan
-from renderer.job.record import FilmRecord, FrameRecord, min_max
+from renderer.record.accuracy_records import accuracy_text, film_accuracy
+from renderer.record.film_record import FilmRecord, FrameRecord, min_max
 from renderer.scene import (
     ErrorSpec,
     FilmScene,
     MetricTarget,
+    SplatBudget,
     TimeBudget,
     counted,
     first_few,
@@ -23,39 +24,41 @@ from renderer.scene import (
     value_at,
 )
 
-# A frame is in time when its seconds differ from its budget by no more than this fraction.
+BEST_EFFORT_HINT = "with --best-effort it is good enough"
+# The fraction of its budget by which the seconds of a frame that is in time may differ from it.
 _TIME_MARGIN = 0.2
-# Up to this fraction of the frames may be late without an error.
+# The fraction of the frames that may be late without an error.
 _MAX_LATE_FRACTION = 0.1
 # Steps that later frames share: the cut, its primitives and its edges.
 _SHARED_STEPS = ("cut", "primitives", "edges")
-# Up to this fraction of the frames may be less exact without an error.
+# The fraction of the frames that may be less exact than requested without an error.
 _MAX_MISSING_FRACTION = 0.05
 
+Goal = SplatBudget | TimeBudget | MetricTarget | None
 
-def find_shortfall(
-    scene: FilmScene, requested: ErrorSpec, plan: FilmPlan, frames: Sequence[FrameRecord]
-) -> RenderError | None:
-    """Return the error for what was requested and not reached by these frames, or None."""
-    goal = scene.error.goal
-    if plan.is_unfinished:
-        wanted = schedule_to_dict(requested).items()
-        return RenderError(
-            "the film was not refined to what the scene requests",
-            where=scene.output.file.name,
-            got=f"tolerance {range_text([frame.tolerance for frame in frames])}",
-            expected=", ".join(f"{name} {format_value(value)}" for name, value in wanted),
-            hint=f"it needs more time; {BEST_EFFORT_HINT}",
-        )
-    if isinstance(goal, MetricTarget) and plan.shortfall is None:
+
+def not_refined(file: str, requested: ErrorSpec, frames: Sequence[FrameRecord]) -> RenderError:
+    """Return the error for a film that is a coarser pass than its scene requests. file: the name of the film."""
+    return RenderError(
+        "the film was not refined to what the scene requests",
+        where=file,
+        got=f"tolerance {range_text([frame.tolerance for frame in frames])}",
+        expected=", ".join(f"{name} {format_value(value)}" for name, value in schedule_to_dict(requested).items()),
+        hint=f"it needs more time; {BEST_EFFORT_HINT}",
+    )
+
+
+def missed_goal(goal: Goal, frames: Sequence[FrameRecord]) -> RenderError | None:
+    """Return the error for a goal that these frames did not reach, or None."""
+    if isinstance(goal, MetricTarget):
         return _accuracy_shortfall(goal, frames)
-    return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else plan.shortfall
+    return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else None
 
 
 def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> RenderError | None:
-    """Return the error where the rays through the frames that were drawn say for sure that they are not as exact.
+    """Return the error for frames that are surely less exact than the goal, by their rays; else None.
 
-    They see what rounding to 8 bits adds, which the goal does not count.
+    The rays see the error of rounding to 8 bits, too, which the goal does not count.
     """
     film = film_accuracy(frames)
     if film is None:
@@ -75,7 +78,7 @@ def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> Re
 
 
 def _time_shortfall(goal: TimeBudget, frames: Sequence[FrameRecord]) -> RenderError | None:
-    """Return the error where many frames were too slow even at the coarsest cut, or the machine became slower."""
+    """Return the error where many frames were too slow, at the coarsest cut or on a slower machine; else None."""
     late = [frame for frame in frames if _predicted(frame) > (1 + _TIME_MARGIN) * _budget(goal, frame)]
     if len(late) <= _MAX_LATE_FRACTION * len(frames):
         shares = [_drawing_seconds(frame) / _budget(goal, frame) for frame in frames]
@@ -114,10 +117,13 @@ def _is_in_time(goal: TimeBudget, frame: FrameRecord) -> bool:
     return abs(share - 1) <= _TIME_MARGIN or (share < 1 and frame.tolerance == 0)
 
 
-def summary_parts(scene: FilmScene, plan: FilmPlan, record: FilmRecord, num_resumed: int) -> Iterator[str]:
-    """Yield `120 frames in 25.1 s`, how exact they are, `190 bricks a frame`, and how a goal was met."""
+def summary_parts(scene: FilmScene, record: FilmRecord, num_resumed: int) -> Iterator[str]:
+    """Yield `120 frames in 25.1 s`, how exact they are, `190 bricks a frame`, and how a goal was met.
+
+    scene: with its goal. num_resumed: how many of the frames earlier jobs drew.
+    """
     frames, seconds = record.frames, record.seconds["total"]
-    num, goal, found = len(frames), scene.error.goal, plan.found
+    num, goal, found = len(frames), scene.error.goal, record.schedule.measured
     yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_resumed} drawn before)" if num_resumed else "")
     if record.accuracy is not None:
         yield accuracy_text(record.accuracy)
@@ -128,8 +134,9 @@ def summary_parts(scene: FilmScene, plan: FilmPlan, record: FilmRecord, num_resu
         typical = statistics.median(frame.total_seconds for frame in frames)
         yield f"{typical:.3g} s a frame (predicted: {statistics.median(map(_predicted, frames)):.3g} s)"
         yield f"{sum(_is_in_time(goal, frame) for frame in frames)} of {num} in time"
-    if found is not None:
-        worst, num_probes = found.want.format(found.worst.value), len(found.tried)
+    if isinstance(goal, MetricTarget) and found is not None:
+        worst = goal.format(math.inf if found.worst is None else found.worst)
+        num_probes = len(found.probes)
         yield f"{worst} or better on {num_probes} probe frames" if num_probes > 1 else worst
 
 

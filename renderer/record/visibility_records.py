@@ -1,4 +1,4 @@
-"""Say which scalars the pictures of a film show: from the records of frames to that of the film, and to words."""
+"""Say which scalars the pictures of a film show: from records of frames to the record of the film, and to words."""
 
 from __future__ import annotations
 
@@ -10,35 +10,36 @@ from math import isfinite
 import numpy as np
 
 from renderer.accuracy import ScalarRange
-from renderer.job.record import FilmVisibility, FrameRecord, VisibleRange
+from renderer.record.film_record import FilmVisibility, FrameRecord, VisibleRange
+from renderer.record.rounding import round_share
 from renderer.scene import join_some
 from renderer.system import printable
 
-_DIGITS = 6
-# A range is hidden if it has a smaller share, though its opacity is at least this part of the largest one: the foot of
-# a ramp is meant to be faint.
-_HIDDEN_SHARE, _LEAST_OPACITY = 0.01, 0.25
-# Labels are many and small: one is hidden if it has less than this part of the mean share.
+# The share of all that is visible below which a range counts as hidden.
+_HIDDEN_SHARE = 0.01
+# The opacity that a hidden range has at least, as a part of the largest one: the foot of a ramp is meant to be faint.
+_LEAST_OPACITY = 0.25
+# The part of the mean share below which a label counts as hidden: labels are many and small.
 _HIDDEN_PART = 0.1
 
 
 def range_record(found: ScalarRange) -> VisibleRange:
     """Return the record of a range of scalars whose share is not known yet; its ends may be infinite."""
     low, high = (end if isfinite(end) else None for end in (found.low, found.high))
-    return VisibleRange(0.0, round(found.opacity, _DIGITS), low, high, found.name, found.layer)
+    return VisibleRange(0.0, round_share(found.opacity), low, high, found.name, found.layer)
 
 
 def film_visibility(frames: Sequence[FrameRecord], ranges: Sequence[VisibleRange]) -> FilmVisibility | None:
-    """Return what these ranges show in a film; None unless each frame has told, and where nothing is visible."""
+    """Return the shares of these ranges in a film; None where a frame lacks them, and where nothing is visible."""
     if not ranges or any(len(frame.visible) != len(ranges) for frame in frames):
         return None
     visible = np.mean([frame.visible for frame in frames], axis=0)
     coverage = float(visible.sum())
     if coverage == 0.0:
         return None
-    shares = [round(float(each) / coverage, _DIGITS) for each in visible]
+    shares = [round_share(each / coverage) for each in visible]
     found = tuple(replace(each, share=share) for each, share in zip(ranges, shares, strict=True))
-    return FilmVisibility(round(min(coverage, 1.0), _DIGITS), found)
+    return FilmVisibility(round_share(min(coverage, 1.0)), found)
 
 
 def visibility_text(visibility: FilmVisibility) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from renderer.film import data_digest, file_digest
-from renderer.job.record import FilmFingerprint
+from renderer.record.film_record import FilmFingerprint
 from renderer.scene import (
     ErrorSpec,
     FilmScene,

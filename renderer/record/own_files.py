@@ -16,7 +16,7 @@ from renderer.film import film_sidecars, picture_files, unfinished_folder
 from renderer.scene import MAX_SIDECAR_BYTES, OutputFile, OutputSpec, read_json_object, relative_path
 
 if TYPE_CHECKING:  # records take a while to load, and a film without older files needs none
-    from renderer.job.record import FilmRecord
+    from renderer.record.film_record import FilmRecord
 
 
 def require_own_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> None:
@@ -53,7 +53,7 @@ def naming_mark(output: OutputSpec, sidecar: Path) -> Path:
 
 def _records(output: OutputSpec, sidecar: Path) -> Iterator[FilmRecord]:
     """Yield the records of a film, the one of the sidecar first, and of its parts."""
-    from renderer.job.record import record_from_json
+    from renderer.record.film_record import record_from_json
 
     for path in dict.fromkeys([sidecar, *film_sidecars(output.file)]):
         data = read_json_object(path, MAX_SIDECAR_BYTES)

@@ -13,20 +13,15 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from renderer.accuracy import MOST_DB
-from renderer.errors import InputError, Problem
+from renderer.errors import Problem
 from renderer.scene import (
     ERROR_SECTION,
     MAX_FRAMES,
-    MAX_SIDECAR_BYTES,
     ErrorSpec,
     PictureKind,
     check_frame_in_path,
     check_frames_ascend,
-    decode_utf8,
-    format_value,
     is_shallow,
-    load_json_object,
-    may_be_json,
     raise_problems,
     schedule_to_dict,
     schema,
@@ -39,8 +34,6 @@ _MAX_AMOUNT = 1e100
 # More levels than any scene or fingerprint has.
 _MOST_LEVELS = 12
 _DIGEST = re.compile("[0-9a-f]{32}")
-# Keys of records before they had a format, and their names now.
-_FORMER_KEYS = {"cause": "fingerprint", "gl": "device"}
 
 
 # Types of fields. JSON has numbers, so text that spells one is refused.
@@ -416,40 +409,6 @@ def record_from_json(data: Mapping[str, Any], path: Path) -> FilmRecord:
     record: FilmRecord = schema.read_option(_FILM, data, str(path), problems, schema.FilmTime(None, 1.0))
     raise_problems(problems)
     return record
-
-
-def parse_film_record(content: bytes, path: Path) -> FilmRecord | None:
-    """Return the record in the content of a file; None for what is no record of a film.
-
-    Raises InputError, or SceneError with all problems, where it is one of another version, or is damaged.
-    """
-    if not may_be_json(content):
-        return None
-    if len(content) > MAX_SIDECAR_BYTES:
-        raise InputError("too large for a sidecar", where=str(path), expected=f"at most {MAX_SIDECAR_BYTES} bytes")
-    try:
-        data = load_json_object(decode_utf8(content, path), path, kind="a sidecar")
-    except InputError:
-        if _RECORD_START.match(content):
-            raise
-        return None  # the YAML parser accepts more, and tells the line
-    if not {"scene", "format"} & data.keys():
-        return None
-    if data.get("format") != FORMAT:
-        raise _format_error(data, path)
-    return record_from_json(data, path)
-
-
-_RECORD_START = re.compile(rb'(\xef\xbb\xbf)?\s*\{\s*"(format|scene)"\s*:')
-
-
-def _format_error(data: Mapping[str, Any], path: Path) -> InputError:
-    """Return the error for a record of another version of hsplat, with the keys that have other names now."""
-    former = [f"{before}, which is called {now} now" for before, now in _FORMER_KEYS.items() if before in data]
-    got = f"format {format_value(data['format'])}" if "format" in data else "; ".join(["no format", *former])
-    hint = "render its scene again; it stands under `scene` in this file, and can be saved as a .json file of its own"
-    what = "a sidecar of another version of hsplat"
-    return InputError(what, where=str(path), got=got, expected=f"format {FORMAT!r}", hint=hint)
 
 
 def late_frame_problems(record: FilmRecord, num_frames: int) -> list[Problem]:

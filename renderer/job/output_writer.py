@@ -5,8 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, wait
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -26,27 +25,38 @@ from renderer.film import (
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
-from renderer.job.film_accuracy import with_encoding_loss
-from renderer.job.own_files import naming_mark, require_own_files
-from renderer.job.record import FilmFingerprint, FilmRecord, FrameRecord, OutputRecord
-from renderer.job.sidecar import write_sidecar
+from renderer.record import (
+    FilmFingerprint,
+    FilmRecord,
+    FrameRecord,
+    OutputRecord,
+    naming_mark,
+    require_own_files,
+    with_encoding_loss,
+    write_sidecar,
+)
 from renderer.scene import OutputFile, OutputSpec, relative_path, with_files
-from renderer.system import start_threads
+from renderer.system import overlap
 
-# Of the frames, and their memory, that are compared with what the file keeps of them: a decoder takes as long for the
-# rest as an encoder for a tenth of it.
-_MAX_COMPARED, _MAX_COMPARED_BYTES = 8, 2**26
+# The most frames that are decoded from a finished file and compared with the drawn ones. To decode a whole film takes a
+# tenth of the time of its encoding.
+_MAX_COMPARED = 8
+# The most bytes of pictures that are kept for that.
+_MAX_COMPARED_BYTES = 2**26
 
 
 @dataclass(frozen=True)
-class FilmOutput:
-    """An output that a job has locked. frames: their numbers, ascending. folder: for unfinished work."""
+class OutputWriter:
+    """A writer of a film to an output that its job has locked.
+
+    frames: their numbers, ascending. folder: for unfinished work.
+    first_pictures: of each file that was written last, to compare with the pictures that the film keeps of them.
+    """
 
     spec: OutputSpec
     frames: Sequence[int]
     sidecar: Path
     folder: Path
-    # The first pictures of each file that was written last, to compare with what a film keeps of them.
     first_pictures: dict[Path, list[Picture]] = field(default_factory=dict)
 
     def write_frames(
@@ -59,25 +69,17 @@ class FilmOutput:
         *,
         is_overlapped: bool,
     ) -> list[FrameRecord]:
-        """Make the film of the frames that the store has and of those that are drawn, and return their records.
+        """Make the film of the frames that the store has and of the drawn ones, and return their records.
 
         drawn: yields the frames that the store lacks, in their order; they are saved there.
         label: of the film or its pass, for the listener.
         defer_interrupts: called before files get their final names.
         is_overlapped: a frame is stored while the next one is drawn. Else its time counts for its frame.
         """
-        missing, records = frozenset(self.frames).difference(store.records), list[FrameRecord]()
+        missing = frozenset(self.frames).difference(store.records)
         # Where no frame is missing, the progress is that of writing them.
         shown = missing or frozenset(self.frames)
         events.started(label, len(shown))
-        being_stored = list[Future[FrameRecord]]()  # at most one
-
-        def finish(stored: Sequence[FrameRecord]) -> None:
-            for record in stored:
-                records.append(record)
-                if record.frame in shown:
-                    events.frame_finished(record)
-
         files = self.shown[1:] if store.is_output else self.shown  # where the store's pictures are the first
 
         def before_rename() -> None:
@@ -86,19 +88,23 @@ class FilmOutput:
                 write_staged(naming_mark(self.spec, self.sidecar), b"", self.folder)
 
         films = open_films(files, self.spec.kinds, is_locked=True, before_rename=before_rename)
-        # However the block ends, a frame that was drawn is stored before, unless its exact rays are interrupted.
-        with films as write_to_films, start_threads(1, "hsplat-background") as thread:
-            write = partial(self._write_and_remember, write_to_films)
-            self.first_pictures.clear()
+
+        def frames() -> Iterator[DrawnFrame]:
             for number in self.frames:
-                is_new = number in missing
-                frame = _next_frame(drawn, number) if is_new else store.finished_frame(number)
-                stored = [each.result() for each in being_stored]
-                being_stored = [thread.submit(_store_frame, frame, store, write, is_new=is_new)]
-                if not is_overlapped:
-                    wait(being_stored)
-                finish(stored)  # a listener may end the job: this frame is being stored already
-            finish([each.result() for each in being_stored])
+                yield _next_frame(drawn, number) if number in missing else store.finished_frame(number)
+
+        records = list[FrameRecord]()
+        with films as write_to_films:
+            self.first_pictures.clear()
+            write = partial(self._write_and_remember, write_to_films)
+            keep = partial(_store_frame, store=store, write=write, missing=missing)
+            stored = overlap(frames(), keep) if is_overlapped else (keep(frame) for frame in frames())
+            # However the block ends, a frame that was drawn is stored before.
+            with contextlib.closing(stored):
+                for record in stored:
+                    records.append(record)
+                    if record.frame in shown:
+                        events.frame_finished(record)
         return records
 
     @property
@@ -154,10 +160,8 @@ class FilmOutput:
 
 
 @contextlib.contextmanager
-def locked_film_output(
-    spec: OutputSpec, frames: Sequence[int], sidecar: Path, *, resumes: bool
-) -> Iterator[FilmOutput]:
-    """Lock an output; raises as `renderer.film.locked_output`, and where its encoder is missing.
+def open_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path, *, resumes: bool) -> Iterator[OutputWriter]:
+    """Lock an output for a writer; raises as `renderer.film.locked_output`, and where its encoder is missing.
 
     resumes: raises InputError where files that the film has not made have the names of its files.
     """
@@ -165,7 +169,7 @@ def locked_film_output(
         if resumes:
             require_own_files(spec, frames, sidecar)
         require_encoder(spec)
-        yield FilmOutput(spec, frames, sidecar, folder)
+        yield OutputWriter(spec, frames, sidecar, folder)
 
 
 def _relative_to(folder: Path, record: FilmRecord) -> FilmRecord:
@@ -194,10 +198,13 @@ def _next_frame(drawn: Iterator[DrawnFrame], number: int) -> DrawnFrame:
     return frame
 
 
-def _store_frame(frame: DrawnFrame, store: FrameStore, write: WriteFrame, *, is_new: bool) -> FrameRecord:
-    """Save a frame that was drawn, and write it to the film; return its record with the time of that."""
+def _store_frame(frame: DrawnFrame, *, store: FrameStore, write: WriteFrame, missing: Collection[int]) -> FrameRecord:
+    """Save a frame that was drawn, and write it to the film; return its record with the time of that.
+
+    missing: the frames that the store lacks.
+    """
     before = time.perf_counter()
-    frame = frame.finished()
+    is_new = frame.record.frame in missing
     record = store.save(frame) if is_new else frame.record
     write(record.frame, frame.pictures)
     if store.is_output and not is_new:  # its picture is where it belongs

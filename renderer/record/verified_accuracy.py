@@ -1,7 +1,8 @@
 """Measure how exact the pictures of a finished film are by fresh exact rays, and find those that are not its own.
 
-Numbered frames are the pictures whose accuracy was recorded. What an encoder does to pictures is no mistake: an encoded
-film is judged by what is usual in it. docs/commands.md says what is found, and how often that is wrong.
+Numbered frames are the pictures whose accuracy was recorded. The loss of an encoder is no mistake: a frame of an
+encoded film is judged by the usual loss of the film. docs/commands.md says which faults are found, and how often
+wrongly.
 """
 
 from __future__ import annotations
@@ -10,46 +11,61 @@ import math
 import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, spread_evenly, squared_error
+from renderer.annotation import FilmAnnotation
 from renderer.errors import Problem
 from renderer.film import Picture, Pixels, decode_known_film, frame_path
 from renderer.frame import FilmStage
-from renderer.job.events import JobEvents
-from renderer.job.film_accuracy import film_accuracy, frame_accuracy
-from renderer.job.pictures import PictureMaker
-from renderer.job.record import FilmAccuracy, FrameAccuracy, FrameRecord
+from renderer.record.accuracy_records import film_accuracy, frame_accuracy
+from renderer.record.film_record import FilmAccuracy, FrameAccuracy, FrameRecord
 from renderer.scene import OutputFile
-from renderer.system import num_cores
 
-# The rays of a frame are at least doubled until the film is known well enough. Of a long film some frames are measured.
-_FEWEST_RAYS, MOST_RAYS, _MOST_FRAMES = 64, 4096, 240
-# A frame of an encoded film may lose this many times what is usual; usual is no less than rounding to 8 bits.
+# The rays of a frame at first; they are at least doubled until the film is known well enough.
+_FEWEST_RAYS = 64
+# The most rays of a frame.
+MOST_RAYS = 4096
+# The most frames that are measured, spread over a long film.
+_MOST_FRAMES = 240
+# The factor on the usual loss that a frame of an encoded film may have; rounding to 8 bits is the least usual loss.
 _UNUSUAL = 4.0
-# This many times the error is hardly worse: than that of a numbered frame beside it, or than was recorded of a film.
+# The factor on a squared error up to which a frame counts as hardly worse than another one, or than its record.
 _HARDLY_WORSE = 2.0
-# How many frames on each side of a frame show nearly the same.
+# The frames on each side of a frame that show nearly the same.
 _NUM_BESIDE = 4
-# The mean squared error that encoding may add. What is recorded of it is that of the first frames alone.
+# The mean squared error that encoding may add, of colours in [0, 1]: the recorded error is of the first frames alone.
 _MOST_OF_ENCODING = 10 ** (-20 / 10)
 
 
 @dataclass(frozen=True)
 class RayOptions:
-    """Options of fresh rays. seed: of the choice of pixels; that of rendering is 0.
+    """Options of fresh rays.
 
-    precision_db: how far each end of the interval may be from the film's PSNR.
+    num_threads: that trace them. seed: of the choice of pixels; the seed of rendering is 0.
+    precision_db: the largest distance of each end of the interval from the film's PSNR, in decibels.
     """
 
+    num_threads: int
     seed: int = 1
     precision_db: float = 0.5
 
 
-@dataclass(frozen=True)
-class MeasuredFilm:
-    """A measurement of a film by fresh rays.
+class RayProgress(Protocol):
+    """A listener to the measurement; a listener to a film job is one, too."""
 
-    num_frames: how many they measured. problems: pictures that are not its own.
+    def started(self, label: str, num_frames: int) -> None:
+        """Take note that so many frames are measured from now on."""
+
+    def frame_finished(self, record: FrameRecord) -> None:
+        """Take note that a frame is measured."""
+
+
+@dataclass(frozen=True)
+class FreshAccuracy:
+    """The accuracy of a film's pictures by fresh rays.
+
+    num_frames: that were measured. problems: of pictures that are not the film's own.
     """
 
     accuracy: FilmAccuracy
@@ -58,11 +74,13 @@ class MeasuredFilm:
     problems: Sequence[Problem]
 
 
-def measure_film(
-    stage: FilmStage, output: OutputFile, frames: Sequence[FrameRecord], options: RayOptions, events: JobEvents
-) -> MeasuredFilm:
-    """Measure these frames, which have pictures; of a long film some that are evenly spread."""
-    rays, chosen = _Rays(stage, output, frames, events), spread_evenly(frames, _MOST_FRAMES, is_loop=True)
+def measure_pictures(
+    stage: FilmStage, frames: Sequence[FrameRecord], options: RayOptions, progress: RayProgress
+) -> FreshAccuracy:
+    """Measure the first output's pictures of these frames; of a long film, of some that are evenly spread."""
+    output = stage.scene.output
+    rays = _Rays(stage, output, frames, options.num_threads, progress)
+    chosen = spread_evenly(frames, _MOST_FRAMES, is_loop=True)
     num_rays, width = _FEWEST_RAYS, math.inf
     while True:
         measured = rays.measure(chosen, num_rays, options.seed)
@@ -81,7 +99,7 @@ def measure_film(
     for each in rays.measure([each for each in chosen if each.frame in suspects], MOST_RAYS, options.seed + 1):
         what = "is not the picture that was recorded" if is_recorded else "is far less exact than others"
         problems += _problems(f"frame {each.frame} {what}", each.accuracy, suspects[each.frame], output, each.frame)
-    return MeasuredFilm(replace(accuracy, seed=options.seed), len(chosen), is_precise, problems)
+    return FreshAccuracy(replace(accuracy, seed=options.seed), len(chosen), is_precise, problems)
 
 
 @dataclass(frozen=True)
@@ -91,19 +109,21 @@ class _Rays:
     stage: FilmStage
     output: OutputFile
     frames: Sequence[FrameRecord]
-    events: JobEvents
+    num_threads: int
+    progress: RayProgress
 
     def measure(self, chosen: Sequence[FrameRecord], num_rays: int, seed: int) -> list[FrameRecord]:
         """Return the records of chosen frames with the accuracy that so many rays through each find."""
         if not chosen:
             return []
-        prober, found = FrameProber(self.stage.first, num_rays, seed=seed, num_threads=num_cores()), list[FrameRecord]()
-        maker = PictureMaker(self.stage)
-        self.events.started(f"{num_rays} rays a frame", len(chosen))
+        prober = FrameProber(self.stage.first, num_rays, seed=seed, num_threads=self.num_threads)
+        found, annotation = list[FrameRecord](), FilmAnnotation(self.stage)
+        self.progress.started(f"{num_rays} rays a frame", len(chosen))
         for frame, image in self._pictures({frame.frame for frame in chosen}):
-            prober, covered = prober.on(self.stage.at(frame.frame)), maker.covered(frame.frame, frame)
+            prober = prober.on(self.stage.at(frame.frame))
+            covered = annotation.covered(frame.frame, None if frame.accuracy is None else frame.accuracy.psnr)
             found.append(replace(frame, accuracy=frame_accuracy(prober.probe(frame.frame, image, covered))))
-            self.events.frame_finished(found[-1])
+            self.progress.frame_finished(found[-1])
         return found
 
     def _pictures(self, numbers: set[int]) -> Iterator[tuple[FrameRecord, Pixels]]:

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from renderer.errors import Problem
-from renderer.job.film_accuracy import accuracy_text, file_accuracy_text
-from renderer.job.goals import range_text
-from renderer.job.record import FilmAccuracy, FilmRecord, VolumeRecord
+from renderer.record.accuracy_records import accuracy_text, file_accuracy_text
+from renderer.record.film_record import FilmAccuracy, FilmRecord, VolumeRecord
+from renderer.record.goals import range_text
 from renderer.scene import OutputSpec, Scene, counted, join_words, raise_problems, schedule_to_dict, schema, short_text
 
 # The sections of a scene, or of one of its volumes, that name no file which has to be there.

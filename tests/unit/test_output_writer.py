@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from renderer.film import Picture
-from renderer.job import DrawnFrame, FilmOutput, FrameRecord, FrameStore, JobEvents
+from renderer.job import DrawnFrame, FrameStore, JobEvents, OutputWriter
+from renderer.record import FrameRecord
 from renderer.scene import OutputSpec
 
 LONGEST_S = 30.0  # until a thread that waits is taken for stuck
@@ -47,7 +48,7 @@ class WaitingStore(FrameStore):
 
 def write(folder: Path, error: BaseException | None = None, *, is_overlapped: bool) -> list[str]:
     """Return what was done, in order."""
-    output = FilmOutput(OutputSpec(folder / "{frame}.png"), range(NUM_FRAMES), folder / "frames.json", folder)
+    output = OutputWriter(OutputSpec(folder / "{frame}.png"), range(NUM_FRAMES), folder / "frames.json", folder)
     store = WaitingStore(output.spec, is_overlapped=is_overlapped)
     with nullcontext() if error is None else pytest.raises(type(error)):
         output.write_frames(store, store.draw(error), "film", JobEvents(), lambda: None, is_overlapped=is_overlapped)
