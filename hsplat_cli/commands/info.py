@@ -15,7 +15,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hsplat_cli.commands.shared_options import FILE
-from hsplat_cli.scenes import expand_volumes, read_with_options, transfer_lines, volume_options, volume_spec
+from hsplat_cli.scenes import (
+    ReadingOptions,
+    expand_volumes,
+    read_with_options,
+    transfer_lines,
+    volume_options,
+    volume_spec,
+)
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError
 from renderer.scene import FileSource, VolumeSpec, counted, load_scene, parse_yaml
@@ -44,7 +51,7 @@ _ASCII = " .:|#"
 @click.argument("volume", type=FILE)
 @volume_options()
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
-def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
+def info(*, volume: Path, as_json: bool, reading: ReadingOptions) -> None:
     """Describe a volume: shape, place, values and histogram.
 
     VOLUME is a file, or a folder of slices. The last part of the output suggests a transfer function to paste into
@@ -53,7 +60,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """
     from renderer.suggest import Wish, read_in_colors, suggest_read
 
-    if reading["component"] == "all":
+    if reading.component == "all":
         raise InputError("this describes one component", where="--component all", hint="leave it out: all are listed")
     reporter = Reporter()
     inside = expand_volumes([str(volume)])[0] if volume.is_dir() else []
