@@ -5,7 +5,7 @@ from .film_annotation import (
     annotation_notes as annotation_notes,
     require_annotation as require_annotation,
 )
-from .sketch import Patch as Patch, draw_annotation as draw_annotation
+from .sketch import draw_annotation as draw_annotation
 from .text import Font as Font
 
 # isort: split

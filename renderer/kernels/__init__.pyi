@@ -30,15 +30,13 @@ from .threads import ThreadPool as ThreadPool
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .binding import STOPPED as STOPPED, Kernel as Kernel
+from .binding import Kernel as Kernel
 from .build import (
     BUILT as BUILT,
     LEVELS as LEVELS,
-    MANIFEST as MANIFEST,
     SOURCES as SOURCES,
     source_files as source_files,
     this_target as this_target,
 )
 from .header import Header as Header, Member as Member, Struct as Struct, read_headers as read_headers
-from .library import LEVEL_VARIABLE as LEVEL_VARIABLE, load_library as load_library
-from .threads import MIN_PIXELS_PER_THREAD as MIN_PIXELS_PER_THREAD
+from .library import load_library as load_library

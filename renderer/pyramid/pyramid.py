@@ -1,24 +1,24 @@
 """Build the pyramid: for each octree node, the mean of its voxels and the error of replacing them by it.
 
-Level l has cells of 2^l voxels a side. Level 0, the voxels, is not stored: classification gives it. A node's four
-channels are means of those of `renderer.transfer.classify`: of `(tau c, tau) h0`, or of `(a c, a)`, which are then
-stored as the depths that have these opacities. Its error is the root of the channels' summed variance (Laur and
-Hanrahan 1991, section 3: the RMS error of a node), of one of
+Level l has cells of 2^l voxels a side. Level 0, the voxels, is not stored: it is classified when it is needed. A node's
+four channels are means of the channels of `renderer.transfer.classify`: of `(tau c, tau) h0`, or of `(a c, a)`, which
+are then stored as the depths that have these opacities. A node's error is the root of a variance, summed over channels
+(Laur and Hanrahan 1991, section 3: the RMS error of a node). The scene's error measure chooses the channels:
 
-    optical           (tau c, tau) h0     times the cell's side in the cut: what the node can put into a pixel
-    rms, classified   (a c, a)            opacity over the finest spacing
-    rms, scalar       s                   in data units
+    optical           (tau c, tau) h0     times the cell's side in the cut: the share of a pixel that the node can
+    change rms, classified   (a c, a)            opacity over the finest spacing rms, scalar       s
+    in data units
 
 Only visible nodes are stored. Every level is a list in Morton order, so that the children of a node lie together.
-Blocks that show nothing are not even classified. Nodes of levels 1 and 2 below a node that is a leaf in every cut are
-left out, too: a film at one tolerance has no use for them.
+Blocks in which nothing is visible are not even classified. Nodes of levels 1 and 2 below a node that is a leaf in every
+cut are left out, too: a film at one tolerance has no use for them.
 
-Where bricks are drawn, these two levels are not stored at all. They are streamed to a callback, which gathers what
-bricks need to know of them, and recomputed from voxels where they are drawn.
+If bricks are drawn, these two levels are not stored at all. They are streamed to a callback, which gathers statistics
+of bricks, and recomputed from voxels when they are drawn.
 
 Several threads build blocks of 8^3 voxels, which gives levels 1 to 3. Then each tier of groups of 64 nodes gives two
-levels more (see `renderer.pyramid.nodes`). The first tier is built together with its blocks, so that little of a
-large volume has to be kept until all blocks are built.
+more levels (see `renderer.pyramid.nodes`). The first tier is built together with its blocks, so that little of a large
+volume has to be kept until all blocks are built.
 """
 
 from __future__ import annotations
@@ -49,42 +49,47 @@ from renderer.transfer import (
 )
 from renderer.volume import Array, Bools, Float32, Float64, Int32, Int64, UInt8, Volume
 
+# A number of voxels along each axis.
 Shape = tuple[int, int, int]
 
-# Takes visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z), their numbers of voxels [n],
-# their errors [n] in the measure's unit, and their means [n, 4] as they would be stored. What it keeps, it copies.
+# A function that is called with visible nodes of a level in Morton order: the level, their cells [n, 3] (x, y, z),
+# their numbers of voxels [n], their errors [n] in the measure's unit, and their means [n, 4] as they would be stored.
+# It has to copy arrays that it keeps.
 NodeCallback = Callable[[int, Int32, Int64, Float64, Array], None]
 
-# Levels inside a block.
+# The number of levels inside a block.
 BLOCK_LEVELS = 3
 
-# Tasks build whole cubes of 64^3 voxels, so that no two of them have nodes in the same brick of levels 0 to 2.
+# The level of the cubes, 64^3 voxels, that tasks build as a whole, so that no two tasks have nodes in the same brick of
+# levels 0 to 2.
 CUBE_LEVELS = 6
-# Most blocks of a task: enough to hide the dispatch, few enough that their nodes take little memory.
+# The most blocks of a task: enough to hide the dispatch, few enough that their nodes take little memory.
 BLOCKS_PER_TASK = 2048
 
-# Framing reads a grid of visible cells that has at most this many along an axis.
+# The most cells along an axis of the grid of visible cells by which volumes are framed.
 MAX_OCCUPANCY_SIDE = 128
 
-# Means are stored as multiples of the largest possible one, scaled to this: float16 then holds 8 decades below it at
-# its full 11 bits (its normal numbers go down to 2^-14).
+# The number as which the largest possible mean is stored: float16 then holds 8 decades below it at its full 11 bits
+# (its normal numbers go down to 2^-14).
 MAX_STORED_MEAN = 2.0**15
 
-# Scalars are normalized by their range, or by this where it is smaller: the inverse of the unit is then finite, and
-# squares of the smallest denormal numbers are normal.
+# The smallest range by which scalars are normalized: the inverse of their unit is then finite, and squares of the
+# smallest denormal numbers are normal.
 MIN_SCALAR_RANGE = 2.0**-1008
 
-# Levels in each tier above the blocks.
+# The number of levels in each tier above the blocks.
 TIER_LEVELS = 2
 
-# Levels of which bricks need no nodes in memory.
+# The number of levels that are streamed and not stored if bricks are drawn.
 STREAMED_LEVELS = 2
 
-# Errors are compared with the tolerance as they are stored. One that is this much below it is below in any precision.
+# The factor on a tolerance that allows for the rounding of stored errors: an error below the product is also below the
+# tolerance once it is rounded.
 ROUNDING_MARGIN = 1 - 2.0**-9
+# The largest rounding error of tiny stored errors, in stored units.
 MAX_STORED_ROUNDING = 2.0**-24
 
-# int32 [8, 3]: the children (x, y, z) of a cell, in Morton order.
+# The children (x, y, z) of a cell in Morton order, int32 [8, 3].
 OCTANTS = np.arange(8, dtype=np.int32)[:, None] >> np.arange(3, dtype=np.int32) & 1
 
 
@@ -95,16 +100,17 @@ class FinestCut(NamedTuple):
     level: int = 0
 
 
+# The bound of a pyramid for all cuts.
 EVERY_CUT = FinestCut()
 
 
 class Level(NamedTuple):
     """A level: its visible nodes, in Morton order of their cells.
 
-    means: float16 or float32 [n, 4], stored units.
-    errors: float16 or float32 [n], stored units.
-    masks: uint8 [n], bit `x + 2 y + 4 z` set where that child is visible; empty on level 1.
-    first_children: int64 [n], index in the level below of the first visible child; empty on level 1, and while the
+    means: float16 or float32 [n, 4], in stored units.
+    errors: float16 or float32 [n], in stored units.
+    masks: uint8 [n], whose bit `x + 2 y + 4 z` says whether the child (x, y, z) is visible; empty for level 1.
+    first_children: int64 [n], the index in the level below of the first visible child; empty for level 1, and while the
         pyramid is built.
     """
 
@@ -115,25 +121,26 @@ class Level(NamedTuple):
 
     @classmethod
     def empty(cls, num: int, dtype: type[Any], *, masked: bool) -> Level:
-        """Return arrays for `num` nodes, with masks or, on level 1, without. Memory is taken when they are written."""
+        """Return arrays for `num` nodes, which take memory when they are written. masked: False for level 1."""
         masks = np.empty(num if masked else 0, np.uint8)
         return cls(np.empty((num, 4), dtype), np.empty(num, dtype), masks, np.empty(0, np.int64))
 
     def part(self, first: int, end: int) -> Level:
-        """Return the nodes from `first` to `end`; views."""
+        """Return views of the nodes from `first` to `end`."""
         return Level._make(array[first:end] for array in self)
 
 
 @dataclass(frozen=True)
 class Pyramid:
-    """A pyramid: levels[0] is level 1, and levels[-1] holds the root, or no node where nothing is visible.
+    """A pyramid: levels[0] is level 1, and levels[-1] holds the root, or no node if nothing is visible.
 
-    mean_unit, error_unit: factors from stored means and errors to the units above.
-    classifier: of level 0, always as (tau c, tau) h0. mean_classifier: of what means are means of.
-    max_depth: the largest optical depth of a voxel, where means are of opacities.
-    measure, of: what errors are, as in ErrorSpec.
+    mean_unit, error_unit: factors from stored means and errors to their true units.
+    classifier: the classifier of level 0, which always gives (tau c, tau) h0. mean_classifier: the classifier of the
+        channels that are averaged.
+    max_depth: the largest optical depth of a voxel, if opacities are averaged; else None.
+    measure, of: the error measure, as in ErrorSpec.
     occupied: bool [z, y, x], the cells of level `occupied_level` in which anything is visible.
-    finest_cut: finer cuts need nodes that were left out.
+    finest_cut: the bound of the cuts that can be made. Nodes of finer cuts were left out.
     """
 
     levels: tuple[Level, ...]
@@ -172,13 +179,14 @@ def build_pyramid(
     finest_cut: FinestCut = EVERY_CUT,
     on_nodes: NodeCallback | None = None,
 ) -> Pyramid:
-    """Build all levels in one pass over the voxels; the result does not depend on `num_threads`.
+    """Build all levels in one pass over the voxels. The result does not depend on `num_threads`.
 
-    light_grid: of the shading.
-    on_nodes: called with all visible nodes of the levels up to STREAMED_LEVELS, which are then not stored, from several
-        threads at a time. The nodes in a cube of 2^CUBE_LEVELS voxels a side come together.
+    light_grid: the light that reaches each place, for the shading.
+    finest_cut: the bound of the cuts that will be made.
+    on_nodes: a function that is called with all visible nodes of the levels up to STREAMED_LEVELS, which are then not
+        stored. Several threads call it at a time. The nodes in a cube of 2^CUBE_LEVELS voxels a side come together.
 
-    Raises InputError where the volume's file was changed.
+    Raises InputError if the volume's file was changed.
     """
     num_levels = max(1 if on_nodes is None else BLOCK_LEVELS, (max(volume.shape_xyz) - 1).bit_length())
     finest_cut = finest_cut if on_nodes is None else FinestCut(level=STREAMED_LEVELS + 1)
@@ -194,19 +202,19 @@ def build_pyramid(
 
 
 def error_scale(volume: Volume, measure: str, num_voxels: Any) -> Any:
-    """Return the factor from the root of the variance of nodes of `num_voxels` voxels to their error.
+    """Return the ratio between the error of nodes of `num_voxels` voxels and the root of their variance.
 
-    For `optical` it is the cell's side, the cube root of its world volume, in units of the finest spacing (which the
-    channels carry); 1 for `rms`.
+    For `optical` it is the cell's side, the cube root of its world volume, in units of the finest spacing, as the
+    channels are depths of that length. For `rms` it is 1.
     """
     if measure == "rms":
         return np.ones(())
-    in_finest = volume.world_from_index[:3, :3] / volume.finest_spacing  # first: the determinant may underflow
+    in_finest = volume.world_from_index[:3, :3] / volume.finest_spacing  # divided first, as determinants may underflow
     return np.cbrt(num_voxels * abs(float(np.linalg.det(in_finest))))
 
 
 def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
-    """Return the numbers of voxels along x, y, z, int64 [n, 3], in cells [n, 3] of a level that the border may cut."""
+    """Return the numbers of voxels along x, y, z of cells [n, 3], which the border may cut: int64 [n, 3]."""
     first = cells.astype(np.int64) << level
     return np.asarray(np.minimum(np.array(shape_xyz) - first, 1 << level))
 
@@ -215,11 +223,12 @@ def cell_extents(cells: Array, level: int, shape_xyz: Shape) -> Int64:
 class _Plan:
     """A plan of a build: the data that all its tasks share.
 
-    pyramid: what is built, without its levels.
-    error_classifier: classifies for the errors; None where the error is the variance that comes with the means.
-    normalization: float64 [2], an offset and a scale of the scalar that errors are of; None where they are of channels.
-    error_factor: from the root of a variance to its stored unit.
-    leaf_variance_limits: nodes of level 2, and of level 3, with a smaller variance are leaves in every cut.
+    pyramid: the pyramid, without its levels.
+    error_classifier: the classifier of the channels that errors are measured on; None if these channels are averaged,
+        too, or if errors are measured on scalars.
+    normalization: float64 [2], the offset and the scale of the scalars that errors are measured on; None for channels.
+    error_factor: the factor from the root of a variance to its stored unit.
+    leaf_variance_limits: the variances of nodes of levels 2 and 3 below which they are leaves in every cut.
     on_nodes: as in `build_pyramid`.
     """
 
@@ -233,7 +242,7 @@ class _Plan:
 
     @property
     def num_error_channels(self) -> int:
-        """Return the channels of what errors are measured of."""
+        """Return the number of channels that errors are measured on."""
         return 4 if self.normalization is None else 1
 
 
@@ -288,7 +297,7 @@ def _plan_build(
 def _leaf_variance_limits(plan: _Plan, num_levels: int) -> tuple[float, float]:
     """Return the total variances of nodes of levels 2 and 3 below which their errors are below any tolerance in use.
 
-    They hold for whole cells, and all the more for cells that the border cuts.
+    The limits are computed for whole cells. Cells that the border cuts are smaller, and so are their errors.
     """
     limits, finest_cut = [], plan.pyramid.finest_cut
     for level in (2, 3):
@@ -304,8 +313,8 @@ def _leaf_variance_limits(plan: _Plan, num_levels: int) -> tuple[float, float]:
 def _exact_offset(low: float, high: float) -> float:
     """Return an offset that brings a volume's scalars close to 0 without rounding any of them.
 
-    It is a multiple of the last place of the largest scalar, so that every difference is a multiple of the scalar's own
-    last place, and no larger than the scalar.
+    The offset is a multiple of the last place of the largest scalar, so that every difference is a multiple of the
+    scalar's own last place, and no larger than the scalar.
     """
     if low <= 0.0 <= high:
         return 0.0
@@ -314,13 +323,15 @@ def _exact_offset(low: float, high: float) -> float:
 
 
 def _stored_unit(largest: float) -> float:
-    """Return a power of two, so that scaling rounds nothing, of which `largest` is at most MAX_STORED_MEAN."""
+    """Return the unit in which `largest` is at most MAX_STORED_MEAN: a power of two, so that scaling rounds nothing."""
     return math.ldexp(1 / MAX_STORED_MEAN, math.frexp(max(largest, MIN_SCALAR_RANGE))[1])
 
 
 def _tasks(shape_xyz: Shape) -> tuple[list[Int64], list[int]]:
-    """Return the cubes of each task, int64 [n, 3] (x, y, z in cubes), in Morton order; and the number of blocks before
-    each task, and in all."""
+    """Return the cubes of each task, in Morton order, and the number of blocks before each task and in all.
+
+    Cubes are int64 [n, 3], places (x, y, z) in units of a cube's side.
+    """
     top = max(CUBE_LEVELS, (max(shape_xyz) - 1).bit_length())
     cubes = subdivide(np.zeros((1, 3), np.int64), top, CUBE_LEVELS, shape_xyz)
     nums = (-(-cell_extents(cubes, CUBE_LEVELS, shape_xyz) // BLOCK_SIZE)).prod(axis=1)
@@ -329,7 +340,10 @@ def _tasks(shape_xyz: Shape) -> tuple[list[Int64], list[int]]:
 
 
 def subdivide(cells: Array, level: int, finer_level: int, shape_xyz: Shape) -> Array:
-    """Return the cells [m, 3] of a finer level in cells [n, 3] of a level, each in its own widths, in Morton order."""
+    """Return the cells [m, 3] of a finer level that lie in cells [n, 3] of a level, in Morton order.
+
+    The place of a cell is in units of the width of its level.
+    """
     for number in range(level - 1, finer_level - 1, -1):
         cells = (2 * cells[:, None] + OCTANTS).reshape(-1, 3)
         inside = cells << number < shape_xyz
@@ -340,7 +354,7 @@ def subdivide(cells: Array, level: int, finer_level: int, shape_xyz: Shape) -> A
 class _Tier(NamedTuple):
     """A list of nodes of one level: cells int64 [n, 3] (x, y, z) and means [n, 4].
 
-    error_means, variances: [n, c], of what errors are measured of.
+    error_means, variances: [n, c], the means and variances in the channels that errors are measured on.
     """
 
     cells: Int64
@@ -377,10 +391,10 @@ def _make_scratch(plan: _Plan, num_blocks: int) -> _Scratch:
 
 
 def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]]:
-    """Build the levels inside blocks, task by task, and the two above; return the upper one as a tier, and all levels
-    as they are stored.
+    """Build the levels inside blocks, task by task, and the two levels above them.
 
-    The lower levels are written to addresses for all nodes, and moved together when their number is known.
+    Return the uppermost level as a tier, and all levels as they are stored. Levels inside blocks are first written to
+    arrays for all nodes, visible or not, and compacted when the number of visible nodes is known.
     """
     volume = plan.pyramid.volume
     cubes, first_blocks = _tasks(volume.shape_xyz)
@@ -395,13 +409,13 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
         volume.require_unchanged()
         first, end = first_blocks[task : task + 2]
         targets = [level.part(first * num, end * num) for level, num in zip(inside, NODES_OF_GROUP, strict=True)]
-        scratch = scratches.pop()  # a thread has one at a time
+        scratch = scratches.pop()  # a thread uses one set of arrays at a time
         stored, roots = _build_blocks(plan, cubes[task], targets, scratch)
         scratches.append(scratch)
         return stored, *_next_tier(plan, roots, BLOCK_LEVELS)
 
     def compact(array: Array, parts: list[Array]) -> None:
-        """Move the parts of an array to its beginning, and cut off the rest."""
+        """Move the parts of an array to its beginning, and cut off the remainder."""
         end = 0
         for part in parts:
             array[end : end + len(part)] = part
@@ -421,7 +435,7 @@ def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]
 
 
 def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: _Scratch) -> tuple[list[Level], _Tier]:
-    """Build the levels inside the blocks of one task; return what is stored of them, in `targets`, and their roots."""
+    """Build the levels inside the blocks of one task; return the stored parts of `targets`, and the blocks' roots."""
     pyramid, (nodes, build), stored = plan.pyramid, scratch, []
     cells = subdivide(cubes, CUBE_LEVELS, BLOCK_LEVELS, pyramid.volume.shape_xyz)
     extents, visible = cell_extents(cells, BLOCK_LEVELS, pyramid.volume.shape_xyz), np.empty(len(cells), np.bool_)
@@ -442,13 +456,15 @@ def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: _Scr
 
 
 def _is_streamed(plan: _Plan, part: int) -> bool:
-    """Return whether the nodes of a part of the groups in blocks, of level `part + 1`, are not stored."""
+    """Return whether the nodes of level `part + 1` are streamed and not stored."""
     return plan.on_nodes is not None and part < STREAMED_LEVELS
 
 
 def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Level]]:
-    """Build the two levels above `level`, on which the nodes of `tier` lie in Morton order; return the upper one as a
-    tier, and both as they are stored."""
+    """Build the two levels above `level`; return the upper one as a tier, and both levels as they are stored.
+
+    tier: the nodes of `level`, in Morton order.
+    """
     cells = tier.cells >> TIER_LEVELS
     steps = np.diff(cells, axis=0)
     is_first = np.ones(len(cells), np.bool_)
@@ -470,7 +486,7 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Level]
 
 
 def _octants(cells: Int64) -> Int64:
-    """Return which child of its parent each cell is, int64 [n]."""
+    """Return the number of each cell among the children of its parent, 0 to 7: int64 [n]."""
     return cells[:, 0] & 1 | (cells[:, 1] & 1) << 1 | (cells[:, 2] & 1) << 2
 
 
@@ -487,7 +503,7 @@ def _store_visible(plan: _Plan, nodes: VisibleNodes, part: int, target: Level) -
 
 
 def _link_children(level: Level) -> Level:
-    """Return the level with the index of each node's first child: children are in the order of their parents."""
+    """Return the level with the index of each node's first child. Children are in the order of their parents."""
     num_children = np.bitwise_count(level.masks).astype(np.int64)
     level = level._replace(first_children=np.cumsum(num_children) - num_children)
     for array in level:

@@ -68,7 +68,3 @@ from .visibility_records import (
     range_record as range_record,
     visibility_text as visibility_text,
 )
-
-# isort: split
-# For tests alone: steps and constants that no other room uses.
-from .film_record import VolumeRecord as VolumeRecord

@@ -23,7 +23,3 @@ from .transfer_function import (
     TransferFunction as TransferFunction,
     make_transfer_function as make_transfer_function,
 )
-
-# isort: split
-# For tests alone: steps and constants that no other room uses.
-from .transfer_function import NUM_COLORMAP_SAMPLES as NUM_COLORMAP_SAMPLES

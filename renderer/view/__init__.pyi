@@ -40,11 +40,7 @@ from .splat_projection import (
 # isort: split
 # For tests alone: steps and constants that no other room uses.
 from .depth_order import box_order as box_order, order_by_depth as order_by_depth
-from .framing import MARGIN as MARGIN
 from .order_blending import (
-    FADE_ANGLE as FADE_ANGLE,
-    MIN_WEIGHT as MIN_WEIGHT,
-    NEIGHBOURS as NEIGHBOURS,
     sort_directions as sort_directions,
 )
-from .paths import CameraPoses as CameraPoses, camera_poses as camera_poses
+from .paths import camera_poses as camera_poses

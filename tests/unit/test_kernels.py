@@ -20,7 +20,6 @@ from renderer.errors import RenderError
 from renderer.kernels import (
     BUILT,
     LEVELS,
-    MANIFEST,
     SOURCES,
     Header,
     kernels,
@@ -30,6 +29,8 @@ from renderer.kernels import (
     read_headers,
     this_target,
 )
+
+MANIFEST = "libraries.txt"
 
 HEADER = read_headers(SOURCES)
 WINDOWS = np.array([[0, 0, 2, 1]])

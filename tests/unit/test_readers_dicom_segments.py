@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from dicom_files import save
 from pydicom.dataset import Dataset
-
-from tests.support.dicom_files import save
-from tests.support.stated_dicom import segmentation
-from tests.support.volume_files import read
+from stated_dicom import segmentation
+from volume_files import read
 
 pytestmark = pytest.mark.usefixtures("one_process")
 
@@ -144,4 +143,4 @@ def test_labels_that_are_wrong_are_left_out(tmp_path: Path) -> None:
     path = write(tmp_path / "a.dcm", "BINARY", planes("1100", "0011"), LIVER, segment(1, "Twice"))
     volume = read(path)
     assert volume.labels == ()
-    assert volume.note is not None and "what the file says of its labels is left out: a label twice" in volume.note
+    assert volume.note is not None and "the labels in this file are left out: a label twice" in volume.note

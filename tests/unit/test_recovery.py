@@ -188,7 +188,7 @@ def test_a_picture_beyond_the_limits_of_a_device(limit: str, rasterizer, monkeyp
 
 
 def test_a_picture_that_a_device_has_no_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What GL says of the refused picture is not held against the next one."""
+    """An error of GL in the refused picture does not count for the next one."""
     refuse_pictures("renderbuffer", monkeypatch)
     assert re.fullmatch(
         r"device: the device has no room for a picture of this size\n  got: \d+ x \d+ pixels\n"

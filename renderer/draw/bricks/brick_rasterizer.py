@@ -238,9 +238,7 @@ def _mixed_part(caches: Sequence[BrickCache], views: Sequence[BrickView], termin
     return _Part(caches, views, mixture.members, mixture.rectangles_px, make_kernel)
 
 
-def _layer_bricks(
-    cache: BrickCache, brick_view: BrickView, offsets: Int64, rays: RaySetup, unit: float
-) -> LayerBricks:
+def _layer_bricks(cache: BrickCache, brick_view: BrickView, offsets: Int64, rays: RaySetup, unit: float) -> LayerBricks:
     """Return the bricks of a view as kernels take them.
 
     offsets: as `BrickCache.upload_bricks` returns them. unit: the world length of the rays' model unit.

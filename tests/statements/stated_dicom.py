@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from dicom_files import functional_groups, image_fields, save
 from pydicom.datadict import dictionary_VR
 from pydicom.dataset import Dataset
 from statement_samples import Sample, Samples, Writer
-
-from renderer.readers import MONOCHROME1, TOLD_APART, VECTORS
-from tests.support.dicom_files import functional_groups, image_fields, save
 
 _AXES = ["1", "0", "0", "0", "1", "0"]
 _PLANE = np.arange(20, dtype=np.uint16).reshape(4, 5)
@@ -159,6 +157,45 @@ def _vector(keyword: str) -> Sample:
 _NUMBERED: list[dict[str, Any]] = [{"InstanceNumber": str(k + 1), "SliceThickness": "1"} for k in range(3)]
 _SPACES = [_PLACED | {"ImagePositionPatient": ["0", "0", str(k)]} for k in range(2)]
 
+# Fields that tell the frames of a file apart.
+_DIMENSIONS = (
+    "StackID",
+    "ReferencedSegmentNumber",
+    "TemporalPositionIdentifier",
+    "TemporalPositionIndex",
+    "EchoNumbers",
+    "EffectiveEchoTime",
+    "EchoTime",
+    "DiffusionBValue",
+    "DiffusionGradientOrientation",
+    "InversionTime",
+    "NominalPercentageOfCardiacPhase",
+    "NominalCardiacTriggerDelayTime",
+    "TemporalPositionTimeOffset",
+    "TriggerTime",
+    "FrameReferenceTime",
+    "ComplexImageComponent",
+    "FrameType",
+    "ImageType",
+    "FrameAcquisitionNumber",
+    "AcquisitionNumber",
+    "FrameAcquisitionDateTime",
+    "AcquisitionDateTime",
+    "AcquisitionTime",
+    "ContentTime",
+)
+# Fields that have a number for each frame.
+_VECTORS = (
+    "EnergyWindowVector",
+    "DetectorVector",
+    "PhaseVector",
+    "RotationVector",
+    "RRIntervalVector",
+    "TimeSlotVector",
+    "AngularViewVector",
+    "TimeSliceVector",
+)
+
 SAMPLES: Samples = {
     "DICOM": {
         "RescaleSlope": _named("RescaleSlope", "2", "1"),
@@ -224,14 +261,9 @@ SAMPLES: Samples = {
         "AnatomicalOrientationType": _named("AnatomicalOrientationType", "QUADRUPED", "BIPED", **_PLACED),
         "FrameTime": _pair(_CLIP, {}, {"FrameTime": "33"}, _FRAMES),
         "FrameTimeVector": _pair(_CLIP, {}, {"FrameTimeVector": ["0", "33", "34", "35"]}, _FRAMES),
-        **{
-            keyword: _told_apart(keyword)
-            for each in TOLD_APART
-            for keyword in each.name.split(" and ")
-            if keyword != "InstanceNumber"
-        },
-        **{each.name: _vector(each.name) for each in VECTORS},
-        MONOCHROME1: _named("PhotometricInterpretation", "MONOCHROME1", "MONOCHROME2"),
+        **{keyword: _told_apart(keyword) for keyword in _DIMENSIONS},
+        **{keyword: _vector(keyword) for keyword in _VECTORS},
+        "PhotometricInterpretation MONOCHROME1": _named("PhotometricInterpretation", "MONOCHROME1", "MONOCHROME2"),
         "PresentationLUTShape": _named("PresentationLUTShape", "INVERSE", "IDENTITY"),
         "PixelIntensityRelationship": _named("PixelIntensityRelationship", "LOG", "LIN"),
         "RealWorldValueLUTData": _named("RealWorldValueMappingSequence", _item(RealWorldValueLUTData=[1.0, 4.0])),

@@ -1,4 +1,4 @@
-"""Pictures in which the ray of each pixel takes one sample, exactly at a texel: what a kernel makes of it is seen."""
+"""Pictures in which the ray of each pixel takes one sample, exactly at a texel, and so shows its colour."""
 
 from __future__ import annotations
 

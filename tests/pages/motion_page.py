@@ -1,4 +1,4 @@
-"""Write the list of keys that can move into docs/scene.md: `python tests/support/motion_page.py`."""
+"""Write the list of keys that can move into docs/scene.md: `python tests/pages/motion_page.py`."""
 
 from __future__ import annotations
 

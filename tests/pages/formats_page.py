@@ -1,4 +1,4 @@
-"""The page docs/formats.md, made from the tables of statements: `python tests/support/formats_page.py` writes it."""
+"""The page docs/formats.md, made from the tables of statements: `python tests/pages/formats_page.py` writes it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _HEAD = """\
 
 Beside numbers, files state their scale, directions, values that are no data, the names of labels. hsplat applies the
 fields that are listed first, and names the others in a note.
-`tests/support/formats_page.py` makes this page from the tables of the readers.
+`tests/pages/formats_page.py` makes this page from the tables of the readers.
 """
 _LINE_LENGTH = 120
 _ARTICLE = re.compile("^(the|an?) ")

@@ -1,4 +1,4 @@
-"""docs/api.md, made from the docstrings of the Python API: `python tests/support/api_page.py` writes it."""
+"""docs/api.md, made from the docstrings of the Python API: `python tests/pages/api_page.py` writes it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ renderer.render_frame(array, spacing=(1, 1, 2))  # a notebook displays it
 by `hsplat render`; arrays are `[z, y, x]`, spacings `(x, y, z)`. Errors are `renderer.HsplatError`: `InputError`, with
 its child `SceneError`, for what is wrong with a scene, a volume or a parameter, and `RenderError` for what failed.
 
-This page is made from the docstrings by `tests/support/api_page.py`.
+This page is made from the docstrings by `tests/pages/api_page.py`.
 """
 _NAMES = ("render_frame", "render", "load_scene", "suggest_scene", "preview", "integrate", "Film", "FrameImage", "Page")
 _SECTIONS = ("Parameters", "Attributes", "Example")

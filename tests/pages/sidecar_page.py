@@ -1,4 +1,4 @@
-"""The keys in docs/sidecar.md, made from the records of a film: `python tests/support/sidecar_page.py` writes them."""
+"""The keys in docs/sidecar.md, made from the records of a film: `python tests/pages/sidecar_page.py` writes them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "sidecar.md"
 _HEAD = """\
 ## Keys
 
-This section is made from `renderer/record/film_record.py` by `tests/support/sidecar_page.py`. A key in italics may be
+This section is made from `renderer/record/film_record.py` by `tests/pages/sidecar_page.py`. A key in italics may be
 left out. A number without a range is from 0 to 1e+100, a whole number is 0 or more. A mapping or list *below* has a
 section.
 """

@@ -18,9 +18,9 @@ from renderer.volume import Volume
 
 pytestmark = pytest.mark.usefixtures("one_process")
 
-_SUPPORT = Path(__file__).resolve().parents[1] / "support"
+_HERE = Path(__file__).resolve().parent
 _SAMPLES: dict[str, dict[str, Sample]] = {}
-for _file in sorted(_SUPPORT.glob("stated_*.py")):
+for _file in sorted(_HERE.glob("stated_*.py")):
     _SAMPLES |= importlib.import_module(_file.stem).SAMPLES
 _ENTRIES = [(table.format, each) for table in format_tables() for each in table.statements]
 
@@ -59,4 +59,4 @@ def test_every_sample_belongs_to_an_entry() -> None:
 
 
 def test_the_page_of_formats_has_the_tables() -> None:
-    assert PAGE.read_text("utf-8") == formats_page(), "write it by python tests/support/formats_page.py"
+    assert PAGE.read_text("utf-8") == formats_page(), "write it by python tests/pages/formats_page.py"
