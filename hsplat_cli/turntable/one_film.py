@@ -220,7 +220,7 @@ def _scene_text(request: FilmRequest, reporter: Reporter) -> tuple[str, FilmEntr
 
 def _visible_values(scene: FilmScene) -> str:
     """Return the ends of the visible values of the first volume, such as `18.9 to 255`; of labels their names."""
-    transfer = scene.at(0).transfer_function
+    transfer = scene.at(0).layers[0].transfer_function
     if transfer.labels is not None:
         return _label_names(transfer.labels)
     pairs = [(point.value, point.opacity) for point in transfer.points]

@@ -13,10 +13,20 @@ from renderer.errors import Problem
 from renderer.job.film_accuracy import accuracy_text, file_accuracy_text
 from renderer.job.goals import range_text
 from renderer.job.record import FilmAccuracy, FilmRecord, VolumeRecord
-from renderer.scene import OutputSpec, Scene, counted, join_words, raise_problems, schedule_to_dict, schema, short_text
+from renderer.scene import (
+    SECTIONS,
+    OutputSpec,
+    Scene,
+    counted,
+    join_words,
+    raise_problems,
+    schedule_to_dict,
+    schema,
+    short_text,
+)
 
 # The sections of a scene, or of one of its volumes, that name no file which has to be there.
-_SECTIONS = {key: schema.field_table(Scene)[key] for key in ("splat", "mode", "shading", "output")}
+_SECTIONS = {key: SECTIONS[key] for key in ("splat", "mode", "shading", "output")}
 _LIGHT = {
     "specular": "highlights", "silhouette": "silhouettes", "occlusion": "ambient occlusion", "shadow": "soft shadows",
     "gradient_opacity": "opacities that depend on the gradient",

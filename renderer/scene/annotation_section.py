@@ -174,7 +174,7 @@ class AnnotationSpec:
 ANNOTATION_SECTION = schema.dataclass_field(AnnotationSpec)
 
 
-def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int, moving: Mapping[str, Any]) -> None:
+def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int, moving: Mapping[str, object]) -> None:
     """Check what an annotation, whose tree is at `node`, says of the rest of the scene.
 
     moving: what moves in the scene, by key, as it is at a frame.
@@ -194,6 +194,6 @@ def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int
             place.reject("nothing of this name moves", got=f"{{{name}}}", expected=join_some(known), hint=hint)
 
 
-def moving_numbers(moving: Mapping[str, Any]) -> dict[str, float]:
+def moving_numbers(moving: Mapping[str, object]) -> dict[str, float]:
     """Return those of the values that move that are numbers, by key."""
     return {key: value for key, value in moving.items() if isinstance(value, (int, float))}

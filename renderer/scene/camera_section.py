@@ -54,8 +54,18 @@ Angle = Annotated[float, schema.number_field(minimum=-MAX_ANGLE, maximum=MAX_ANG
 Elevation = Annotated[float, schema.number_field(minimum=-90, maximum=90)]
 
 
+class _Path:
+    """A path of a camera, or a piece of one."""
+
+    type: ClassVar[str]
+
+    def written(self) -> object:
+        """Return its keys and their values."""
+        return {"type": self.type} | vars(self)
+
+
 @dataclass(frozen=True)
-class TurntablePath:
+class TurntablePath(_Path):
     """A path around the target: azimuth `start + 360 f / frames`, constant elevation."""
 
     type: ClassVar[str] = "turntable"
@@ -66,7 +76,7 @@ class TurntablePath:
 
 
 @dataclass(frozen=True)
-class RockerPath:
+class RockerPath(_Path):
     """A path to and fro: azimuth `start + swing / 2 * sin(2 pi f / frames)`; `swing` is the whole angle swept."""
 
     type: ClassVar[str] = "rocker"
@@ -93,7 +103,7 @@ _KEYS = schema.sequence_field(
 
 
 @dataclass(frozen=True)
-class KeyframePath:
+class KeyframePath(_Path):
     """A path through keys in ascending frame order, eased between them; directions are interpolated on the sphere."""
 
     type: ClassVar[str] = "keyframes"
@@ -105,7 +115,7 @@ class KeyframePath:
 
 
 @dataclass(frozen=True)
-class HoldPath:
+class HoldPath(_Path):
     """A path that stays where the piece before it ended, or where the piece after it begins."""
 
     type: ClassVar[str] = "hold"
@@ -138,7 +148,7 @@ _FLIGHT_KEYS = schema.sequence_field(
 
 
 @dataclass(frozen=True)
-class FlightPath:
+class FlightPath(_Path):
     """A flight of the eye along a smooth curve through keys, from where the piece before it ended.
 
     Its speed is constant: all along, or between keys that have frames. easing: `smooth` starts and ends at rest.
@@ -156,7 +166,7 @@ PathPiece = TurntablePath | RockerPath | KeyframePath | HoldPath | FlightPath
 
 
 @dataclass(frozen=True)
-class PathSequence:
+class PathSequence(_Path):
     """A path of several pieces, one after the other."""
 
     type: ClassVar[str] = "sequence"
@@ -166,6 +176,10 @@ class PathSequence:
     def frames(self) -> int:
         """Return the number of frames of all pieces."""
         return sum(piece.frames for piece in self.pieces)
+
+    def written(self) -> object:
+        """Return the list of its pieces."""
+        return self.pieces
 
 
 CameraPath = PathPiece | PathSequence
@@ -221,7 +235,7 @@ def _parse_piece(node: TreeNode) -> Any:
     return _PATHS[name](**{key: value for key, value in given.items() if key not in ("type", "seconds")})
 
 
-def _check_keys(node: TreeNode, keys: Any, num_frames: Any) -> None:
+def _check_keys(node: TreeNode, keys: object, num_frames: object) -> None:
     """Check that keyframes ascend and lie in the path."""
     frames = [getattr(key, "frame", INVALID) for key in keys] if isinstance(keys, tuple) else []
     for index, frame in enumerate(frames):

@@ -84,8 +84,13 @@ class ErrorSpec:
     probes: Annotated[int | None, _PROBES] = None
     goal: SplatBudget | TimeBudget | MetricTarget | None = None
 
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values: the one that sets the accuracy, and all others."""
+        others = {key: value for key, value in vars(self).items() if key not in ("tolerance", "goal")}
+        return schedule_to_dict(self) | others
 
-def schedule_to_dict(error: ErrorSpec) -> dict[str, Any]:
+
+def schedule_to_dict(error: ErrorSpec) -> dict[str, object]:
     """Return the key of the `error` section that sets the accuracy, with its value."""
     key = {SplatBudget: "splats", TimeBudget: "seconds"}.get(type(error.goal), "tolerance")
     if isinstance(error.goal, MetricTarget):

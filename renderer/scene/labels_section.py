@@ -67,6 +67,15 @@ class LabelsSpec:
         assert self.has_numbers
         return tuple(sorted({label for label in self.show or () if isinstance(label, int)}))
 
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values."""
+        by_label = {
+            key: dict(value) if isinstance(value, tuple) else value
+            for key, value in vars(self).items()
+            if key in ("colors", "opacity", "names")
+        }
+        return vars(self) | by_label | {"show": self.show or None, "hide": self.hide or None}
+
     @property
     def styles(self) -> tuple[LabelStyle, ...]:
         """Return the labels that are shown, by value, of a choice that has colours."""
@@ -150,6 +159,12 @@ class MaskSpec:
     volume: VolumeSpec | str
     labels: LabelsSpec = LabelsSpec()
     transform: tuple[tuple[float, ...], ...] | None = None
+
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values: those of its volume, or its name, and those of its labels."""
+        volume = {"name": self.volume} if isinstance(self.volume, str) else self.volume.written()
+        labels = {key: value for key, value in self.labels.written().items() if key != "colors"}
+        return volume | labels | {"transform": self.transform}
 
 
 _MASK_NAME = schema.text_field("the name of a volume in the list", "no name", str.strip)

@@ -105,7 +105,7 @@ def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:
         node.child("annotation").child("octree", True).reject(contradicts, expected="false", hint=hint)
 
 
-def check_optics(node: TreeNode, mode: Any, transfer: Any, shading: Any) -> None:
+def check_optics(node: TreeNode, mode: object, transfer: object, shading: object) -> None:
     """Check that a transfer function and a shading, which are keys of `node`, are what the mode needs."""
     if not isinstance(mode, ModeSpec) or INVALID in (mode.type, transfer):
         return
@@ -123,6 +123,6 @@ def _raw(node: TreeNode, key: str) -> object:
     return node.value.get(key) if isinstance(node.value, Mapping) else None
 
 
-def _num_color_values(transfer: Any) -> int:
+def _num_color_values(transfer: object) -> int:
     points = getattr(transfer, "mapping", None)
     return len({point.value for point in points}) if isinstance(points, tuple) and INVALID not in points else 2

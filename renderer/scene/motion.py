@@ -144,7 +144,7 @@ def _unit(vector: Sequence[float]) -> tuple[float, ...]:
 # Numbers in values
 
 
-def numbers_in(value: Any) -> Iterator[float]:
+def numbers_in(value: object) -> Iterator[float]:
     """Yield the numbers in a value: of tuples and dataclasses, all of theirs."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         yield value
@@ -152,7 +152,7 @@ def numbers_in(value: Any) -> Iterator[float]:
         yield from numbers_in(part)
 
 
-def shape_of(value: Any) -> Any:
+def shape_of(value: object) -> object:
     """Return what two values have in common that differ in their numbers alone."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return "number"
@@ -171,13 +171,13 @@ def _with_numbers(value: Any, numbers: Iterator[float], half: float) -> Any:
     return _with_parts(value, [_with_numbers(part, numbers, half) for part in _parts(value)])
 
 
-def _parts(value: Any) -> Sequence[Any]:
+def _parts(value: object) -> Sequence[object]:
     if isinstance(value, tuple):
         return value
     return [getattr(value, each.name) for each in fields(value) if each.init] if is_dataclass(value) else ()
 
 
-def _with_parts(value: Any, parts: Sequence[Any]) -> Any:
+def _with_parts(value: Any, parts: Sequence[object]) -> Any:
     if all(new is old for new, old in zip(parts, _parts(value), strict=True)):
         return value
     if isinstance(value, tuple):
@@ -251,7 +251,8 @@ def motion_to_dict(motion: Motion[Any], plain: Callable[[Any], Any]) -> dict[Any
 
 def moving(motion: Motion[Any]) -> Any:
     """Return a motion, or its value if that is the same at all keys: for a field of a film's section."""
-    return motion.values[0] if len(set(motion.values)) == 1 else motion
+    first = motion.values[0]
+    return first if all(value == first for value in motion.values) else motion
 
 
 def motions_in(value: object) -> Iterator[Motion[Any]]:

@@ -13,7 +13,7 @@ from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.input_file import place_name, place_of
 from renderer.scene.message_text import did_you_mean, format_value, join_words
-from renderer.scene.motion import Motion, value_at
+from renderer.scene.motion import Motion, at_keys, value_at
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
 from renderer.scene.schema import INVALID, Color, TreeNode
 
@@ -63,6 +63,13 @@ def _parse_background(node: TreeNode) -> Any:
         return _COLOR_OR_NONE.parser(node)
     ends = schema.read_fields(node, _GRADIENT, required=_GRADIENT)
     return INVALID if INVALID in ends.values() else (ends["top"], ends["bottom"])
+
+
+def _written_background(background: Background) -> Any:
+    """Return a background as it is written: by a word, as a color, or as a mapping with the ends of a gradient."""
+    if background is None:
+        return "transparent"
+    return dict(zip(_GRADIENT, background, strict=True)) if isinstance(background[0], tuple) else background
 
 
 OUTPUT_FILE_FIELD = schema.FieldType(_FILE_WORDS, _parse_file)
@@ -178,6 +185,16 @@ class OutputFile:
         depth = 32 if pixel_format == "float" else 16 if pixel_format.endswith(("10", "48")) else 8
         return PictureKind(self.size, self.background, depth)
 
+    def written(self) -> object:
+        """Return its keys and their values."""
+        return self._keys()
+
+    def _keys(self) -> dict[str, object]:
+        """Return the keys of one file and their values; none for a rate of every frame."""
+        values = {each.name: getattr(self, each.name) for each in fields(OutputFile)}
+        given = {key: value for key, value in values.items() if value is not None and (key, value) != ("every", 1)}
+        return given | {"background": at_keys(_written_background, self.background)}
+
     def shows(self, frame: int) -> bool:
         """Return whether a frame of the film is in this file."""
         return frame % self.every == 0 and self.frame in (None, frame)
@@ -188,6 +205,10 @@ class OutputSpec(OutputFile):
     """A list of the files that one drawing makes: the first one, which has every frame, and the others."""
 
     others: tuple[OutputFile, ...] = ()
+
+    def written(self) -> object:
+        """Return the keys of its only file and their values, or the list of its files."""
+        return [self._keys(), *self.others] if self.others else self._keys()
 
     @property
     def files(self) -> tuple[OutputFile, ...]:

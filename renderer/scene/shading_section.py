@@ -127,7 +127,7 @@ def check_shading(node: TreeNode, given: dict[str, Any]) -> None:
         refuse_larger_cells(node.key(key), error, f"all visible voxels are drawn with {node.path}.{key}")
 
 
-def refuse_larger_cells(key: TreeNode, error: Any, hint: str) -> None:
+def refuse_larger_cells(key: TreeNode, error: object, hint: str) -> None:
     """Refuse a key with which only voxels are drawn where a scene's `error` asks for larger cells."""
     if not isinstance(error, ErrorSpec):
         return

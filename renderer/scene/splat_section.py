@@ -48,6 +48,11 @@ class SplatSpec:
     opacity_correction: bool = True
     order: Literal["depth", "unmixed", "boxes"] = "depth"
 
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values, without those that its footprint does not have."""
+        unused = unused_splat_keys(self.footprint)
+        return {key: value for key, value in vars(self).items() if key not in unused}
+
     @property
     def primitive_name(self) -> str:
         """Return the name of what is drawn, in the singular, for messages."""

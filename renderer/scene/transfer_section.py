@@ -59,7 +59,7 @@ class ColormapSpec:
     of which are above 0.
     """
 
-    name: str
+    colormap: str
     range: tuple[float, float]
     opacity: tuple[tuple[float, float], ...]
     scale: Literal["log"] | None = None
@@ -88,12 +88,13 @@ class ImportedLook:
 class TransferSpec:
     """A map from scalar to colour and extinction: control points, values not descending, a colormap, or labels.
 
-    `unit` is the world length that opacities refer to; None means the volume's finest spacing. What was imported is in
-    the control points, so that `imported` changes nothing and is not recorded. relative: values are percentiles of the
-    volume's voxels with data, in place of which `renderer.resolve.resolve_scene` puts values.
+    mapping: None is open: `renderer.resolve.resolve_scene` chooses it, for channels and for voxels that are colours.
+    unit: the world length that opacities refer to; None is the volume's finest spacing.
+    imported: where the control points come from. It changes no picture and is not recorded.
+    relative: values are percentiles of the volume's voxels with data; `resolve_scene` replaces them.
     """
 
-    mapping: tuple[ControlPoint, ...] | ColormapSpec | LabelsSpec
+    mapping: tuple[ControlPoint, ...] | ColormapSpec | LabelsSpec | None
     unit: Annotated[float | None, schema.LENGTH_FIELD] = None
     imported: ImportedLook | None = field(default=None, compare=False)
     relative: bool = False
@@ -107,6 +108,21 @@ class TransferSpec:
     def labels(self) -> LabelsSpec | None:
         """Return the labels, if the values are names of what is there."""
         return self.mapping if isinstance(self.mapping, LabelsSpec) else None
+
+    @property
+    def is_open(self) -> bool:
+        """Return whether colours and opacities are still to be chosen."""
+        return self.mapping is None
+
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values."""
+        if isinstance(self.mapping, ColormapSpec):
+            keys = vars(self.mapping)
+        elif isinstance(self.mapping, LabelsSpec):
+            keys = self.mapping.written()
+        else:
+            keys = {"points": self.mapping}
+        return keys | {"unit": self.unit, "relative": self.relative or None}
 
 
 def _check_range(node: TreeNode, low_high: tuple[Any, ...]) -> Any:
@@ -221,7 +237,7 @@ def _points(opacities: Sequence[tuple[float, float]]) -> tuple[ControlPoint, ...
     return tuple(ControlPoint(value, _WHITE, opacity) for value, opacity in opacities)
 
 
-def _has_opacities_alone(section: Mapping[str, Any]) -> bool:
+def _has_opacities_alone(section: Mapping[str, object]) -> bool:
     """Return whether a transfer function has no colours: then it is white, for voxels that are colours."""
     return "opacity" in section and section.keys() <= {"opacity", "unit", "relative"}
 
@@ -286,7 +302,7 @@ def _place_points(look: Look, span: Any, opacities: Any, scale: float = 1.0, shi
     return moving_result(place, span, scale, shift, opacities)
 
 
-def _is_valid(value: Any) -> bool:
+def _is_valid(value: object) -> bool:
     return value is not INVALID and (not isinstance(value, tuple) or all(map(_is_valid, value)))
 
 
@@ -327,7 +343,7 @@ def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: obje
         node.reject("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
 
 
-def _check_opacity(node: TreeNode, opacity: Any) -> list[tuple[Any, Any]]:
+def _check_opacity(node: TreeNode, opacity: object) -> list[tuple[Any, Any]]:
     """Return the values and opacities of a list of pairs, and check them."""
     pairs = [(INVALID, INVALID) if pair is INVALID else pair for pair in opacity] if isinstance(opacity, tuple) else []
     _check_points(node, pairs, 0)

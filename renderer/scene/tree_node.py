@@ -217,13 +217,13 @@ def read_frame(node: TreeNode) -> Any:
     return frame
 
 
-def check_frame_in_path(node: TreeNode, frame: Any, num_frames: Any) -> None:
+def check_frame_in_path(node: TreeNode, frame: object, num_frames: object) -> None:
     """Check that a frame, at `node`, is before the end of the path; INVALID numbers are skipped."""
     if isinstance(frame, int) and isinstance(num_frames, int) and frame >= num_frames:
         node.reject("after the last frame", got=str(frame), expected=f"a frame from 0 to {num_frames - 1}")
 
 
-def check_frames_ascend(node: TreeNode, before: Any, frame: Any) -> bool:
+def check_frames_ascend(node: TreeNode, before: object, frame: object) -> bool:
     """Check that a frame, at `node`, comes after another; INVALID numbers are skipped."""
     ascends = not isinstance(frame, int) or not isinstance(before, int) or frame > before
     if not ascends:

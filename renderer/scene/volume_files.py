@@ -53,6 +53,10 @@ class FileSource:
     times: tuple[float, ...] = ()
     collection: Path | None = None
 
+    def written(self) -> dict[str, object]:
+        """Return its keys in the section of a volume, and their values."""
+        return {"file": self.collection or self.steps or self.file, "spacing": self.spacing}
+
 
 def is_pattern(name: str | os.PathLike[str]) -> bool:
     """Return whether this is a pattern of the files of several steps, and no file."""

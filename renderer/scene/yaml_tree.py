@@ -126,7 +126,7 @@ class _Loader(yaml.SafeLoader):
         super().__init__(stream)
         self._depth = self._num_values = 0
 
-    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         # Checked here as well: composing a large text takes seconds and hundreds of megabytes before anything is built.
         if parent is None or index is not None:  # the others are keys
             self._num_values += 1
@@ -156,11 +156,11 @@ class _Dumper(yaml.SafeDumper):
 
     yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
 
-    def ignore_aliases(self, data: Any) -> bool:
+    def ignore_aliases(self, data: object) -> bool:
         return True
 
 
-def dump_yaml(data: Any) -> str:
+def dump_yaml(data: object) -> str:
     """Return plain data as YAML, with mappings and lists of scalars on one line."""
     text: str = yaml.dump(data, Dumper=_Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110)
     return text

@@ -102,7 +102,7 @@ def test_a_file_of_several_steps(capsys: pytest.CaptureFixture[str], monkeypatch
     assert len(decoded) == 1
     assert main.run(["turntable", "four.nii.gz", "-o", "films", "--frames", "5", "--size", "32"]) == 0
     scene = load_scene(Path("films/four.yaml"))
-    assert scene.volume.time == "auto"
+    assert scene.layers[0].volume.time == "auto"
     assert "range of 4 that were read" in capsys.readouterr().err
 
 
