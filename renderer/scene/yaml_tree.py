@@ -126,7 +126,7 @@ class _Loader(yaml.SafeLoader):
         super().__init__(stream)
         self._depth = self._num_values = 0
 
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         # Checked here as well: composing a large text takes seconds and hundreds of megabytes before anything is built.
         if parent is None or index is not None:  # the others are keys
             self._num_values += 1
