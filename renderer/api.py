@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.annotation import require_annotation
 from renderer.api_scenes import (
     CameraLike,
     SceneLike,
@@ -31,21 +32,19 @@ from renderer.errors import InputError
 from renderer.film import encode_png, frame_path
 from renderer.frame import FilmStage, LODCostEstimator, prepare_stage
 from renderer.job import (
-    FilmAccuracy,
     FilmJob,
-    FilmVisibility,
     JobEvents,
     NotebookBar,
     OnProgress,
     ProgressEvents,
-    accuracy_text,
+    draw_frames,
     make_film,
     make_plan,
     one_pass,
     open_local_executor,
-    require_annotation,
 )
 from renderer.readers import is_volume_name
+from renderer.record import FilmAccuracy, FilmVisibility, accuracy_text
 from renderer.scene import (
     FilmScene,
     accuracy_of,
@@ -218,8 +217,12 @@ def render_frame(
     with open_local_executor(made) as executor, _open_stage(made) as stage:
         require_annotation(stage, numbers)
         plan = make_plan(LODCostEstimator(stage), numbers, lambda: executor.rasterizer, JobEvents())
-        (drawn,) = executor.draw(plan, numbers)
-        drawn = drawn.finished() if made.at(0).annotation.shows_anything else drawn
+        # Imported here: the ray integral takes a while to load.
+        from renderer.accuracy import open_prober
+
+        # Annotation may tell the accuracy, which nothing else needs here.
+        prober = open_prober(stage, num_cores()) if made.at(0).annotation.shows_anything else None
+        (drawn,) = draw_frames(plan.stage, numbers, executor.rasterizer, plan.controller, prober, is_overlapped=False)
     image: FrameImage = drawn.pictures[0].pixels.view(FrameImage)
     return image
 
@@ -268,13 +271,13 @@ def render(
     path = scene_file(scene) if is_file else None
     job = FilmJob(made, numbers, accuracy_of(made.error), path=path)
     events = ProgressEvents(on_progress or NotebookBar())
-    film = make_film(job, open_local_executor, one_pass, events, resumes=resume)
-    if film.shortfall is not None and not best_effort:
-        raise film.shortfall
-    notes = [film.volume_note] if film.volume_note else []
-    record = film.record
+    result = make_film(job, open_local_executor, one_pass, events, resumes=resume)
+    if result.shortfall is not None and not best_effort:
+        raise result.shortfall
+    notes = [result.volume_note] if result.volume_note else []
+    record = result.film.record
     told = record.accuracy, record.visibility
-    return Film(film.file, record.numbers, film.sidecar, (*notes, *record.notes), *told)
+    return Film(result.file, record.numbers, result.film.path, (*notes, *record.notes), *told)
 
 
 @ctrl_c_stops_kernels()

@@ -54,6 +54,10 @@ class HsplatError(Exception):
 class InputError(HsplatError):
     """An error of the scene, the volume or the command line (exit code 2)."""
 
+    def problem_at(self, location: str) -> Problem:
+        """Return the error as one problem of several. location: of the problem, unless the error has its own."""
+        return Problem("", self.what, self.got, self.expected, self.hint, location=self.where or location)
+
 
 class OutputLockedError(InputError):
     """Another job is writing the same output. Nothing was changed."""

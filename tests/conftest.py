@@ -57,7 +57,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture(scope="module")
 def module_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Return a folder for what the tests of a module share; it is the current one where a test has no `folder`."""
+    """Return a folder that the tests of a module share; it is the current one where a test has no `folder`."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder := tmp_path_factory.mktemp("module"))
         yield folder
@@ -71,7 +71,7 @@ def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def fake_ffmpeg(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
-    """Return what puts a shell script in the place of ffmpeg."""
+    """Return a function that puts a shell script in the place of ffmpeg."""
 
     def install(script: str) -> None:
         program = tmp_path_factory.mktemp("bin") / "ffmpeg"

@@ -23,7 +23,7 @@ from renderer.scene import (
 )
 
 if TYPE_CHECKING:
-    from renderer.job import Part
+    from renderer.record import FinishedFilm
 
 
 @click.command()
@@ -59,16 +59,18 @@ def assemble(
     from renderer.job import assemble_film, find_parts
 
     found = find_parts(parts)
-    numbers = parse_frames(frames, found[0].num_frames)
+    numbers = parse_frames(frames, found[0].num_path_frames)
     given = {"frames_per_second": frames_per_second, "quality": quality}
     options = {key: value for key, value in given.items() if value is not None}
     spec = _output_spec(found[0], outputs, options, numbers)
     with FilmEvents(reporter, "primitive") as events:
-        film = assemble_film(found, numbers, spec, events, resumes=not force)
-    report_film(film, reporter)
+        result = assemble_film(found, numbers, spec, events, resumes=not force)
+    report_film(result, reporter)
 
 
-def _output_spec(part: Part, names: Sequence[str], options: Mapping[str, str], numbers: Sequence[int]) -> OutputSpec:
+def _output_spec(
+    part: FinishedFilm, names: Sequence[str], options: Mapping[str, str], numbers: Sequence[int]
+) -> OutputSpec:
     """Return the output that the part records, with these file names and options. Raises SceneError."""
     problems: list[Problem] = []
     recorded = first_output(part.record.scene)

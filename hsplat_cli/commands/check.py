@@ -22,8 +22,8 @@ from renderer.film import (
     translate_os_errors,
     unfinished_folder,
 )
-from renderer.job import require_own_files
 from renderer.readers import find_volume
+from renderer.record import require_own_files
 from renderer.scene import (
     FileSource,
     FilmScene,

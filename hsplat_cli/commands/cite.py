@@ -22,7 +22,7 @@ def cite(film: Path, reporter: Reporter) -> None:
     Only the JSON file is read. A paragraph on methods describes the volume, the drawing, and how exact the film is.
     """
     # Imported here to keep --help fast.
-    from renderer.job import bibtex, methods_text
+    from renderer.record import bibtex, methods_text
 
     path, record = read_film_record(film)
     reporter.result(join_lines([methods_text(record, path), "", *bibtex(record).splitlines()]))

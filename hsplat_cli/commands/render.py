@@ -54,9 +54,9 @@ def render(
 
     passes = Refinement(math.inf if limit is None else limit, best_effort) if progressive else one_pass
     with FilmEvents(reporter, job.scene.primitive_name) as events:
-        film = make_film(job, partial(open_executor, executor, reporter), passes, events, resumes=not force)
-    report_film(film, reporter)
-    if film.shortfall is not None:
+        result = make_film(job, partial(open_executor, executor, reporter), passes, events, resumes=not force)
+    report_film(result, reporter)
+    if result.shortfall is not None:
         if not best_effort:
-            raise film.shortfall
-        reporter.note(f"{film.shortfall.what}: {film.shortfall.got}, not {film.shortfall.expected}")
+            raise result.shortfall
+        reporter.note(f"{result.shortfall.what}: {result.shortfall.got}, not {result.shortfall.expected}")

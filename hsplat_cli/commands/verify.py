@@ -17,10 +17,11 @@ from hsplat_cli.scenes import load_film
 from hsplat_cli.terminal import FilmEvents, OutputPath, Reporter
 from renderer.errors import HsplatError, Problem
 from renderer.scene import counted
-from renderer.system import join_lines
+from renderer.system import join_lines, num_cores
 
 if TYPE_CHECKING:
-    from renderer.job import FilmFiles, FilmJob, VerifiedFilm
+    from renderer.job import FilmJob
+    from renderer.record import FilesCheck, FinishedFilm, PicturesCheck
 
 # The name that stands for the standard output.
 _STDOUT = Path("-")
@@ -64,26 +65,35 @@ def verify(
     records, and how exact the film is by fresh exact rays. Nothing is drawn, and only the file of --json is written.
     """
     # Imported here to keep --help fast.
-    from renderer.job import RayOptions, verify_files, verify_film
+    from renderer.frame import read_film_volumes
+    from renderer.job import open_job_stage
+    from renderer.record import RayOptions, verify_files, verify_pictures
 
     job = load_film(film, volume)
-    assert job.original is not None, "a film has a sidecar"
+    original = job.original
+    assert original is not None, "a film has a sidecar"
     _prepare_report(json_file, job)
-    files = verify_files(job.original, job.scene.output)
+    files = verify_files(original, job.scene.output)
+    options = RayOptions(num_cores(), seed, precision)
     try:
-        with FilmEvents(reporter, job.scene.primitive_name) as events:
-            verified = verify_film(job, job.original, files, RayOptions(seed, precision), events)
+        with (
+            FilmEvents(reporter, job.scene.primitive_name) as events,
+            open_job_stage(job, read_film_volumes(job.scene)) as stage,
+        ):
+            pictures = verify_pictures(original, stage, files, options, events)
     except HsplatError as error:
-        _write_report(json_file, {**_facts(job, files.problems), "passes": False, "error": str(error)}, reporter)
+        _write_report(
+            json_file, {**_facts(job, original, files.problems), "passes": False, "error": str(error)}, reporter
+        )
         if json_file != _STDOUT and files.problems:
             reporter.result(_problem_lines(files.problems))
         raise
-    problems = [*files.problems, *verified.problems]
-    _write_report(json_file, _facts(job, problems) | _measured_facts(files, verified), reporter)
+    problems = [*files.problems, *pictures.problems]
+    _write_report(json_file, _facts(job, original, problems) | _measured_facts(files, pictures), reporter)
     if json_file != _STDOUT:
         show = reporter.result if problems else reporter.line
-        show(f"{job.scene.output.file}: {'; '.join(_summary(job, files, verified))}")
-        for note in [*files.notes, *verified.notes]:
+        show(f"{job.scene.output.file}: {'; '.join(_summary(job, files, pictures))}")
+        for note in [*files.notes, *pictures.notes]:
             reporter.note(note)
         if problems:
             show(_problem_lines(problems))
@@ -91,15 +101,15 @@ def verify(
         raise click.exceptions.Exit(1)
 
 
-def _summary(job: FilmJob, files: FilmFiles, verified: VerifiedFilm) -> Iterator[str]:
+def _summary(job: FilmJob, files: FilesCheck, pictures: PicturesCheck) -> Iterator[str]:
     """Yield `whole, 120 frames`, `of this volume`, `file PSNR 43.6 dB (43.3 to 43.9), 7680 rays`."""
-    from renderer.job import accuracy_text
+    from renderer.record import accuracy_text
 
     num = len(job.frames)
     yield "not whole" if files.problems else f"whole, {counted(num, 'frame')}"
     yield "of this volume"
-    if verified.measured is not None:
-        accuracy, num_measured = verified.measured.accuracy, verified.measured.num_frames
+    if pictures.measured is not None:
+        accuracy, num_measured = pictures.measured.accuracy, pictures.measured.num_frames
         through = f" through {counted(num_measured, 'frame')}" * (num_measured < num)
         yield f"{accuracy_text(accuracy)}, {accuracy.rays} rays{through}"
 
@@ -139,13 +149,12 @@ def _write_report(path: Path | None, facts: dict[str, Any], reporter: Reporter) 
         write_staged(path, content)
 
 
-def _facts(job: FilmJob, problems: Sequence[Problem]) -> dict[str, Any]:
+def _facts(job: FilmJob, original: FinishedFilm, problems: Sequence[Problem]) -> dict[str, Any]:
     """Return the facts that are known without the volume, as plain data."""
-    assert job.original is not None
     return {
         "passes": not problems,
         "film": str(job.scene.output.file),
-        "sidecar": str(job.original.path),
+        "sidecar": str(original.path),
         "frames": len(job.frames),
         "problems": [
             {"where": each.location, "what": each.what, "got": each.got, "expected": each.expected, "hint": each.hint}
@@ -154,11 +163,11 @@ def _facts(job: FilmJob, problems: Sequence[Problem]) -> dict[str, Any]:
     }
 
 
-def _measured_facts(files: FilmFiles, verified: VerifiedFilm) -> dict[str, Any]:
-    from renderer.job import record_to_json
+def _measured_facts(files: FilesCheck, pictures: PicturesCheck) -> dict[str, Any]:
+    from renderer.record import record_to_json
 
-    measured = verified.measured
-    facts: dict[str, Any] = {"notes": [*files.notes, *verified.notes]}
+    measured = pictures.measured
+    facts: dict[str, Any] = {"notes": [*files.notes, *pictures.notes]}
     if measured is not None:
         facts |= {"accuracy": record_to_json(measured.accuracy), "is_precise": measured.is_precise}
         facts |= {"measured_frames": measured.num_frames}

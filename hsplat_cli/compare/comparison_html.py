@@ -82,7 +82,7 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         title=comparison.summary,
         comparison=comparison,
         purpose=STRICTNESSES[comparison.level].purpose,
-        plot=plot_errors(comparison),
+        plot=_plot_errors(comparison),
         frames=frames,
         anchors={frame.outcome.name: f"worst-{number}" for number, (frame, _) in enumerate(frames, 1)},
         order={outcome.name: number for number, outcome in enumerate(outcomes)},
@@ -102,15 +102,13 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
 # The plot
 
 
-def plot_errors(comparison: Comparison) -> Chart | None:
-    """Lay out the chart of each metric as a share of its limit; None if no metric has a limit and nothing fails.
+def _plot_errors(comparison: Comparison) -> Chart:
+    """Lay out the chart of each metric as a share of its limit.
 
     Heights are linear up to the limit and logarithmic above it, so that both near misses and large errors are legible.
     """
     outcomes = comparison.outcomes
     names = [name for name in COMPARISON_METRICS if any(name in outcome.figures for outcome in outcomes)]
-    if not names and comparison.passes:
-        return None
     numbers = [comparison.frame_numbers.get(outcome.name, place) for place, outcome in enumerate(outcomes, 1)]
     first, last = min(numbers), max(numbers)
     largest = max(severity(outcome.figures, outcome.limits) for outcome in outcomes)

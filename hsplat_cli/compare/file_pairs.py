@@ -20,8 +20,8 @@ from renderer.film import (
     frame_path,
     sidecar_path_of_file,
 )
-from renderer.job import accuracy_text, parse_film_record
 from renderer.readers import natural_sort_key
+from renderer.record import accuracy_text, parse_film_record
 from renderer.scene import (
     FILM_SUFFIXES,
     FRAME_FIELD,

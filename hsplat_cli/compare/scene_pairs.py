@@ -26,7 +26,8 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames
 from renderer.errors import InputError, RenderError
 from renderer.film import file_matches_digest, frame_path
-from renderer.job import FilmJob, FilmRecord
+from renderer.job import FilmJob
+from renderer.record import FilmRecord
 from renderer.scene import MetricTarget, TimeBudget, counted, first_few, schedule_to_dict
 
 _TEMPLATE = Path("frame-{frame}.png")
@@ -88,9 +89,9 @@ def rendered_frames(
         scene = job.scene.changed(lambda each: replace(each, output=output))
         job = replace(job, scene=scene, frames=frames)
         with _DrawingEvents(reporter, job.scene.primitive_name) as events:
-            film = make_film(job, open_local_executor, one_pass, events)
-        assert film.shortfall is None, "a reproducible job has no goal to miss"
-        yield {frame: frame_path(template, frame) for frame in frames}, film.record
+            result = make_film(job, open_local_executor, one_pass, events)
+        assert result.shortfall is None, "a reproducible job has no goal to miss"
+        yield {frame: frame_path(template, frame) for frame in frames}, result.film.record
 
 
 class _DrawingEvents(FilmEvents):

@@ -13,7 +13,6 @@ from .cluster.cluster_drawing import ClusterDrawing as ClusterDrawing, draw_ahea
 from .cluster.connection import connect as connect
 from .cluster.registry import WorkerRegistry as WorkerRegistry
 from .cluster.worker import (
-    SerializedStage as SerializedStage,
     describe_worker as describe_worker,
     draw_on_worker as draw_on_worker,
 )

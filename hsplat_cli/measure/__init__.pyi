@@ -17,11 +17,6 @@ from .tolerance import print_tolerance as print_tolerance
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .costs import costs_by_psnr as costs_by_psnr, on_pareto_fronts as on_pareto_fronts
-from .pareto import cost_at_psnr as cost_at_psnr, pareto_front as pareto_front
 from .plots import study_charts as study_charts
-from .report import study_page as study_page
 from .study import scene_notes as scene_notes
-from .tables import csv_text as csv_text, json_text as json_text
-from .thumbnails import THUMBNAIL_PX as THUMBNAIL_PX, thumbnail as thumbnail
 from .tolerance import open_at_any_tolerance as open_at_any_tolerance

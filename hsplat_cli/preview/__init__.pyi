@@ -4,5 +4,4 @@ from .watch import watch as watch
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .server import MAX_CONNECTIONS as MAX_CONNECTIONS
 from .watch import State as State

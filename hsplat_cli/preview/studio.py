@@ -51,10 +51,9 @@ class Studio:
         return prepare_stage(scene, clock=time.perf_counter, num_threads=num_cores(), volumes=volumes, maker=maker)
 
     def draw(self, stage: FilmStage, frames: Sequence[int], num_rays: int = 0) -> list[DrawnFrame]:
-        """Draw frames, with their annotation. num_rays: exact rays of each frame, by which it is known what is seen."""
+        """Draw frames, with their annotation. num_rays: exact rays of each frame, which measure it."""
         prober = FrameProber(stage.first, num_rays, num_threads=num_cores()) if num_rays else None
-        drawn = draw_frames(stage, frames, self.rasterizer, ScheduleController(stage), prober)
-        return [each.finished() for each in drawn]
+        return [*draw_frames(stage, frames, self.rasterizer, ScheduleController(stage), prober)]
 
     def shoot(
         self, scene: FilmScene, frame: int, caption: str, lines: str, volumes: Sequence[Volume] | None = None

@@ -10,8 +10,8 @@ import numpy as np
 from PIL import Image
 
 from hsplat_cli.preview.studio import Shot
-from renderer.job import VisibleRange
 from renderer.layers import Layer
+from renderer.record import VisibleRange
 from renderer.scene import ColormapSpec, format_value
 from renderer.statistics import Statistics, compute_statistics, format_percent, rebin
 from renderer.view import visible_centre, visible_points

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from hsplat_cli.terminal import is_one_frame, parse_frames
 from renderer.errors import InputError, SceneError
 from renderer.film import film_path_of_sidecar, sidecar_path_of_file
-from renderer.job import FilmJob, OriginalFilm
+from renderer.job import FilmJob
 from renderer.scene import (
     FilmScene,
     TreeEditor,
@@ -25,11 +25,10 @@ from renderer.scene import (
     outputs_of,
     raise_problems,
     read_content,
-    tolerance_at,
 )
 
 if TYPE_CHECKING:
-    from renderer.job import FilmRecord
+    from renderer.record import FilmRecord, FinishedFilm
 
 # The option that names a volume which is not found, by the key of its file.
 _VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.raw.file=FILE"}
@@ -67,11 +66,11 @@ def load_job(request: SceneRequest, draws: Draws = "film", reads: Reads = "all")
     """
     content = read_content(request.path) if request.content is None else request.content
     if may_be_json(content):
-        from renderer.job import parse_film_record
+        from renderer.record import FinishedFilm, parse_film_record
 
         record = parse_film_record(content, request.path)
         if record is not None:
-            return _load_original(record, request, draws)
+            return _load_original(FinishedFilm(request.path, record), request, draws)
     editor = edit_scene_content(content, request.path, request.overrides, request.volume, request.output)
     scene = editor.parse(is_single_frame=is_one_frame(request.frames))
     if reads == "all":
@@ -115,13 +114,15 @@ def load_film(film: Path, volume: Path | None) -> FilmJob:
     film: its file, the template of its numbered frames, or its sidecar. volume: the new place of its volume, if it was
     moved. Raises InputError where there is no sidecar, and SceneError.
     """
+    from renderer.record import FinishedFilm
+
     path, record = read_film_record(film)
-    return _load_original(record, SceneRequest(path, volume=volume), "nothing")
+    return _load_original(FinishedFilm(path, record), SceneRequest(path, volume=volume), "nothing")
 
 
 def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
     """Return the sidecar of a film and the record in it. The parameter and the errors are as in `load_film`."""
-    from renderer.job import parse_film_record
+    from renderer.record import parse_film_record
 
     is_sidecar = output_suffix(film) == ".json"
     path = film if is_sidecar or not film.name else sidecar_path_of_file(film, (), 0)
@@ -134,11 +135,11 @@ def read_film_record(film: Path) -> tuple[Path, FilmRecord]:
     return path, record
 
 
-def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> FilmJob:
-    """Load the job of a sidecar; parameters as in `load_job`."""
-    from renderer.job import late_frame_problems
+def _load_original(original: FinishedFilm, request: SceneRequest, draws: Draws) -> FilmJob:
+    """Load the job that makes a film again; parameters as in `load_job`."""
+    from renderer.record import late_frame_problems
 
-    path, frames, original = request.path, request.frames, OriginalFilm(request.path, record)
+    path, record, frames = original.path, original.record, request.frames
     editor = _editor(record, path)
     editor.apply(request.overrides, request.volume, request.output)
     scene = _resolved(editor.parse(is_single_frame=is_one_frame(frames) or len(record.frames) <= 1), editor)
@@ -155,19 +156,12 @@ def _load_original(record: FilmRecord, request: SceneRequest, draws: Draws) -> F
         raise InputError("this would overwrite the recorded film", where=str(path), hint="--output names another file")
     if draws != "nothing":
         job.require_harmless()
-    if is_changed or not _has_recorded_tolerances(record, scene):
-        return replace(job, original=replace(original, keeps_accuracy=False, keeps_versions=False))
+    if is_changed or not original.has_tolerances_of(scene):
+        return replace(job, repeats="nothing")
     requested = record.schedule.requested
     if not is_whole and is_film_wide_goal(requested):
-        return replace(job, original=replace(original, keeps_accuracy=False))
+        return replace(job, repeats="frames")
     return replace(job, requested=requested)
-
-
-def _has_recorded_tolerances(record: FilmRecord, scene: FilmScene) -> bool:
-    """Return whether the recorded scene has the tolerances at which the frames were drawn, unchanged by hand."""
-    return scene.error.goal is None and all(
-        tolerance_at(scene.error, frame.frame) == frame.tolerance for frame in record.frames
-    )
 
 
 def _has_whole_schedule(record: FilmRecord, editor: TreeEditor) -> bool:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 from hsplat_cli.terminal.progress_bar import Progress
 from hsplat_cli.terminal.reporter import Reporter
-from renderer.job import FrameRecord, JobEvents
+from renderer.job import JobEvents
+from renderer.record import FrameRecord
 from renderer.scene import counted
 
 if TYPE_CHECKING:
-    from renderer.job import FinishedFilm, Forecast
+    from renderer.job import Forecast, JobResult
 
 _PERCENT = 100
 
@@ -74,16 +75,17 @@ class FilmEvents(JobEvents, contextlib.AbstractContextManager["FilmEvents"]):
         self._bar = self._bars.enter_context(self._reporter.progress(steps, label=label, unit=unit))
 
 
-def report_film(film: FinishedFilm, reporter: Reporter) -> None:
+def report_film(result: JobResult, reporter: Reporter) -> None:
     """Print a film's files and their cost in a few lines; nothing for a film that was up to date."""
-    from renderer.job import visibility_text  # imports numpy
+    from renderer.record import visibility_text  # imports numpy
 
-    if film.summary:
-        reporter.line(f"{film.file}: {film.summary}")
-        if film.record.visibility is not None and (text := visibility_text(film.record.visibility)):
+    record = result.film.record
+    if result.summary:
+        reporter.line(f"{result.file}: {result.summary}")
+        if record.visibility is not None and (text := visibility_text(record.visibility)):
             reporter.line(text)
-        for note in film.record.notes:
+        for note in record.notes:
             reporter.note(note)
-        if film.record.outputs:
-            reporter.line(f"beside it: {', '.join(each.file for each in film.record.outputs)}")
-        reporter.line(f"how it was made: {film.sidecar}")
+        if record.outputs:
+            reporter.line(f"beside it: {', '.join(each.file for each in record.outputs)}")
+        reporter.line(f"how it was made: {result.film.path}")

@@ -10,7 +10,6 @@ from .one_film import (
 # isort: split
 # For tests alone: steps and constants that no other room uses.
 from .manifest import (
-    MANIFEST_FILE as MANIFEST_FILE,
     locked_manifest as locked_manifest,
     update_manifest as update_manifest,
 )

@@ -22,6 +22,7 @@ from hsplat_cli.turntable.one_film import FilmRequest
 from hsplat_cli.turntable.up_to_date import up_to_date_record
 from renderer.errors import InputError, RenderError
 from renderer.film import require_writable
+from renderer.record import round_seconds
 from renderer.scene import counted
 from renderer.system import ChildProcesses, describe_exit, join_lines
 
@@ -93,7 +94,7 @@ def _make_in_process(request: FilmRequest, arguments: Sequence[str], reporter: R
         got=describe_exit(process.returncode),
         hint="where memory runs out the system sends this signal" if process.returncode == -signal.SIGKILL else None,
     )
-    seconds = {"seconds": round(time.perf_counter() - start, 3)}
+    seconds = {"seconds": round_seconds(time.perf_counter() - start)}
     record = request.failure_record(error) | {"exit_code": process.returncode} | seconds
     manifest.try_to_update(request.scene.parent, [record], reporter)
     return record

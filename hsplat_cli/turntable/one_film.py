@@ -177,33 +177,35 @@ def _make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
     with request.look.located() if request.look else nullcontext():
         scene = parse_scene_content(content, request.scene)  # before the file exists: no change to it affects the job
         scene = resolve_scene(scene, read_volume)  # of steps in time, and percentiles
-    from renderer.job import make_film as draw_film, one_pass, visibility_text
+    from renderer.job import make_film as draw_film, one_pass
+    from renderer.record import round_decibels, round_seconds, visibility_text
 
     job = FilmJob(scene, range(scene.num_frames), accuracy_of(scene.error))
     open_this = partial(open_executor, request.executor, reporter)
     with _TurntableEvents(reporter, request, content, scene.primitive_name) as events:
-        film = draw_film(job, open_this, one_pass, events, resumes=not request.force)
-    report_film(film, reporter)
-    if film.shortfall is not None:
-        raise film.shortfall
-    frames, accuracy, visibility = film.record.frames, film.record.accuracy, film.record.visibility
+        result = draw_film(job, open_this, one_pass, events, resumes=not request.force)
+    report_film(result, reporter)
+    if result.shortfall is not None:
+        raise result.shortfall
+    made = result.film.record
+    frames, accuracy, visibility = made.frames, made.accuracy, made.visibility
     record = request.record(manifest.FINISHED)
-    if film.record.fingerprint is not None:  # else the next job makes it again
+    if made.fingerprint is not None:  # else the next job makes it again
         record["made_by"] = made_by(request, inputs)
     if accuracy is not None:
-        record |= {"psnr": round(accuracy.psnr, 2), "psnr_interval": list(accuracy.interval)}
-        record["file_psnr"] = round((accuracy.file or accuracy).psnr, 2)
+        record |= {"psnr": round_decibels(accuracy.psnr), "psnr_interval": list(accuracy.interval)}
+        record["file_psnr"] = round_decibels((accuracy.file or accuracy).psnr)
     before = manifest.read_films(request.scene.parent).get(request.scene.name, {})
-    seen = ", ".join(each.word for each in film.glances if each.word) if film.summary else before.get("seen", "")
+    seen = ", ".join(each.word for each in result.glances if each.word) if result.summary else before.get("seen", "")
     return record | {
         **facts,
         **({"seen": seen} if seen else {}),
         "values": facts.get("values", _visible_values(scene)),
         "hidden": "" if visibility is None else visibility_text(visibility),
-        "notes": [*film.record.notes, *notes],
+        "notes": [*made.notes, *notes],
         "frames": len(frames),
         "primitives": round(sum(frame.primitives for frame in frames) / len(frames)),
-        "seconds": round(film.record.seconds["total"], 3),
+        "seconds": round_seconds(made.seconds["total"]),
     }
 
 

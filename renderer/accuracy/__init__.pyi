@@ -65,18 +65,14 @@ from .visibility import ScalarRange as ScalarRange, scalar_ranges as scalar_rang
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .encoding import typical_tolerance as typical_tolerance
 from .estimate import error_samples as error_samples
 from .metrics import (
-    ErrorMetrics as ErrorMetrics,
     measure_accuracy as measure_accuracy,
     sampled_accuracy as sampled_accuracy,
 )
 from .pixels import choose_pixels as choose_pixels
 from .tolerances import (
     distinct_tolerances as distinct_tolerances,
-    round_tolerances as round_tolerances,
     tolerance_ladder as tolerance_ladder,
-    two_digit_numbers as two_digit_numbers,
 )
 from .visibility import visible_ranges as visible_ranges

@@ -21,8 +21,6 @@ from renderer.volume import Float64
 _MOST_RANGES = 12
 # Up to this many labels have a range each. Several volumes share these numbers.
 _MOST_LABELS = 48
-# A millionth of a picture is less than a pixel of most, and keeps records short.
-_DIGITS = 6
 
 
 class ScalarRange(NamedTuple):
@@ -102,4 +100,4 @@ def visible_ranges(
 def sum_ranges(by_interval: Float64, ranges: Sequence[ScalarRange]) -> tuple[float, ...]:
     """Return the sums over ranges of what intervals show, float64 [intervals]; those in no range show nothing."""
     firsts = np.array([each.first for each in ranges], np.int64)
-    return tuple(np.add.reduceat(by_interval, firsts).round(_DIGITS).tolist())
+    return tuple(np.add.reduceat(by_interval, firsts).tolist())

@@ -1,6 +1,11 @@
 from .annotator import Annotator as Annotator, annotation_problems as annotation_problems
 from .facts import AnnotationFacts as AnnotationFacts, ColorBar as ColorBar, FrameFacts as FrameFacts
-from .sketch import Patch as Patch, draw_annotation as draw_annotation
+from .film_annotation import (
+    FilmAnnotation as FilmAnnotation,
+    annotation_notes as annotation_notes,
+    require_annotation as require_annotation,
+)
+from .sketch import draw_annotation as draw_annotation
 from .text import Font as Font
 
 # isort: split

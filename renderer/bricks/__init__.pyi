@@ -22,7 +22,6 @@ from .layout import (
 from .pixel_grid import ScreenSampling as ScreenSampling
 from .sampling import (
     BrickBatch as BrickBatch,
-    Extremes as Extremes,
     make_brick_batch as make_brick_batch,
 )
 from .texels import (
@@ -34,15 +33,8 @@ from .texels import (
 # isort: split
 # For tests alone: steps and constants that no other room uses.
 from .brick_means import recompute_means as recompute_means, stored_means as stored_means
-from .extremes import SLACK_SHARE as SLACK_SHARE
-from .layout import HALO as HALO
 from .pixel_grid import (
-    DIFFERENCE_THRESHOLD as DIFFERENCE_THRESHOLD,
-    MAX_DIFFERENCE_THRESHOLD as MAX_DIFFERENCE_THRESHOLD,
-    MAX_TERMINATION_TRANSMITTANCE as MAX_TERMINATION_TRANSMITTANCE,
-    STRIDES as STRIDES,
-    TERMINATION_TRANSMITTANCE as TERMINATION_TRANSMITTANCE,
     screen_sampling_at as screen_sampling_at,
 )
-from .sampling import MIN_STEP as MIN_STEP, step_sizes as step_sizes
-from .subvoxel import SIMPLIFICATION_TOLERANCE as SIMPLIFICATION_TOLERANCE, make_channel_curve as make_channel_curve
+from .sampling import step_sizes as step_sizes
+from .subvoxel import make_channel_curve as make_channel_curve

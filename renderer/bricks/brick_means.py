@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bricks.layout import BRICK_SIZE, HALO, PADDED_BRICK_SIZE
-from renderer.kernels import kernels
+from renderer.kernels import Classifier, kernels
 from renderer.pyramid import (
     STREAMED_LEVELS,
     Pyramid,
@@ -20,7 +20,7 @@ from renderer.pyramid import (
     store_scaled,
     visible_children,
 )
-from renderer.transfer import Classifier, raw_voxels
+from renderer.transfer import raw_voxels
 from renderer.volume import Array, Float32, Int32, Int64, Volume
 
 # Fewer bricks are not worth a thread.

@@ -20,7 +20,7 @@ from renderer.bricks.brick_means import color_texels
 from renderer.bricks.layout import BRICK_LEVELS, BRICK_SIZE, brick_grid_shape, grid_cells, voxels_of
 from renderer.bricks.node_statistics import NodeStatistics, or_of_neighbours
 from renderer.bricks.subvoxel import make_channel_curve, make_scalar_curve
-from renderer.kernels import ThreadPool, kernels
+from renderer.kernels import LightGrid, PiecewiseTransfer, ThreadPool, kernels
 from renderer.pyramid import (
     STREAMED_LEVELS,
     Pyramid,
@@ -34,8 +34,6 @@ from renderer.pyramid import (
 from renderer.transfer import (
     MAX_NORMALIZED_SCALAR,
     NO_LIGHT_GRID,
-    LightGrid,
-    PiecewiseTransfer,
     TransferFunction,
     make_piecewise_transfer,
     make_transfer_table,

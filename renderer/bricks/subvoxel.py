@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from renderer.transfer import LARGEST_EXPONENT, TransferFunction, TransferTable, make_transfer_table
+from renderer.kernels import TransferTable
+from renderer.transfer import LARGEST_EXPONENT, TransferFunction, make_transfer_table
 from renderer.volume import Float64, Int64
 
 # Colormaps have hundreds of control values, nearly on a line. Those within this share of the largest channel of it are

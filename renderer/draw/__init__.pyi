@@ -12,11 +12,4 @@ from .bricks.bands import plan_bands as plan_bands
 from .bricks.brick_cache import Atlas as Atlas, brick_bytes as brick_bytes
 from .bricks.brick_rasterizer import share_memory as share_memory, share_out as share_out
 from .bricks.grid import make_grid as make_grid
-from .lines import (
-    LEVEL_COLORS as LEVEL_COLORS,
-    LINE_COVER as LINE_COVER,
-    LINE_OPACITY as LINE_OPACITY,
-    MIN_SIDE_PX as MIN_SIDE_PX,
-)
 from .overlay import tick_step as tick_step
-from .splats.compositing import MEAN_LAYERS as MEAN_LAYERS, MIN_CHUNK_SPLATS as MIN_CHUNK_SPLATS

@@ -12,12 +12,16 @@ from renderer.kernels import kernels
 from renderer.view import View, model_view
 from renderer.volume import Float32
 
-# An end of a line that is nearer to the eye plane is not divided by its depth.
+# The least depth, in model units, by which an end of a line is divided; nearer parts of lines are cut off.
 MIN_LINE_DEPTH = 1e-5
-# Where cells have a side of s model units and of p pixels, up to 2 / s of them lie behind one another, and the lines of
-# one layer cover about 2 / p of the image: together they are a fog. Therefore a line's opacity is LINE_COVER * s * p,
-# at most LINE_OPACITY, which bounds the total for cells of any size. Cells under MIN_SIDE_PX have no lines.
-LINE_COVER, LINE_OPACITY, MIN_SIDE_PX = 0.75, 0.8, 3.0
+# The opacity of a line by s p, where its cell has a side of s model units and of p pixels. Up to 2 / s cells lie behind
+# one another, and the lines of one layer cover about 2 / p of the image: together they would be a fog. With the opacity
+# LINE_COVER * s * p their total is bounded for cells of any size.
+LINE_COVER = 0.75
+# The largest opacity of a line.
+LINE_OPACITY = 0.8
+# Cells with a shorter side, in pixels, have no lines.
+MIN_SIDE_PX = 3.0
 # Colours of lines by level, the finest first, the last for all levels beyond: from orange to blue in even steps of
 # lightness (CIE L* 62 to 41) and hue, as saturated as sRGB allows. The contrast to black and to white is at least 3
 # (WCAG 2.2, 1.4.11, for graphics), except 2.97 of level 0 to white.

@@ -10,7 +10,7 @@ from renderer.system import MemoryShare, num_drawing_threads
 def open_rasterizer(scene: FilmScene, memory: MemoryShare | None = None) -> Rasterizer:
     """Open the rasteriser of a scene's footprint. Raises RenderError where it needs OpenGL and there is none.
 
-    memory: for bricks, half of what is free by default; pictures do not depend on it.
+    memory: for bricks, by default half of the free memory; pictures do not depend on it.
     """
     # Imported here: bricks need no OpenGL.
     if scene.needs_opengl:

@@ -18,9 +18,13 @@ from renderer.kernels import kernels
 from renderer.pyramid import Cut
 from renderer.volume import Float32, Float64, Int64, Volume
 
-# Lengths of strokes and longer strokes, by the longest side of the box; every which one is longer.
-_TICK_LENGTH, _LONG_TICK_LENGTH, _LONG_TICK_EVERY = 0.02, 0.04, 5
-# The colour of the outline is that of cells of this level.
+# The length of a tick, as a share of the longest side of the box.
+_TICK_LENGTH = 0.02
+# The length of a long tick, as a share of the longest side of the box.
+_LONG_TICK_LENGTH = 0.04
+# One tick in this many is long.
+_LONG_TICK_EVERY = 5
+# The level of cells whose colour the outline has.
 _OUTLINE_LEVEL = 1
 
 
@@ -29,7 +33,7 @@ class Lines:
     """A list of lines to draw over a picture, each along an edge of a cell; large cells come first.
 
     vertices: float32 [n, 7], start [3] and end [3] in model units and world axes, and the level of the cell.
-    voxel_side: the shortest side of a cell of level 0, model units; infinite where lines are not those of cells.
+    voxel_side: the shortest side of a cell of level 0, model units; infinite where lines are not edges of cells.
     origin: float64 [3], world position of the model's origin.
     model_unit: world length of a model unit.
     """
@@ -49,7 +53,7 @@ def make_edges(cut: Cut | BrickCut, levels_above: int) -> Lines:
     levels_above: a brick is this many levels larger than its cells; 0 where cells are drawn.
     Within a level the edges are sorted by axis and position.
 
-    Model units are those of `renderer.splats.splats`.
+    Model units are as in `renderer.splats.splats`.
     """
     volume = cut.volume
     edges = volume.world_from_index[:3, :3]
@@ -77,7 +81,7 @@ def make_edges(cut: Cut | BrickCut, levels_above: int) -> Lines:
 
 
 def make_outline(volume: Volume) -> Lines:
-    """Return the edges of the volume's box, and ticks along those three that meet in the corner of the first voxel.
+    """Return the edges of the volume's box, and ticks along the three that meet in the corner of the first voxel.
 
     Ticks have round world distances, and each is two strokes, on both faces that meet there.
     """
@@ -111,7 +115,7 @@ def tick_step(side: float) -> float:
 
 
 def _num_ticks(side: float, step: float) -> int:
-    """Return the number of ticks inside a side, without those at its ends."""
+    """Return the number of ticks inside a side, without its ends."""
     return math.ceil(side / step - 1e-9) - 1
 
 

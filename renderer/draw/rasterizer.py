@@ -1,4 +1,4 @@
-"""Say what the rasterisers of splats and of bricks have in common."""
+"""The interface of rasterisers, of splats and of bricks."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ class BrickMemory(NamedTuple):
 class Rasterizer(Protocol):
     """A rasteriser of the sorted elements of one footprint: of one SplatBatch, or of BrickBatches.
 
-    Use it as a context manager, or call `release`. device: what draws, on which the bytes depend. threads: also work on
-    what it has drawn. brick_memory: of the last scene; None for splats, and before anything is drawn. notes: what the
-    user should know about the drawing so far.
+    Use it as a context manager, or call `release`.
+    device: the name of the device that draws; the bytes of pictures depend on it. threads: also work on pictures that
+        are drawn. brick_memory: of the last scene; None for splats, and before anything is drawn.
+    notes: sentences for the user about the drawing so far.
     """
 
     device: str
@@ -45,7 +46,7 @@ class Rasterizer(Protocol):
         """Free all that it holds."""
 
     def upload(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> bool:
-        """Prepare what later pictures of `batch[order]` of all batches share; return whether any of it was missing.
+        """Prepare the data that later pictures of `batch[order]` of all batches share; return whether any was missing.
 
         Pictures do not depend on it. Splats share nothing.
         """

@@ -71,6 +71,6 @@ from .written_files import (
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .atomic import output_error as output_error, remove_temporaries as remove_temporaries, staging as staging
-from .encode import gif_delay_cs as gif_delay_cs, open_encoder as open_encoder
+from .atomic import remove_temporaries as remove_temporaries
+from .encode import open_encoder as open_encoder
 from .exr import decode_exr as decode_exr

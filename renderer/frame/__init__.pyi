@@ -35,10 +35,6 @@ from .transport import (
 # For tests alone: steps and constants that no other room uses.
 from .frame import DrawList as DrawList
 from .primitives import (
-    LOD as LOD,
-    BrickLOD as BrickLOD,
-    BrickPrimitive as BrickPrimitive,
     SplatLOD as SplatLOD,
     num_samples as num_samples,
 )
-from .transport import ALIGNMENT as ALIGNMENT

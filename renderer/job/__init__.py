@@ -1,23 +1,16 @@
 """The film job: from a scene, frames and an executor to a film and its record.
 
-In: a `FilmJob`, what opens an executor, and a listener (`JobEvents`). Out: the film, its sidecar and a `FinishedFilm`.
-A film that is up to date is not drawn again, and one that was stopped resumes where it stopped.
+In: a `FilmJob`, a function that opens an executor, and a listener (`JobEvents`). Out: the film, its sidecar and a
+`JobResult`. A film that is up to date is not drawn again, and one that was stopped resumes where it stopped.
 
-- `film_job.py`: what is to be made, perhaps again.
-- `film_making.py`: the job, step by step, in one pass; `refinement.py`: in several.
-- `forecast.py`: what a film costs here, from frames that are drawn and encoded.
-- `film_output.py`: the loop over frames, each of which is stored while the next one is drawn; and the sidecar.
-- `plan.py`: the tolerances for what a scene requests; `goals.py`: whether it was reached.
-- `film_accuracy.py`: how exact frames and film are, in records and words; `film_visibility.py`: what they show;
-  `citation.py`: how a film was made, in words for a paper, and BibTeX.
-- `executor.py`: what draws, and drawing in this process; `pictures.py`: the pictures of a frame that outputs need,
-  and what the annotation over them shows.
-- `events.py`: what a job tells while it runs, to a function, a bar in a notebook, or another listener.
-- `checkpoint.py`: finished frames; those of an unfinished film are kept in files.
-- `record.py`: the records of films and frames, to JSON and back; `make_record.py`: makes them; `sidecar.py`: the file.
-- `fingerprint.py`: what frames depend on; `existing_film.py`: the film that is there;
-  `own_files.py`: whether files that are there are its own.
-- `verification.py`: whether a finished film is what its sidecar says; `verified_accuracy.py`: by exact rays.
+- `film_job.py`: the film that is asked for; `film_making.py`: the job, step by step, in one pass; `refinement.py`: in
+  several.
+- `plan.py`: the tolerances for the accuracy that a scene requests; `forecast.py`: the cost of a film;
+  `trial_frames.py`: predicts it from frames that are drawn and encoded.
+- `executor.py`: how frames are drawn, and drawing in this process; `picture_maker.py`: the pictures of a frame.
+- `output_writer.py`: writes the film, each frame while the next one is drawn, and the sidecar; `checkpoint.py`: keeps
+  finished frames in files while the film is unfinished.
+- `events.py`: listeners to a job: a function, a bar in a notebook, or another one.
 - `inputs.py`: the files that are read, and folders that no output joins.
 - `assemble/`: one film of parts: `parts.py` finds them, `agreement.py` compares them, `merged_record.py` and
   `assembly.py` write the film.

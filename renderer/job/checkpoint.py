@@ -17,7 +17,7 @@ from typing import Any
 
 from renderer.film import Picture, bytes_digest, frame_matches_digest, frame_path, write_staged
 from renderer.job.executor import DrawnFrame
-from renderer.job.record import FilmFingerprint, FrameRecord, read_frame_record, record_to_json
+from renderer.record import FilmFingerprint, FrameRecord, read_frame_record, record_to_json
 from renderer.scene import OutputSpec, PictureKind, read_json_object
 
 _FILE_PATTERN = re.compile(r"([0-9]{6,9})\.(?:[0-9]{1,3}\.)?(json|png|exr)")

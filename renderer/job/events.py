@@ -1,4 +1,4 @@
-"""Define what a film job tells while it runs: to a function, to a bar in a notebook, or to a listener of your own."""
+"""Define the listeners to a film job: a function, a bar in a notebook, or a listener of your own."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from renderer.job.record import FrameRecord
+from renderer.job.forecast import Forecast
 
 if TYPE_CHECKING:
-    from renderer.job.forecast import Forecast
+    from renderer.record import FrameRecord
 
-# Takes the number of finished frames, and that of all frames that are drawn.
+# Takes the number of finished frames, and the number of all frames that are drawn.
 OnProgress = Callable[[int, int], object]
 
 
 class JobEvents:
     """A listener to a film job, whose methods do nothing: a listener of your own overrides some of them.
 
-    The command line prints what they tell, a notebook shows it, and a test counts it. What a method raises ends the job
-    as an interrupt does: the frames that are finished are kept, and the same job resumes there.
+    The command line prints the news, a notebook shows them, and a test counts them. An error that a method raises ends
+    the job as an interrupt does: the frames that are finished are kept, and the same job resumes there.
     """
 
     def locked(self) -> None:
@@ -38,17 +38,17 @@ class JobEvents:
         """Take note that one of these frames is stored, and in the film."""
 
     def predicted(self, forecast: Forecast) -> None:
-        """Take note what a long pass costs if all its frames are like the first ones."""
+        """Take note of the cost of a long pass if all its frames are like the first ones."""
 
     def pass_finished(self, summary: str) -> None:
-        """Take note that a pass is a whole film. summary: what it has, and what it cost."""
+        """Take note that a pass is a whole film. summary: its accuracy, its size and its time."""
 
     def volume_noted(self, text: str) -> None:
         """Take a remark on how the volume was read, as any other note."""
         self.note(text)
 
     def note(self, text: str) -> None:
-        """Take a sentence about what happens."""
+        """Take a sentence about the work."""
 
 
 class ProgressEvents(JobEvents):

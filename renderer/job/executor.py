@@ -1,4 +1,4 @@
-"""Define what draws the frames of a film, and draw them in this process.
+"""Define executors, which draw the frames of a film, and draw frames in this process.
 
 Every executor draws the same bytes: this process with all its threads, or a cluster.
 """
@@ -7,47 +7,41 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from renderer.draw import BrickMemory, Rasterizer, open_rasterizer
 from renderer.film import Picture
-from renderer.frame import FilmStage, Frame, ToleranceController, render_frames
-from renderer.job.film_accuracy import frame_accuracy
-from renderer.job.make_record import frame_record
-from renderer.job.pictures import PictureMaker
+from renderer.frame import FilmStage, Frame, Stopwatch, ToleranceController, render_frames
+from renderer.job.picture_maker import PictureMaker
 from renderer.job.plan import FilmPlan
-from renderer.job.record import FrameRecord
+from renderer.record import FrameRecord, frame_accuracy, make_frame_record, round_share
 from renderer.scene import FilmScene
-from renderer.system import MemoryShare, num_cores
+from renderer.system import MemoryShare, num_cores, overlap
 
 if TYPE_CHECKING:
     from renderer.accuracy import FrameProber
 
 
+# The steps of a frame after its drawing, while the next frame is drawn.
+FINISHING_STEPS = ("probe", "pictures")
+
+
 @dataclass(frozen=True)
 class DrawnFrame:
-    """A frame that is drawn: its record, and its pictures by the numbers of their kinds.
-
-    finish: returns it with all pictures, and with its accuracy in its record; None for one that has them.
-    """
+    """A frame that is drawn: its record, with its accuracy, and its pictures by the numbers of their kinds."""
 
     record: FrameRecord
     pictures: Mapping[int, Picture]
-    finish: Callable[[], DrawnFrame] | None = None
-
-    def finished(self) -> DrawnFrame:
-        """Return the frame with all that belongs to it; exact rays, and more pictures, take a while."""
-        return self if self.finish is None else self.finish()
 
 
 class Executor(Protocol):
     """A way to draw frames: this process, or a cluster.
 
-    device: what draws, on which the bytes depend; where machines may differ, records of frames have their own.
-    brick_memory: as of a Rasterizer; None where other processes draw. rasterizer: draws trial frames in this process.
+    device: the name of the device that draws, on which the bytes depend; where machines may differ, records of frames
+    have their own. brick_memory: as of a Rasterizer; None where other processes draw.
+    rasterizer: draws trial frames in this process.
     """
 
     @property
@@ -61,7 +55,7 @@ class Executor(Protocol):
 
     @property
     def notes(self) -> Sequence[str]:
-        """Return what the user should know about the drawing so far."""
+        """Return notes for the user on the drawing so far."""
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Yield these frames, in this order; may be closed before its end."""
@@ -85,7 +79,7 @@ class LocalExecutor:
 
     @property
     def notes(self) -> Sequence[str]:
-        """Return what the user should know about the drawing so far."""
+        """Return notes for the user on the drawing so far."""
         return self.rasterizer.notes
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
@@ -93,7 +87,15 @@ class LocalExecutor:
         # Imported here: the ray integral takes a while to load.
         from renderer.accuracy import open_prober
 
-        return draw_frames(plan.stage, numbers, self.rasterizer, plan.controller, open_prober(plan.stage, num_cores()))
+        # On a time budget the whole time of a frame counts, so that no part of it overlaps with the next frame.
+        return draw_frames(
+            plan.stage,
+            numbers,
+            self.rasterizer,
+            plan.controller,
+            open_prober(plan.stage, num_cores()),
+            is_overlapped=not plan.is_timing_dependent,
+        )
 
 
 @contextlib.contextmanager
@@ -112,26 +114,34 @@ def draw_frames(
     rasterizer: Rasterizer,
     controller: ToleranceController,
     prober: FrameProber | None = None,
+    *,
+    is_overlapped: bool = True,
 ) -> Generator[DrawnFrame, None, None]:
     """Draw these frames in this process, one after the other.
 
-    prober: measures their accuracy. Other parameters are those of `render_frames`.
+    prober: measures their accuracy. is_overlapped: a frame gets its accuracy and its pictures while the next one is
+    drawn. Other parameters are those of `render_frames`.
     """
-    maker = PictureMaker(stage)
-    for frame in render_frames(stage, numbers, rasterizer, clock=time.perf_counter, controller=controller):
-        prober = prober and prober.on(frame.stage)
-        record = frame_record(frame, stage)
-        yield DrawnFrame(record, {0: Picture(frame.image)}, partial(_finish, frame, record, maker, prober))
+    finisher = _FrameFinisher(stage, prober)
+    frames = render_frames(stage, numbers, rasterizer, clock=time.perf_counter, controller=controller)
+    yield from overlap(frames, finisher.finish) if is_overlapped else map(finisher.finish, frames)
 
 
-def _finish(frame: Frame, record: FrameRecord, maker: PictureMaker, prober: FrameProber | None) -> DrawnFrame:
-    """Measure the accuracy of a frame, then make its pictures, over which annotation may be drawn."""
-    if prober is not None:
-        start = time.perf_counter()
-        probe = prober.probe(frame.number, frame.image)
-        seconds = {**record.seconds, "probe": time.perf_counter() - start}
-        record = replace(record, accuracy=frame_accuracy(probe), visible=probe.visible, seconds=seconds)
-    start = time.perf_counter()
-    pictures = maker.pictures(frame, record)
-    seconds = {**record.seconds, "pictures": time.perf_counter() - start}
-    return DrawnFrame(replace(record, seconds=seconds), pictures)
+class _FrameFinisher:
+    """Measures the accuracy of frames that are drawn, then makes their pictures, over which annotation may be drawn."""
+
+    def __init__(self, film: FilmStage, prober: FrameProber | None) -> None:
+        self._film, self._prober, self._maker = film, prober, PictureMaker(film)
+
+    def finish(self, frame: Frame) -> DrawnFrame:
+        """Return the frame with its accuracy and all its pictures."""
+        record, watch = make_frame_record(frame, self._film), Stopwatch(time.perf_counter)
+        if self._prober is not None:
+            self._prober = self._prober.on(frame.stage)
+            probe = self._prober.probe(frame.number, frame.image)
+            visible = tuple(map(round_share, probe.visible))
+            record = replace(record, accuracy=frame_accuracy(probe), visible=visible)
+            watch.lap("probe")
+        pictures = self._maker.pictures(frame, None if record.accuracy is None else record.accuracy.psnr)
+        watch.lap("pictures")
+        return DrawnFrame(replace(record, seconds={**record.seconds, **watch.seconds}), pictures)

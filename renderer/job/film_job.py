@@ -1,61 +1,40 @@
-"""Describe a film to make, and the film that it is made again from, if any."""
+"""Describe a film to make."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
 from renderer.film import WrittenFiles, film_files, require_no_input, sidecar_path
 from renderer.job.inputs import require_no_new_slices, scene_files
 from renderer.scene import ErrorSpec, FilmScene, is_same_file
 
 if TYPE_CHECKING:  # records take a while to load, and the job of a scene needs none before it draws
-    from renderer.job.record import FilmRecord
+    from renderer.record import FinishedFilm
 
 
-@dataclass(frozen=True)
-class OriginalFilm:
-    """A film that is made again, perhaps with changes.
-
-    path: of its sidecar. keeps_accuracy: whether what was measured of it holds for the new film, too.
-    keeps_versions: whether the same bytes are expected, so that other versions are told.
-    """
-
-    path: Path
-    record: FilmRecord
-    keeps_accuracy: bool = True
-    keeps_versions: bool = True
-
-    @property
-    def frames_digest(self) -> str | None:
-        """Return the digest of what its frames depended on; None for a film that one pass would not have made."""
-        return None if self.record.fingerprint is None else self.record.fingerprint.frames_digest
-
-    @property
-    def tools(self) -> dict[str, Any]:
-        """Return the versions of what made it by name, with `device` and `sources`; none where they do not count."""
-        if not self.keeps_versions:
-            return {}
-        found = {**self.record.versions, "device": self.record.device}
-        sources = self.record.fingerprint and self.record.fingerprint.depends_on.get("sources")
-        return found | ({"sources": sources} if isinstance(sources, str) else {})
+# The results of an original film that a job is to have again: its frames and their measured accuracy, its frames alone,
+# or none, where the scene was changed.
+Repeats = Literal["film", "frames", "nothing"]
 
 
 @dataclass(frozen=True)
 class FilmJob:
-    """A film to make: a scene, and what to draw of it.
+    """A film to make: a scene, and the frames to draw of it.
 
     frames: their numbers, ascending. requested: the accuracy, as the section `error` of a scene.
     original: the film that is made again, if any. path: the scene file or the sidecar that was read, if any.
+    repeats: the results of the original that are expected again.
     """
 
     scene: FilmScene
     frames: Sequence[int]
     requested: ErrorSpec
-    original: OriginalFilm | None = None
+    original: FinishedFilm | None = None
     path: Path | None = None
+    repeats: Repeats = "film"
 
     @property
     def sidecar(self) -> Path:

@@ -15,45 +15,55 @@ from pathlib import Path
 from typing import Any
 
 from renderer.accuracy import NOTHING, Glance, finer_than_kept, look_ahead
-from renderer.errors import InputError, RenderError
+from renderer.annotation import annotation_notes, require_annotation
+from renderer.errors import RenderError
 from renderer.film import film_notes, require_encoder
 from renderer.frame import FilmStage, FilmVolumes, LODCostEstimator, framing_note, prepare_stage, read_film_volumes
 from renderer.job.checkpoint import FrameCheckpoint, FrameStore, remove_checkpoint_frames
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame, Executor, LocalExecutor
-from renderer.job.existing_film import ExistingFilm, find_existing_film
 from renderer.job.film_job import FilmJob
-from renderer.job.film_output import FilmOutput, locked_film_output
-from renderer.job.fingerprint import describe_mismatch, film_fingerprint
-from renderer.job.forecast import NUM_NEIGHBOURS, Forecast, film_cost, forecast_frames
-from renderer.job.goals import find_shortfall, summary_parts
-from renderer.job.make_record import film_record
-from renderer.job.pictures import annotation_notes, require_annotation
-from renderer.job.plan import FilmPlan, make_plan
-from renderer.job.record import BrickMemoryRecord, FilmFingerprint, FilmRecord, FrameRecord, PassRecord
+from renderer.job.forecast import Forecast
+from renderer.job.output_writer import OutputWriter, open_output
+from renderer.job.plan import FilmPlan, find_shortfall, make_plan, schedule_record
+from renderer.job.trial_frames import NUM_NEIGHBOURS, film_cost, forecast_frames
 from renderer.layers import placement_notes
+from renderer.record import (
+    BrickMemoryRecord,
+    FilmFingerprint,
+    FinishedFilm,
+    FrameRecord,
+    PassRecord,
+    describe_mismatch,
+    device_notes,
+    film_fingerprint,
+    find_finished_film,
+    make_film_record,
+    shortfall_notes,
+    summary_parts,
+    version_notes,
+)
 from renderer.scene import FilmScene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
 
-# A pass that takes longer is told what it costs when its first frames are drawn.
+# The seconds from which on a pass is long: its cost is told when its first frames are drawn.
 _LONG_S = 60.0
 OpenExecutor = Callable[[FilmScene], AbstractContextManager[Executor]]
-Passes = Callable[["FilmInProgress"], "FinishedFilm"]
+Passes = Callable[["FilmInProgress"], "JobResult"]
 
 
 @dataclass(frozen=True)
-class FinishedFilm:
-    """A film that is made, or was up to date.
+class JobResult:
+    """The result of a film job: a film that is made, or was up to date.
 
-    file: the film, or the template of its frames. record: the content of the sidecar.
-    summary: what was made and what it cost; empty for a film that was up to date.
-    volume_note: what the reader of the volume says. shortfall: what was requested and not reached.
+    file: the film, or the template of its frames, by its name in the job.
+    summary: of the film and its cost, in a line; empty for a film that was up to date.
+    volume_note: of the reader of the volume. shortfall: the error for an accuracy that was not reached.
     glances: the faults of its pictures; not known of a film that was up to date.
     """
 
+    film: FinishedFilm
     file: Path
-    sidecar: Path
-    record: FilmRecord
     summary: str = ""
     volume_note: str | None = None
     shortfall: RenderError | None = None
@@ -62,7 +72,7 @@ class FinishedFilm:
 
 def make_film(
     job: FilmJob, open_executor: OpenExecutor, passes: Passes, events: JobEvents, *, resumes: bool = True
-) -> FinishedFilm:
+) -> JobResult:
     """Lock the output and make the film, or return the film that is up to date.
 
     open_executor: opens what draws a scene. passes: draws and writes the film, by `one_pass` or several that refine.
@@ -71,7 +81,7 @@ def make_film(
     and InputError if it is one of the job's inputs; HsplatError, and KeyboardInterrupt.
     """
     job.require_harmless()
-    with locked_film_output(job.scene.output, job.frames, job.sidecar, resumes=resumes) as output:
+    with open_output(job.scene.output, job.frames, job.sidecar, resumes=resumes) as output:
         events.locked()
         start = time.perf_counter()
         # What can fail early is tried before a voxel is read: the output, the encoder, OpenGL or the cluster.
@@ -87,7 +97,7 @@ def make_film(
             for note in filter(None, (*job.scene.import_notes, *placed, framing_note(job.scene))):
                 events.note(note)
             job, fingerprint = _with_fingerprint(job, volumes.fingerprint, executor.device)
-            existing = find_existing_film(output.sidecar, events) if resumes else None
+            existing = find_finished_film(output.sidecar, events.note) if resumes else None
             if existing is not None and existing.is_up_to_date(fingerprint, output.spec, job.frames):
                 return _kept_film(output, existing, fingerprint, volumes.first[0].note, events)
             with open_job_stage(job, volumes) as stage:
@@ -118,14 +128,14 @@ def forecast_film(job: FilmJob, open_executor: OpenExecutor, events: JobEvents) 
 
 
 def _kept_film(
-    output: FilmOutput, existing: ExistingFilm, fingerprint: FilmFingerprint, note: str | None, events: JobEvents
-) -> FinishedFilm:
+    output: OutputWriter, existing: FinishedFilm, fingerprint: FilmFingerprint, note: str | None, events: JobEvents
+) -> JobResult:
     """Return the film that is up to date."""
     # Left by a job that was killed when its film was complete.
     remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
     output.remove_mark()
     events.note(f"{output.spec.file} is up to date; --force draws it again")
-    return FinishedFilm(output.spec.file, output.sidecar, existing.record, volume_note=note)
+    return JobResult(existing, output.spec.file, volume_note=note)
 
 
 def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJob, FilmFingerprint]:
@@ -143,15 +153,8 @@ def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJ
 
 def open_job_stage(job: FilmJob, volumes: FilmVolumes) -> FilmStage:
     """Prepare the stage. Raises InputError unless the volumes are those of the original, if there is one."""
-    if job.original is not None and volumes.fingerprint != job.original.record.volume.fingerprint:
-        names = ", ".join(volume.name for volume in volumes.first)
-        raise InputError(
-            "the film was made from another volume",
-            where=f"{job.original.path}: volume.fingerprint",
-            got=f"the fingerprint {volumes.fingerprint} of {names}",
-            expected=job.original.record.volume.fingerprint,
-            hint="if the volume was moved, name it with --volume; draw another volume with another scene",
-        )
+    if job.original is not None:
+        job.original.require_volumes(volumes.fingerprint, [volume.name for volume in volumes.first])
     options: dict[str, Any] = {"clock": time.perf_counter, "num_threads": num_cores()}
     return prepare_stage(job.scene, volumes=volumes.first, known=volumes.known, **options)
 
@@ -169,13 +172,13 @@ class FilmInProgress:
     """
 
     job: FilmJob
-    output: FilmOutput
+    output: OutputWriter
     fingerprint: FilmFingerprint
     stage: FilmStage
     executor: Executor
     events: JobEvents
     start: float
-    existing: ExistingFilm | None
+    existing: FinishedFilm | None
     glances: Sequence[Glance]
     resumes: bool
 
@@ -191,7 +194,7 @@ class FilmInProgress:
         defer_interrupts: Callable[[], None],
         on_step: Callable[[], None] = lambda: None,
     ) -> list[FrameRecord]:
-        """Write the film, and draw the frames that the store lacks; the rest is as in `FilmOutput.write_frames`.
+        """Write the film, and draw the frames that the store lacks; the rest is as in `OutputWriter.write_frames`.
 
         on_step: called between two frames; what it raises ends the drawing.
         """
@@ -223,24 +226,27 @@ class FilmInProgress:
 
     def finish(
         self, plan: FilmPlan, frames: Sequence[FrameRecord], *, num_resumed: int = 0, passes: Sequence[PassRecord] = ()
-    ) -> FinishedFilm:
+    ) -> JobResult:
         """Write the sidecar of the film of these frames. num_resumed: how many of them earlier jobs drew.
 
         The sidecar has the fingerprint, by which the next job sees that the film is up to date, unless a single pass
         would not have made this film: a coarser pass, or one whose tolerances depend on the clock though no time budget
         was requested.
         """
-        scene, requested, seconds = self.stage.scene, self.job.requested, time.perf_counter() - self.start
-        shortfall = find_shortfall(scene, requested, plan, frames)
-        seen = [each.note for each in self.glances if each.word != NOTHING]  # of which the frames tell more
-        notes = [*film_notes(self.output.spec), *annotation_notes(self.stage), *seen, *self.executor.notes]
-        record = film_record(plan, frames, requested, self.job.original, shortfall, self._devices(frames))
+        scene, requested, devices = self.stage.scene, self.job.requested, self._devices(frames)
+        shortfall = find_shortfall(plan, scene, requested, frames)
+        record = make_film_record(
+            plan.stage,
+            frames,
+            schedule_record(plan, self.job, frames, shortfall),
+            devices=devices,
+            notes=[*self._notes(), *device_notes(devices), *self._notes_on_original(devices)],
+            seconds=time.perf_counter() - self.start,
+        )
         memory = self.executor.brick_memory
         record = replace(
             record,
             volume=replace(record.volume, fingerprint=self.fingerprint.depends_on["volume"]["fingerprint"]),
-            notes=(*notes, *record.notes),
-            seconds={**self.stage.seconds, "total": seconds},
             memory=None if memory is None else BrickMemoryRecord(*memory),
             passes=tuple(passes),
         )
@@ -251,18 +257,34 @@ class FilmInProgress:
         advice = finer_than_kept(made.interval[0], made.file.psnr_of_encoding) if made and made.file else None
         if advice is not None:
             self.events.note(advice)
-        summary = ", ".join(summary_parts(scene, plan, record, num_resumed))
-        file, sidecar = self.output.spec.file, self.output.sidecar
+        summary = ", ".join(summary_parts(scene, record, num_resumed))
         note = self.stage.layers[0].volume.note
-        return FinishedFilm(file, sidecar, record, summary, note, shortfall, self.glances)
+        film = FinishedFilm(self.output.sidecar, record)
+        return JobResult(film, self.output.spec.file, summary, note, shortfall, self.glances)
+
+    def _notes(self) -> Iterator[str]:
+        """Yield notes for the user on the output, the annotation, the pictures and their drawing."""
+        yield from film_notes(self.output.spec)
+        yield from annotation_notes(self.stage)
+        yield from (each.note for each in self.glances if each.word != NOTHING)  # the frames tell more of nothing
+        yield from self.executor.notes
+
+    def _notes_on_original(self, devices: Sequence[str]) -> Iterator[str]:
+        """Yield notes on a film that is made again: on an accuracy that it missed, and on other versions."""
+        if self.job.original is None:
+            return
+        if self.job.repeats == "film":
+            yield from shortfall_notes(self.job.original)
+        if self.job.repeats != "nothing":
+            yield from version_notes(self.job.original, " and ".join(devices))
 
     def _devices(self, frames: Sequence[FrameRecord]) -> Sequence[str]:
-        """Return what drew the frames: what their records say, and for all others the executor's device."""
+        """Return the devices that drew the frames: those of their records, and for all others the executor's device."""
         elsewhere = [frame.device for frame in frames if frame.device is not None]
         return list(dict.fromkeys(elsewhere + [self.executor.device] * (len(elsewhere) < len(frames))))
 
 
-def one_pass(film: FilmInProgress) -> FinishedFilm:
+def one_pass(film: FilmInProgress) -> JobResult:
     """Draw the film as the scene requests it, and write it. Frames are kept from when they are finished until then."""
     plan, output = film.plan(LODCostEstimator(film.stage)), film.output
     if not film.resumes:
@@ -288,7 +310,7 @@ def _resume_checkpoint(film: FilmInProgress, plan: FilmPlan) -> FrameCheckpoint:
     """
     output, events, fingerprint, existing = film.output, film.events, film.fingerprint, film.existing
     checkpoint = FrameCheckpoint(output.folder, output.spec, output.frames, fingerprint)
-    is_same = existing is not None and existing.fingerprint.frames_digest == fingerprint.frames_digest
+    is_same = existing is not None and existing.frames_digest == fingerprint.frames_digest
     if existing is not None and is_same and output.spec.is_frames:
         checkpoint.adopt_records(existing.record.frames)
     dropped = [number for number, record in checkpoint.records.items() if not _matches_plan(plan, record)]

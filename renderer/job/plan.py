@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from renderer.draw import Rasterizer
@@ -19,15 +20,24 @@ from renderer.frame import (
     calibrate_costs,
 )
 from renderer.job.events import JobEvents
-from renderer.scene import MetricTarget, SplatBudget, TimeBudget, value_at, with_tolerances
+from renderer.job.film_job import FilmJob
+from renderer.record import (
+    BEST_EFFORT_HINT,
+    FrameRecord,
+    MeasuredRecord,
+    ScheduleRecord,
+    min_max,
+    missed_goal,
+    not_refined,
+)
+from renderer.scene import ErrorSpec, FilmScene, MetricTarget, SplatBudget, TimeBudget, value_at, with_tolerances
 from renderer.system import num_cores
 
 if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
     from renderer.accuracy import FoundTolerances, Trial
 
-# A trial drawing that takes this part of a frame's time tells enough about the whole.
+# The part of a frame's time that a trial drawing takes at most: it tells enough about the whole.
 _MAX_TRIAL_FRACTION = 0.3
-BEST_EFFORT_HINT = "with --best-effort it is good enough"
 
 
 @dataclass(frozen=True)
@@ -119,3 +129,45 @@ def _plan_accuracy(stage: FilmStage, goal: MetricTarget, found: FoundTolerances)
         shortfall = found.shortfall(stage.scene, where=where, hint=hint)
     exact = replace(stage, scene=with_tolerances(stage.scene, found.by_frame))
     return FilmPlan(exact, ScheduleController(exact), shortfall=shortfall, found=found)
+
+
+def find_shortfall(
+    plan: FilmPlan, scene: FilmScene, requested: ErrorSpec, frames: Sequence[FrameRecord]
+) -> RenderError | None:
+    """Return the error for a film that does not have the accuracy that was requested, or None.
+
+    scene: with its goal, which the plan's scene lacks.
+    """
+    if plan.is_unfinished:
+        return not_refined(scene.output.file.name, requested, frames)
+    return plan.shortfall or missed_goal(scene.error.goal, frames)
+
+
+def schedule_record(
+    plan: FilmPlan, job: FilmJob, frames: Sequence[FrameRecord], shortfall: RenderError | None
+) -> ScheduleRecord:
+    """Return the record of the accuracy; the measurement of an original holds while the same is requested."""
+    schedule = ScheduleRecord(
+        job.requested,
+        min_max([frame.tolerance for frame in frames]),
+        min_max([frame.cells for frame in frames]),
+        met=shortfall is None,
+        reproducible=not plan.is_timing_dependent,
+        shortfall=None if shortfall is None else str(shortfall),
+        measured=_measured_record(plan),
+    )
+    if job.original is None:
+        return schedule
+    schedule, before = replace(schedule, made_from=job.original.path.name), job.original.record.schedule
+    if plan.is_unfinished or job.repeats != "film" or job.requested != before.requested:
+        return schedule
+    return replace(before, tolerance=schedule.tolerance, cells=schedule.cells, made_from=schedule.made_from)
+
+
+def _measured_record(plan: FilmPlan) -> MeasuredRecord | None:
+    """Return the record of the search for an accuracy, if there was one."""
+    found = plan.found
+    if found is None:
+        return None
+    worst = found.worst.value if isfinite(found.worst.value) else None  # the PSNR of equal pictures is infinite
+    return MeasuredRecord(found.want.metric, found.worst.frame, found.tried, worst)

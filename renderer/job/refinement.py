@@ -30,10 +30,9 @@ from renderer.frame import (
 )
 from renderer.job.checkpoint import FrameStore, remove_checkpoint_frames
 from renderer.job.executor import DrawnFrame
-from renderer.job.film_making import FilmInProgress, FinishedFilm
-from renderer.job.goals import range_text
+from renderer.job.film_making import FilmInProgress, JobResult
 from renderer.job.plan import FilmPlan
-from renderer.job.record import DifferenceRecord, FrameRecord, PassRecord, min_max
+from renderer.record import DifferenceRecord, FrameRecord, PassRecord, min_max, range_text
 from renderer.scene import (
     ErrorSpec,
     MetricTarget,
@@ -47,18 +46,22 @@ from renderer.scene import (
 )
 from renderer.system import deferrable_interrupts
 
-# The first pass may take this many times as long as the first frame that shows anything. With few cells the pixels
+# The time of a frame of the first pass, by the time of the first picture that shows anything. With few cells the pixels
 # cost most, so the first pass can have many more cells.
 _FIRST_PASS_FACTOR = 1.3
-# How many times longer each pass takes than the one before, and how many times at least, to be worth it.
-_PASS_FACTOR, _MIN_PASS_FACTOR = 8.0, 3.0
-# Trial frames, which show what more cells cost, take up to this fraction of a frame of the last pass, and seconds.
-_TRIAL_FRACTION, _MAX_TRIAL_S = 0.1, 0.5
-# A pass may be predicted to take this fraction of the remaining time.
+# The time of each pass, by the time of the pass before.
+_PASS_FACTOR = 8.0
+# The least such factor with which a pass is worth its time.
+_MIN_PASS_FACTOR = 3.0
+# The most time of trial frames, which show the cost of more cells, by the time of a frame of the last pass.
+_TRIAL_FRACTION = 0.1
+# The same in seconds.
+_MAX_TRIAL_S = 0.5
+# The fraction of the remaining time that a pass may be predicted to take.
 _SAFE_FRACTION = 0.9
-# The time of a pass is predicted from this many frames.
+# The frames from which the time of a pass is predicted.
 _NUM_SAMPLED_FRAMES = 3
-# Pictures of the pass before are kept for comparison, of as many frames as fit into this.
+# The most bytes of pictures of the pass before that are kept for comparison.
 _MAX_COMPARED_BYTES = 2**26
 
 
@@ -77,7 +80,7 @@ class Refinement:
     time_limit: float = math.inf
     best_effort: bool = False
 
-    def __call__(self, film: FilmInProgress) -> FinishedFilm:
+    def __call__(self, film: FilmInProgress) -> JobResult:
         """Draw pass after pass, until one is what the scene requests or the time is up."""
         refiner, output = Refiner(film, film.start + self.time_limit), film.output
         try:
@@ -123,7 +126,7 @@ class Refiner:
         self._error = film.stage.scene.error
         self._store = ComparedFrames(film.output.spec, self._frames)
         self.passes: list[PassRecord] = []
-        self.made: FinishedFilm | None = None
+        self.made: JobResult | None = None
 
     def plan_passes(self) -> Iterator[Pass]:
         """Yield the passes, each planned when the one before it is finished, as many as there is time for.

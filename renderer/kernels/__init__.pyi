@@ -1,19 +1,42 @@
 from .binding import kernels as kernels
 from .bus_errors import guarded_regions as guarded_regions
 from .library import describe_kernels as describe_kernels, num_lanes as num_lanes, processor_level as processor_level
+from .records import (
+    Classifier as Classifier,
+    ClipRegion as ClipRegion,
+    Field as Field,
+    FieldMask as FieldMask,
+    Grid as Grid,
+    IndexRays as IndexRays,
+    Intervals as Intervals,
+    LayerBricks as LayerBricks,
+    LayerOptics as LayerOptics,
+    Light as Light,
+    LightGrid as LightGrid,
+    MaskGrid as MaskGrid,
+    ModelView as ModelView,
+    PiecewiseTransfer as PiecewiseTransfer,
+    RaySetup as RaySetup,
+    RayShading as RayShading,
+    RemovedSet as RemovedSet,
+    SearchRules as SearchRules,
+    Shading as Shading,
+    TransferTable as TransferTable,
+    VisibleNodes as VisibleNodes,
+    VoxelLighting as VoxelLighting,
+    Voxels as Voxels,
+)
 from .threads import ThreadPool as ThreadPool
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .binding import STOPPED as STOPPED, Kernel as Kernel
+from .binding import Kernel as Kernel
 from .build import (
     BUILT as BUILT,
     LEVELS as LEVELS,
-    MANIFEST as MANIFEST,
     SOURCES as SOURCES,
     source_files as source_files,
     this_target as this_target,
 )
-from .header import Header as Header, read_headers as read_headers
-from .library import LEVEL_VARIABLE as LEVEL_VARIABLE, load_library as load_library
-from .threads import MIN_PIXELS_PER_THREAD as MIN_PIXELS_PER_THREAD
+from .header import Header as Header, Member as Member, Struct as Struct, read_headers as read_headers
+from .library import load_library as load_library

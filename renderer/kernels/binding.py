@@ -1,14 +1,14 @@
 """Call kernels through ctypes.
 
     kernels().bin_bricks(tile_windows=windows, num_columns=3, ...)
-    draw = kernels().draw_tiles.partial(bins=bins, stride=1, ...)   # checked and converted once
-    draw(tiles=tiles)                                               # on any thread
+    draw = kernels().draw_tiles.partial(grid=grid, bricks=bricks, ...)   # checked and converted once
+    draw(tiles=tiles)                                                    # on any thread
 
 Every array is checked: its dtype, its number of dimensions, that it is contiguous, and writeable where the kernel
 writes. ctypes releases the interpreter's lock.
 
 Long kernels stop when the process is asked to end, and then raise KeyboardInterrupt. Python handles signals in the main
-thread, which would not come to it inside a kernel: another thread runs the long ones that the main thread calls.
+thread between two bytecodes, and a kernel has none: another thread runs the long kernels that the main thread calls.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from renderer.kernels.build import SOURCES
 from renderer.kernels.header import Header, Struct, read_headers
 from renderer.kernels.library import load_library
 from renderer.system import deferrable_interrupts, result_of, start_threads, stop_flag
+
+if TYPE_CHECKING:
+    from renderer.kernels import signatures
 
 _STATUS = {1: MemoryError, 2: IndexError}
 # A long kernel saw that the process is to end.
@@ -45,12 +48,12 @@ class Kernel:
         self._function = function
         self._arguments = arguments
         self._is_long = is_long
-        self._layouts = {key: struct.Struct("=" + one.format) for key, (_, one) in arguments.members.items()}
+        self._layouts = {key: struct.Struct("=" + one.type.format) for key, one in arguments.members.items()}
 
     def __call__(self, **values: Any) -> None:
         """Run the kernel. Raise MemoryError, or IndexError for shapes that do not fit together.
 
-        Raises TypeError or ValueError where an argument is not what the kernel takes, and KeyboardInterrupt, with the
+        Raises TypeError or ValueError for an argument that the kernel does not take, and KeyboardInterrupt, with the
         number of the signal, where a long kernel was stopped.
         """
         self.partial(**values)()
@@ -102,11 +105,11 @@ class Kernel:
         for key, value in values.items():
             if key not in layouts:
                 raise TypeError(f"{self._name}: no argument {key}")
-            offset, kind = members[key]
+            member = members[key]
             numbers: list[Any] = []
             try:
-                kind.add(value, numbers, kept)
-                layouts[key].pack_into(block, offset, *numbers)
+                member.type.add(value, numbers, kept)
+                layouts[key].pack_into(block, member.offset, *numbers)
             except (TypeError, ValueError, struct.error) as error:
                 kind_of_error = TypeError if isinstance(error, struct.error) else type(error)
                 raise kind_of_error(f"{self._name}: {key}: {error}") from None
@@ -131,11 +134,11 @@ class Kernels:
 
 
 @cache
-def kernels() -> Kernels:
+def kernels() -> signatures.Kernels:
     """Return the kernels for this processor. Raise RenderError where they cannot be loaded."""
     found = Kernels(load_library(), read_headers(SOURCES))
     found.heed_flag(flag=np.frombuffer(memoryview(stop_flag), np.int32))
-    return found
+    return cast("signatures.Kernels", found)
 
 
 @cache

@@ -1,16 +1,16 @@
 """Compile the kernels into libraries, with the compiler in the wheel `ziglang`. Needs nothing else.
 
     python -m renderer.kernels.build              the library for this processor, for development
-    python -m renderer.kernels.build --all        those of all levels, as an installation does
-    python -m renderer.kernels.build --all --target linux-aarch64 --out FOLDER    those of another machine
-    python -m renderer.kernels.build --checked    this processor's, which ends the process at undefined behaviour
+    python -m renderer.kernels.build --all        the libraries for all levels, as an installation does
+    python -m renderer.kernels.build --all --target linux-aarch64 --out FOLDER    the libraries for another machine
+    python -m renderer.kernels.build --checked    a library that ends the process at undefined behaviour
 
 CXX in the environment names another clang, of version 22 or newer. Objects are linked without a C library: they need
 `calloc`, `memset`, `fma` and the like, which every Python process has. The same sources give the same bytes, in any
 folder.
 
-An installation runs this file alone, so it imports the standard library only; and so does whatever loads a library,
-so that it imports what compiles where it is used.
+An installation runs this file alone: it imports the standard library only. Every process that loads a library imports
+it, too: modules that only compilation needs are imported where they are used.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ import sys
 from pathlib import Path
 
 SOURCES = Path(__file__).resolve().parent / "sources"
-# Where an editable installation has its libraries, and a wheel, in the same place of its package.
+# The folder of the libraries, in an editable installation and in a wheel.
 BUILT = SOURCES.parent / "built"
-# What says which libraries there are: a digest of the sources, then a line for each library, its digest and its name.
+# The list of the libraries: a digest of the sources, then a line for each library, its digest and its name.
 MANIFEST = "libraries.txt"
 # By machine: levels, the name of the processor, and its lanes of float32. Level 2 of x86-64 would gain nothing.
 LEVELS = {
     "x86_64": {1: ("x86_64", 4), 3: ("x86_64_v3", 8), 4: ("x86_64_v4", 16)},
     "aarch64": {0: ("generic", 4)},
 }
-# Compiled for each level; the others for the lowest alone, as higher ones gain nothing.
+# Sources that are compiled for each level. The others gain nothing by a higher level than the lowest.
 _IN_LANES = ("draw/march.cpp", "draw/mixture.cpp", "draw/extremum.cpp", "lighting/light_rays.cpp")
-# What libraries can be made for, and what zig calls it: for Linux, with any C library since that of 2012.
+# Machines that libraries can be made for, with their names in zig. Linux needs glibc 2.17, of 2012, or newer.
 TARGETS = {
     "linux-x86_64": "x86_64-linux-gnu.2.17",
     "linux-aarch64": "aarch64-linux-gnu.2.17",
@@ -57,7 +57,7 @@ def source_files() -> list[Path]:
 
 
 def sources_digest() -> str:
-    """Return a digest of all that libraries are made of."""
+    """Return a digest of the sources and of this file. Libraries of another digest are out of date."""
     digest = hashlib.blake2b(digest_size=16)
     for path in [Path(__file__), *source_files()]:
         digest.update(os.path.relpath(path, SOURCES).encode() + path.read_bytes())
@@ -72,14 +72,14 @@ def this_target() -> str:
 
 
 def best_level(offered: int, target: str) -> int:
-    """Return the highest level that there are kernels of, for a processor that offers a level."""
+    """Return the highest level of kernels that a processor can run. offered: the level that it offers."""
     return max(level for level in LEVELS[target.partition("-")[2]] if level <= offered)
 
 
 def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bool = False) -> list[Path]:
     """Write libraries and their manifest into a folder, and return the libraries.
 
-    target: one of TARGETS. levels: those of its machine, if not all. checked: as `--checked`.
+    target: one of TARGETS. levels: of its machine; None for all. checked: as `--checked`.
     """
     import tempfile
     from concurrent.futures import ThreadPoolExecutor
@@ -134,7 +134,7 @@ def _linker(target: str, library: Path) -> list[str]:
 
 
 def _run(folder: Path, *command: object) -> None:
-    """Run a command in a folder, and raise what it says if it fails."""
+    """Run a command in a folder. Raise RuntimeError with its output if it fails."""
     import subprocess
 
     words = [str(word) for word in command]
@@ -174,5 +174,5 @@ def main() -> None:
 if __name__ == "__main__":
     try:
         main()
-    except RuntimeError as error:  # what the compiler says is enough
+    except RuntimeError as error:  # the compiler's messages are enough
         sys.exit(str(error))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from renderer.kernels.binding import kernels
 
-# Regions that can be guarded at once.
+# The number of regions that can be guarded at once.
 _MOST = 64
 
 

@@ -1,28 +1,35 @@
-"""Read what kernels take from each `kernels.h` in the folders of `sources/`, and lay it out in memory as C does."""
+"""Read the structs of kernels from each `kernels.h` in the folders of `sources/`, and lay them out as C does."""
 
 from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator
+from itertools import takewhile
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 # The number of a dtype in an AnyArray is its place here (`with_array` in arrays.h).
 DTYPES = tuple(np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"))
 
+# By the type in C++: its letter in Python's `struct`, its dtype, and the type of Python that fills it.
 _NUMBERS = {
-    "bool": ("?", np.bool_), "uint8_t": ("B", np.uint8), "int8_t": ("b", np.int8), "uint16_t": ("H", np.uint16),
-    "int16_t": ("h", np.int16), "uint32_t": ("I", np.uint32), "int32_t": ("i", np.int32), "uint64_t": ("Q", np.uint64),
-    "int64_t": ("q", np.int64), "float": ("f", np.float32), "double": ("d", np.float64),
-}  # fmt: skip
-_STRUCT = re.compile(r"^struct (\w+) \{\n(.*?)^\};", re.DOTALL | re.MULTILINE)
-_KERNEL = re.compile(r"^(LONG_)?KERNEL\((\w+), (\w+)\)", re.MULTILINE)
-# The type of some members, then their names.
-_MEMBERS = re.compile(r"((?:const )?\w+(?:<.*>)?) ([^<>]+);")
-_MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
+    "bool": ("?", np.bool_, "bool"),
+    "uint8_t": ("B", np.uint8, "int"),
+    "int8_t": ("b", np.int8, "int"),
+    "uint16_t": ("H", np.uint16, "int"),
+    "int16_t": ("h", np.int16, "int"),
+    "uint32_t": ("I", np.uint32, "int"),
+    "int32_t": ("i", np.int32, "int"),
+    "uint64_t": ("Q", np.uint64, "int"),
+    "int64_t": ("q", np.int64, "int"),
+    "float": ("f", np.float32, "float"),
+    "double": ("d", np.float64, "float"),
+}
+_STRUCT = re.compile(r"struct (\w+) \{")
+_KERNEL = re.compile(r"(LONG_)?KERNEL\((\w+), (\w+)\)")
+_MEMBER = re.compile(r"(EACH_CALL )?((?:const )?\w+(?:<.*>)?) (\w+)(?:\[(\d+)\])?;")
 _ARRAY = re.compile(r"(?:Array|Sized)<(const )?(\w+), (\d)((?:, \d+)*)>")
 _ANY_ARRAY = re.compile(r"AnyArray<(\d)>")
 _MAYBE = re.compile(r"Maybe<(.*)>")
@@ -31,16 +38,17 @@ _MAYBE = re.compile(r"Maybe<(.*)>")
 class Type:
     """A type of a member. format: its layout, as one of Python's `struct`, a letter for each number or byte of padding.
 
-    num_numbers: how many numbers it takes. alignment: in bytes.
+    annotation: the type of Python that fills it. num_numbers: how many numbers it takes. alignment: in bytes.
     """
 
-    def __init__(self, format: str) -> None:
-        self.format, self.size = format, struct.calcsize("=" + format)
+    def __init__(self, format: str, annotation: str) -> None:
+        self.format, self.annotation = format, annotation
+        self.size = struct.calcsize("=" + format)
         self.num_numbers = len(format) - format.count("x")
         self.alignment = max(struct.calcsize("=" + number) for number in format)
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
-        """Append the numbers of a value, and to `kept` what must live as long as they are used.
+        """Append the numbers of a value, and to `kept` the objects that must live as long as they are used.
 
         Raises TypeError or ValueError, which say what is wrong.
         """
@@ -48,9 +56,12 @@ class Type:
 
 
 class _Several(Type):
-    def __init__(self, one: str, dtype: type[Any], count: int) -> None:
-        super().__init__(one * count)
-        self._dtype = dtype
+    """Several numbers of one type. Integers are sizes or numbers of voxels, and others are vectors or matrices."""
+
+    def __init__(self, kind: str, count: int) -> None:
+        one, self._dtype, annotation = _NUMBERS[kind]
+        is_whole = annotation == "int"
+        super().__init__(one * count, f"tuple[{', '.join(['int'] * count)}]" if is_whole else "NDArray[np.float64]")
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
         found = value if isinstance(value, tuple) else np.asarray(value, self._dtype).ravel().tolist()
@@ -60,10 +71,14 @@ class _Several(Type):
 
 
 class _Array(Type):
-    """dtype: None for any of DTYPES, whose number then follows the shape. last: the last sizes of the shape."""
+    """An array of numbers.
+
+    dtype: None for any of DTYPES, whose number then follows the shape. last: the last sizes of the shape.
+    """
 
     def __init__(self, dtype: Any, dimensions: int, last: tuple[int, ...], *, is_written: bool) -> None:
-        super().__init__("q" * (1 + dimensions + (dtype is None)))
+        element = "Any" if dtype is None else f"np.{np.dtype(dtype).type.__name__}"
+        super().__init__("q" * (1 + dimensions + (dtype is None)), f"NDArray[{element}]")
         self._dtype, self._dimensions, self._last, self._is_written = dtype, dimensions, last, is_written
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
@@ -75,7 +90,7 @@ class _Array(Type):
             raise TypeError(f"{value.dtype} [{value.ndim}], expected {expected}")
         if value.shape[value.ndim - len(self._last) :] != self._last:
             raise ValueError(f"shape {value.shape}, expected the last sizes {self._last}")
-        flags = value.flags  # not `aligned`: what came from another process or from a file may lie at any address
+        flags = value.flags  # not `aligned`: arrays from another process or from a file may lie at any address
         if not flags.c_contiguous or self._is_written > flags.writeable:
             raise ValueError("not contiguous, or read-only where the kernel writes")
         kept.append(value)
@@ -85,10 +100,10 @@ class _Array(Type):
 
 
 class _Structs(Type):
-    """An array of structs, made from a sequence of what each is filled from."""
+    """An array of structs, filled from a sequence of records."""
 
     def __init__(self, one: Type) -> None:
-        super().__init__("qq")
+        super().__init__("qq", f"Sequence[{one.annotation}]")
         self._one = one
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
@@ -100,8 +115,10 @@ class _Structs(Type):
 
 
 class _Maybe(Type):
+    """A type, or None."""
+
     def __init__(self, one: Type) -> None:
-        super().__init__("?" + "x" * (one.alignment - 1) + one.format)
+        super().__init__("?" + "x" * (one.alignment - 1) + one.format, f"{one.annotation} | None")
         self._one = one
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
@@ -112,68 +129,107 @@ class _Maybe(Type):
             self._one.add(value, numbers, kept)
 
 
-class Struct(Type):
-    """A struct that kernels take. members: by name, the offset and the type of each."""
+class Member(NamedTuple):
+    """A member of a struct.
 
-    def __init__(self, members: list[tuple[str, Type]]) -> None:
-        self.members: dict[str, tuple[int, Type]] = {}
+    offset: in bytes. comment: its lines. is_of_call: whether it differs between the calls that share other members.
+    """
+
+    type: Type
+    offset: int
+    comment: list[str]
+    is_of_call: bool
+
+
+class Struct(Type):
+    """A struct that kernels take. comment: its lines. members: by name, in their order."""
+
+    def __init__(self, name: str, comment: list[str], members: dict[str, tuple[Type, list[str], bool]]) -> None:
+        self.comment = comment
+        self.members: dict[str, Member] = {}
         format = ""
-        for name, one in members:
+        for key, (one, of_member, is_of_call) in members.items():
             format += "x" * (-struct.calcsize("=" + format) % one.alignment)
-            self.members[name] = struct.calcsize("=" + format), one
+            self.members[key] = Member(one, struct.calcsize("=" + format), of_member, is_of_call)
             format += one.format
-        alignment = max(one.alignment for _, one in members)
-        super().__init__(format + "x" * (-struct.calcsize("=" + format) % alignment))
+        alignment = max(one.type.alignment for one in self.members.values())
+        super().__init__(format + "x" * (-struct.calcsize("=" + format) % alignment), name)
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
-        for name, (_, one) in self.members.items():
+        for name, member in self.members.items():
             try:
-                one.add(value[name] if isinstance(value, dict) else getattr(value, name), numbers, kept)
-            except (TypeError, ValueError, KeyError) as error:
+                member.type.add(getattr(value, name), numbers, kept)
+            except (TypeError, ValueError) as error:
                 raise type(error)(f"{name}: {error}") from None
 
 
 class Header:
-    """A table of the structs in the texts of headers, each of which is read when it is first needed.
+    """A table of the structs in the text of headers, each of which is laid out when it is first needed.
 
-    arguments: by kernel, the name of the struct that it takes. long_kernels: those that stop when they are asked to.
+    names: of all structs, in their order. arguments: by kernel, the name of the struct that it takes. long_kernels: the
+    kernels that stop when they are asked to.
     """
 
     def __init__(self, text: str) -> None:
-        self._bodies = dict(_STRUCT.findall(text))
-        found = _KERNEL.findall(text)
-        self.arguments: dict[str, str] = {name: arguments for _, name, arguments in found}
-        self.long_kernels = frozenset(name for long, name, _ in found if long)
+        self._texts: dict[str, tuple[list[str], list[str]]] = {}  # by struct, the lines of its comment and of its body
+        self.arguments: dict[str, str] = {}
+        long_kernels = set()
+        comment: list[str] = []
+        lines = iter(text.splitlines())
+        for line in lines:
+            if line.startswith("//"):
+                comment.append(_comment_of(line))
+                continue
+            if found := _STRUCT.fullmatch(line):
+                self._texts[found[1]] = comment, list(takewhile(lambda each: each != "};", lines))
+            elif found := _KERNEL.fullmatch(line):
+                is_long, name, arguments = found.groups()
+                self.arguments[name] = arguments
+                if is_long:
+                    long_kernels.add(name)
+            comment = []
+        self.names = tuple(self._texts)
+        self.long_kernels = frozenset(long_kernels)
 
     def struct_of(self, kernel: str) -> Struct:
         """Return the struct that a kernel takes."""
-        return self._struct(self.arguments[kernel])
+        return self.struct_named(self.arguments[kernel])
 
-    def _struct(self, name: str) -> Struct:
-        lines = (line for line in self._bodies[name].splitlines() if ";" in line)
-        return Struct([member for line in lines for member in self._read_members(line)])
+    def struct_named(self, name: str) -> Struct:
+        """Return a struct. The file is refused, by an assertion, where a line of it cannot be read."""
+        comment_of_struct, lines = self._texts[name]
+        members: dict[str, tuple[Type, list[str], bool]] = {}
+        comment: list[str] = []
+        for line in map(str.strip, lines):
+            if line.startswith("//"):
+                comment.append(_comment_of(line))
+                continue
+            found = _MEMBER.fullmatch(line)
+            assert found is not None, f"cannot read {line!r}"
+            is_of_call, kind, key, count = found.groups()
+            members[key] = _Several(kind, int(count)) if count else self._type(kind), comment, bool(is_of_call)
+            comment = []
+        return Struct(name, comment_of_struct, members)
 
     def _type(self, name: str) -> Type:
         if name in _NUMBERS:
-            return Type(_NUMBERS[name][0])
+            letter, _, annotation = _NUMBERS[name]
+            return Type(letter, annotation)
         if found := _ARRAY.fullmatch(name):
             const, kind, dimensions, last = found.groups()
             if kind not in _NUMBERS:
-                return _Structs(self._struct(kind))
+                return _Structs(self.struct_named(kind))
             sizes = tuple(int(size) for size in re.findall(r"\d+", last))
             return _Array(np.dtype(_NUMBERS[kind][1]), int(dimensions), sizes, is_written=not const)
         if found := _ANY_ARRAY.fullmatch(name):
             return _Array(None, int(found[1]), (), is_written=False)
         if found := _MAYBE.fullmatch(name):
             return _Maybe(self._type(found[1]))
-        return self._struct(name)
+        return self.struct_named(name)
 
-    def _read_members(self, line: str) -> Iterator[tuple[str, Type]]:
-        found = _MEMBERS.fullmatch(line.partition("//")[0].strip())
-        assert found is not None, f"cannot read {line!r}"
-        kind, names = found.groups()
-        for name, count in _MEMBER.findall(names):
-            yield name, _Several(*_NUMBERS[kind], int(count)) if count else self._type(kind)
+
+def _comment_of(line: str) -> str:
+    return line.removeprefix("//").removeprefix(" ")
 
 
 def read_headers(sources: Path) -> Header:

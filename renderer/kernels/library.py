@@ -1,4 +1,4 @@
-"""Find the library of kernels for this processor, and load it only if it is what was built.
+"""Find the library of kernels for this processor, and load it only if its bytes are as they were built.
 
 A damaged library may end the process while it is loaded, so its digest is compared first.
 """
@@ -15,16 +15,16 @@ from pathlib import Path
 from renderer.errors import InputError, RenderError
 from renderer.kernels.build import BUILT, LEVELS, MANIFEST, best_level, sources_digest, this_target
 
-# Asks for a lower level of the processor than it has: for tests, and to compare machines.
+# The environment variable that asks for a lower level than the processor has: for tests, and to compare machines.
 LEVEL_VARIABLE = "HSPLAT_PROCESSOR_LEVEL"
 _ROOT = Path(__file__).resolve().parents[2]
 
 
 @cache
 def processor_level() -> int:
-    """Return the level of the kernels that this process uses: of x86-64 1, 3 or 4, 0 of other machines.
+    """Return the level of the kernels that this process uses: 1, 3 or 4 on x86-64, 0 on other machines.
 
-    Raises InputError for a level in the environment that there is not, RenderError without a library.
+    Raises InputError for a level in the environment that does not exist, RenderError without a library.
     """
     offered = best_level(_load("processor").processor_level(), this_target())
     wanted = os.environ.get(LEVEL_VARIABLE, "")  # noqa: TID251  read once, before anything is drawn
@@ -52,7 +52,7 @@ def _levels() -> dict[int, tuple[str, int]]:
 
 
 def describe_kernels() -> str:
-    """Return for which processors the kernels are that this process uses, in a few words."""
+    """Describe the processors that the kernels of this process are for, in a few words."""
     machine = platform.machine()
     level = f" level {processor_level()}" if machine == "x86_64" else ""
     return f"for {machine}{level}, {num_lanes()} rays in step"
@@ -74,11 +74,13 @@ def _load(name: str) -> ctypes.CDLL:
             raise _unusable(path, "the compiled kernels are damaged")
         return ctypes.CDLL(str(path))
     except (OSError, ValueError) as error:
-        what = f"the compiled kernels cannot be read ({getattr(error, 'strerror', None) or error})"
-        raise _unusable(path, what) from None
+        reason = getattr(error, "strerror", None) or error
+        raise _unusable(path, f"the compiled kernels cannot be read ({reason})") from None
 
 
-def _unusable(path: Path, what: str) -> RenderError:
+def _unusable(path: Path, fault: str) -> RenderError:
     is_checkout = (_ROOT / "pyproject.toml").is_file()
     command = "python -m renderer.kernels.build" if is_checkout else "pip install --force-reinstall hsplat"
-    return RenderError(what, where=str(path), got=f"machine {platform.machine()}", hint=f"`{command}` makes them again")
+    return RenderError(
+        fault, where=str(path), got=f"machine {platform.machine()}", hint=f"`{command}` makes them again"
+    )

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.system import result_of, start_threads
 
-# With fewer pixels than these, work on them takes less time than starting threads.
+# The least number of pixels for a thread: with fewer, the work takes less time than starting the thread.
 MIN_PIXELS_PER_THREAD = 1 << 15
 
 Item = TypeVar("Item")
@@ -20,7 +20,7 @@ Array = npt.NDArray[Any]
 class ThreadPool:
     """A number of threads, or the calling thread alone. A `with` block or `release` ends them.
 
-    The methods raise what the work on an item raises; items that no thread has started are then dropped.
+    The methods raise the exceptions of the work; items that no thread has started are then dropped.
     """
 
     def __init__(self, num: int = 1) -> None:
@@ -43,7 +43,7 @@ class ThreadPool:
         return list(self.each(work, items))
 
     def each(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Generator[Result, None, None]:
-        """Yield `work(item)` for all items, in their order; when closed, drop what no thread has started."""
+        """Yield `work(item)` for all items, in their order; when closed, drop the items that no thread has started."""
         if self._pool is None:
             yield from map(work, items)
             return

@@ -9,12 +9,13 @@ from functools import partial
 from typing import Any
 
 from renderer.bricks import BrickBatch, BrickLayer, BrickLayers, Bricks, extreme_bricks, make_bricks
+from renderer.kernels import LightGrid
 from renderer.layers.label_numbers import leave_out_masked, number_labels
 from renderer.lighting import compute_light_grid
 from renderer.modes import Projection, make_projection
 from renderer.pyramid import EVERY_CUT, FinestCut, Pyramid, build_pyramid
 from renderer.scene import RAMP_THICKNESS, FilmScene, LayerSpec, OverFrames, Scene
-from renderer.transfer import NO_LIGHT_GRID, LightGrid, TransferFunction, make_transfer_function
+from renderer.transfer import NO_LIGHT_GRID, TransferFunction, make_transfer_function
 from renderer.view import are_clipped_away, place_object_clips
 from renderer.volume import Volume
 

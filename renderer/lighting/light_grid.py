@@ -17,9 +17,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from renderer.kernels import ThreadPool, kernels
+from renderer.kernels import LightGrid, ThreadPool, kernels
 from renderer.scene import ShadingSpec, Vector
-from renderer.transfer import LightGrid, TransferFunction, make_classifier, make_light_grid, raw_voxels
+from renderer.transfer import TransferFunction, make_classifier, make_light_grid, raw_voxels
 from renderer.volume import Bools, Float32, Float64, Volume
 
 # Along the longest axis, at most.

@@ -16,4 +16,4 @@ from .look_import import LookNameError as LookNameError, read_look as read_look,
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .curves import MAX_OPACITY_ERROR as MAX_OPACITY_ERROR, merge_curves as merge_curves
+from .curves import merge_curves as merge_curves

@@ -25,7 +25,3 @@ from .pyramid import (
     error_scale as error_scale,
     subdivide as subdivide,
 )
-
-# isort: split
-# For tests alone: steps and constants that no other room uses.
-from .pyramid import BLOCKS_PER_TASK as BLOCKS_PER_TASK

@@ -1,4 +1,4 @@
-"""What the kernels of `nodes.cpp` write of the nodes that they build, and how that is stored.
+"""Make room for the nodes that the kernels of `nodes.cpp` build, and store their means.
 
 Nodes come in *groups*: 64 of them, their 8 parents, and the root of those. The levels 1, 2, 3 of a block of 8^3 voxels
 are a group; the roots of up to 64 groups make the next one, with the levels 3, 4, 5, and so on.
@@ -6,53 +6,40 @@ are a group; the roots of up to 64 groups make the next one, with the levels 3, 
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from renderer.kernels import kernels
-from renderer.volume import Array, Float32, Float64, Int32, Int64, UInt8
+from renderer.kernels import VisibleNodes, kernels
+from renderer.volume import Array, Float32
 
 NODES_OF_GROUP = (64, 8, 1)
 
 BLOCK_SIZE = 8
 
 
-class VisibleNodes(NamedTuple):
-    """Room for the visible nodes of some groups: for each level of all groups, one level behind the other.
+def room_for_nodes(num_groups: int, num_channels: int, *, listed: bool = False) -> VisibleNodes:
+    """Return room for the nodes of some groups.
 
-    means: float32 [n, 4]. deviations: float32 [n], the roots of variances, which are summed over channels. masks: as in
-        Level; not of the first level of blocks. cells: int32 [n, 3] (x, y, z), and sizes: int64 [n], their numbers of
-        voxels; empty where nobody asks.
-    counts: int64 [3], how many nodes of each level are visible; they are at its beginning, in Morton order.
-    root_means: float32 [g, 4], of the groups' roots, visible or not.
-    root_error_means, root_variances: float64 [g, c], of what errors are measured of.
+    num_channels: the channels that errors are measured on: 4, or 1 for scalars. listed: whether cells and sizes are
+        asked for.
     """
+    num = num_groups * sum(NODES_OF_GROUP)
+    return VisibleNodes(
+        means=np.empty((num, 4), np.float32),
+        deviations=np.empty(num, np.float32),
+        masks=np.empty(num, np.uint8),
+        cells=np.empty((num * listed, 3), np.int32),
+        sizes=np.empty(num * listed, np.int64),
+        counts=np.empty(len(NODES_OF_GROUP), np.int64),
+        root_means=np.empty((num_groups, 4), np.float32),
+        root_error_means=np.empty((num_groups, num_channels)),
+        root_variances=np.empty((num_groups, num_channels)),
+    )
 
-    means: Float32
-    deviations: Float32
-    masks: UInt8
-    cells: Int32
-    sizes: Int64
-    counts: Int64
-    root_means: Float32
-    root_error_means: Float64
-    root_variances: Float64
 
-    @classmethod
-    def empty(cls, num_groups: int, num_channels: int, *, listed: bool = False) -> VisibleNodes:
-        """Return room for some groups. num_channels: of what errors are measured of: 4, or 1 for scalars."""
-        num = num_groups * sum(NODES_OF_GROUP)
-        errors = (np.empty((num_groups, num_channels)) for _ in range(2))
-        of_nodes = np.empty((num, 4), np.float32), np.empty(num, np.float32), np.empty(num, np.uint8)
-        places = np.empty((num * listed, 3), np.int32), np.empty(num * listed, np.int64)
-        counts = np.empty(len(NODES_OF_GROUP), np.int64)
-        return cls(*of_nodes, *places, counts, np.empty((num_groups, 4), np.float32), *errors)
-
-    def of_level(self, part: int) -> slice:
-        """Return where the visible nodes of a level of the groups are."""
-        first = len(self.root_means) * sum(NODES_OF_GROUP[:part])
-        return slice(first, first + int(self.counts[part]))
+def nodes_of_level(nodes: VisibleNodes, part: int) -> slice:
+    """Return the range of the visible nodes of a level of the groups."""
+    first = len(nodes.root_means) * sum(NODES_OF_GROUP[:part])
+    return slice(first, first + int(nodes.counts[part]))
 
 
 def packed_channels(values: Array) -> Array:

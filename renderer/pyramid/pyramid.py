@@ -26,18 +26,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from renderer.kernels import ThreadPool, kernels
-from renderer.pyramid.nodes import BLOCK_SIZE, NODES_OF_GROUP, VisibleNodes, opacities_to_depths, store_scaled
+from renderer.kernels import Classifier, LightGrid, ThreadPool, VisibleNodes, kernels
+from renderer.pyramid.nodes import (
+    BLOCK_SIZE,
+    NODES_OF_GROUP,
+    nodes_of_level,
+    opacities_to_depths,
+    room_for_nodes,
+    store_scaled,
+)
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import (
     NO_LIGHT_GRID,
     VISIBILITY_THRESHOLD,
-    Classifier,
-    LightGrid,
     TransferFunction,
     make_classifier,
     raw_voxels,
@@ -344,20 +349,31 @@ class _Tier(NamedTuple):
     variances: Float64
 
 
-# A task's memory for its nodes, which the next one uses again, and the kernel that fills it: fresh pages cost more than
-# the arithmetic done in them.
-_Scratch = tuple[VisibleNodes, Callable[..., None]]
+class _BuildBlocks(Protocol):
+    """A function that builds the nodes of some blocks: the kernel `build_blocks`, with its other arguments."""
+
+    def __call__(self, *, starts: Int64, extents: Int64, visible: Bools) -> None: ...
+
+
+class _Scratch(NamedTuple):
+    """A task's memory for its nodes, which the next one uses again, and the kernel that fills it.
+
+    Fresh pages cost more than the arithmetic done in them.
+    """
+
+    nodes: VisibleNodes
+    build: _BuildBlocks
 
 
 def _make_scratch(plan: _Plan, num_blocks: int) -> _Scratch:
-    nodes = VisibleNodes.empty(num_blocks, plan.num_error_channels, listed=plan.on_nodes is not None)
+    nodes = room_for_nodes(num_blocks, plan.num_error_channels, listed=plan.on_nodes is not None)
     build = kernels().build_blocks.partial(
         raw=raw_voxels(plan.pyramid.volume), classifier=plan.pyramid.mean_classifier,
         error_classifier=plan.error_classifier, normalization=plan.normalization,
-        leaf_variance_limits=plan.leaf_variance_limits, occupied=plan.pyramid.occupied,
+        leaf_variance_limits=np.array(plan.leaf_variance_limits), occupied=plan.pyramid.occupied,
         occupied_level=plan.pyramid.occupied_level, nodes=nodes,
     )  # fmt: skip
-    return nodes, build
+    return _Scratch(nodes, build)
 
 
 def _build_all_blocks(plan: _Plan, num_threads: int) -> tuple[_Tier, list[Level]]:
@@ -414,7 +430,7 @@ def _build_blocks(plan: _Plan, cubes: Int64, targets: list[Level], scratch: _Scr
         if plan.on_nodes is None or not _is_streamed(plan, part):
             stored.append(_store_visible(plan, nodes, part, targets[part]))
             continue
-        found = nodes.of_level(part)
+        found = nodes_of_level(nodes, part)
         target = Level.empty(found.stop - found.start, plan.dtype, masked=part > 0)
         target, sizes = _store_visible(plan, nodes, part, target), nodes.sizes[found]
         scales = error_scale(pyramid.volume, pyramid.measure, np.arange(8 ** (part + 1) + 1)) * pyramid.error_unit
@@ -441,7 +457,7 @@ def _next_tier(plan: _Plan, tier: _Tier, level: int) -> tuple[_Tier, list[Level]
     cells = cells[is_first]
     extents = cell_extents(cells, level + TIER_LEVELS, plan.pyramid.volume.shape_xyz)
 
-    nodes = VisibleNodes.empty(len(cells), plan.num_error_channels)
+    nodes = room_for_nodes(len(cells), plan.num_error_channels)
     kernels().merge_tier(
         means=tier.means, error_means=tier.error_means, variances=tier.variances, places=places, extents=extents,
         side=1 << level, nodes=nodes,
@@ -460,7 +476,7 @@ def _octants(cells: Int64) -> Int64:
 
 def _store_visible(plan: _Plan, nodes: VisibleNodes, part: int, target: Level) -> Level:
     """Write the visible nodes of one level of groups to the beginning of `target`; return that part of it."""
-    found = nodes.of_level(part)
+    found = nodes_of_level(nodes, part)
     means, target = nodes.means[found], target.part(0, found.stop - found.start)
     target.masks[:] = nodes.masks[found][: len(target.masks)]
     if plan.pyramid.max_depth is not None:

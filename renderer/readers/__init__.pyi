@@ -20,16 +20,13 @@ from .volume_reading import (
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
-from .affines import NO_SPACING as NO_SPACING, check_lengths as check_lengths
-from .dicom_fields import TOLD_APART as TOLD_APART, VECTORS as VECTORS
-from .dicom_statements import MONOCHROME1 as MONOCHROME1
+from .affines import check_lengths as check_lengths
 from .dicom_tags import summarize as summarize
 from .file_errors import errors_about as errors_about
 from .image import Image as Image
-from .isolation import Host as Host, call_reader as call_reader, read_isolated as read_isolated
+from .isolation import call_reader as call_reader, read_isolated as read_isolated
 from .nrrd import read_nrrd as read_nrrd
 from .procedural import procedural_values as procedural_values
 from .recent_images import RecentImages as RecentImages
-from .sniff import find_format as find_format
 from .statements import FormatTable as FormatTable, Statement as Statement
 from .volume_reading import crop_image as crop_image

@@ -7,6 +7,7 @@ records.
   held.
 - `child_processes.py`: children that end with their parent.
 - `interrupts.py`: Ctrl-C, SIGTERM and SIGHUP, which wait while files get their final names.
+- `overlapping.py`: work on one item while the next one is made.
 - `versions.py`: versions of what made an output.
 - `printable_text.py`: text from outside, made safe to print; `text_scanner.py`: numbers and attributes in such text.
 """

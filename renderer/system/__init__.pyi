@@ -22,6 +22,7 @@ from .memory import (
     free_bytes as free_bytes,
     free_swap_bytes as free_swap_bytes,
 )
+from .overlapping import overlap as overlap
 from .printable_text import PrintableText as PrintableText, join_lines as join_lines, printable as printable
 from .text_scanner import (
     attribute as attribute,

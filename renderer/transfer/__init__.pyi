@@ -1,5 +1,4 @@
 from .classify import (
-    Classifier as Classifier,
     RawVoxels as RawVoxels,
     make_classifier as make_classifier,
     raw_voxels as raw_voxels,
@@ -7,15 +6,12 @@ from .classify import (
 )
 from .light_factors import (
     NO_LIGHT_GRID as NO_LIGHT_GRID,
-    LightGrid as LightGrid,
     make_light_grid as make_light_grid,
 )
 from .piecewise import (
     GUIDE_SIZE as GUIDE_SIZE,
     MAX_NORMALIZED_SCALAR as MAX_NORMALIZED_SCALAR,
     PIECE_FLOATS as PIECE_FLOATS,
-    PiecewiseTransfer as PiecewiseTransfer,
-    TransferTable as TransferTable,
     make_piecewise_transfer as make_piecewise_transfer,
     make_transfer_table as make_transfer_table,
     range_width as range_width,
@@ -27,7 +23,3 @@ from .transfer_function import (
     TransferFunction as TransferFunction,
     make_transfer_function as make_transfer_function,
 )
-
-# isort: split
-# For tests alone: steps and constants that no other room uses.
-from .transfer_function import NUM_COLORMAP_SAMPLES as NUM_COLORMAP_SAMPLES

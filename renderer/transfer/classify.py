@@ -10,54 +10,18 @@ evaluated, exactly, in float64. A voxel without data, NaN, has no channels, and 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from renderer.kernels import Classifier, LightGrid, VoxelLighting
 from renderer.scene import ShadingSpec
-from renderer.transfer.light_factors import NO_LIGHT_GRID, LightGrid
-from renderer.transfer.piecewise import TransferTable
+from renderer.transfer.light_factors import NO_LIGHT_GRID
 from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints
-from renderer.volume import Float32, Float64, UInt8, Volume
+from renderer.volume import Float64, Volume
 
 RawVoxels = npt.NDArray[Any]
-
-
-class VoxelLighting(NamedTuple):
-    """A light on voxels.
-
-    light: the unit vector towards the light in world axes, ambient, diffuse.
-    world_from_gradient: float64 [3, 3], takes a gradient along the index axes to the world.
-    grid: how much of the light reaches each voxel; NO_LIGHT_GRID where all of it does.
-    """
-
-    light: tuple[float, float, float, float, float]
-    world_from_gradient: Float64
-    grid: LightGrid
-
-
-class Classifier(NamedTuple):
-    """A set of tables with which kernels classify a voxel.
-
-    table: float32 [num_patterns, 4], channels by bit pattern; None for wider values.
-    scalars: float64 [num_patterns], the scalar of each bit pattern; None for wider values.
-    curve: the transfer function, extinctions times the finest spacing; None where `table` is used.
-    is_opacity: whether the channels are (a c, a).
-    lighting: None without shading.
-    breakpoints: visibility breakpoints (`renderer.transfer.transfer_function`).
-    colors: of the voxels, by which those of the transfer function are multiplied; None for white.
-    shown: 0 for voxels that a mask hides; None for none.
-    """
-
-    table: Float32 | None
-    scalars: Float64 | None
-    curve: TransferTable | None
-    is_opacity: bool
-    lighting: VoxelLighting | None
-    breakpoints: Float64
-    colors: UInt8 | None = None
-    shown: UInt8 | None = None
 
 
 def raw_voxels(volume: Volume) -> RawVoxels:
@@ -78,9 +42,9 @@ def make_classifier(
     finest_spacing, dtype = volume.finest_spacing, volume.values.dtype
     breakpoints, lighting = visibility_breakpoints(transfer, finest_spacing), None
     if shading:
-        x, y, z = toward_light(shading).tolist()
+        light = np.array([*toward_light(shading), shading.ambient, shading.diffuse])
         to_world = np.ascontiguousarray(np.linalg.inv(volume.world_from_index[:3, :3]).T)
-        lighting = VoxelLighting((x, y, z, float(shading.ambient), float(shading.diffuse)), to_world, grid)
+        lighting = VoxelLighting(light, to_world, grid)
     if dtype.itemsize > 2:
         curve = transfer.curve(finest_spacing)
         return Classifier(None, None, curve, opacity, lighting, breakpoints, volume.colors, volume.are_shown)

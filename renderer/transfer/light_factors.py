@@ -6,32 +6,10 @@ hold there. Places in it are in cells: the centre of cell i is at i + 1 along ea
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from renderer.volume import Float32, Int32
-
-
-class LightGrid(NamedTuple):
-    """A grid of factors on light, from 0, dark, to 1, at the centres of cells, between which they are linear.
-
-    occlusion, shadow: float32 [z + 2, y + 2, x + 2], factors on the ambient and on the diffuse light, in steps of
-        1 / 255; [0, 0, 0] where they were not asked for. They are 1 where neither a cell nor a neighbour of it shows
-        anything.
-    corners: int32, for each cell the factors that are there, each in two numbers: 255 times the factors at the cell and
-        at its neighbours, eight bytes, x before y before z. Two numbers follow.
-    cell_size: the width of a cell, in voxels. Cells begin at the corner of the first voxel.
-    occlusion_strength, shadow_strength: from 0 to 1, how much of the factors applies.
-    """
-
-    occlusion: Float32
-    shadow: Float32
-    corners: Int32
-    cell_size: float
-    occlusion_strength: float
-    shadow_strength: float
-
+from renderer.kernels import LightGrid
+from renderer.volume import Float32
 
 _NO_FACTORS = np.empty((0, 0, 0), np.float32)
 NO_LIGHT_GRID = LightGrid(_NO_FACTORS, _NO_FACTORS, np.empty(0, np.int32), 1.0, 0.0, 0.0)

@@ -6,12 +6,10 @@ is the same table in float32, by the normalized scalars of texels: bricks are dr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
-
 import numpy as np
 
-from renderer.volume import Float32, Float64, Int32, UInt64
+from renderer.kernels import PiecewiseTransfer, TransferTable
+from renderer.volume import Float32, Float64, Int32
 
 # Buckets from which the search for a segment starts. Most hold no control point, and 8 KiB stay in cache.
 GUIDE_SIZE = 1024
@@ -25,27 +23,6 @@ _MAX_UNSCALED_WIDTH = 2.0**1000
 PIECE_FLOATS = 12
 # Narrower segments have no finite slope in float32. No scalar falls into them.
 _MIN_SEGMENT_WIDTH = 2.0**-80
-
-
-class TransferTable(NamedTuple):
-    """A table of four channels as a function of a scalar: linear between control values, constant outside.
-
-    Two control points at one value are a step, whose value belongs to the upper side.
-
-    values: float64 [n], control values, not descending.
-    rows: float64 [n + 1, 10], for each segment its start, its width, the channels [4] at the start, and their rise [4].
-        Segment k holds the scalars from control value k - 1 to control value k; the first and the last are constant.
-        Starts and widths are multiplied by `scale`.
-    scale: a power of two with which differences of scalars are finite.
-    guide: uint64 [GUIDE_SIZE + 3]; from guide[b] to guide[b + 3] control values are at or below a scalar in bucket b.
-    buckets_per_unit: buckets of the guide per unit of the scaled scalar.
-    """
-
-    values: Float64
-    rows: Float64
-    scale: float
-    guide: UInt64
-    buckets_per_unit: float
 
 
 def make_transfer_table(values: Float64, channels: Float64, scale: float = 1.0) -> TransferTable:
@@ -67,22 +44,6 @@ def make_transfer_table(values: Float64, channels: Float64, scale: float = 1.0) 
     return TransferTable(np.ascontiguousarray(values), rows, scale, guide, buckets_per_unit)
 
 
-@dataclass(frozen=True)
-class PiecewiseTransfer:
-    """A table of colour and extinction by u, a scalar normalized to a range: 0 is its start and 1 its end.
-
-    rows: float32 [n, PIECE_FLOATS], for each segment its end, its origin, the extinction times the finest spacing there
-        and its slope; (r, g, b, the same extinction) at the origin; and their slopes. Segment k holds u from the end of
-        the one before, included, to its own end, excluded; the last end is infinite. Rasterisers read it in fours.
-    guide: int32 [GUIDE_SIZE]; from u = b / GUIDE_SIZE on the segment is guide[b] or later. For u < 0 it is the first.
-    lowest_visible: below this u nothing is visible.
-    """
-
-    rows: Float32
-    guide: Int32
-    lowest_visible: np.float32
-
-
 def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> PiecewiseTransfer:
     """Return the table of scalars normalized to the range from `first` to `last`."""
     width, factor = range_width(first, last)
@@ -97,7 +58,7 @@ def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> 
     guide = np.searchsorted(knots, np.arange(GUIDE_SIZE) / GUIDE_SIZE, side="right").astype(np.int32)
     guide[0] = np.searchsorted(knots, 0.0, side="left")
     rows.flags.writeable = guide.flags.writeable = False
-    return PiecewiseTransfer(rows, guide, _lowest_visible(rows, guide))
+    return PiecewiseTransfer(rows, guide, float(_lowest_visible(rows, guide)))
 
 
 def _lowest_visible(rows: Float32, guide: Int32) -> np.float32:

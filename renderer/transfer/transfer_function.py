@@ -21,8 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from renderer.kernels import TransferTable
 from renderer.scene import ColormapSpec, LabelsSpec, TransferSpec, colormap_points
-from renderer.transfer.piecewise import TransferTable, make_transfer_table
+from renderer.transfer.piecewise import make_transfer_table
 from renderer.volume import Array, Float64
 
 # exp(-40) = 4e-18 is far below half a step of 8 bits, and below the resolution of float64 at 1: opaque in any image.

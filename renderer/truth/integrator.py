@@ -19,15 +19,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from renderer.errors import RenderError
-from renderer.kernels import ThreadPool, kernels
+from renderer.kernels import IndexRays, ThreadPool, kernels
 from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.truth.kept_parts import RemovedSet, keep_parts, removed_sets
+from renderer.truth.kept_parts import keep_parts, removed_sets
 from renderer.truth.optics import TrueLayer, optics_of
 from renderer.view import View
 from renderer.volume import Float64, Int64, Volume
@@ -43,20 +42,6 @@ _TASKS_PER_THREAD, _MIN_RAYS_PER_TASK = 4, 128
 _ONES = TransferFunction(np.full(2, 0.5), np.zeros((2, 3)), np.arange(2.0), 1.0)
 # The first step, in voxels, and how often it is halved.
 _FIRST_STEP, _MAX_HALVINGS = 1.0, 12
-
-
-class IndexRays(NamedTuple):
-    """A set of rays in index space, and their parts that are neither clipped away nor masked.
-
-    origins, directions: float64 [n, 3]; the directions are of unit length in the world. parts: float64 [n, k, 2], world
-    lengths from the origin at which parts start and end, one behind the other; some are empty. removed: what is clipped
-    away, where its faces are lit.
-    """
-
-    origins: Float64
-    directions: Float64
-    parts: Float64
-    removed: Sequence[RemovedSet] = ()
 
 
 @dataclass(frozen=True)
@@ -210,7 +195,7 @@ def in_parts(work: Callable[[slice], None], num_rays: int, num_threads: int, on_
 
 
 def index_rays(volume: Volume, view: View, pixels: Int64, point_world: Float64 | None = None) -> IndexRays:
-    """Return the rays through the centres of pixels, and what is shown of them.
+    """Return the rays through the centres of pixels, without the sets that are clipped away.
 
     point_world: as of `rays_through_pixels`, the volume's centre if it is None.
     """
@@ -221,7 +206,7 @@ def index_rays(volume: Volume, view: View, pixels: Int64, point_world: Float64 |
     if volume.mask is not None:  # lengths along rays are those of the world in all grids
         parts = _parts_inside(volume.mask, index_rays(volume.mask, view, pixels, point))
     origins = (origins + (point - volume.centre)) @ index_from_world.T + volume.centre_index
-    return IndexRays(origins, directions @ index_from_world.T, parts)
+    return IndexRays(origins, directions @ index_from_world.T, parts, removed=())
 
 
 def _parts_inside(mask: Volume, rays: IndexRays) -> Float64:

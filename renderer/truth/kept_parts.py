@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
+from renderer.kernels import RemovedSet
 from renderer.scene import ClipSpec
 from renderer.view import View
 from renderer.volume import Float64, Volume
 
 # Where rays enter and leave what is clipped away, float64 [n] each; both infinity where they do not meet it.
 Ranges = list[tuple[Float64, Float64]]
-
-
-class RemovedSet(NamedTuple):
-    """A convex set that is clipped away: the points from `low` to `high` [3] in axes of its own, in world lengths.
-
-    own_from_index: float64 [3, 4]. world_from_own: float64 [3, 3], of directions. A half-space has one axis, the first,
-    and the others are 0.
-    """
-
-    own_from_index: Float64
-    world_from_own: Float64
-    low: Float64
-    high: Float64
 
 
 def removed_sets(volume: Volume, view: View) -> list[RemovedSet]:

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.kernels import Intervals, LayerOptics, LightGrid, RayShading
 from renderer.scene import FACE_DEPTH, ClipSpec, ShadingSpec
-from renderer.transfer import NO_LIGHT_GRID, LightGrid, TransferFunction
+from renderer.transfer import NO_LIGHT_GRID, TransferFunction
 from renderer.volume import Float64, Volume
 
 # Scalars are scaled so that the largest scalar or control value lies between these powers of two, as it usually does:
@@ -18,8 +19,6 @@ from renderer.volume import Float64, Volume
 _LEAST_EXPONENT, _LARGEST_EXPONENT = -50, 1000
 # Cells along each axis of a macrocell, as in `truth_cells.h` of the kernels.
 _MACROCELL_SIZE = 4
-# What the kernel takes from a ShadingSpec as it is.
-_SHADING_KEYS = ("is_plain", "two_sided", "ambient", "diffuse", "specular", "shininess", "silhouette")
 
 
 class TrueLayer(NamedTuple):
@@ -42,35 +41,20 @@ class TrueLayer(NamedTuple):
     clip: tuple[ClipSpec, ...] = ()
 
 
-class Intervals(NamedTuple):
-    """A transfer function of n control values as n + 1 intervals, the first and last of them unbounded.
-
-    knots: float64 [n], times `scale`, not descending. Interval k has knots[k - 1] <= value < knots[k]: the value of a
-        step belongs to its upper side.
-    rows: float64 [n + 1, 10], base [4], slope [4], origin and the number of the first k control points that have
-        extinction: (r, g, b, extinction) of a value is base + slope * (value - origin).
-    scale: of scalars and knots, a power of two with which sums and differences neither overflow nor vanish.
-    """
-
-    knots: Float64
-    rows: Float64
-    scale: float
-
-
-def optics_of(layer: TrueLayer) -> dict[str, Any]:
+def optics_of(layer: TrueLayer) -> LayerOptics:
     """Return a layer as the kernel takes it."""
     values = readable_values(layer.volume)
     scale = largest_magnitude_scale(layer.volume, layer.transfer)
-    intervals = intervals_of(layer.transfer, scale)
-    return {
-        "values": values,
-        "macrocells": for_macrocells(values.shape, np.uint8(0)),
-        "intervals": intervals,
-        "shading": layer.shading and shading_of(layer.shading, layer.light_grid, layer.volume, scale),
-        "weight": layer.weight,
-        "colors": layer.volume.colors,
-        "label_opacities": _label_opacities(intervals, layer.volume.finest_spacing) if layer.volume.is_labels else None,
-    }
+    intervals, spec = intervals_of(layer.transfer, scale), layer.shading
+    return LayerOptics(
+        values=values,
+        macrocells=for_macrocells(values.shape, np.uint8(0)),
+        intervals=intervals,
+        shading=None if spec is None else shading_of(spec, layer.light_grid, layer.volume, scale),
+        weight=layer.weight,
+        colors=layer.volume.colors,
+        label_opacities=_label_opacities(intervals, layer.volume.finest_spacing) if layer.volume.is_labels else None,
+    )
 
 
 def _label_opacities(intervals: Intervals, finest_spacing: float) -> Float64:
@@ -124,33 +108,31 @@ def intervals_of(transfer: TransferFunction, scale: float) -> Intervals:
     return Intervals(knots, np.column_stack([base, slope, origin, num_opaque_below]), scale)
 
 
-def shading_of(spec: ShadingSpec, grid: LightGrid, volume: Volume, scale: float) -> dict[str, Any]:
-    """Return the light on rays for scalars that are multiplied by `scale`: RayShading in kernels.h.
-
-    is_plain: whether Lambert's law is all, and what it has no use for does not count.
-    is_camera: whether the light comes from the viewer. two_sided, ambient to silhouette: as in ShadingSpec.
-    face_depth: how far the light of cut faces reaches, a length in the world.
-    light: float64 [3], the unit vector to the light; not used where it is the camera's.
-    world_from_index, world_from_gradient: float64 [3, 3], of positions, and of gradients along the index axes.
-    factors: float64 [n, 3], on extinction: a gradient's magnitude, times `Intervals.scale`, the factor there and its
-        slope up to the next one. grid: how much of the light arrives.
-    """
+def shading_of(spec: ShadingSpec, grid: LightGrid, volume: Volume, scale: float) -> RayShading:
+    """Return the light on rays for scalars that are multiplied by `scale`."""
     index_from_world = np.linalg.inv(volume.world_from_index[:3, :3])
     is_camera = spec.light == "camera"
     light = np.array((0.0, 0.0, 1.0) if is_camera else spec.light, np.float64)  # the camera's is that of each ray
-    return {key: getattr(spec, key) for key in _SHADING_KEYS} | {
-        "is_camera": is_camera,
-        "face_depth": FACE_DEPTH * volume.finest_spacing,
-        "light": light / np.linalg.norm(light),
-        "world_from_index": np.linalg.inv(index_from_world),
-        "world_from_gradient": index_from_world.T,  # the transposed inverse of the map of points
-        "factors": _gradient_factors(spec.gradient_opacity or (), scale),
-        "grid": grid,
-    }
+    return RayShading(
+        is_plain=spec.is_plain,
+        is_camera=is_camera,
+        two_sided=spec.two_sided,
+        ambient=spec.ambient,
+        diffuse=spec.diffuse,
+        specular=spec.specular,
+        shininess=spec.shininess,
+        silhouette=spec.silhouette,
+        face_depth=FACE_DEPTH * volume.finest_spacing,
+        light=light / np.linalg.norm(light),
+        world_from_index=np.linalg.inv(index_from_world),
+        world_from_gradient=index_from_world.T,  # the transposed inverse of the map of points
+        factors=_gradient_factors(spec.gradient_opacity or (), scale),
+        grid=grid,
+    )
 
 
 def _gradient_factors(points: Sequence[tuple[float, float]], scale: float) -> Float64:
-    """Return the factors on extinction, as `shading_of` says."""
+    """Return `RayShading.factors` of pairs of a magnitude and a factor."""
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         magnitudes, factors = np.array(points, np.float64).reshape(-1, 2).T * [[scale], [1.0]]
         slopes = np.append(np.diff(factors) / np.diff(magnitudes), 0.0)[: len(points)]

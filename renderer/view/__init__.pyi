@@ -1,12 +1,10 @@
 from .brick_projection import (
-    RaySetup as RaySetup,
     ray_setup as ray_setup,
     screen_rectangles as screen_rectangles,
     visible_bricks as visible_bricks,
 )
 from .camera import View as View
 from .clip_slabs import (
-    ClipRegion as ClipRegion,
     are_clipped_away as are_clipped_away,
     are_near_faces as are_near_faces,
     place_clips as place_clips,
@@ -29,7 +27,6 @@ from .splat_projection import (
     CLIPPED_SIGMAS as CLIPPED_SIGMAS,
     CULLED_SIGMAS as CULLED_SIGMAS,
     SLOPE_LIMIT as SLOPE_LIMIT,
-    ModelView as ModelView,
     Region as Region,
     blended_orders as blended_orders,
     covered_region as covered_region,
@@ -43,11 +40,7 @@ from .splat_projection import (
 # isort: split
 # For tests alone: steps and constants that no other room uses.
 from .depth_order import box_order as box_order, order_by_depth as order_by_depth
-from .framing import MARGIN as MARGIN
 from .order_blending import (
-    FADE_ANGLE as FADE_ANGLE,
-    MIN_WEIGHT as MIN_WEIGHT,
-    NEIGHBOURS as NEIGHBOURS,
     sort_directions as sort_directions,
 )
-from .paths import CameraPoses as CameraPoses, camera_poses as camera_poses
+from .paths import camera_poses as camera_poses

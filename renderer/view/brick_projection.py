@@ -8,42 +8,19 @@ pixel's position.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from renderer.bricks import BRICK_LEVELS, BrickBatch
-from renderer.kernels import kernels
+from renderer.kernels import RaySetup, kernels
 from renderer.scene import ClipSpec
 from renderer.view.camera import View
-from renderer.view.clip_slabs import ClipRegion, are_clipped_away, place_clips
+from renderer.view.clip_slabs import are_clipped_away, place_clips
 from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import model_view
 from renderer.volume import Float64, UInt32, Volume
 
 # Eyes nearer to the volume's centre than this, in model units, are where rays begin.
 _NEAR_EYE_DISTANCE = 2.0
-
-
-class RaySetup(NamedTuple):
-    """A view's rays. With (x, y) the position of a pixel's centre in pixels, y downwards, relative to `center_px`:
-
-        origin = origins @ (1, x, y)        direction = directions @ (1, x, y)
-
-    origins: float64 [3, 3], index space relative to the volume's centre. directions: float64 [3, 3], index units per
-        model unit of depth in perspective, per model unit of length otherwise.
-    slope_per_px: a ray's length per unit of depth is `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
-    start: where the near plane is, in model units along the direction.
-    center_px: (x, y) of the image's centre.
-    clip: what is left of the volume, if the view clips it.
-    """
-
-    origins: Float64
-    directions: Float64
-    slope_per_px: float
-    start: float
-    center_px: tuple[float, float]
-    clip: ClipRegion | None
 
 
 def ray_setup(
@@ -69,7 +46,7 @@ def ray_setup(
         index_from_view @ np.hstack([forward, slope * columns_and_rows]),
         float(slope),
         float(view.near / length - depth),
-        (view.size[0] / 2, view.size[1] / 2),
+        np.array(view.size) / 2,
         place_clips(volume, view.clip + clip, view),
     )
 

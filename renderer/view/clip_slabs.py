@@ -7,28 +7,15 @@ common. A box removes what the slabs across its three axes have in common.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
+from renderer.kernels import ClipRegion
 from renderer.scene import FACE_DEPTH, ClipSpec
 from renderer.view.camera import View
 from renderer.volume import Bools, Float64, Volume
 
 _NORMAL, _LOW, _HIGH = slice(0, 3), 3, 4  # of a slab; the rest is its normal in the world
-
-
-class ClipRegion(NamedTuple):
-    """A region that clip planes and boxes leave: the points p of a volume in all slabs and in no removed box.
-
-    A slab is [8]: a normal n [3], bounds of n . p, a length, with p in index space relative to the volume's
-    centre, and n as a unit vector [3] in the world.
-    slabs: float64 [k, 8], unbounded on one side where it is that of a plane. boxes: float64 [m, 3, 8], of each removed
-    box the slabs across its axes.
-    """
-
-    slabs: Float64
-    boxes: Float64
 
 
 def place_clips(volume: Volume, clip: Sequence[ClipSpec], view: View | None = None) -> ClipRegion | None:

@@ -15,9 +15,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from renderer.errors import InputError
+from renderer.kernels import ClipRegion
 from renderer.pyramid import Pyramid
 from renderer.scene import CameraSpec, Vector
-from renderer.view.clip_slabs import ClipRegion, are_clipped_away
+from renderer.view.clip_slabs import are_clipped_away
 from renderer.view.paths import CameraPoses, camera_poses, focal_length_px, iter_camera_poses
 from renderer.view.seen import seen_cells
 from renderer.volume import Bools, Float64, Int64, Volume

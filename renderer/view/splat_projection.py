@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from renderer.kernels import kernels
+from renderer.kernels import ModelView, kernels
 from renderer.pyramid import Cut
 from renderer.splats import SplatBatch
 from renderer.view.camera import View
@@ -25,23 +25,6 @@ CLIPPED_SIGMAS, CULLED_SIGMAS = 5.0, 4.0
 
 # The size of the sample from which means over all footprints are estimated, within a few per cent.
 FOOTPRINT_SAMPLE = 4096
-
-
-class ModelView(NamedTuple):
-    """A view in model units.
-
-    view_from_model: float64 [3, 4], rotation and translation, model units.
-    scale_px: focal length in pixels (perspective), pixels per model unit (orthographic).
-    near: model units.
-    slope_limit: float64 [2], bound on |x| / depth and |y| / depth where footprints are linearised.
-    """
-
-    view_from_model: Float64
-    perspective: bool
-    scale_px: float
-    size: tuple[int, int]
-    near: float
-    slope_limit: Float64
 
 
 class Model(Protocol):

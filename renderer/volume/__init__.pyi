@@ -18,7 +18,7 @@ from .mapped_file import (
     backing_file as backing_file,
     iter_slabs as iter_slabs,
 )
-from .mask import MaskGrid as MaskGrid, meet_mask as meet_mask
+from .mask import meet_mask as meet_mask
 from .truncation_guard import guard_mapping as guard_mapping
 from .volume import (
     Volume as Volume,

@@ -2,27 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from renderer.kernels import kernels
-from renderer.volume.arrays import Bools, Float64, Int64, UInt8, UInt16, reduce_blocks
+from renderer.kernels import MaskGrid, kernels
+from renderer.volume.arrays import Bools, Float64, Int64, UInt8, reduce_blocks
 
 # Voxels along each side of the blocks in which a mask is searched.
 _BLOCK = 8
-
-
-class MaskGrid(NamedTuple):
-    """A mask on a grid of its own.
-
-    planes: uint16 [z, y, x], which of the nine voxels around each in its plane are in the mask, a bit each, x fastest;
-        beyond the border the nearest voxels are repeated.
-    from_index: float64 [3, 4], from places in the index space of another volume to those in the mask's.
-    """
-
-    planes: UInt16
-    from_index: Float64
 
 
 def make_mask_grid(voxels: UInt8, mask_from_world: Float64, world_from_index: Float64) -> MaskGrid:

@@ -10,11 +10,12 @@ from functools import cached_property
 
 import numpy as np
 
+from renderer.kernels import MaskGrid
 from renderer.volume.arrays import Array, Bools, Float64, UInt8
 from renderer.volume.channel import Channel
 from renderer.volume.label import Label
 from renderer.volume.mapped_file import MappedFile, iter_slabs
-from renderer.volume.mask import MaskGrid, make_mask_grid, shown_voxels
+from renderer.volume.mask import make_mask_grid, shown_voxels
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What is interpolated in a brick, against plain numpy over the whole volume, closed forms, and the bricks' boxes."""
+"""Interpolation in a brick, against plain numpy over the whole volume, closed forms, and the bricks' boxes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from brick_reference import index_gradients
 from dense_bricks import OBLIQUE, Shape, depths_of, means_over_cells, patches
 from number_types import TYPES, limits
 
-from renderer.bricks import BRICK_SIZE, HALO, Bricks, make_bricks, mean_texels, scalar_texels
+from renderer.bricks import BRICK_SIZE, Bricks, make_bricks, mean_texels, scalar_texels
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Array, Bools, Float64, Int32, Int64, Volume, make_volume
+
+# Texels beyond a brick, at each of its faces.
+HALO = 1
 
 SHAPES: list[Shape] = [(1, 1, 1), (1, 40, 20), (5, 17, 33), (33, 17, 5), (16, 32, 48), (35, 30, 66)]
 each_shape = pytest.mark.parametrize("shape", SHAPES, ids=str)

@@ -1,4 +1,4 @@
-"""What bricks add up to, against closed forms and the integral itself, whatever cut they make of a volume.
+"""Sums of bricks, against closed forms and the integral itself, for any cut of a volume.
 
 The reference draws; that the device draws the same is the matter of the parity tests.
 """

@@ -14,9 +14,10 @@ import pytest
 from brickwork import transfer_of
 from ray_integrals import COLORFUL, converged_image, look, oblique, riemann, volume
 
+from renderer.kernels import IndexRays
 from renderer.readers import procedural_values
 from renderer.scene import ProceduralSource, ShadingSpec
-from renderer.truth import IndexRays, index_rays, integrate
+from renderer.truth import index_rays, integrate
 
 
 @pytest.mark.parametrize("distance", [9.0, 1.3])

@@ -10,10 +10,10 @@ import pytest
 from brickwork import transfer_of
 from ray_integrals import interpolate, look, oblique, ray_spans, shade
 
-from renderer.kernels import kernels
+from renderer.kernels import IndexRays, kernels
 from renderer.scene import ClipSpec, PlaneSpec, ShadingSpec
 from renderer.transfer import TransferFunction
-from renderer.truth import IndexRays, RayIntegrator, TrueLayer, optics_of
+from renderer.truth import RayIntegrator, TrueLayer, optics_of
 from renderer.view import View
 from renderer.volume import Array, Float64, Volume, make_volume
 
@@ -43,7 +43,7 @@ def scattered(*, affine: Float64 | None = None) -> Volume:
 def seen(layer: TrueLayer, origins: Float64, directions: Float64, end: float) -> Float64:
     """RGBA [n, 4] of rays in index space, from their origins up to a length."""
     radiance, parts, one = np.empty((len(origins), 1, 4)), np.tile([0.0, end], (len(origins), 1, 1)), np.ones(1)
-    rays = IndexRays(origins, np.ascontiguousarray(np.broadcast_to(directions, origins.shape)), parts)
+    rays = IndexRays(origins, np.ascontiguousarray(np.broadcast_to(directions, origins.shape)), parts, removed=())
     kernels().integrate_rays(layers=[optics_of(layer)], adds=False, rays=[rays], max_steps=one, radiance=radiance)
     return radiance[:, 0]
 

@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
 
-from renderer.accuracy import (
-    METRICS,
-    ErrorMetrics,
-    compute_metric,
-    measure_accuracy,
-    pool_accuracies,
-    require_measuring_packages,
-)
+from renderer.accuracy import METRICS, compute_metric, measure_accuracy, pool_accuracies, require_measuring_packages
 from renderer.errors import InputError, RenderError
 from renderer.film import over_background
 from renderer.volume import Float64
@@ -32,7 +26,7 @@ def noisy(seed: int, height: int = 24, width: int = 32) -> Float64:
     return np.random.default_rng(seed).random((height, width, 3))
 
 
-def everywhere(picture: Float64, truth: Float64) -> ErrorMetrics:
+def everywhere(picture: Float64, truth: Float64) -> Mapping[str, float]:
     return measure_accuracy(picture, truth, np.ones(picture.shape[:2], bool)).everywhere
 
 

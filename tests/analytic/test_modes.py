@@ -14,10 +14,12 @@ from ray_integrals import interpolate, ray_spans
 from small_scene import small_tree
 from stage_pictures import NUMBER, drawn, exact
 
-from renderer.bricks import SLACK_SHARE
 from renderer.frame import Stage, prepare_stage, view_of
 from renderer.scene import Scene, parse_scene
 from renderer.volume import Array, Float64, Volume
+
+# The share of the tolerance by which the extreme scalar of a ray may be missed.
+SLACK_SHARE = 1 / 16
 
 SIZE = (36, 28)
 MODES: dict[str, dict[str, Any]] = {
@@ -70,7 +72,7 @@ def dense_samples(stage: Stage, num: int, every: int = 1) -> tuple[Float64, Floa
 
 
 def number_of(mode: str, samples: Float64, lengths: Float64) -> Float64:
-    """What a mode shows of samples of rays with these lengths."""
+    """Return the colour that a mode gives to samples of rays with these lengths."""
     if mode == "attenuation":
         return np.exp(-0.05 * np.maximum(samples - 0.1, 0).mean(axis=1) * lengths)
     reduce = {"maximum": np.max, "minimum": np.min, "mean": np.mean}[mode]

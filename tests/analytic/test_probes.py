@@ -1,4 +1,4 @@
-"""What a few exact rays say of a frame: unbiased, the same on every run, and within the interval that they give."""
+"""The error of a frame by a few exact rays: unbiased, the same on every run, and within the stated interval."""
 
 from __future__ import annotations
 

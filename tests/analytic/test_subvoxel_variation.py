@@ -10,10 +10,13 @@ from brick_reference import picture_at
 from brickwork import AFFINES, bricks_of, placed, transfer_of, view_of
 from dense_bricks import channels_of
 
-from renderer.bricks import SIMPLIFICATION_TOLERANCE, make_channel_curve
+from renderer.bricks import make_channel_curve
 from renderer.transfer import TransferFunction
 from renderer.truth import integrate
 from renderer.volume import Volume, make_volume
+
+# By which share of its largest value a curve may move where it is simplified.
+SIMPLIFICATION_TOLERANCE = 2.0**-12
 
 COLOR = (0.2, 0.7, 1.0)
 

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from renderer.scene import ColormapSpec, ControlPoint, TransferSpec, colormap_points
-from renderer.transfer import MAX_VOXEL_DEPTH, NUM_COLORMAP_SAMPLES, TransferFunction, make_transfer_function
+from renderer.transfer import MAX_VOXEL_DEPTH, TransferFunction, make_transfer_function
+
+# A colormap has so many control points.
+NUM_COLORMAP_SAMPLES = 256
 
 
 def points(*opacities: tuple[float, float]) -> tuple[ControlPoint, ...]:

@@ -17,7 +17,7 @@ from small_scene import small_tree
 from renderer.accuracy import FrameProber, ScalarRange, scalar_ranges, visible_ranges
 from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, prepare_stage, render_frames, view_of
-from renderer.job import FilmVisibility, FrameRecord, VisibleRange, film_visibility, range_record, visibility_text
+from renderer.record import FilmVisibility, FrameRecord, VisibleRange, film_visibility, range_record, visibility_text
 from renderer.scene import ShadingSpec, parse_scene
 from renderer.transfer import TransferFunction
 from renderer.truth import RayIntegrator, SceneRays, TrueLayer

@@ -29,11 +29,13 @@ from renderer.accuracy import (
     psnr,
     tolerance_ladder,
 )
-from renderer.bricks import STRIDES
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.frame import Frame, Stage, make_primitive, prepare_stage, render_frames
 from renderer.scene import MetricTarget, with_tolerance, with_tolerances
 from renderer.volume import Float64
+
+# The tolerances from which on pixels are interpolated, and then farther apart.
+STRIDES = (2.0, 1.0, 0.6, 0.15)
 
 PAGE = PAGES / "goals.md"
 SIZE, NUM_FRAMES = (512, 512), 24
@@ -309,7 +311,7 @@ def by_goal(rows: Sequence[Any]) -> list[Any]:
 
 def too_good(films: Sequence[Film]) -> Iterator[str]:
     """Yield why films are too good."""
-    listed = ", ".join(f"{least:g}" for least, _, _ in reversed(STRIDES))
+    listed = ", ".join(f"{least:g}" for least in reversed(STRIDES))
     text = (
         "They were drawn again with all tolerances a step coarser, of the steps that the search tries. *Enter*: frames "
         f"that thereby reach a tolerance from which on pixels are interpolated, {listed} "
@@ -324,7 +326,7 @@ def too_good(films: Sequence[Film]) -> Iterator[str]:
         coarser = film._replace(psnrs=film.coarser_psnrs)
         accuracy = f"{np.mean(film.psnrs):.1f} | {np.mean(coarser.psnrs):.1f} | {coarser.share:.0%}"
         steps = list(zip(film.tolerances, film.coarser, strict=True))
-        entering = {least: sum(before < least <= after for before, after in steps) for least, _, _ in STRIDES}
+        entering = {least: sum(before < least <= after for before, after in steps) for least in STRIDES}
         entered = ", ".join(f"{num} at {least:g}" for least, num in entering.items() if num)
         no_coarser = sum(before == after for before, after in steps)
         reasons = f"{entered or 'none'} | {no_coarser} | {spread(film):.1f}"

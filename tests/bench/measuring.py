@@ -1,4 +1,4 @@
-"""What the benchmarks share: their folders and command line, scenes, work in turns, tables."""
+"""Folders, command line, scenes, work in turns and tables of the benchmarks."""
 
 from __future__ import annotations
 

@@ -9,11 +9,16 @@ import numpy as np
 import pytest
 from extremes import Extreme, Measure, Random, Section, worst_drawn, worst_of
 
-from renderer.draw import MEAN_LAYERS, MIN_CHUNK_SPLATS, SplatRasterizer
+from renderer.draw import SplatRasterizer
 from renderer.scene import SplatSpec
 from renderer.splats import GaussianFootprint, SplatBatch, make_footprint
 from renderer.view import View
 from renderer.volume import Float64
+
+MIN_CHUNK_SPLATS = 4096
+
+# A chunk of splats has about as many layers in the mean over the pixels under it, and at least so many splats.
+MEAN_LAYERS = 256
 
 U = 2.0**-24
 FOOTPRINT = GaussianFootprint.from_sigma(0.425)

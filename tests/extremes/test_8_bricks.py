@@ -1,4 +1,4 @@
-"""What is interpolated in a brick, against exact fractions and closed forms."""
+"""Interpolation in a brick, against exact fractions and closed forms."""
 
 from __future__ import annotations
 
@@ -9,19 +9,13 @@ import pytest
 from extremes import Extreme, Random, Section, worst_of
 from number_types import random_ranges
 
-from renderer.bricks import (
-    BRICK_LEVELS,
-    BRICK_SIZE,
-    HALO,
-    PADDED_BRICK_SIZE,
-    Bricks,
-    make_bricks,
-    mean_texels,
-    scalar_texels,
-)
+from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, PADDED_BRICK_SIZE, Bricks, make_bricks, mean_texels, scalar_texels
 from renderer.scene import ErrorSpec, PyramidSpec
 from renderer.transfer import MAX_NORMALIZED_SCALAR, TransferFunction
 from renderer.volume import Array, make_volume
+
+# Texels beyond a brick, at each of its faces.
+HALO = 1
 
 U = 2.0**-24
 # Texels compared in each volume: fractions are slow.

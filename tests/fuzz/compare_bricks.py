@@ -11,7 +11,7 @@ from compare import SPREADS, WrongError, require_close
 from renderer.bricks import BrickBatch
 from renderer.draw import Rasterizer
 from renderer.film import quantize
-from renderer.frame import BrickPrimitive, Frame, Stage, make_primitive
+from renderer.frame import Frame, Stage, make_primitive
 from renderer.view import View
 from renderer.volume import Array
 
@@ -26,7 +26,6 @@ PLACE = 2.0**-12  # of a cell
 def compare_bricks(stage: Stage, frame: Frame, view: View, rasterizer: Rasterizer) -> None:
     """Raise WrongError where too many pixels differ from the reference by more than rounding explains."""
     primitive = make_primitive(stage)
-    assert isinstance(primitive, BrickPrimitive)
     lod = primitive.make_lod(frame.tolerance, lambda stage: None)
     if frame.num_cells != lod.num_cells:
         raise WrongError(f"{frame.num_cells} bricks in the frame, {lod.num_cells} in its cut")

@@ -1,4 +1,4 @@
-"""What the fuzz scripts share: their command line, one case alone, and many cases in several processes."""
+"""The command line of fuzz scripts, one case alone, and many cases in several processes."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class Verdict:
 
 @dataclass
 class _Result:
-    """What became of a fork: its exit status, what it took, and what it found out until then."""
+    """The end of a fork: its exit status, its time and memory, and its findings until then."""
 
     status: int
     seconds: float

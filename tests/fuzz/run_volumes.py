@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(ROOT / "tests" / "fuzz")]
+sys.path[:0] = [str(ROOT), *(str(ROOT / "tests" / name) for name in ("support", "statements", "fuzz"))]
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # forks have no threads
 
 from fuzzing import fuzz  # noqa: E402

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from volume_files import in_memory
 
 from renderer.scene import MIN_TOLERANCE
 from renderer.volume import Array, Float64, Volume, make_volume
-from tests.support.volume_files import in_memory
 
 Tree = dict[str, Any]
 Random = np.random.Generator

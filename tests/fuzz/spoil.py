@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import yaml
 from scenes import Case, Random
-
-from tests.support.spoiling import places
+from spoiling import places
 
 NAN, INF = float("nan"), float("inf")
 

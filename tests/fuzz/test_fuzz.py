@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from judge import judge, make_case
 from scenes import random_of
+from spoiling import places
 
 from renderer.draw import Rasterizer, SplatRasterizer
 from renderer.scene import Scene
 from renderer.splats import SplatBatch
-from tests.support.spoiling import places
 
 SEED = 2
 # Kernels are compiled for every type of voxel, which takes longer than all scenes here; the whole run has them all.

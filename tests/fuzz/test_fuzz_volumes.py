@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -26,7 +25,6 @@ from volume_damage import Case
 from renderer.errors import InputError
 from renderer.readers import read_nrrd
 
-ROOT = Path(__file__).parents[2]
 SEED = 5
 FILES = 250
 FORMATS = {"nrrd", "metaimage", "nifti", "mgh", "npy", "npz", "raw", "cube", "tiff", "dicom", "vtk"}
@@ -45,8 +43,7 @@ MENDED = (
 @pytest.fixture(scope="module")
 def pool() -> Iterator[ProcessPoolExecutor]:
     """A process without threads, which is forked for each file."""
-    with pytest.MonkeyPatch.context() as patch, ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as opened:
-        patch.setattr(sys, "path", [*sys.path, str(ROOT)])  # it imports tests.support
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as opened:
         yield opened
 
 
@@ -179,7 +176,7 @@ def test_what_is_left_over_of_a_stream_is_seen(tmp_path: Path, monkeypatch: pyte
 
 
 def test_crashes_of_libraries_are_left_to_their_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What ends the fork is read again as by the program: in another process, where it does not crash."""
+    """A file that ends the fork is read again as by the program: in another process, where it does not crash."""
     image = base_of("vtk ascii none")
     judge_volumes.undamaged_volume(image)
     monkeypatch.setattr("renderer.readers.vtk_image.read_vtk", lambda path, **_: crash(path))

@@ -18,9 +18,11 @@ import gdcm
 import nibabel
 import nrrd
 import numpy as np
+from dicom_files import dicom_bytes, functional_groups, image_fields, save, transcode, write_slice
 from pydicom import dcmread
 from pydicom.dataset import Dataset
 from pydicom.uid import DeflatedExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
+from stated_dicom import segmentation
 from volume_base import Array, Base, Ranges, attached, behind, detached, sample_values, written
 from volume_bases_conventions import (
     convention_bases,
@@ -31,13 +33,10 @@ from volume_bases_conventions import (
 from volume_bases_scientific import hdf5_bases, mrc_bases, other_vtk_bases, picture_bases, written_by_vtk
 from volume_bases_tiff import tiff_bases
 from volume_bombs import deflated, zip_archive
+from volume_files import in_memory, write_image
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkIOLegacy import vtkStructuredPointsWriter
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
-
-from tests.support.dicom_files import dicom_bytes, functional_groups, image_fields, save, transcode, write_slice
-from tests.support.stated_dicom import segmentation
-from tests.support.volume_files import in_memory, write_image
 
 
 @cache

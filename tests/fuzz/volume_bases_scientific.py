@@ -13,11 +13,10 @@ import h5py
 import numpy as np
 from PIL import Image
 from volume_base import Array, Base, behind, written
+from volume_files import in_memory
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkRectilinearGrid
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter, vtkXMLRectilinearGridWriter
-
-from tests.support.volume_files import in_memory
 
 
 def mrc_header(sizes: tuple[int, ...], mode: int, *, order: str = "<", group: int = 1, num_extension: int = 0) -> bytes:

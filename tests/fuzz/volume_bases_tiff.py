@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import tifffile
 from volume_base import Array, Base, sample_values
-
-from tests.support.volume_files import in_memory
+from volume_files import in_memory
 
 
 def tiff_bases() -> Iterator[Base]:

@@ -9,12 +9,9 @@ from itertools import pairwise
 import imagecodecs
 import numpy as np
 import volume_bombs
+from dicom_files import dicom_bytes, image_fields
 from pydicom.uid import DeflatedExplicitVRLittleEndian, JPEG2000Lossless
-from volume_bombs import ZLIB, Files, nested_sequences, stored_block, zeros_by_deflate
-from volume_bombs_scientific import SCIENTIFIC
-
-from tests.support.dicom_files import dicom_bytes, image_fields
-from tests.support.tiff_files import (
+from tiff_files import (
     BITS,
     BYTE,
     COMPRESSION,
@@ -29,6 +26,8 @@ from tests.support.tiff_files import (
     directory,
     tiff,
 )  # fmt: skip
+from volume_bombs import ZLIB, Files, nested_sequences, stored_block, zeros_by_deflate
+from volume_bombs_scientific import SCIENTIFIC
 
 
 def _strip(compressed: bytes, compression: int, side: int = 4) -> Files:

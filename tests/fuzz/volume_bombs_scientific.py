@@ -12,9 +12,9 @@ from PIL import Image
 from volume_base import written
 from volume_bases_scientific import mrc_header
 from volume_bombs import ZLIB, Files, zeros_by_deflate, zeros_by_gzip
+from volume_files import in_memory
 
 from renderer.film import join_png_chunks
-from tests.support.volume_files import in_memory
 
 
 def _hdf5(write: Callable[[h5py.File], object]) -> Files:

@@ -9,9 +9,8 @@ import struct
 from collections.abc import Callable
 from functools import partial
 
+from tiff_files import ASCII, DESCRIPTION, tiff
 from volume_bombs import META, NRRD, Files
-
-from tests.support.tiff_files import ASCII, DESCRIPTION, tiff
 
 NUM_BYTES = 2**20
 

@@ -27,7 +27,7 @@ SHARE_OF_BOMBS = 0.02
 
 @dataclass(frozen=True)
 class Node:
-    """What is there in place of a file: a `link` to `target`, a `fifo`, a `socket` or a `folder`."""
+    """An object in place of a file: a `link` to `target`, a `fifo`, a `socket` or a `folder`."""
 
     kind: str
     target: str = ""

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from brick_reference import rasterize_bricks_reference
+from machines import WithoutUploads
 from splat_reference import rasterize_reference
 from subjects import BRICKS, SPLATS, Change, Pixels, Shot, shifted
 
@@ -21,7 +22,6 @@ from renderer.bricks import BrickBatch
 from renderer.draw import BrickRasterizer, SplatRasterizer
 from renderer.view import View
 from renderer.volume import Float32, UInt32
-from tests.support.machines import WithoutUploads
 
 # The references take half a minute for this many splats, or pixels of bricks.
 MAX_REFERENCE_SPLATS, MAX_REFERENCE_PIXELS = 12_000, 128 * 128

@@ -93,7 +93,7 @@ def page(primitive: str, rows: Sequence[Measured], drawn_by: dict[str, str], mea
 
 @dataclass(frozen=True)
 class Part:
-    """What is drawn for the figures of one primitive."""
+    """The pictures for the figures of one primitive."""
 
     subjects: Sequence[Subject]
     machines: Sequence[Machine]

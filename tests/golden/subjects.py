@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from golden_cases import SCENE
 
 from renderer.bricks import BrickBatch, BrickCut
 from renderer.draw import BrickRasterizer, Rasterizer, SplatRasterizer
 from renderer.frame import (
-    LOD,
     DrawList,
     Frame,
     Stage,
@@ -122,7 +122,7 @@ class Shot:
 
     @property
     def order(self) -> UInt32:
-        """Those that are visible, as they are drawn."""
+        """Return the visible cells, in the order in which they are drawn."""
         return self.draw_list.orders[0][1][0]
 
     @cached_property
@@ -152,7 +152,7 @@ class Shot:
         """Draw other splats or bricks from the same view."""
         return self.seen_from(self.view, replace(self.draw_list.lod, batches=[batch]))
 
-    def seen_from(self, view: View, lod: LOD | None = None) -> Pixels:
+    def seen_from(self, view: View, lod: Any = None) -> Pixels:
         """Draw a level of detail, by default this frame's, from another view."""
         lod = self.draw_list.lod if lod is None else lod
         return self.drawn(replace(self.draw_list, lod=lod, view=view, orders=lod.orders(view))).image

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +11,19 @@ from splatting import camera_pose, cut_of, in_order, look, place_splats, volume_
 
 from renderer.scene import SplatSpec, TurntablePath
 from renderer.splats import make_splats
-from renderer.view import FADE_ANGLE, MIN_WEIGHT, NEIGHBOURS, make_order_blending, sort_directions, visible_order
+from renderer.view import make_order_blending, sort_directions, visible_order
 from renderer.volume import Float64
+
+# Steps (x, y, z) to the next cell along an axis or a diagonal of a plane.
+NEIGHBOURS = np.array(
+    [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)]
+)
+
+# Orders of a smaller weight are left out.
+MIN_WEIGHT = 2.0**-9
+
+# Half of the angle, in radians, over which one order fades into another.
+FADE_ANGLE = math.radians(1.1)
 
 IDENTITY = np.eye(3)
 

@@ -19,7 +19,7 @@ from brickwork import AFFINES, GLOSSY, batch_of, bricks_of, cut_of_bricks, hills
 
 from renderer.bricks import BrickBatch, ScreenSampling
 from renderer.draw import BrickRasterizer
-from renderer.kernels import BUILT, LEVEL_VARIABLE, LEVELS, processor_level
+from renderer.kernels import BUILT, LEVELS, processor_level
 from renderer.lighting import compute_light_grid
 from renderer.scene import ShadingSpec
 from renderer.volume import make_volume
@@ -91,7 +91,7 @@ LOWER_LEVELS = [
 @pytest.mark.parametrize("level", LOWER_LEVELS)
 def test_another_processor(level: int) -> None:
     paths = os.pathsep.join([str(SUPPORT), *filter(None, sys.path)])
-    environment = {**os.environ, "PYTHONPATH": paths, LEVEL_VARIABLE: str(level)}
+    environment = {**os.environ, "PYTHONPATH": paths, "HSPLAT_PROCESSOR_LEVEL": str(level)}
     run = subprocess.run([sys.executable, __file__], env=environment, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stdout + run.stderr
     assert run.stdout.split() == [str(level), digest()]

@@ -1,4 +1,4 @@
-"""What must not change a picture of splats, to the byte where nothing is computed again."""
+"""Changes that must not change a picture of splats, to the byte where nothing is computed again."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ import pytest
 from splatting import cut_of, in_order, look, place_splats, point_at, volume_of
 
 from renderer.draw import SplatRasterizer
-from renderer.pyramid import BLOCK_SIZE, BLOCKS_PER_TASK, Cut, build_pyramid
+from renderer.pyramid import BLOCK_SIZE, Cut, build_pyramid
 from renderer.scene import ControlPoint, ErrorSpec, PyramidSpec, SplatSpec, TransferSpec
 from renderer.splats import make_splats
 from renderer.transfer import make_transfer_function
 from renderer.view import View, visible_order
 from renderer.volume import Float32
+
+# Blocks that one task of a thread makes.
+BLOCKS_PER_TASK = 2048
 
 FOOTPRINTS = ("gaussian", "gouraud")
 SHAPE = (9, 8, 11)

@@ -16,7 +16,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from renderer.kernels import LEVEL_VARIABLE, LEVELS, processor_level, this_target
+from renderer.kernels import LEVELS, processor_level, this_target
 
 TESTS = Path(__file__).resolve().parents[1]
 BUILD = (sys.executable, "-m", "renderer.kernels.build")
@@ -39,7 +39,7 @@ def run_levels(arguments: tuple[str, ...]) -> dict[str, tuple[bool, str]]:
     subprocess.run([*BUILD, "--all"], check=True)
     levels = [level for level in LEVELS[this_target().partition("-")[2]] if level < processor_level()]
     pytest = ("-m", "pytest", "-q", "-n", "auto", "--dist", "loadfile", *arguments)
-    return {f"level {level}": ended(pytest, {LEVEL_VARIABLE: str(level)}) for level in levels}
+    return {f"level {level}": ended(pytest, {"HSPLAT_PROCESSOR_LEVEL": str(level)}) for level in levels}
 
 
 def run_checked() -> dict[str, tuple[bool, str]]:

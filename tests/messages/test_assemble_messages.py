@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from message_scenes import shorter_scene
+from small_scene import contents, edit_sidecar, sidecar
+from transcripts import Case, cases
 
 from hsplat_cli import main
 from renderer.film import bytes_digest, encode_png
-from tests.messages.conftest import small_scene
-from tests.support.small_scene import contents, edit_sidecar, sidecar
-from tests.support.transcripts import Case, cases
 
 
 @pytest.fixture(scope="module")
 def template(module_folder: Path) -> Path:
     """Draw three parts of a small film of nine frames once for all cases, into parts/ of a folder."""
-    Path("scene.yaml").write_text(small_scene(9), encoding="utf-8")
+    Path("scene.yaml").write_text(shorter_scene(9), encoding="utf-8")
     for frames in ("0:3", "3:6", "6:9"):
         draw("--frames", frames, "--output", "parts/{frame:04}.png")
     return module_folder

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from transcripts import Case, cases
 
 from hsplat_cli import main
-from tests.support.transcripts import Case, cases
 
 
 @pytest.fixture(autouse=True)

@@ -1,4 +1,4 @@
-"""What `hsplat compare` prints where frames cannot be compared."""
+"""Messages of `hsplat compare` where frames cannot be compared."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 from png_files import noise, png_file, smooth, write_film, write_frames
+from transcripts import Case, cases
 
 from hsplat_cli import main
-from tests.support.transcripts import Case, cases
 
 ROWS = bytes(100)
 # The content of frame-0000.png in folders of these names.

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tests.support.tiff_files import (
+from tiff_files import (
     ASCII,
     BITS,
     BYTE,
@@ -26,8 +25,8 @@ from tests.support.tiff_files import (
     ome,
     tiff,
 )
-from tests.support.transcripts import Case, cases
-from tests.support.volume_files import read, refused, written
+from transcripts import Case, cases
+from volume_files import read, refused, written
 
 
 def big_tiff(first: int, after: bytes = b"") -> bytes:

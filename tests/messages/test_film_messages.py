@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 from small_scene import small_scene
-
-from tests.support.transcripts import Case, cases
+from transcripts import Case, cases
 
 
 @cases("films.txt")

@@ -1,4 +1,4 @@
-"""What `hsplat golden` prints, and what `hsplat compare` prints about goldens that it cannot use."""
+"""Messages of `hsplat golden`, and of `hsplat compare` about goldens that it cannot use."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import sys
 from pathlib import Path
 
 import pytest
+from message_scenes import shorter_scene
+from transcripts import Case, cases
 
 from hsplat_cli import main
-from tests.messages.conftest import small_scene
-from tests.support.transcripts import Case, cases
 
 
 @pytest.fixture(autouse=True)
 def folder(scene_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Add goldens without pictures, and frames without a record, to the folder of a small scene."""
-    Path("scene.yaml").write_text(small_scene(2), "utf-8")
+    Path("scene.yaml").write_text(shorter_scene(2), "utf-8")
     for name in ("goldens", "frames", "cut"):
         Path(name).mkdir()
     shutil.copy(Path(__file__).with_name("golden.json"), "goldens")

@@ -1,4 +1,4 @@
-"""What a user reads when an output cannot be written."""
+"""Messages about outputs that cannot be written."""
 
 import errno
 import os
@@ -9,7 +9,7 @@ import pytest
 from png_files import open_film
 
 from renderer.errors import HsplatError
-from renderer.film import output_error, quantize, require_writable, require_writable_dry_run
+from renderer.film import quantize, require_writable, require_writable_dry_run, translate_os_errors
 from renderer.scene import OutputSpec
 
 
@@ -24,7 +24,9 @@ from renderer.scene import OutputSpec
     ],
 )
 def test_what_the_system_refuses(number: int, text: str) -> None:
-    assert str(output_error(OSError(number, os.strerror(number)), Path("out/film.mp4"))) == text
+    with pytest.raises(HsplatError) as caught, translate_os_errors(Path("out/film.mp4")):
+        raise OSError(number, os.strerror(number))
+    assert str(caught.value) == text
 
 
 def test_the_file_that_stands_for_a_folder_is_named(tmp_path: Path) -> None:

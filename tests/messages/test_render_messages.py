@@ -1,4 +1,4 @@
-"""What a user reads when `hsplat render` refuses a job or cannot finish it, and which files it leaves then."""
+"""Messages of `hsplat render` where it refuses a job or cannot finish it, and the files that it leaves."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from typing import Any
 import moderngl
 import numpy as np
 import pytest
+from message_scenes import shorter_scene
+from resuming import on_each_frame
+from transcripts import Case, cases
 
 from hsplat_cli import main
 from renderer.film import bytes_digest, join_png_chunks, png_chunks
-from renderer.job import describe_differences
-from tests.messages.conftest import small_scene
-from tests.support.resuming import on_each_frame
-from tests.support.transcripts import Case, cases
+from renderer.record import describe_differences
 
 FULL = "the disk is full\n  hint: free some space, or write to another disk\n"
 
@@ -28,7 +28,7 @@ FULL = "the disk is full\n  hint: free some space, or write to another disk\n"
 @pytest.fixture(autouse=True)
 def folder(scene_folder: Path) -> Path:
     """Make a scene of six small frames, near enough to be seen, and volumes with faults, in the current folder."""
-    Path("scene.yaml").write_text(small_scene(6).replace("distance: 300", "distance: 40"), encoding="utf-8")
+    Path("scene.yaml").write_text(shorter_scene(6).replace("distance: 300", "distance: 40"), encoding="utf-8")
     os.mkfifo("pipe.nrrd")
     np.save("short.npy", np.zeros((8, 9, 10), np.float32))
     Path("short.npy").write_bytes(Path("short.npy").read_bytes()[:-100])
@@ -92,13 +92,13 @@ def test_an_output_folder_that_vanishes(output: str, monkeypatch, capsys) -> Non
     folder = Path("out", "frames.unfinished" if output == "{frame}.png" else f"{output}.unfinished")
 
     def vanish() -> None:
-        while not (folder / "000002.json").exists():  # frames are kept by a thread behind the drawing
+        while not (folder / "000001.json").exists():  # frames are kept by a thread, two frames behind the drawing
             time.sleep(0.001)
         while Path("out").exists():  # an encoder that starts late makes its file in a folder that is being emptied
             shutil.rmtree("out", ignore_errors=True)
 
     at_frame(monkeypatch, 3, vanish)
-    place = "out/3.png" if output == "{frame}.png" else folder / "000003.png"
+    place = "out/2.png" if output == "{frame}.png" else folder / "000002.png"
     assert render(capsys, "--output", f"out/{output}") == (
         1,
         f"{place}: the output folder has vanished\n  hint: it existed when the work began\n",

@@ -1,12 +1,11 @@
-"""What `hsplat check` prints about a wrong scene file, and about options that make a scene wrong."""
+"""Messages of `hsplat check` about a wrong scene file, and about options that make a scene wrong."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-
-from tests.support.transcripts import Case, cases
+from transcripts import Case, cases
 
 # Files that are no scenes.
 FILES = {

@@ -1,4 +1,4 @@
-"""What `hsplat render` prints when a cluster cannot be used."""
+"""Messages of `hsplat render` where a cluster cannot be used."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import threading
 from pathlib import Path
 
 import pytest
+from transcripts import Case, cases
 
 from hsplat_cli import main
-from tests.support.transcripts import Case, cases
 
 END = """\
   expected: the address of a Dask scheduler such as tcp://node7:8786

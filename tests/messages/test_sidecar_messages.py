@@ -1,4 +1,4 @@
-"""What `check` and `render` print about a sidecar from which no film can be made; its film does not change."""
+"""Messages of `check` and `render` about a sidecar from which no film can be made; its film does not change."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tests.support.transcripts import Case, cases
+from transcripts import Case, cases
 
 OLD_SIDECAR = """\
 {"scene": {"version": 1}, "gl": "GL 4.5", "schedule": {"asked": {"tolerance": 0.5}}, "cause": {}, "frames": []}

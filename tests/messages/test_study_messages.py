@@ -1,4 +1,4 @@
-"""What `hsplat measure` and scenes with an accuracy print when they cannot do what was asked."""
+"""Messages of `hsplat measure`, and about scenes with an accuracy, where they cannot do their work."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from message_scenes import shorter_scene
+from transcripts import Case, cases
 
 from hsplat_cli.measure import scene_notes
 from renderer.scene import load_scene
-from tests.messages.conftest import small_scene
-from tests.support.transcripts import Case, cases
 
 
 @pytest.fixture(autouse=True)
 def folder(scene_folder: Path) -> Path:
     """Fill the current folder with a small scene of bricks."""
-    text = small_scene(6).replace("shading:\n  ambient: 0.3\n", "")
+    text = shorter_scene(6).replace("shading:\n  ambient: 0.3\n", "")
     (scene_folder / "scene.yaml").write_text(text, "utf-8")
     return scene_folder
 

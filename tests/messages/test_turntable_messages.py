@@ -1,4 +1,4 @@
-"""What `hsplat turntable` and `hsplat init` print when they refuse, replace or leave out something."""
+"""Messages of `hsplat turntable` and `hsplat init` where they refuse, replace or leave out something."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dicom_files import image_fields, save
+from tiff_files import ome
+from transcripts import Case, cases
 
 from hsplat_cli import main
-from tests.support.dicom_files import image_fields, save
-from tests.support.tiff_files import ome
-from tests.support.transcripts import Case, cases
 
 
 @pytest.fixture(autouse=True)

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dicom_files import dicom_bytes, image_fields
+from message_scenes import SCAN_SCENE as SCENE
+from volume_files import in_memory, written
 
 from hsplat_cli import main
 from renderer.scene import parse_yaml
-from tests.messages.conftest import SCAN_SCENE as SCENE
-from tests.support.dicom_files import dicom_bytes, image_fields
-from tests.support.volume_files import in_memory, written
 
 HOSTILE = "a\x1b[2J\x9b\u202e\u2066\u200b\ufe0f\a\rb"
 SHOWN = r"a\x1b[2J\x9b\u202e\u2066\u200b\ufe0f\x07\rb"

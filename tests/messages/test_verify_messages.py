@@ -1,4 +1,4 @@
-"""What a user reads about a film that is verified."""
+"""Messages about a film that is verified."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from message_scenes import shorter_scene
+from small_scene import contents, edit_sidecar
+from transcripts import Case, cases
 
 from hsplat_cli import main
-from tests.messages.conftest import small_scene
-from tests.support.small_scene import contents, edit_sidecar
-from tests.support.transcripts import Case, cases
 
 
 @pytest.fixture(scope="module")
 def template(module_folder: Path) -> Path:
     """Draw a film and its frames once for all cases."""
-    Path("scene.yaml").write_text(small_scene(6), encoding="utf-8")
+    Path("scene.yaml").write_text(shorter_scene(6), encoding="utf-8")
     for output in ("film.gif", "frames/{frame}.png"):
         assert main.run(["render", "scene.yaml", "--quiet", "--output", output]) == 0
     np.save("other.npy", np.arange(512, dtype=np.uint8).reshape(8, 8, 8))

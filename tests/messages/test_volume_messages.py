@@ -1,4 +1,4 @@
-"""What a user reads when a volume cannot be read; nothing of it is a library's."""
+"""Messages about volumes that cannot be read; no library's words are among them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ import nibabel as nib
 import numpy as np
 import pytest
 import tifffile
+from message_scenes import SCAN_SCENE
+from tiff_files import COMPRESSION, SHORT, tiff
+from transcripts import Case, cases
 from volume_bombs import npy_header
-
-from tests.messages.conftest import SCAN_SCENE
-from tests.support.tiff_files import COMPRESSION, SHORT, tiff
-from tests.support.transcripts import Case, cases
-from tests.support.volume_files import read, refused, write_image, zipped
+from volume_files import read, refused, write_image, zipped
 
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 NRRD = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 5 4 3\nendian: little\nencoding: raw\n"

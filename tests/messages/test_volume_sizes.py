@@ -1,4 +1,4 @@
-"""What a user reads when a file has more voxels than its header says."""
+"""Messages about files that have more voxels than their headers say."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tests.support.volume_files import read, refused, write_image
+from volume_files import read, refused, write_image
 
 pytestmark = pytest.mark.usefixtures("folder")
 

@@ -19,6 +19,7 @@ import refinement
 import reproduce
 from figure import Claim, FigureRenderer
 from html_page import assert_can_be_heard
+from machines import WithoutUploads
 
 from renderer.draw import Rasterizer, SplatRasterizer
 from renderer.pyramid import cut_pyramid
@@ -26,7 +27,6 @@ from renderer.scene import ArraySource, Scene, load_scene
 from renderer.splats import SplatBatch
 from renderer.view import View
 from renderer.volume import Float32, UInt32
-from tests.support.machines import WithoutUploads
 
 STAND_IN = "volume={procedural: {name: engine_block, shape: [40, 48, 24]}}"
 

@@ -15,23 +15,26 @@ from film_stages import PLAIN, stage_of
 from splatting import cut_of, look, volume_of
 
 from renderer.bricks import BRICK_LEVELS, BrickCut
-from renderer.draw import (
-    LEVEL_COLORS,
-    LINE_COVER,
-    LINE_OPACITY,
-    MIN_SIDE_PX,
-    Lines,
-    Rasterizer,
-    draw_lines,
-    make_edges,
-    make_outline,
-    tick_step,
-)
+from renderer.draw import Lines, Rasterizer, draw_lines, make_edges, make_outline, tick_step
 from renderer.frame import render_frames, view_of
 from renderer.pyramid import Cut
 from renderer.scene import AnnotationSpec, ClipSpec, ModeSpec, PlaneSpec, Scene, SplatSpec
 from renderer.view import View
 from renderer.volume import make_volume
+
+# Cells of a smaller side, in pixels, have no lines.
+MIN_SIDE_PX = 3.0
+
+LINE_OPACITY = 0.8
+
+# The opacity of lines: this share of the side of their cell in pixels, and at most LINE_OPACITY.
+LINE_COVER = 0.75
+
+# The colours of cells, from the finest level on.
+LEVEL_COLORS = tuple(
+    tuple(channel / 255 for channel in bytes.fromhex(color))
+    for color in ("ed730c", "f95b30", "fe414c", "fb2767", "f01483", "dc1e9f", "be33b8", "9446cd", "5354dc", "055ebf")
+)
 
 # Each line at a pixel is rounded to float32.
 PRECISION = 1e-5

@@ -271,7 +271,7 @@ def _cell_means(bricks: Bricks, level: int) -> Float64:
     colors, extinctions = bricks.transfer.classify(scalars)
     lighting = pyramid.classifier.lighting
     if lighting is not None:
-        shading = ShadingSpec(*lighting.light[3:], lighting.light[:3])
+        shading = ShadingSpec(*lighting.light[3:], tuple(lighting.light[:3].tolist()))
         gradients = index_gradients(scalars / 2) @ np.linalg.inv(bricks.volume.world_from_index[:3, :3])
         colors = colors * light_factor(shading, gradients.reshape(-1, 3)).reshape(*scalars.shape, 1)
     weights = extinctions[..., None] * bricks.volume.finest_spacing

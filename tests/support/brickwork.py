@@ -1,4 +1,4 @@
-"""What the tests of bricks share: volumes that only bricks draw well, cuts and batches of them made by hand."""
+"""Volumes for tests of bricks, and cuts and batches of bricks that are made by hand."""
 
 from __future__ import annotations
 

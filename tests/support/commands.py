@@ -1,4 +1,4 @@
-"""Run `hsplat`, or what uses its library, in other processes, and list what they leave."""
+"""Run `hsplat`, or programs that use its library, in other processes, and list the files that they leave."""
 
 from __future__ import annotations
 

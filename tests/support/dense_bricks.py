@@ -1,4 +1,4 @@
-"""What bricks are made of, in plain numpy over whole volumes: means and errors of all cells of a level, and fields."""
+"""Means and errors of all cells of a level, and fields, in plain numpy over whole volumes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.bricks import RAY_ERROR_FACTOR
 from renderer.transfer import VISIBILITY_THRESHOLD, TransferFunction
-from renderer.volume import Array, Bools, Float64, Volume
+from renderer.volume import Array, Float64, Volume
 
 Shape = tuple[int, int, int]
 
@@ -21,17 +21,6 @@ def patches(shape: Shape, seed: int, side: int = 6) -> Float64:
     is_block = rng.random([-(-n // side) for n in shape]) < 0.2
     inside = np.kron(is_block, np.ones((side,) * 3, bool))[: shape[0], : shape[1], : shape[2]]
     return np.asarray(np.where(inside, rng.random(shape), 0.0))
-
-
-def random_transfer(rng: np.random.Generator, low: float, high: float) -> TransferFunction:
-    """Return slopes, steps and thin peaks between two scalars, most of them without extinction."""
-    shares = np.sort(rng.choice(np.arange(11) / 10, 6))  # steps, where one is drawn twice
-    peak = rng.random() + np.array([-1e-3, 0, 1e-3])
-    extinctions = np.concatenate([rng.choice([0.0, 0.0, 1.0], 6), [0.0, 1.0, 0.0]])
-    order = np.argsort(np.concatenate([shares, peak]), kind="stable")
-    values = low * (1 - np.clip(np.concatenate([shares, peak])[order], 0, 1))
-    values = np.sort(values + high * np.clip(np.concatenate([shares, peak])[order], 0, 1))
-    return TransferFunction(values, rng.random((9, 3)), extinctions[order], 1.0)
 
 
 def depths_of(volume: Volume, transfer: TransferFunction) -> Float64:
@@ -94,21 +83,6 @@ def ranges_of_dual_cells(volume: Volume) -> tuple[Float64, Float64]:
     return low, high
 
 
-def dual_cells_shown(volume: Volume, transfer: TransferFunction) -> Bools:
-    """Return whether any scalar between the corners of a dual cell is visible, [z + 1, y + 1, x + 1]."""
-    low, high = ranges_of_dual_cells(volume)
-
-    def shows(s: Float64) -> Bools:
-        return np.asarray(transfer.classify(s)[1] * volume.finest_spacing >= VISIBILITY_THRESHOLD)
-
-    shown = shows(low) | shows(high)
-    ends = [-np.inf, *transfer.values, np.inf]
-    for first, last in pairwise(ends):  # linear, so that its middle tells of all between
-        start, end = np.maximum(low, first), np.minimum(high, last)
-        shown |= (start < end) & shows(start / 2 + end / 2)
-    return shown
-
-
 def channels_of(transfer: TransferFunction, finest_spacing: float) -> Float64:
     """Return (tau c, tau) times the finest spacing at the control values, [n, 4]."""
     depths = transfer.extinctions[:, None] * finest_spacing
@@ -162,17 +136,6 @@ def dual_cells(brick: tuple[int, int, int], side: int) -> tuple[slice, slice, sl
     return z, y, x
 
 
-def means_over_dual_cells(values: Float64) -> dict[tuple[int, int, int], float]:
-    """Return the mean over each brick (x, y, z) of 16 voxels a side; half of the dual cells at its faces is inside."""
-    means = {}
-    for brick in np.ndindex(*(-(-(n - 1) // 16) for n in values.shape[::-1])):
-        part = values[dual_cells((brick[0], brick[1], brick[2]), 16)]
-        for axis in range(3):
-            part = part.take(range(part.shape[axis] - 1), axis) / 2 + part.take(range(1, part.shape[axis]), axis) / 2
-        means[brick[0], brick[1], brick[2]] = float(part.mean())
-    return means
-
-
 def errors_of_bricks(volume: Volume, transfer: TransferFunction, level: int) -> dict[tuple[int, int, int], float]:
     """By brick (x, y, z) of a level above 0, the largest error of its nodes and its halo's, of what shows between
     its voxels only, and of their differences, as of such a node; times that of a ray."""
@@ -186,24 +149,3 @@ def errors_of_bricks(volume: Volume, transfer: TransferFunction, level: int) -> 
         brick: RAY_ERROR_FACTOR * max(part.max(), length * np.sqrt(squares[dual_cells(brick, 16 << level)].max()))
         for brick, part in nodes.items()
     }
-
-
-def nodes_shown(cells: Bools) -> Bools:
-    """Return whether any corner of a dual cell of nodes is visible, [z + 1, y + 1, x + 1]."""
-    shown = np.pad(cells, 1)
-    for axis in range(3):
-        shown = shown.take(range(shown.shape[axis] - 1), axis) | shown.take(range(1, shown.shape[axis]), axis)
-    return np.asarray(shown)
-
-
-def box_of(shown: Bools, brick: tuple[int, int, int], extent_zyx: Array) -> Float64:
-    """[2, 3]: lowest and highest corner (x, y, z), in cells from the brick's own lowest one, around the dual cells that
-    are shown in a brick of 16 cells a side; 0 where none is."""
-    first = 16 * np.array(brick[::-1])
-    z, y, x = (slice(start, start + 17) for start in first)
-    inside = np.argwhere(shown[z, y, x])
-    if len(inside) == 0:
-        return np.zeros((2, 3))
-    low = np.maximum(inside.min(axis=0) - 0.5, 0)
-    high = np.minimum(inside.max(axis=0) + 0.5, np.minimum(extent_zyx - first, 16))
-    return np.stack([low, high])[:, ::-1]

@@ -1,4 +1,4 @@
-"""A page of the program as its reader's program sees it, and what every page has to be."""
+"""Parse a page of the program as a browser does, and check the rules that every page keeps."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def assert_sound_and_alone(text: str) -> None:
 
 
 def assert_can_be_heard(text: str) -> None:
-    """Require words for pictures and plots that are no decoration, and a scope for each heading of a table."""
+    """Require a text for each picture and plot that is no decoration, and a scope for each heading of a table."""
     page = Page(text)
     assert page.tags["img"] == sum(
         tag == "img" and name == "alt" and value != "" for tag, name, value in page.attributes

@@ -1,4 +1,4 @@
-"""Small volumes of every kind of data that transfer functions are suggested for, from formulas and seeded noise."""
+"""Small volumes of every kind of data, from formulas and seeded noise, for tests of suggestions."""
 
 from __future__ import annotations
 

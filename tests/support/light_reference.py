@@ -9,9 +9,17 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from renderer.lighting import LIGHT_RADIUS, OCCLUSION_RADIUS, START_CELLS
 from renderer.transfer import TransferFunction
 from renderer.volume import Float32, Float64, Volume
+
+# How far from its point a ray of light begins, in cells of the grid.
+START_CELLS = 2
+
+# How far occlusion reaches, as a share of the diagonal of the volume.
+OCCLUSION_RADIUS = 0.1
+
+# The angle, in degrees, from the middle of the light to its edge.
+LIGHT_RADIUS = 14.0
 
 NUM_OCCLUSION_RAYS, NUM_LIGHT_RAYS = 256, 64
 STEP = 0.5  # of a ray, in the finest spacing

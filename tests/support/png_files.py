@@ -76,6 +76,6 @@ def write_film(path: Path, pictures: Sequence[Pixels]) -> Path:
 
 @contextlib.contextmanager
 def open_film(output: OutputSpec) -> Iterator[Callable[[int, Pixels], None]]:
-    """Yield what writes a frame to an output, whose pictures are of one kind."""
+    """Yield a function that writes a frame to an output, whose pictures are of one kind."""
     with open_films(output.files, output.kinds) as write:
         yield lambda number, pixels: write(number, {0: Picture(pixels)})

@@ -1,4 +1,4 @@
-"""What the tests of the ray integral share: fields, views, and sums to hold it against."""
+"""Fields and views for tests of the ray integral, and sums to compare it with."""
 
 from __future__ import annotations
 

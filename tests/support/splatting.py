@@ -1,9 +1,10 @@
-"""What the tests of splats share: views, splats placed by hand, and splats of small volumes."""
+"""Views, splats that are placed by hand, and splats of small volumes, for tests of splats."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +22,7 @@ from renderer.scene import (
 )
 from renderer.splats import SplatBatch, make_footprint, make_splats
 from renderer.transfer import make_transfer_function
-from renderer.view import CameraPoses, View, camera_poses, make_view
+from renderer.view import View, camera_poses, make_view
 from renderer.volume import Float32, Float64, UInt8, UInt32, Volume, make_volume
 
 
@@ -41,7 +42,7 @@ def look(
     return make_view(camera, 0, tuple(target), distance, size)  # type: ignore[arg-type]
 
 
-def camera_pose(path: CameraPath, frame: int) -> CameraPoses:
+def camera_pose(path: CameraPath, frame: int) -> Any:
     """The pose at one frame: direction, right and up [3], and one zoom."""
     poses = camera_poses(path, [frame])
     return poses.rows(0)

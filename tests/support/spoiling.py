@@ -1,4 +1,4 @@
-"""Plain data with random mistakes, for tests of what anybody may have edited."""
+"""Plain data with random mistakes, for tests of files that anybody may have edited."""
 
 from __future__ import annotations
 

@@ -1,22 +1,25 @@
-"""Studies made by hand, for the tests of what is written about them."""
+"""Studies that are made by hand, for tests of their reports."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hsplat_cli.measure import FrameMeasurement, Measurement, Setting, Study
-from renderer.accuracy import METRICS, Accuracy, ErrorMetrics, ErrorSamples, Truth, sampled_accuracy
+from hsplat_cli.measure import FrameMeasurement, Measurement, Setting, Study, write_study
+from renderer.accuracy import METRICS, Accuracy, ErrorSamples, Truth, sampled_accuracy
 from renderer.truth import Convergence
 
+DATE = "2030-01-02"
 NAN = float("nan")
 INFINITE = float("inf")
 
 
-def difference(psnr: float) -> ErrorMetrics:
+def difference(psnr: float) -> Mapping[str, float]:
     """Return the metrics of a picture of some PSNR; the others fall with it."""
     rmse = 10 ** (-psnr / 20)
     return dict(zip(METRICS, (rmse, min(1.0, 4 * rmse), psnr, 1 - rmse, 2 * rmse, 3 * rmse, rmse), strict=True))
@@ -107,3 +110,9 @@ def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
         notes=("the error rises from tolerance 0.2 to 0.1",),
     )  # fmt: skip
     return dataclasses.replace(study, **changes)
+
+
+def report_of(study: Study, date: str = DATE) -> dict[str, str]:
+    """Return the texts of the files of a report, by their suffixes: `.csv`, `.json` and `.html`."""
+    with tempfile.TemporaryDirectory() as folder:
+        return {path.suffix: path.read_bytes().decode() for path in write_study(study, Path(folder), date=date)}

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.readers import Host, Image, call_reader
+from renderer.readers import Image, call_reader
 from renderer.volume import Array
 
 
-class ThisProcess(Host):
+class ThisProcess(Any):
     """The host of a reader in this process."""
 
     def __init__(self) -> None:

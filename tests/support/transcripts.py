@@ -1,4 +1,4 @@
-"""Transcripts of the command line: what a user types, and every word that comes back.
+"""Transcripts of the command line: the commands that a user types, and all that they print.
 
 A transcript is a text file of cases. Each case begins with its title, and is run in a folder of its own:
 

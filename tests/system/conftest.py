@@ -1,4 +1,4 @@
-"""What several tests of whole commands start from."""
+"""The folder and the cluster that several tests of whole commands begin with."""
 
 from __future__ import annotations
 

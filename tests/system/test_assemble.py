@@ -16,7 +16,7 @@ from small_scene import edit_sidecar, sidecar, small_scene
 
 from hsplat_cli import main
 from renderer.film import bytes_digest, encode_png
-from renderer.job import FilmOutput, locked_film_output
+from renderer.job import OutputWriter, open_output
 from renderer.system import package_versions
 
 pytestmark = pytest.mark.usefixtures("scene_folder")
@@ -159,12 +159,12 @@ def test_whether_a_film_exists_is_seen_under_the_lock(parts: None, monkeypatch: 
     run("assemble", "parts", "--output", "film.mp4")
 
     @contextlib.contextmanager
-    def taken(*arguments: Any, **options: Any) -> Iterator[FilmOutput]:
+    def taken(*arguments: Any, **options: Any) -> Iterator[OutputWriter]:
         Path("film.mp4").unlink()
-        with locked_film_output(*arguments, **options) as output:
+        with open_output(*arguments, **options) as output:
             yield output
 
-    monkeypatch.setattr("renderer.job.assemble.assembly.locked_film_output", taken)
+    monkeypatch.setattr("renderer.job.assemble.assembly.open_output", taken)
     run("assemble", "parts", "--output", "film.mp4")
     assert Path("film.mp4").exists()
 

@@ -78,8 +78,7 @@ def worker_pids(client: Client) -> list[int]:
 def test_the_same_bytes(rasterizer_for: Callable[[Scene], Rasterizer], client: Client, kind: str) -> None:
     plan = plan_of(stage_of_kind(kind))
     rasterizer = rasterizer_for(plan.stage.scene)
-    frames = draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage, 2))
-    expected = [frame.finished() for frame in frames]
+    expected = [*draw_frames(plan.stage, NUMBERS, rasterizer, plan.controller, open_prober(plan.stage, 2))]
     assert all(frame.record.accuracy is not None for frame in expected)
     with closing(ClusterDrawing(client, "--scheduler here", plan, Reporter())) as drawing:
         found = list(drawing.draw(NUMBERS))

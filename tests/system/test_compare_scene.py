@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from small_scene import edit_sidecar, small_scene
+from transcripts import Case, cases
 
 from hsplat_cli import main
-from tests.support.transcripts import Case, cases
 
 SCENE = small_scene(shape="16, 16, 8", frames=4)
 FOLDER = Path("goldens")

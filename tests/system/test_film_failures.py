@@ -11,7 +11,7 @@ import pytest
 from png_files import open_film
 
 from renderer.errors import RenderError
-from renderer.film import open_encoder, require_encoder, staging, write_staged
+from renderer.film import open_encoder, require_encoder, staged_files, write_staged
 from renderer.scene import OutputSpec
 
 PICTURE = np.zeros((64, 64, 3), np.uint8)
@@ -136,8 +136,8 @@ def test_a_folder_that_takes_no_files_is_told_at_once(tmp_path: Path, monkeypatc
 
 def test_an_error_of_the_block_is_not_taken_for_one_of_the_output(tmp_path: Path) -> None:
     def read() -> None:
-        with staging() as stage:
-            stage(tmp_path / "file")
+        with staged_files() as write:
+            write(tmp_path / "file", b"")
             (tmp_path / "absent").read_bytes()
 
     with pytest.raises(FileNotFoundError):

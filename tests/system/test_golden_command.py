@@ -8,16 +8,21 @@ import shutil
 import signal
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from commands import other_process
+from png_files import interlaced
 from resuming import watch_draws
-from small_scene import small_scene
+from small_scene import edit_sidecar, small_scene
 
 from hsplat_cli import main
 from hsplat_cli.commands import golden as command
+from renderer.film import bytes_digest, decode_png, encode_png
+from renderer.volume import UInt8
 
 SCENE = small_scene(shape="16, 16, 8", frames=4)
 FOLDER = Path("goldens")
@@ -217,3 +222,144 @@ def test_a_missing_temporary_folder(capsys: pytest.CaptureFixture[str], monkeypa
         "  got: No such file or directory\n"
         "  hint: set the environment variable TMPDIR to another folder\n"
     )
+
+
+# Plans of updates, which the command prints before it asks
+
+
+def change_golden(number: int, change: Callable[[UInt8], object]) -> None:
+    """Change the pixels of a golden in place."""
+    path = FOLDER / NAMES[number]
+    pixels = decode_png(path.read_bytes()).copy()
+    change(pixels)
+    path.write_bytes(encode_png(pixels))
+
+
+def brighten(number: int, *steps: int) -> None:
+    """Make some dark pixels of the first row of a golden brighter by these steps."""
+
+    def change(pixels: UInt8) -> None:
+        pixels[0, : len(steps)] += np.array(steps, np.uint8)[:, None]
+
+    change_golden(number, change)
+
+
+def declined_update(capsys: pytest.CaptureFixture[str], *options: str) -> list[str]:
+    """Return the lines that an update prints before its question, which is answered by no."""
+    capsys.readouterr()
+    assert golden("--update", *options) == 1
+    *lines, last = capsys.readouterr().out.splitlines()
+    assert last == "nothing was written"
+    return lines
+
+
+@pytest.fixture
+def _says_no(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(command, "_confirm_overwrite", lambda _: False)
+
+
+@pytest.mark.usefixtures("_says_no")
+def test_changes_are_listed_worst_first(capsys: pytest.CaptureFixture[str]) -> None:
+    first_goldens()
+    for number, steps in ((0, [1]), (2, [9]), (3, [9, 9])):
+        brighten(number, *steps)
+    lines = declined_update(capsys)
+    assert lines[0] == "3 of 4 frames change:"
+    assert [line.split()[:2] for line in lines[2:5]] == [[NAMES[3], "9"], [NAMES[2], "9"], [NAMES[0], "1"]]
+
+
+@pytest.mark.usefixtures("_says_no")
+def test_of_many_changes_the_worst_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert golden("--quiet", "--set", "camera.path.frames=26", "--frames", ":") == 0
+    for number in range(1, 26):
+        shutil.copy(FOLDER / NAMES[0], FOLDER / f"frame-{number:04}.png")
+    lines = declined_update(capsys, "--set", "camera.path.frames=26")
+    assert lines[0] == "25 of 26 frames change:"
+    largest = [float(line.split()[1]) for line in lines[2:22]]
+    assert largest == sorted(largest, reverse=True)
+    assert lines[22] == "  and 5 more, none of which changes more"
+
+
+@pytest.mark.usefixtures("_says_no")
+def test_frames_that_cannot_be_compared_are_listed_first(capsys: pytest.CaptureFixture[str]) -> None:
+    first_goldens()
+    brighten(0, 200)
+    (FOLDER / NAMES[1]).unlink()
+    (FOLDER / NAMES[2]).write_bytes(b"\x89PNG\r\n\x1a\n")
+    (FOLDER / NAMES[3]).write_bytes(encode_png(np.zeros((8, 8, 4), np.uint8)))
+    lines = declined_update(capsys)
+    assert [line.split(":")[0].strip() for line in lines[1:4]] == NAMES[1:]
+    assert lines[5].split()[:2] == [NAMES[0], "200"]
+
+
+@pytest.mark.usefixtures("_says_no")
+def test_changes_of_invisible_colours_are_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    clear = ("--set", "output.background=transparent")
+    assert golden("--quiet", *clear) == 0
+
+    def color(pixels: UInt8) -> None:
+        pixels[pixels[..., 3] == 0] += np.uint8([7, 7, 7, 0])
+
+    change_golden(1, color)
+    lines = declined_update(capsys, *clear)
+    assert lines[2].split()[:2] == [NAMES[1], "0"]
+    assert lines[3] == "  0 everywhere: only colours at an alpha of 0 differ"
+
+
+@pytest.mark.usefixtures("_says_no")
+def test_other_bytes_of_equal_pixels_are_kept_and_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    first_goldens()
+    path = FOLDER / NAMES[0]
+    content = interlaced(decode_png(path.read_bytes()))
+    path.write_bytes(content)
+    assert declined_update(capsys) == [
+        "no pixel of 4 frames changes",
+        "golden.json changes: the files differ from those it lists",
+    ]
+    assert golden("--update", "--yes", "--quiet") == 0
+    assert path.read_bytes() == content
+    assert golden_json()["frames"][0]["digest"] == bytes_digest(content)
+
+
+def test_another_driver_or_version_alone_is_no_change() -> None:
+    first_goldens()
+    edit_sidecar(FOLDER / "golden.json", lambda data: data.update(device="y", versions={"numpy": "1"}))
+    before = files()
+    assert golden("--update") == 0
+    assert files() == before
+    brighten(0, 1)
+    assert golden("--update", "--yes", "--quiet") == 0
+    assert golden_json()["device"] != "y"
+
+
+def test_another_scene_of_equal_pixels_is_a_change() -> None:
+    first_goldens()
+    before = files()
+    assert golden("--update", "--yes", "--quiet", "--set", "error.tolerance=0.10000001") == 0
+    assert [name for name, content in files().items() if content != before[name]] == ["golden.json"]
+    assert golden_json()["scene"]["error"]["tolerance"] == 0.10000001
+
+
+def test_a_golden_without_a_file_is_no_longer_listed() -> None:
+    first_goldens()
+    (FOLDER / NAMES[3]).unlink()
+    assert golden("--update", "--yes", "--quiet", "--frames", ":3") == 0
+    assert [frame["frame"] for frame in golden_json()["frames"]] == [0, 1, 2]
+
+
+def test_names_of_goldens_are_in_the_order_of_frames() -> None:
+    assert golden("--quiet", "--set", "camera.path.frames=10001", "--frames", "7") == 0
+    assert sorted(path.name for path in FOLDER.iterdir()) == ["frame-00007.png", "golden.json"]
+
+
+@pytest.mark.parametrize("name", ["a\nb.npy", "\udcff.npy", f"{'x' * 240}.npy"])
+def test_the_place_of_a_volume_is_not_recorded_and_its_name_may_change(name: str) -> None:
+    Path("scans").mkdir()
+    np.save(Path("scans", name), np.arange(2048, dtype=np.uint8).reshape(8, 16, 16))
+    assert golden("--quiet", "--volume", f"scans/{name}") == 0
+    data, before = golden_json(), files()
+    assert b"scans" not in before["golden.json"][0]
+    assert data["volume"]["name"].isprintable() and "file" not in data["scene"]["volume"]
+    os.rename(f"scans/{name}", "moved.npy")
+    assert golden("--update", "--quiet", "--volume", "moved.npy") == 0, "nothing changes"
+    assert files() == before

@@ -18,9 +18,12 @@ from commands import environment
 from small_scene import engine_block, small_tree
 
 import renderer
-from renderer.kernels import SOURCES, STOPPED, Kernel, read_headers
+from renderer.kernels import SOURCES, Kernel, read_headers
 from renderer.scene import parse_scene
 from renderer.system import signals_as_interrupts, stop_flag
+
+# The status of a kernel that was stopped.
+STOPPED = 3
 
 LONG_KERNELS = read_headers(SOURCES).long_kernels
 # Far longer than a child of these tests takes to end.

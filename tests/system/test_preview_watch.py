@@ -22,8 +22,11 @@ from processes import wait_until
 from small_scene import contents, small_scene
 
 from hsplat_cli import main
-from hsplat_cli.preview import MAX_CONNECTIONS, State, file_states, served_states, watch
+from hsplat_cli.preview import State, file_states, served_states, watch
 from hsplat_cli.scenes import SceneRequest
+
+# The server answers so many connections at once.
+MAX_CONNECTIONS = 32
 
 SCENE = Path("scene.yaml")
 

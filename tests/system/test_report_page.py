@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import errno
 import html
 import json
@@ -16,13 +17,14 @@ import numpy as np
 import pytest
 import yaml
 from html_page import Page, assert_can_be_heard, assert_sound_and_alone
-from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, quick_series, study_of
+from studies import DATE, INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, quick_series, report_of, study_of
 
-from hsplat_cli.measure import REPORT_FILES, study_charts, study_page, write_study
+from hsplat_cli.measure import REPORT_FILES, amplified_difference, study_charts, write_study
 from hsplat_cli.reports import format_facts
 from renderer.errors import RenderError
+from renderer.film import decode_png, rounded
+from renderer.volume import Float64, UInt8
 
-DATE = "2030-01-02"
 HOSTILE = "<script>alert('x')</script> & \"$x^2$\" {{ 7 * 7 }}"
 
 CASES = {
@@ -39,7 +41,7 @@ CASES = {
 
 @cache
 def text_of(case: str) -> str:
-    return study_page(CASES[case], date=DATE)
+    return report_of(CASES[case])[".html"]
 
 
 @cache
@@ -72,7 +74,7 @@ def test_rows_on_the_front_are_marked() -> None:
 
 def test_the_scene_can_be_pasted() -> None:
     scene = {"volume": {"file": "a: b.nhdr"}, "error": {"tolerance": {0: 0.5, 60: 0.02}}, "size": (8, np.int64(6))}
-    text = html.unescape(study_page(study_of([], scene=scene), date=DATE))
+    text = html.unescape(report_of(study_of([], scene=scene))[".html"])
     (block,) = re.findall(r"<pre>(.*?)</pre>", text, re.DOTALL)
     assert yaml.safe_load(block) == {**scene, "size": [8, 6]}
 
@@ -80,6 +82,13 @@ def test_the_scene_can_be_pasted() -> None:
 def test_costs_are_those_of_the_front() -> None:
     assert "25 15.5 1 933 gaussian, optical, tolerance 0.1" in prose_of("all")
     assert "40 74.4 not reached integrated, optical, tolerance 0" in prose_of("both")
+
+
+def test_costs_of_bricks_are_log_linear_between_settings() -> None:
+    """From 20 ms at 30 dB to 80 ms at 41 dB; at 25 dB there may be a cheaper setting."""
+    series = "integrated, optical, tolerance"
+    costs = f"25 ≤ 20.0 {series} 1 30 20.0 {series} 1 35 37.6 {series} 0 40 70.5 {series} 0"
+    assert costs in prose_of("bricks")
 
 
 def test_numbers_sort_as_numbers() -> None:
@@ -152,3 +161,32 @@ def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(RenderError, match="the disk is full"):
         write_study(CASES["undefined"], tmp_path, date=DATE)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("size", "small"), [((1, 1), (1, 1)), ((256, 256), (256, 256)), ((257, 3), (129, 2)), ((5, 769), (2, 193))]
+)
+def test_pictures_are_small_and_keep_what_is_even(size: tuple[int, int], small: tuple[int, int]) -> None:
+    (found,) = pictures_of_truth(np.full((*size, 3), 0.4))
+    assert found.shape == (*small, 3) and max(small) <= 256
+    assert np.all(found == 102)
+
+
+def test_pixels_of_small_pictures_are_means() -> None:
+    checkered = np.indices((512, 512)).sum(axis=0) % 2
+    (found,) = pictures_of_truth(np.repeat(checkered[..., None], 3, axis=2).astype(float))
+    assert np.all(found == 128)  # 127.5, rounded half up as in every picture
+
+
+def pictures_of_truth(picture: Float64) -> list[UInt8]:
+    """Return the pictures on the page of a study with one exact picture."""
+    truth = replace(CASES["all"].truths[0], picture=picture)
+    text = report_of(study_of([], truths=(truth,)))[".html"]
+    return [decode_png(base64.b64decode(each)) for each in re.findall(r"data:image/png;base64,([^\"]*)", text)]
+
+
+def test_differences_are_amplified_and_have_no_sign() -> None:
+    truth = np.full((4, 4, 3), 0.5)
+    picture = truth + np.array([0.05, -0.05, 0.4])
+    amplified = [102, 102, 255]  # eight times the difference
+    assert np.all(rounded(amplified_difference(picture, truth)) == amplified)

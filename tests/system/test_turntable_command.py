@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 import yaml
 from commands import HSPLAT, environment, files, other_process
+from dicom_files import image_fields, save
 from kinds_of_data import KINDS
 from processes import MARK, marked, new_mark, wait_until
 
 from hsplat_cli import main
 from hsplat_cli.turntable import FilmRequest, write_scene
 from renderer.system import ChildProcesses
-from tests.support.dicom_files import image_fields, save
 
 pytestmark = pytest.mark.usefixtures("heeds_interrupts")
 

@@ -1,7 +1,9 @@
-"""What is drawn over pictures: the same bytes everywhere, each entry in its place, and what cannot be drawn is told."""
+"""Annotations: the same bytes everywhere, each entry in its place, and an error where an entry cannot be drawn."""
 
 from __future__ import annotations
 
+import colorsys
+import math
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
@@ -9,13 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from annotations import ALL, BARS, LEGEND, axes_of
 from film_stages import PLAIN
 from PIL import Image
 
 from renderer.annotation import (
     AnnotationFacts,
     Annotator,
+    ColorBar,
     Font,
     FrameFacts,
     annotation_problems,
@@ -26,7 +28,46 @@ from renderer.annotation import (
 )
 from renderer.errors import SceneError
 from renderer.film import bytes_digest
-from renderer.scene import AnnotationSpec, FilmScene, Motion, fill_format, moving, parse_scene, scene_to_dict
+from renderer.scene import (
+    AnnotationSpec,
+    ColorBarSpec,
+    EntrySpec,
+    FilmScene,
+    Motion,
+    TimeSpec,
+    TitleSpec,
+    fill_format,
+    moving,
+    parse_scene,
+    scene_to_dict,
+)
+
+SAMPLES = [index / 255 for index in range(256)]
+BARS = (
+    ColorBar("density", "HU", -1000, 2500, tuple((s, s * s, 0.3 + 0.4 * s) for s in SAMPLES), tuple(SAMPLES)),
+    ColorBar(
+        "speed", "m/s", 0.02, 350, tuple(colorsys.hsv_to_rgb(0.7 * (1 - s), 0.8, 0.9) for s in SAMPLES),
+        tuple(0.5 + 0.5 * math.sin(9 * s) for s in SAMPLES), 1, True,
+    ),
+)  # fmt: skip
+LEGEND = (("left kidney", (0.8, 0.3, 0.2)), ("liver", (0.6, 0.4, 0.1)), ("vertebra L5", (0.9, 0.9, 0.7)))
+ALL = AnnotationSpec(
+    title=TitleSpec(position="top", size=0.04, text="Abdomen, portal phase"),
+    time=TimeSpec(position="top-right", size=0.03),
+    legend=EntrySpec(position="left", size=0.03),
+    color_bar=ColorBarSpec(position="right", size=0.03),
+    scale_bar=EntrySpec(position="bottom-left", size=0.03),
+    accuracy=EntrySpec(position="bottom", size=0.03),
+    orientation=EntrySpec(position="bottom-right", size=0.12),
+)
+
+
+def axes_of(azimuth: float, elevation: float) -> tuple[tuple[float, float, float], ...]:
+    """Return the axes of a view: right, up and backward, at angles in degrees."""
+    a, e = math.radians(azimuth), math.radians(elevation)
+    right, back = (-math.sin(a), math.cos(a), 0.0), (math.cos(a) * math.cos(e), math.sin(a) * math.cos(e), math.sin(e))
+    return right, tuple(np.cross(back, right).tolist()), back
+
 
 FACTS = AnnotationFacts((640, 480), unit="mm", world_axes="LPS", bars=BARS, legend=LEGEND)
 FRAME = FrameFacts(12, 0.4, accuracy="47.3 dB", world_per_pixel=0.35, axes=axes_of(35, 25))
@@ -39,7 +80,7 @@ def annotation(scene: FilmScene = PLAIN, **keys: Any) -> AnnotationSpec:
 
 
 def drawn(spec: AnnotationSpec, facts: AnnotationFacts = FACTS, frame: FrameFacts = FRAME) -> np.ndarray:
-    """What is put over nothing."""
+    """Return an annotation that is drawn over nothing."""
     image = np.zeros((facts.size[1], facts.size[0], 4), np.float32)
     draw_annotation(image, Annotator(spec, facts).patches(frame))
     return image

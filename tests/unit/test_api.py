@@ -18,7 +18,7 @@ ARRAY = np.arange(60, dtype=np.uint8).reshape(3, 4, 5)
 
 
 def test_the_page_is_made_from_the_docstrings() -> None:
-    assert PAGE.read_text("utf-8") == api_page(), "python tests/support/api_page.py writes it"
+    assert PAGE.read_text("utf-8") == api_page(), "python tests/pages/api_page.py writes it"
 
 
 def test_importing_the_door_loads_no_array_library() -> None:

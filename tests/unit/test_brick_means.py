@@ -7,19 +7,14 @@ import numpy.typing as npt
 import pytest
 from dense_bricks import OBLIQUE, Shape, patches
 
-from renderer.bricks import (
-    BRICK_LEVELS,
-    BRICK_SIZE,
-    HALO,
-    PADDED_BRICK_SIZE,
-    make_bricks,
-    recompute_means,
-    stored_means,
-)
+from renderer.bricks import BRICK_LEVELS, BRICK_SIZE, PADDED_BRICK_SIZE, make_bricks, recompute_means, stored_means
 from renderer.pyramid import Pyramid, build_pyramid, descendants, root_cells
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume, make_volume
+
+# Texels beyond a brick, at each of its faces.
+HALO = 1
 
 SOFT = TransferFunction(np.array([0.0, 100, 250]), np.eye(3), np.array([0.0, 0.0, 1.5]), 1.0)
 

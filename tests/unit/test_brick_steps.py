@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 from brick_reference import DITHER
 
-from renderer.bricks import BRICK_SIZE, MIN_STEP, step_sizes
+from renderer.bricks import BRICK_SIZE, step_sizes
+
+# The shortest step, in cells of a brick.
+MIN_STEP = 1 / 128
 
 # From corner to corner of a brick, in the shortest steps; decision 014 in docs/decisions states it.
 MOST_SAMPLES = 3814

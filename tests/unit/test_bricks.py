@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -12,18 +13,14 @@ from dense_bricks import (
     OBLIQUE,
     Shape,
     between_scalars,
-    box_of,
     channels_of,
     depths_of,
-    dual_cells_shown,
+    dual_cells,
     errors_of_bricks,
     errors_of_cells,
     means_over_cells,
-    means_over_dual_cells,
-    nodes_shown,
     patches,
     per_brick,
-    random_transfer,
     ranges_of_dual_cells,
     sums_over_cells,
 )
@@ -31,8 +28,8 @@ from number_types import TYPES, limits
 
 from renderer.bricks import BRICK_SIZE, RAY_ERROR_FACTOR, Bricks, cut_bricks, make_bricks
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec
-from renderer.transfer import TransferFunction
-from renderer.volume import Volume, make_volume
+from renderer.transfer import VISIBILITY_THRESHOLD, TransferFunction
+from renderer.volume import Array, Bools, Float64, Volume, make_volume
 
 # Thin, tiny, whole bricks, cut by the border, and levels enough for three and for five of bricks.
 SHAPES: list[Shape] = [
@@ -41,6 +38,64 @@ SHAPES: list[Shape] = [
 # A mean or an error in float16 is off by 2^-11 at most, and by a few roundings of float32.
 HALF_RTOL = 2.0**-11 + 2e-6
 DIFFERENCE_ERROR_SHARE = 0.35
+
+
+def random_transfer(rng: np.random.Generator, low: float, high: float) -> TransferFunction:
+    """Return slopes, steps and thin peaks between two scalars, most of them without extinction."""
+    shares = np.sort(rng.choice(np.arange(11) / 10, 6))  # steps, where one is drawn twice
+    peak = rng.random() + np.array([-1e-3, 0, 1e-3])
+    extinctions = np.concatenate([rng.choice([0.0, 0.0, 1.0], 6), [0.0, 1.0, 0.0]])
+    order = np.argsort(np.concatenate([shares, peak]), kind="stable")
+    values = low * (1 - np.clip(np.concatenate([shares, peak])[order], 0, 1))
+    values = np.sort(values + high * np.clip(np.concatenate([shares, peak])[order], 0, 1))
+    return TransferFunction(values, rng.random((9, 3)), extinctions[order], 1.0)
+
+
+def dual_cells_shown(volume: Volume, transfer: TransferFunction) -> Bools:
+    """Return whether any scalar between the corners of a dual cell is visible, [z + 1, y + 1, x + 1]."""
+    low, high = ranges_of_dual_cells(volume)
+
+    def shows(s: Float64) -> Bools:
+        return np.asarray(transfer.classify(s)[1] * volume.finest_spacing >= VISIBILITY_THRESHOLD)
+
+    shown = shows(low) | shows(high)
+    ends = [-np.inf, *transfer.values, np.inf]
+    for first, last in pairwise(ends):  # linear, so that its middle tells of all between
+        start, end = np.maximum(low, first), np.minimum(high, last)
+        shown |= (start < end) & shows(start / 2 + end / 2)
+    return shown
+
+
+def means_over_dual_cells(values: Float64) -> dict[tuple[int, int, int], float]:
+    """Return the mean over each brick (x, y, z) of 16 voxels a side; half of the dual cells at its faces is inside."""
+    means = {}
+    for brick in np.ndindex(*(-(-(n - 1) // 16) for n in values.shape[::-1])):
+        part = values[dual_cells((brick[0], brick[1], brick[2]), 16)]
+        for axis in range(3):
+            part = part.take(range(part.shape[axis] - 1), axis) / 2 + part.take(range(1, part.shape[axis]), axis) / 2
+        means[brick[0], brick[1], brick[2]] = float(part.mean())
+    return means
+
+
+def nodes_shown(cells: Bools) -> Bools:
+    """Return whether any corner of a dual cell of nodes is visible, [z + 1, y + 1, x + 1]."""
+    shown = np.pad(cells, 1)
+    for axis in range(3):
+        shown = shown.take(range(shown.shape[axis] - 1), axis) | shown.take(range(1, shown.shape[axis]), axis)
+    return np.asarray(shown)
+
+
+def box_of(shown: Bools, brick: tuple[int, int, int], extent_zyx: Array) -> Float64:
+    """[2, 3]: lowest and highest corner (x, y, z), in cells from the brick's own lowest one, around the dual cells that
+    are shown in a brick of 16 cells a side; 0 where none is."""
+    first = 16 * np.array(brick[::-1])
+    z, y, x = (slice(start, start + 17) for start in first)
+    inside = np.argwhere(shown[z, y, x])
+    if len(inside) == 0:
+        return np.zeros((2, 3))
+    low = np.maximum(inside.min(axis=0) - 0.5, 0)
+    high = np.minimum(inside.max(axis=0) + 0.5, np.minimum(extent_zyx - first, 16))
+    return np.stack([low, high])[:, ::-1]
 
 
 def bricks_of(volume: Volume, transfer: TransferFunction, num_threads: int = 1) -> Bricks:

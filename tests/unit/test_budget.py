@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from film_stages import PLAIN, stage_of
+from machines import SimulatedMachine, UploadingMachine
 
 from renderer.frame import BudgetController, LODCostEstimator, Stage, Stopwatch, calibrate_costs, render_frames
 from renderer.scene import (
@@ -22,7 +23,6 @@ from renderer.scene import (
     TurntablePath,
     VolumeSpec,
 )
-from tests.support.machines import SimulatedMachine, UploadingMachine
 
 NUM_FRAMES, WRITING_S = 50, 2e-3
 BUDGETS = {"gaussian": (0.015, 0.03), "integrated": (0.02, 0.03)}

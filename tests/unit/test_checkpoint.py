@@ -12,15 +12,8 @@ import numpy as np
 import pytest
 
 from renderer.film import Picture, bytes_digest, data_digest, encode_png, frame_path, remove_temporaries
-from renderer.job import (
-    DrawnFrame,
-    FilmFingerprint,
-    FrameCheckpoint,
-    FrameRecord,
-    read_frame_record,
-    record_to_json,
-    remove_checkpoint_frames,
-)
+from renderer.job import DrawnFrame, FrameCheckpoint, remove_checkpoint_frames
+from renderer.record import FilmFingerprint, FrameRecord, read_frame_record, record_to_json
 from renderer.scene import OutputSpec
 
 NUMBERS = range(4)

@@ -16,7 +16,8 @@ from hsplat_cli.executors import ClusterDrawing
 from hsplat_cli.terminal import Reporter
 from renderer.errors import RenderError
 from renderer.frame import ScheduleController
-from renderer.job import FilmPlan, FrameRecord
+from renderer.job import FilmPlan
+from renderer.record import FrameRecord
 from renderer.system import MemoryShare
 
 # What a worker does at a frame besides drawing it.

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
+from comparing import compare_files
 from hypothesis import given, strategies as st
 from png_files import noise, smooth, write_film, write_frames
 
-from hsplat_cli.compare import open_pairs
 from renderer.errors import InputError
 from renderer.film import encode_png
 from renderer.readers import natural_sort_key
@@ -29,30 +28,25 @@ def actual(tmp_path: Path) -> Path:
 
 def pairs_of(golden: Path, actual: Path) -> list[tuple[str, bool, bool]]:
     """Return the name of each pair, and whether each side has it."""
-    with open_pairs(golden, actual) as pairs:
-        found = [(pair.name, pair.golden is not None, pair.actual is not None) for pair in pairs.pairs]
-        assert list(pairs.names) == [name for name, *_ in found]
-        return found
+    outcomes = compare_files(golden, actual).outcomes
+    return [(each.name, each.status != "extra", each.status != "missing") for each in outcomes]
 
 
 def notes_on(golden: Path, actual: Path) -> list[str]:
-    with open_pairs(golden, actual) as pairs:
-        return list(pairs.notes)
+    return list(compare_files(golden, actual).notes)
 
 
 def problem(golden: Path, actual: Path) -> str:
-    with pytest.raises(InputError) as caught, open_pairs(golden, actual) as pairs:
-        list(pairs.pairs)
+    with pytest.raises(InputError) as caught:
+        compare_files(golden, actual)
     return caught.value.summary
 
 
 def test_two_pictures_are_a_pair_under_the_name_of_the_golden(golden: Path) -> None:
     other = (golden / "frame-0001.png").rename(golden / "Other.PNG")
-    with open_pairs(golden / "frame-0000.png", other) as pairs:
-        (pair,) = pairs.pairs
-    assert pair.name == "frame-0000.png"
-    np.testing.assert_array_equal(pair.golden, PICTURES[0])
-    np.testing.assert_array_equal(pair.actual, PICTURES[1])
+    (outcome,) = compare_files(golden / "frame-0000.png", other, limits=["bias=0"]).outcomes
+    assert outcome.name == "frame-0000.png"
+    assert outcome.bias == pytest.approx((PICTURES[1].astype(int) - PICTURES[0]).mean(axis=(0, 1)))
 
 
 def test_files_in_folders_are_paired_by_name(golden: Path, actual: Path) -> None:
@@ -145,12 +139,9 @@ def films(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @both_formats
 def test_films_are_paired_by_index(films: Path, suffix: str) -> None:
-    with open_pairs(films / f"film.{suffix}", films / f"other.{suffix}") as pairs:
-        assert list(pairs.names) == [f"frame {number}" for number in range(6)]
-        errors = []
-        for pair in pairs.pairs:
-            assert pair.golden is not None and pair.actual is not None
-            assert pair.golden.shape == (32, 32, {"mp4": 3, "gif": 4}[suffix])
-            errors.append(np.abs(pair.golden.astype(int) - pair.actual).mean())
+    comparison = compare_files(films / f"film.{suffix}", films / f"other.{suffix}", "exact", ["densest=0"])
+    assert [outcome.name for outcome in comparison.outcomes] == [f"frame {number}" for number in range(6)]
+    assert {len(outcome.bias) for outcome in comparison.outcomes} == {{"mp4": 3, "gif": 4}[suffix]}
+    errors = [outcome.figures["densest"] for outcome in comparison.outcomes]
     assert errors.index(max(errors)) == 3
     assert max(errors) > 5 * sorted(errors)[-2]

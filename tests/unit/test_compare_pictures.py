@@ -6,34 +6,46 @@ import struct
 import zlib
 from pathlib import Path
 
-import numpy as np
 import pytest
+from comparing import compare_files
 from png_files import chunk, interlaced, noise, png_file, unfiltered
 
-from hsplat_cli.compare import read_picture
 from renderer.errors import InputError
-from renderer.film import encode_png, join_png_chunks
+from renderer.film import Pixels, encode_png, join_png_chunks
 
 RGB, RGBA = noise(1, 13, 9), noise(2, 13, 9, 4)
+WHOLE = encode_png(RGB)
 
 
-def read(folder: Path, content: bytes) -> np.ndarray:
-    path = folder / "picture.png"
-    path.write_bytes(content)
-    return read_picture(path)
+def assert_read(folder: Path, content: bytes, image: Pixels) -> None:
+    """Require that a file has these pixels."""
+    actual = folder / "picture.png"
+    actual.write_bytes(content)
+    golden = folder / "golden.png"
+    golden.write_bytes(encode_png(image))
+    assert [outcome.status for outcome in compare_files(golden, actual).outcomes] == ["same"]
 
 
 def refused(folder: Path, content: bytes) -> str:
-    with pytest.raises(InputError) as caught:
-        read(folder, content)
-    assert caught.value.where == str(folder / "picture.png")
-    return f"{caught.value.what}: {caught.value.got}"
+    """Return why a file is refused, as a golden and as an actual frame."""
+    damaged, right = folder / "picture.png", folder / "right.png"
+    damaged.write_bytes(content)
+    right.write_bytes(WHOLE)
+    reasons = set()
+    for sides in ((damaged, right), (right, damaged)):
+        with pytest.raises(InputError) as caught:
+            compare_files(*sides)
+        what, got, *_ = str(caught.value).splitlines()
+        assert what.startswith(f"{damaged}: ")
+        reasons.add(f"{what.removeprefix(f'{damaged}: ')}: {got.removeprefix('  got: ')}")
+    (reason,) = reasons
+    return reason
 
 
 @pytest.mark.parametrize("image", [RGB, RGBA], ids=["RGB", "RGBA"])
-def test_pixels_are_those_that_were_encoded(tmp_path: Path, image: np.ndarray) -> None:
+def test_pixels_are_those_that_were_encoded(tmp_path: Path, image: Pixels) -> None:
     for content in (encode_png(image), interlaced(image)):
-        np.testing.assert_array_equal(read(tmp_path, content), image)
+        assert_read(tmp_path, content, image)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +61,7 @@ def test_pixels_are_those_that_were_encoded(tmp_path: Path, image: np.ndarray) -
     ids=lambda more: more[0][0].decode(),
 )
 def test_ancillary_chunks_change_nothing(tmp_path: Path, more: list[tuple[bytes, bytes]]) -> None:
-    np.testing.assert_array_equal(read(tmp_path, png_file(9, 13, unfiltered(RGB), more=more)), RGB)
+    assert_read(tmp_path, png_file(9, 13, unfiltered(RGB), more=more), RGB)
 
 
 def test_every_shorter_file_and_every_changed_byte_is_refused(tmp_path: Path) -> None:
@@ -67,7 +79,7 @@ def idat(*data: bytes) -> bytes:
     return join_png_chunks([(b"IHDR", header), *((b"IDAT", piece) for piece in data), (b"IEND", b"")])
 
 
-ROWS, WHOLE = unfiltered(RGB), encode_png(RGB)
+ROWS = unfiltered(RGB)
 DATA = zlib.compress(ROWS)
 DAMAGED = "damaged: data that cannot be decoded"
 SECOND_HEADER = (b"IHDR", struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0))
@@ -94,4 +106,4 @@ def test_damaged_files_are_refused(tmp_path: Path, contents: list[bytes], why: s
 
 def test_data_may_be_in_many_chunks(tmp_path: Path) -> None:
     pieces = [DATA[start : start + 7] for start in range(0, len(DATA), 7)]
-    np.testing.assert_array_equal(read(tmp_path, idat(*pieces, b"")), RGB)
+    assert_read(tmp_path, idat(*pieces, b""), RGB)

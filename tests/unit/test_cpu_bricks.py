@@ -12,7 +12,7 @@ from texel_wall import drawn
 
 from renderer.bricks import PADDED_BRICK_SIZE
 from renderer.draw import Atlas, BrickRasterizer, brick_bytes, plan_bands, share_memory, share_out
-from renderer.scene import ShadingSpec
+from renderer.kernels import Light, Shading
 from renderer.transfer import NO_LIGHT_GRID
 
 BRICK_BYTES = brick_bytes(1)
@@ -32,11 +32,15 @@ def test_powers_keep_their_digits(exponent: float) -> None:
     """Highlights are powers of the cosine between the normal and the view, which float32 rounds a little."""
     cosines = np.concatenate([np.logspace(-30, 0, 20_000), np.linspace(0.5, 1, 4094), [1]]).astype(np.float32)
     gradients = np.column_stack([np.sqrt(1 - cosines.astype(np.float64) ** 2), 0 * cosines, cosines]).astype(np.float32)
-    shading = ShadingSpec(0.0, 0.0, "camera", specular=1.0, shininess=exponent)
-    light = {
-        "shading": shading, "grid": NO_LIGHT_GRID, "is_camera": True, "toward": np.zeros(3),
-        "first_cell": np.zeros(3), "world_from_index": np.eye(3), "factors": np.empty((0, 3), np.float32),
-    }  # fmt: skip
+    light = Light(
+        shading=Shading(0.0, 0.0, specular=1.0, shininess=exponent, silhouette=0.0, two_sided=False),
+        grid=NO_LIGHT_GRID,
+        is_camera=True,
+        toward=np.zeros(3),
+        world_from_index=np.eye(3),
+        factors=np.empty((0, 3), np.float32),
+        first_cell=np.zeros(3),
+    )
     got = drawn(np.full(len(cosines), 50.0), light=light, gradients=gradients)[:, 0]
     wide = gradients.astype(np.float64)
     expected = (wide[:, 2] / np.linalg.norm(wide, axis=1)) ** np.float32(exponent)

@@ -150,11 +150,11 @@ def test_every_key_of_an_example_is_in_the_list_of_keys(config: Path, tmp_path: 
 
 
 def test_the_page_of_the_sidecar_has_the_keys_of_the_records() -> None:
-    assert SIDECAR_PAGE.read_text("utf-8") == sidecar_page(), "write it by python tests/support/sidecar_page.py"
+    assert SIDECAR_PAGE.read_text("utf-8") == sidecar_page(), "write it by python tests/pages/sidecar_page.py"
 
 
 def test_the_page_of_motion_has_the_keys_that_can_move() -> None:
-    assert MOTION_PAGE.read_text("utf-8") == motion_page(), "write it by python tests/support/motion_page.py"
+    assert MOTION_PAGE.read_text("utf-8") == motion_page(), "write it by python tests/pages/motion_page.py"
 
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])

@@ -1,19 +1,12 @@
-"""What is said of frames that are far more exact than what their file keeps."""
+"""The advice about frames that are far more exact than their file."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
 
-import pytest
-
-from renderer.accuracy import finer_than_kept, typical_kept_psnr, typical_psnr, typical_tolerance
+from renderer.accuracy import finer_than_kept, typical_kept_psnr, typical_psnr
 from renderer.scene import OutputSpec
-
-
-@pytest.mark.parametrize("tolerance", [2.0, 0.1, 1e-3])
-def test_tolerances_and_decibels_belong_together(tolerance: float) -> None:
-    assert typical_tolerance(typical_psnr(tolerance)) == pytest.approx(tolerance)
 
 
 def test_what_formats_keep() -> None:

@@ -18,7 +18,8 @@ from spoiling import spoil
 from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError
 from renderer.film import film_path_of_sidecar, sidecar_path
-from renderer.job import FilmJob, FilmRecord, FrameRecord, parse_film_record, record_to_json, write_sidecar
+from renderer.job import FilmJob
+from renderer.record import FilmRecord, FrameRecord, parse_film_record, record_to_json, write_sidecar
 from renderer.scene import MAX_SCENE_BYTES, ErrorSpec, SplatBudget, accuracy_of, parse_scene, schedule_to_dict
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -113,7 +114,7 @@ def test_a_job_is_made_from_a_record() -> None:
     assert original is not None and original.record == parsed(SIDECAR)
     assert (original.path, original.frames_digest) == (Path("film.mp4.json"), "89" * 16)
     assert original.tools == SIDECAR["versions"] | {"device": "GL 4.5", "sources": "cd" * 16}
-    assert original.keeps_accuracy
+    assert job.repeats == "film"
 
 
 def test_a_film_that_one_pass_would_not_have_made_has_no_fingerprint() -> None:
@@ -140,7 +141,7 @@ def test_a_schedule_changed_by_hand_replaces_the_recorded_one(error: dict[str, A
     assert schedule_to_dict(job.requested) == requested
     assert job.requested == accuracy_of(job.scene.error)
     assert job.original is not None
-    assert not job.original.keeps_accuracy and job.original.tools == {}
+    assert job.repeats == "nothing"
 
 
 def test_any_form_of_json_is_read() -> None:
@@ -179,7 +180,7 @@ def test_only_what_begins_as_json_may_be_large() -> None:
 
 def test_a_larger_sidecar_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     most = MAX_SCENE_BYTES + 1000
-    for module in ("renderer.scene.input_file", "renderer.job.record"):
+    for module in ("renderer.scene.input_file", "renderer.record.sidecar"):
         monkeypatch.setattr(f"{module}.MAX_SIDECAR_BYTES", most)
     text = json.dumps(SIDECAR)
     assert load(text.ljust(most)) == load(text)

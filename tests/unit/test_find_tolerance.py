@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from film_stages import SPLATS
+from machines import Painter
 
-from renderer.accuracy import ExactPictures, FoundTolerances, Trial, Truth, find_tolerances, two_digit_numbers
+from renderer.accuracy import ExactPictures, FoundTolerances, Trial, Truth, find_tolerances
 from renderer.frame import Stage, make_primitive, prepare_stage
 from renderer.scene import AnnotationSpec, CameraSpec, ErrorSpec, MetricTarget, OutputSpec, RockerPath, TurntablePath
 from renderer.splats import SplatBatch
 from renderer.truth import Convergence
 from renderer.view import View
-from tests.support.film_stages import SPLATS
-from tests.support.machines import Painter
 
 NUM_FRAMES = 24
 SHAPE = (12, 16)
@@ -81,7 +81,8 @@ def test_the_coarsest_tolerance_that_passes_on_all_frames_is_found(stage: Stage)
     trials: list[Trial] = []
     found = search(stage, want, trials=trials)
     enough = (0.6 / want.value) ** 2
-    rungs = (number for number in two_digit_numbers(10.0, 0.01) if make_primitive(stage).work(number) >= enough)
+    two_digits = (float(f"{number}e{power}") for power in (-1, -2, -3) for number in range(99, 9, -1))
+    rungs = (number for number in (10.0, *two_digits) if make_primitive(stage).work(number) >= enough)
     tolerance = next(rungs)
     assert found.is_reachable and found.by_frame == dict.fromkeys(range(NUM_FRAMES), tolerance)
     final = [trial for trial in trials if trial.tolerance == tolerance]

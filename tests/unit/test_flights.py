@@ -73,7 +73,7 @@ def test_an_eye_that_stays_turns_evenly() -> None:
 
 
 def test_roll_turns_the_picture_clockwise() -> None:
-    """What was up on the image is to the right after 90 degrees."""
+    """The top of the image is at its right after 90 degrees."""
     level, rolled = (
         views(FlightPath(1, (FlightKey((0.0, -9.0, 0.0), (0.0, 0.0, 0.0), roll),)))[0] for roll in (0.0, 90.0)
     )

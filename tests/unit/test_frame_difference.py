@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hsplat_cli.compare import COMPARISON_METRICS, WINDOW_PX, FrameDifference
+from hsplat_cli.compare import COMPARISON_METRICS, FrameDifference
 from renderer.accuracy import REACH_PX, SSIM_WINDOW_PX, compute_metric, metric_map
 from renderer.volume import UInt8
 
@@ -76,7 +76,7 @@ def test_one_pixel_counts_by_its_share_of_window_and_picture() -> None:
 def test_the_densest_window_is_the_worst_of_all(shape: tuple[int, int]) -> None:
     """A picture that is not as high or as wide as the window has a smaller one."""
     golden, actual = noise((*shape, 3), 1), noise((*shape, 3), 2)
-    errors, (height, width) = np.abs(actual.astype(float) - golden), (min(side, WINDOW_PX) for side in shape)
+    errors, (height, width) = np.abs(actual.astype(float) - golden), (min(side, 8) for side in shape)
     means = [
         errors[row : row + height, column : column + width].mean(axis=(0, 1)).max()
         for row in range(shape[0] - height + 1)

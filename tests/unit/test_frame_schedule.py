@@ -9,7 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 from hsplat_cli.executors import draw_ahead
 from renderer.film import Picture
-from renderer.job import DrawnFrame, FrameRecord
+from renderer.job import DrawnFrame
+from renderer.record import FrameRecord
 
 
 def test_results_are_in_order_and_few_frames_are_drawn_ahead() -> None:

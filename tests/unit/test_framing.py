@@ -29,16 +29,11 @@ from renderer.scene import (
     Vector,
 )
 from renderer.transfer import TransferFunction
-from renderer.view import (
-    MARGIN,
-    camera_poses,
-    fit_distance,
-    make_view,
-    smallest_voxel_px,
-    visible_centre,
-    visible_points,
-)
+from renderer.view import camera_poses, fit_distance, make_view, smallest_voxel_px, visible_centre, visible_points
 from renderer.volume import Float64, Volume, make_volume
+
+# The share of half the picture that framing leaves free.
+MARGIN = 0.03
 
 PATHS: list[CameraPath] = [
     TurntablePath(12, start=7.0, elevation=20.0),
@@ -99,7 +94,7 @@ def test_zoom_magnifies_a_fitted_frame_and_a_large_cloud_is_framed_in_parts(monk
 
 @pytest.mark.parametrize("shape", range(3))
 def test_long_paths_are_framed_exactly(shape: int) -> None:
-    """What is left out in runs of like directions is not what decides: all points on all frames say the same."""
+    """Points that are left out in runs of like directions decide nothing: all points on all frames give the same."""
     points = cloud(np.random.default_rng(3), shape)[:60]
     for path in (
         TurntablePath(5000, elevation=20.0),

@@ -1,99 +1,55 @@
-"""golden.json is read as it was written, and forged content is refused."""
+"""Forged and damaged content of golden.json is refused."""
 
 from __future__ import annotations
 
-import contextlib
-import copy
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from small_scene import small_scene
 
-from hsplat_cli.compare import (
-    MAX_PROVENANCE_BYTES,
-    PROVENANCE_FILE,
-    Golden,
-    Provenance,
-    describe_changes,
-    golden_file_name,
-    origin_from_record,
-    parse_date,
-    provenance_bytes,
-    read_provenance,
-)
+from hsplat_cli.compare import GoldenOptions, load_reproducible_job, parse_date, update_goldens
+from hsplat_cli.scenes import SceneRequest
+from hsplat_cli.terminal import Reporter
 from renderer.errors import InputError
-from renderer.job import FilmFingerprint, VolumeRecord
+from renderer.job import FilmJob
 
 DIGEST = "0123456789abcdef" * 2
-
-DEPENDS_ON = {
+WRITTEN: dict[str, Any] = {
+    "format": "hsplat golden 2",
+    "volume": {"name": "engine.nhdr", "fingerprint": DIGEST, "shape": [8, 8, 4], "dtype": "uint8"},
+    "device": "llvmpipe (LLVM 15.0.6, 256 bits)",
     "scene": {"error": {"tolerance": 0.1}, "output": {"size": [32, 32]}},
     "versions": {"python": "3.11.2", "numpy": "2.1.0"},
+    "frames": [
+        {"frame": 0, "file": "frame-0000.png", "digest": DIGEST, "date": "am Samstag, \u00e4hm"},
+        {"frame": 7, "file": "frame-0007.png", "digest": DIGEST},
+    ],
 }
-RECORD: Any = SimpleNamespace(  # the part of one that the origin is taken from
-    scene={"volume": {"file": "/scans/engine.nhdr", "crop": None, "nodata": "auto"}, "output": {"file": "x"}},
-    volume=VolumeRecord("/scans/engine.nhdr", DIGEST, "uint8", (8, 8, 4), ()),
-    device="llvmpipe (LLVM 15.0.6, 256 bits)",
-    fingerprint=FilmFingerprint(DIGEST, {}, DEPENDS_ON),
-)
-ORIGIN = origin_from_record(RECORD)
-WRITTEN = Provenance(ORIGIN, (Golden(0, "frame-0000.png", DIGEST, "today"), Golden(7, "frame-0007.png", DIGEST)))
+READABLE = "the folder has goldens\n  got: 2 frames"
 
 
-@pytest.mark.parametrize("date", [None, "am Samstag, \u00e4hm"])
-def test_what_is_written_is_read_again(tmp_path: Path, date: str | None) -> None:
-    written = replace(WRITTEN, goldens=(replace(WRITTEN.goldens[0], date=date), WRITTEN.goldens[1]))
-    content = provenance_bytes(written)
-    (tmp_path / PROVENANCE_FILE).write_bytes(content)
-    assert read_provenance(tmp_path) == written
-    assert provenance_bytes(read_provenance(tmp_path)) == content
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> FilmJob:
+    path = tmp_path_factory.mktemp("scene") / "scene.yaml"
+    path.write_text(small_scene(), "utf-8")
+    return load_reproducible_job(SceneRequest(path))
 
 
-def test_each_golden_has_its_own_line() -> None:
-    lines = provenance_bytes(WRITTEN).decode().splitlines()
-    assert lines[-5:] == [
-        '  "frames": [',
-        f'    {{"frame": 0, "file": "frame-0000.png", "digest": "{DIGEST}", "date": "today"}},',
-        f'    {{"frame": 7, "file": "frame-0007.png", "digest": "{DIGEST}"}}',
-        "  ]",
-        "}",
-    ]
+def why_refused(job: FilmJob, folder: Path, content: bytes | None = None) -> str:
+    """Return the error of a command that would write goldens to a folder with this golden.json."""
+    if content is not None:
+        (folder / "golden.json").write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        update_goldens(job, GoldenOptions(folder), Reporter(is_quiet=True), lambda: False)
+    return str(caught.value)
 
 
-def test_the_origin_has_no_paths() -> None:
-    raw = copy.deepcopy(RECORD)
-    raw.scene["volume"] = {"raw": {"file": "/scans/a.raw", "shape": [8, 8, 4]}, "nodata": "auto"}
-    assert ORIGIN["volume"]["name"] == "engine.nhdr"
-    assert ORIGIN["scene"]["volume"] == {"crop": None, "nodata": "auto"}
-    assert origin_from_record(raw)["scene"]["volume"] == {"raw": {"shape": [8, 8, 4]}, "nodata": "auto"}
-    assert b"scans" not in provenance_bytes(replace(WRITTEN, origin=origin_from_record(raw)))
-
-
-@pytest.mark.parametrize("name", ["a\nb.npy", "\udcff.npy", "x" * 300])
-def test_any_name_of_a_volume_can_be_recorded(name: str, tmp_path: Path) -> None:
-    record = copy.deepcopy(RECORD)
-    record.volume = replace(RECORD.volume, name=name)
-    (tmp_path / PROVENANCE_FILE).write_bytes(provenance_bytes(replace(WRITTEN, origin=origin_from_record(record))))
-    assert read_provenance(tmp_path).origin["volume"]["name"].isprintable()
-
-
-def test_file_names_are_in_the_order_of_frames() -> None:
-    assert [golden_file_name(7, num) for num in (120, 10_000, 10_001)] == [*["frame-0007.png"] * 2, "frame-00007.png"]
-
-
-def test_changes_of_the_origin_are_described() -> None:
-    now = copy.deepcopy(ORIGIN)
-    assert describe_changes(ORIGIN, now) == ""
-    now["volume"]["name"] = "moved.nhdr"
-    assert describe_changes(ORIGIN, now) == ""
-    now["scene"]["error"]["tolerance"], now["device"] = 0.2, "another"
-    assert describe_changes(ORIGIN, now) == f"device was '{ORIGIN['device']}'; scene.error.tolerance was 0.1"
-    assert describe_changes(ORIGIN, now, "scene") == "scene.error.tolerance was 0.1"
+def test_right_content_is_read(job: FilmJob, tmp_path: Path) -> None:
+    assert READABLE in why_refused(job, tmp_path, json.dumps(WRITTEN).encode())
 
 
 FORGED: list[Callable[[dict[str, Any]], Any]] = [
@@ -112,50 +68,34 @@ FORGED: list[Callable[[dict[str, Any]], Any]] = [
 
 
 @pytest.mark.parametrize("forge", FORGED)
-def test_forged_content_is_refused(forge: Callable[[dict[str, Any]], Any], tmp_path: Path) -> None:
-    data = json.loads(provenance_bytes(WRITTEN))
+def test_forged_content_is_refused(forge: Callable[[dict[str, Any]], Any], job: FilmJob, tmp_path: Path) -> None:
+    data = json.loads(json.dumps(WRITTEN))
     forge(data)
-    (tmp_path / PROVENANCE_FILE).write_text(json.dumps(data), encoding="utf-8")
-    with pytest.raises(InputError) as caught:
-        read_provenance(tmp_path)
-    assert str(caught.value).startswith(f"{tmp_path / PROVENANCE_FILE}: ")
-    assert all(line.isprintable() for line in str(caught.value).splitlines())
+    message = why_refused(job, tmp_path, json.dumps(data).encode())
+    assert message.startswith(f"{tmp_path / 'golden.json'}: ")
+    assert all(line.isprintable() for line in message.splitlines())
 
 
-def test_damage_never_leads_to_the_wrong_file(tmp_path: Path) -> None:
-    """A file that is cut off is refused; one with a wrong byte is refused, or its content is still consistent."""
-    content = provenance_bytes(WRITTEN)
+def test_damaged_content_is_refused_or_read(job: FilmJob, tmp_path: Path) -> None:
+    """A file that is cut off is refused; one with a wrong byte may be right."""
+    content = json.dumps(WRITTEN, indent=1).encode()
     generator = np.random.default_rng(1)
-    for position in range(len(content)):
-        if position < len(content) - len("}\n"):
-            (tmp_path / PROVENANCE_FILE).write_bytes(content[:position])
-            with pytest.raises(InputError):
-                read_provenance(tmp_path)
+    for position in range(0, len(content), 5):
+        assert READABLE not in why_refused(job, tmp_path, content[:position])
         changed = bytearray(content)
         changed[position] = generator.integers(256)
-        (tmp_path / PROVENANCE_FILE).write_bytes(changed)
-        with contextlib.suppress(InputError):
-            found = read_provenance(tmp_path)
-            assert [golden.file for golden in found.goldens] == [
-                f"frame-{golden.frame:04}.png" for golden in found.goldens
-            ]
+        why_refused(job, tmp_path, bytes(changed))
 
 
-def test_a_file_that_is_too_large_and_a_folder_are_not_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_is_too_large_and_a_folder_are_not_parsed(
+    job: FilmJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("hsplat_cli.compare.golden.provenance.MAX_PROVENANCE_BYTES", 1000)
-    (tmp_path / PROVENANCE_FILE).write_bytes(b"{" + b" " * 1000)
-    with pytest.raises(InputError, match=f"too large for a {PROVENANCE_FILE}\n  expected: at most 1000 bytes"):
-        read_provenance(tmp_path)
-    (tmp_path / PROVENANCE_FILE).unlink()
-    (tmp_path / PROVENANCE_FILE).mkdir()
-    with pytest.raises(InputError, match="not a file"):
-        read_provenance(tmp_path)
-
-
-def test_a_million_goldens_fit() -> None:
-    longest = Golden(999_999, golden_file_name(999_999, 1_000_000), DIGEST)
-    one, two = (len(provenance_bytes(replace(WRITTEN, goldens=(longest,) * num))) for num in (1, 2))
-    assert one + 1_000_000 * (two - one) < MAX_PROVENANCE_BYTES
+    message = why_refused(job, tmp_path, b"{" + b" " * 1000)
+    assert "too large for a golden.json\n  expected: at most 1000 bytes" in message
+    (tmp_path / "golden.json").unlink()
+    (tmp_path / "golden.json").mkdir()
+    assert "not a file" in why_refused(job, tmp_path)
 
 
 @pytest.mark.parametrize("text", ["", "\x1b[31m", "x" * 201])

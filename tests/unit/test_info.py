@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from transcripts import cases
+from volume_files import write_image
 
 from hsplat_cli.commands.check import check
 from hsplat_cli.commands.info import describe_direction, info
 from renderer.errors import InputError, SceneError
-from tests.support.transcripts import cases
-from tests.support.volume_files import write_image
 
 RAMP = np.arange(60).reshape(3, 4, 5)
 

@@ -18,56 +18,56 @@ import pytest
 
 import renderer
 from renderer.errors import InputError, RenderError
-from renderer.readers import Host, Image, read_isolated
+from renderer.readers import Image, read_isolated
 from renderer.volume import Label
 
 
-def ramp(path: Path, *, host: Host) -> Image:
+def ramp(path: Path, *, host: Any) -> Image:
     values = host.allocate((3, 4, 5), np.int16)
     values[...] = np.arange(60).reshape(3, 4, 5)
     return Image(values, np.diag([1.0, 2.0, 3.0, 1.0]), (f"read {path.name}",))
 
 
-def refuse(path: Path, *, host: Host) -> Image:
+def refuse(path: Path, *, host: Any) -> Image:
     raise InputError("no good", where=str(path), got="a", expected="b", hint="c")
 
 
-def fail(_path: Path, *, host: Host) -> Image:
+def fail(_path: Path, *, host: Any) -> Image:
     raise ZeroDivisionError("of the library")
 
 
-def crash(_path: Path, *, host: Host) -> Image:
+def crash(_path: Path, *, host: Any) -> Image:
     ctypes.string_at(0)
     raise AssertionError
 
 
-def abort(_path: Path, *, host: Host) -> Image:
+def abort(_path: Path, *, host: Any) -> Image:
     os.kill(os.getpid(), signal.SIGABRT)
     raise AssertionError
 
 
-def break_off(path: Path, *, host: Host) -> Image:
+def break_off(path: Path, *, host: Any) -> Image:
     """End in the middle of an answer."""
     os.write(int(sys.argv[1]), b'{"shape": [3, 4')
     return abort(path, host=host)
 
 
-def crash_in_the_second_file(path: Path, *, host: Host) -> Image:
+def crash_in_the_second_file(path: Path, *, host: Any) -> Image:
     for name in ("1", "2"):
         host.begin_file(path / name)
     return crash(path, host=host)
 
 
-def loop(_path: Path, *, host: Host) -> Image:
+def loop(_path: Path, *, host: Any) -> Image:
     while True:
         pass
 
 
-def fill_memory(_path: Path, *, host: Host) -> Image:
+def fill_memory(_path: Path, *, host: Any) -> Image:
     return Image(np.ones((1, 1, 3 << 30), np.uint8), np.eye(4))
 
 
-def use_the_processor(path: Path, *, host: Host) -> Image:
+def use_the_processor(path: Path, *, host: Any) -> Image:
     """Take longer than a file of no size may, before memory is allocated."""
     end = time.process_time() + 3
     while time.process_time() < end:
@@ -75,11 +75,11 @@ def use_the_processor(path: Path, *, host: Host) -> Image:
     return ramp(path, host=host)
 
 
-def large(_path: Path, *, host: Host) -> Image:
+def large(_path: Path, *, host: Any) -> Image:
     return Image(host.allocate((512, 1024, 1024), np.uint8), np.eye(4))
 
 
-def print_much(path: Path, *, host: Host) -> Image:
+def print_much(path: Path, *, host: Any) -> Image:
     os.write(1, b"out" * 100_000)
     os.write(2, b"\x1b[31mwarning" * 100_000)
     return ramp(path, host=host)
@@ -106,7 +106,7 @@ def test_voxels_come_back_in_shared_memory() -> None:
 LABELS = (Label(3, "Größe 数据", (0.25, 0.5, 1.0), 0.5), Label(90))
 
 
-def with_labels(path: Path, *, host: Host) -> Image:
+def with_labels(path: Path, *, host: Any) -> Image:
     return replace(ramp(path, host=host), labels=(*LABELS, Label(91, "", (2.0, 0.0, 0.0), 7.0)))
 
 

@@ -8,17 +8,18 @@ import shutil
 import struct as struct_module
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from commands import hsplat, python
+from kernel_records import RECORDS, SIGNATURES, records, signatures
 
+import renderer.kernels
 from renderer.errors import RenderError
 from renderer.kernels import (
     BUILT,
     LEVELS,
-    MANIFEST,
     SOURCES,
     Header,
     kernels,
@@ -28,6 +29,8 @@ from renderer.kernels import (
     read_headers,
     this_target,
 )
+
+MANIFEST = "libraries.txt"
 
 HEADER = read_headers(SOURCES)
 WINDOWS = np.array([[0, 0, 2, 1]])
@@ -41,20 +44,40 @@ def bin_one(**changes: Any) -> tuple[list[int], list[int]]:
     return starts.tolist(), numbers.tolist()
 
 
+def test_records_and_signatures_are_made_from_the_headers() -> None:
+    assert RECORDS.read_text("ascii") == records(), "python tests/support/kernel_records.py writes it"
+    assert SIGNATURES.read_text("ascii") == signatures(), "python tests/support/kernel_records.py writes it"
+
+
+def test_the_door_offers_all_records() -> None:
+    names = re.findall(r"^class (\w+)\(NamedTuple\)", records(), re.MULTILINE)
+    assert names
+    assert set(names) <= set(renderer.kernels.__all__)
+
+
 @pytest.mark.parametrize("name", HEADER.arguments)
 def test_python_lays_structs_out_as_the_compiler_does(name: str) -> None:
     assert getattr(kernels(), name)  # compares sizes
 
 
+class Inner(NamedTuple):
+    a: bool
+    b: float
+
+
+class Outer(NamedTuple):
+    c: list[Inner]
+
+
 def test_structs_lie_one_behind_the_other() -> None:
     inner, outer = (
-        "struct In {\n    bool a;\n    double b;\n};\n",
-        "struct Out {\n    Array<const In, 1> c;\n};\nKERNEL(f, Out)\n",
+        "struct Inner {\n    bool a;\n    double b;\n};\n",
+        "struct Outer {\n    Array<const Inner, 1> c;\n};\nKERNEL(f, Outer)\n",
     )
     struct = Header(inner + outer)
     numbers: list[Any] = []
     kept: list[Any] = []
-    struct.struct_of("f").add({"c": [{"a": True, "b": 0.5}, {"a": False, "b": -2.0}]}, numbers, kept)
+    struct.struct_of("f").add(Outer([Inner(True, 0.5), Inner(False, -2.0)]), numbers, kept)
     assert numbers == [kept[-1].ctypes.data, 2]
     assert kept[-1].tobytes() == struct_module.pack("=?7xd?7xd", True, 0.5, False, -2.0)
 

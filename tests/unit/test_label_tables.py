@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from volume_files import NIBABEL, read, written
 
 from renderer.errors import InputError
 from renderer.looks import find_label_table, read_label_table, read_look
 from renderer.volume import Label
-from tests.support.volume_files import NIBABEL, read, written
 
 RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 CLEAR = (0.0, 0.0, 0.0, 0.0)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from volume_files import write_image
 
 from hsplat_cli.commands.check import check
 from hsplat_cli.scenes import SceneRequest, load_job
@@ -30,7 +31,6 @@ from renderer.scene import (
 )
 from renderer.suggest import label_colors
 from renderer.volume import Array, make_volume, move_volume
-from tests.support.volume_files import write_image
 
 RED, GREEN, BLUE, WHITE, BLACK = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 PRESENT = [-3, 0, 1, 2, 5, 300]
@@ -85,7 +85,7 @@ CHOICES: dict[str, tuple[dict[str, Any], list[LabelStyle]]] = {
 
 @pytest.mark.parametrize("case", CHOICES)
 def test_labels_are_chosen_with_their_looks(case: str) -> None:
-    """What is chosen is written as such: it needs no voxels any more, and reads back."""
+    """The choice is written into the scene, which needs no voxels any more, and reads back."""
     Path("names.txt").write_text("300 x\n")
     section, expected = CHOICES[case]
     found = resolve_scene(scene(labels=section), read_volume)

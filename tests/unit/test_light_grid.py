@@ -10,10 +10,11 @@ import pytest
 from dense_bricks import OBLIQUE
 from light_reference import exact_occlusion, exact_shadow, sampled
 
+from renderer.kernels import LightGrid
 from renderer.lighting import compute_light_grid
 from renderer.pyramid import build_pyramid, cut_pyramid
 from renderer.scene import ErrorSpec, PyramidSpec, ShadingSpec, Vector
-from renderer.transfer import LightGrid, TransferFunction, make_light_grid
+from renderer.transfer import TransferFunction, make_light_grid
 from renderer.volume import Bools, Float64, Volume, make_volume
 
 LIGHT, RADIUS = (0.4, -0.3, 0.9), 15.0
@@ -161,7 +162,7 @@ def shares_of_voxels(found: LightGrid, ambient: float, diffuse: float) -> Float6
 
 @pytest.mark.parametrize("cell_size", [1, 2, 8])
 def test_voxels_are_interpolated_between_centres_of_cells(cell_size: int) -> None:
-    """What is linear in the place is found again, and is constant beyond the outermost centres."""
+    """A linear function of the place is found again, and is constant beyond the outermost centres."""
     cells = np.indices((4, 5, 6)).astype(np.float32) / 1000
     grid = np.pad(cells[0] + 10 * cells[1] + 100 * cells[2], 1, mode="edge")
     found = LightGrid(grid, np.empty((0, 0, 0), np.float32), np.empty(0, np.int32), cell_size, 1.0, 0.5)

@@ -17,9 +17,12 @@ from look_scene import look_scene as scene
 from spoiling import spoil
 
 from renderer.errors import InputError, SceneError
-from renderer.looks import MAX_OPACITY_ERROR, Look, merge_curves, place_look, read_look, read_preset
+from renderer.looks import Look, merge_curves, place_look, read_look, read_preset
 from renderer.scene import ColormapSpec, ShadingSpec, TransferSpec, parse_scene, scene_to_dict
 from renderer.transfer import make_transfer_function
+
+# By how much the opacity of an imported curve may be off.
+MAX_OPACITY_ERROR = 1e-3
 
 pytestmark = pytest.mark.usefixtures("folder")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,8 @@ from number_types import random_ranges
 from texel_wall import drawn
 
 from renderer.bricks import PADDED_BRICK_SIZE, Bricks, scalar_texels
-from renderer.transfer import GUIDE_SIZE, PiecewiseTransfer, TransferFunction, make_piecewise_transfer
+from renderer.kernels import PiecewiseTransfer
+from renderer.transfer import GUIDE_SIZE, TransferFunction, make_piecewise_transfer
 from renderer.volume import Float64, make_volume
 
 
@@ -109,7 +109,7 @@ def test_lanes_find_the_segment() -> None:
         u = np.concatenate([rng.uniform(-1, 2, 512 - len(pieces.rows)), pieces.rows[:-1, 0]]).astype(np.float32)
         more = np.append(pieces.rows, np.repeat(pieces.rows[-1:], 20, axis=0), axis=0)  # none of which is reached
         more[len(pieces.rows) - 1 : -1, 0] = 1e30
-        assert drawn(u, pieces).tobytes() == drawn(u, replace(pieces, rows=more)).tobytes()
+        assert drawn(u, pieces).tobytes() == drawn(u, pieces._replace(rows=more)).tobytes()
         is_inside = u >= 0
         got, expected = extinctions_at(pieces, u[is_inside]), at(pieces, u[is_inside])
         np.testing.assert_allclose(got, expected, atol=1e-6 * (1 + steepest(pieces)), rtol=1e-6)
@@ -123,7 +123,7 @@ def test_nothing_is_visible_below_the_lowest_visible_scalar() -> None:
         transfer = TransferFunction(transfer.values, transfer.colors, extinctions, 1.0)
         pieces = make_piecewise_transfer(transfer.curve(), 0.0, 2.0)
         scalars, lowest = np.sort(rng.uniform(-1, 2, 64)).astype(np.float32), pieces.lowest_visible
-        is_visible = drawn(scalars, replace(pieces, lowest_visible=np.float32(-np.inf)))[:, 3] > 0
+        is_visible = drawn(scalars, pieces._replace(lowest_visible=-np.inf))[:, 3] > 0
         assert not is_visible[scalars < lowest].any()
         num_invisible = int(np.argmax(is_visible)) if is_visible.any() else len(scalars)
         assert np.count_nonzero(scalars < lowest) == num_invisible or lowest == -np.inf

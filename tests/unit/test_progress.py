@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from hsplat_cli.terminal import Progress, Reporter, format_duration
+from hsplat_cli.terminal import Progress, Reporter
 
 
 class Terminal(io.StringIO):
@@ -78,10 +78,16 @@ def test_a_terminal_has_one_line_that_is_rewritten(monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.parametrize(
     ("seconds", "text"),
-    [(0, "0:00"), (7.4, "0:07"), (59.6, "1:00"), (754, "12:34"), (3723, "1:02:03"), (90000, "25:00:00")],
+    [(0.4, "0:00"), (7.4, "0:07"), (59.6, "1:00"), (754, "12:34"), (3723, "1:02:03"), (90000, "25:00:00")],
 )
 def test_durations(seconds: float, text: str) -> None:
-    assert format_duration(seconds) == text
+    """Half of the work is done, so that as much time is left."""
+    assert (
+        shown([1.0, 1.0], [seconds], Terminal(), "settings")
+        .split("\r")[-1]
+        .strip()
+        .endswith(f", {text} left, {seconds} s")
+    )
 
 
 @pytest.mark.parametrize("is_quiet", [True, False])

@@ -7,14 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dicom_files import image_fields, save
 from hypothesis import given, strategies as st
+from volume_files import ramp, read, refused, write_image, write_volume
 
 from renderer.errors import InputError
-from renderer.readers import NO_SPACING, Image, crop_image, read_volume
+from renderer.readers import Image, crop_image, read_volume
 from renderer.scene import ProceduralSource, RawSource, VolumeSpec
 from renderer.volume import Volume, make_volume
-from tests.support.dicom_files import image_fields, save
-from tests.support.volume_files import ramp, read, refused, write_image, write_volume
+
+NO_SPACING = "the file does not give its voxel size; 1 x 1 x 1 is assumed"
 
 INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
 FLOATS = ("float16", "float32", "float64")

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tests.support.dicom_files import COLUMN, NORMAL, ROW, image_fields, save, write_series, write_slice
-from tests.support.volume_files import read, refused
+from dicom_files import COLUMN, NORMAL, ROW, image_fields, save, write_series, write_slice
+from volume_files import read, refused
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from dicom_files import functional_groups, image_fields, save
 from pydicom.dataset import Dataset
-
-from tests.support.dicom_files import functional_groups, image_fields, save
-from tests.support.volume_files import read, refused
+from volume_files import read, refused
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pydicom
 import pytest
+from dicom_files import functional_groups, image_fields, save, write_slice
 from pydicom.uid import ExplicitVRLittleEndian, ImplicitVRLittleEndian, RLELossless
-
-from tests.support.dicom_files import functional_groups, image_fields, save, write_slice
-from tests.support.volume_files import read, refused
+from volume_files import read, refused
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dicom_files import dicom_bytes, functional_groups, image_fields, save
 from pydicom import Dataset
 from pydicom.encaps import encapsulate
+from volume_files import read, refused, written
 
 from renderer.readers import find_volume, summarize, volumes_in
-from tests.support.dicom_files import dicom_bytes, functional_groups, image_fields, save
-from tests.support.volume_files import read, refused, written
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from dicom_files import save
 from pydicom.dataset import Dataset
-
-from tests.support.dicom_files import save
-from tests.support.stated_dicom import segmentation
-from tests.support.volume_files import read
+from stated_dicom import segmentation
+from volume_files import read
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

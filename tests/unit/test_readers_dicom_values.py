@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dicom_files import dicom_bytes, image_fields, save
 from pydicom.dataset import Dataset
 from pydicom.pixels.processing import apply_color_lut, apply_modality_lut
 from pydicom.uid import ExplicitVRLittleEndian, ImplicitVRLittleEndian
+from this_process import read_here
+from volume_files import read, refused, written
 
 from renderer.readers import Image
-from tests.support.dicom_files import dicom_bytes, image_fields, save
-from tests.support.this_process import read_here
-from tests.support.volume_files import read, refused, written
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

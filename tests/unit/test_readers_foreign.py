@@ -15,10 +15,10 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 from scipy.io import savemat
+from volume_files import NIBABEL, in_memory, ramp, read, refused, written, zipped
 
 from hsplat_cli.commands.info import info
 from renderer.readers import UnknownFormatError
-from tests.support.volume_files import NIBABEL, in_memory, ramp, read, refused, written, zipped
 
 VALUES = ramp("int16")
 

@@ -6,8 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from hdf5_files import VALUES, write_bdv, write_emd, write_imaris, write_netcdf, write_nexus
-
-from tests.support.volume_files import read, refused
+from volume_files import read, refused
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

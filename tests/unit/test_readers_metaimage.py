@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tests.support.transcripts import Case, cases
-from tests.support.volume_files import read
+from transcripts import Case, cases
+from volume_files import read
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (4, 7, 8)).astype("<u2")
 RAW, PACKED = VALUES.tobytes(), zlib.compress(VALUES.tobytes(), 0)  # the same bytes by any zlib

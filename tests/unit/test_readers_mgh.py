@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from volume_files import NIBABEL, ramp, read, refused, written
 
 from renderer.readers import find_volume
-from tests.support.volume_files import NIBABEL, ramp, read, refused, written
 
 # Turned and anisotropic, in RAS, as conformed volumes have it.
 AFFINE = np.array([[-2.0, 0, 0, 7], [0, 0, 3, -5], [0, -1.5, 0, 11], [0, 0, 0, 1]])

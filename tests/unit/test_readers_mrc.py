@@ -7,8 +7,7 @@ import struct
 
 import numpy as np
 import pytest
-
-from tests.support.volume_files import ramp, read, refused, written
+from volume_files import ramp, read, refused, written
 
 IMOD = 1146047817
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import python
-
-from tests.support.dicom_files import NORMAL, write_series
-from tests.support.volume_files import write_image
+from dicom_files import NORMAL, write_series
+from volume_files import write_image
 
 VALUES = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 READ = """\
@@ -44,7 +43,7 @@ def folder(folder: Path) -> Path:
 
 
 def found(locale: str, names: list[bytes]) -> list[str]:
-    """What a process in this locale says of each: the sum of its voxels, or a message."""
+    """Return the sum of the voxels of each file, or a message, from a process in this locale."""
     child = python("-c", READ, *names, **LOCALES[locale])
     assert child.returncode == 0, child.stderr
     return child.stdout.splitlines()

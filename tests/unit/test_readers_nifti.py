@@ -8,8 +8,7 @@ import struct
 import nibabel as nib
 import numpy as np
 import pytest
-
-from tests.support.volume_files import ramp, read, refused, written
+from volume_files import ramp, read, refused, written
 
 # Sheared, anisotropic and moved, in RAS.
 AFFINE = np.array([[2.0, 0.5, 0.0, -7.0], [0.0, 1.5, 0.25, 5.0], [0.0, 0.0, 3.0, 11.0], [0.0, 0.0, 0.0, 1.0]])

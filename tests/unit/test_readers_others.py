@@ -10,9 +10,8 @@ import gdcm
 import nrrd
 import numpy as np
 import pytest
-
-from tests.support.dicom_files import NORMAL, image_fields, save, transcode, write_series, write_slice
-from tests.support.volume_files import ramp, read, refused, write_image, written
+from dicom_files import NORMAL, image_fields, save, transcode, write_series, write_slice
+from volume_files import ramp, read, refused, write_image, written
 
 VALUES = ramp("int16")
 

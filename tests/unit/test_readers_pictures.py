@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image, ImageOps
 from stated_pictures import write_deep_pictures, write_pictures
+from volume_files import ramp, read, refused, written
 
 from renderer.job import volume_files
 from renderer.scene import FileSource, VolumeSpec
-from tests.support.volume_files import ramp, read, refused, written
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

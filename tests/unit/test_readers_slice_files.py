@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
+import volume_files
+from transcripts import Case, cases
+from volume_files import refused, written
 
 from hsplat_cli.scenes import expand_volumes
-from tests.support import volume_files
-from tests.support.transcripts import Case, cases
-from tests.support.volume_files import refused, written
 
 VALUES = np.random.default_rng(0).integers(0, 2000, (4, 7, 8)).astype("<u2")
 LIST = "LIST\nslice01.raw\nslice02.raw\nslice03.raw\nslice04.raw\n"

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tests.support.dicom_files import image_fields, save
-from tests.support.transcripts import Case, cases
-from tests.support.volume_files import read, write_image
+from dicom_files import image_fields, save
+from transcripts import Case, cases
+from volume_files import read, write_image
 
 
 def write(folder: Path, names: list[str]) -> None:

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tests.support.tiff_files import BITS, HEIGHT, LONG, PIXELS, SHORT, WIDTH, tiff, tiff_bytes
-from tests.support.volume_files import ramp, read, refused, write_image, written
+from tiff_files import BITS, HEIGHT, LONG, PIXELS, SHORT, WIDTH, tiff, tiff_bytes
+from volume_files import ramp, read, refused, write_image, written
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

@@ -8,9 +8,8 @@ import struct
 import numpy as np
 import pytest
 import tifffile
-
-from tests.support.tiff_files import HEIGHT, LONG, PAGE, STRIP_BYTES, STRIPS, WIDTH, directory, tiff, tiff_bytes
-from tests.support.volume_files import ramp, read, refused, written
+from tiff_files import HEIGHT, LONG, PAGE, STRIP_BYTES, STRIPS, WIDTH, directory, tiff, tiff_bytes
+from volume_files import ramp, read, refused, written
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

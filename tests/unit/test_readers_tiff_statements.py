@@ -7,8 +7,7 @@ import pytest
 import tifffile
 from PIL import Image, ImageOps
 from stated_tiff import imagej, ome
-
-from tests.support.volume_files import ramp, read, refused
+from volume_files import ramp, read, refused
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from volume_files import ramp, read, refused, written
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkRectilinearGrid
 from vtkmodules.vtkIOLegacy import vtkRectilinearGridWriter, vtkStructuredPointsWriter
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter, vtkXMLRectilinearGridWriter
 
 from renderer.readers import header_and_voxel_files
-from tests.support.volume_files import ramp, read, refused, written
 
 VALUES = ramp("int16")
 LARGER = ramp("int16", (6, 7, 8))

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from stated_vtk import write_vtk
+from volume_files import ramp, read, refused, written
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkSphere
 from vtkmodules.vtkFiltersCore import vtkResampleToImage
 from vtkmodules.vtkFiltersExtraction import vtkExtractGeometry
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
-
-from tests.support.volume_files import ramp, read, refused, written
 
 pytestmark = pytest.mark.usefixtures("one_process")
 

@@ -9,6 +9,7 @@ import nrrd
 import numpy as np
 import pydicom
 import pytest
+from volume_files import read
 from vtkmodules.util import numpy_support
 from vtkmodules.vtkIOImage import vtkMetaImageReader
 
@@ -17,7 +18,6 @@ from renderer.scene import RawSource, VolumeSpec
 from renderer.statistics import compute_statistics
 from renderer.suggest import suggest
 from renderer.volume import Volume
-from tests.support.volume_files import read
 
 pytestmark = pytest.mark.real_data
 

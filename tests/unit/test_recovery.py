@@ -24,7 +24,7 @@ from renderer.frame import ScheduleController, Stage
 from renderer.job import draw_frames
 
 NO_CAPABILITY = 0xFFFF
-LOST_ONCE = ["OpenGL's context was lost once, and what it had was drawn again"]
+LOST_ONCE = ["OpenGL's context was lost once, and the unfinished pictures were drawn again"]
 
 
 class _Failing(SplatRasterizer):
@@ -72,7 +72,7 @@ def test_the_film_is_the_same(stage: Stage, rasterizer: SplatRasterizer) -> None
     """Frames whose context was lost are drawn again, to the same bytes."""
     with RecoveringRasterizer(failing_at({0, 4})) as recovering:
         assert pngs(stage, recovering) == pngs(stage, rasterizer)
-        assert recovering.notes == ["OpenGL's context was lost 2 times, and what it had was drawn again"]
+        assert recovering.notes == ["OpenGL's context was lost 2 times, and the unfinished pictures were drawn again"]
 
 
 def test_a_frame_that_loses_it_again_is_an_error(stage: Stage, rasterizer: SplatRasterizer) -> None:
@@ -188,7 +188,7 @@ def test_a_picture_beyond_the_limits_of_a_device(limit: str, rasterizer, monkeyp
 
 
 def test_a_picture_that_a_device_has_no_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What GL says of the refused picture is not held against the next one."""
+    """An error of GL in the refused picture does not count for the next one."""
     refuse_pictures("renderbuffer", monkeypatch)
     assert re.fullmatch(
         r"device: the device has no room for a picture of this size\n  got: \d+ x \d+ pixels\n"

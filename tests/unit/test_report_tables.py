@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, quick_series, study_of
+from studies import INFINITE, NAN, UNDEFINED, brick_series, measure, own_series, quick_series, report_of, study_of
 
-from hsplat_cli.measure import Measurement, Study, costs_by_psnr, csv_text, json_text, on_pareto_fronts, terminal_table
+from hsplat_cli.measure import Measurement, Study, terminal_table
 from hsplat_cli.reports import bytes_text, count_text, metric_text, ms_text, short_count_text
 from renderer.accuracy import METRICS
 
@@ -25,7 +25,7 @@ def loaded(study: Study) -> dict[str, Any]:
     def refuse(name: str) -> None:
         raise AssertionError(f"{name} is not JSON")
 
-    record: dict[str, Any] = json.loads(json_text(study, date="2030-01-02"), parse_constant=refuse)
+    record: dict[str, Any] = json.loads(report_of(study)[".json"], parse_constant=refuse)
     return record
 
 
@@ -45,30 +45,43 @@ def test_numbers_have_significant_digits(text: str, expected: str) -> None:
     assert text == expected
 
 
+def rows_of(study: Study) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(report_of(study)[".csv"], newline="")))
+
+
+def fronts_of(measurements: list[Measurement]) -> list[tuple[bool, bool]]:
+    """Return whether each setting is on the fronts of time and of splats, by the rows of its first frame."""
+    study = study_of(measurements)
+    rows = {(row["series"], row["label"]): row for row in rows_of(study)}
+    found = [rows[each.setting.series, each.setting.label] for each in measurements]
+    return [(row["on_time_front"] == "true", row["on_splats_front"] == "true") for row in found]
+
+
 def test_settings_are_on_the_fronts_of_time_and_of_splats() -> None:
-    time_and_splats = [(True, True), (False, True), (True, True), (True, True)]
-    assert on_pareto_fronts(ALL.measurements) == time_and_splats
-    assert on_pareto_fronts(ODD.measurements) == [(False, False), (True, True)]
-    assert on_pareto_fronts(brick_series()) == [(True, False)] * 2
+    assert fronts_of(own_series()) == [(True, True), (False, True), (True, True), (True, True)]
+    assert fronts_of(list(ODD.measurements)) == [(False, False), (True, True)]
+    assert fronts_of(brick_series()) == [(True, False)] * 2
 
 
-def test_costs_are_interpolated_on_the_front() -> None:
-    by_psnr = {cost.psnr: cost for cost in costs_by_psnr(ALL.measurements)}
-    assert list(by_psnr) == [25, 30, 35]
-    at_25 = by_psnr[25]
-    assert at_25.time.value == pytest.approx(0.010 * 4 ** (3 / 9.5))  # from 10 ms at 22 dB to 40 ms at 31.5 dB
-    assert at_25.splats is not None
-    assert at_25.splats.value == pytest.approx(1000 * 3 ** (3 / 5))  # from 1000 at 22 dB to 3000 at 27 dB
-    assert at_25.setting is not None and at_25.setting.label == "tolerance 0.1"
-    assert not at_25.time.is_bound
+@pytest.mark.parametrize("seed", range(10))
+def test_nothing_beats_the_front_and_something_beats_the_rest(seed: int) -> None:
+    """Points lie on a small grid, so that some are equal, and some are undefined."""
+    points = np.random.default_rng(seed).choice([1.0, 2.0, 3.0, 4.0, NAN], (seed + 3, 2))
+    points[:, 0] = np.nan_to_num(points[:, 0], nan=5.0)
+    measured = [
+        measure(f"tolerance {number}", ms, 5, UNDEFINED if np.isnan(error) else 40 - error)
+        for number, (ms, error) in enumerate(points.tolist())
+    ]
+    is_on_front = [on_front for on_front, _ in fronts_of(measured)]
+    front = [tuple(point) for point, on_front in zip(points.tolist(), is_on_front, strict=True) if on_front]
+    whole = [tuple(point) for point in points.tolist() if not np.isnan(point[1])]
 
+    def beats(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
+        return one != other and all(a <= b for a, b in zip(one, other, strict=True))
 
-def test_bricks_cost_no_splats() -> None:
-    costs = costs_by_psnr(brick_series())
-    assert [cost.psnr for cost in costs] == [25, 30, 35, 40]
-    assert all(cost.splats is None for cost in costs)
-    assert costs_by_psnr([measure("tolerance 1", 10, 5, UNDEFINED)]) == []
-    assert [cost.psnr for cost in costs_by_psnr([measure("tolerance 1", 10, 5, 17)])] == [15]
+    assert len(set(front)) == len(front) and set(front) <= set(whole)
+    assert not any(beats(one, other) for one in whole for other in front)
+    assert all(one in front or any(beats(other, one) for other in front) for one in whole)
 
 
 TABLE = """\
@@ -111,7 +124,7 @@ def test_estimates_stand_beside_their_intervals() -> None:
     assert " ".join(titles.split()) == "setting cells splats ms ms dB dB RMSE 95 % memory front"
     assert "30.00  29.52 to 30.38  0.0316   0.0303 to 0.0334" in lines[0]
     assert "inf" in lines[2]
-    rows = list(csv.DictReader(io.StringIO(csv_text(study), newline="")))
+    rows = rows_of(study)
     everywhere = study.measurements[0].overall.everywhere
     for name, key in (("psnr_db", "psnr"), ("rmse", "rmse")):
         for end in ("", "_low", "_high"):
@@ -122,15 +135,10 @@ def test_estimates_stand_beside_their_intervals() -> None:
 
 @pytest.mark.parametrize("study", [ALL, ODD], ids=["plain", "odd"])
 def test_csv_keeps_every_value(study: Study) -> None:
-    samples = [
-        (m, sample, fronts)
-        for m, fronts in zip(study.measurements, on_pareto_fronts(study.measurements), strict=True)
-        for sample in m.frames
-    ]
-    rows = list(csv.DictReader(io.StringIO(csv_text(study), newline="")))
-    for row, (m, sample, fronts) in zip(rows, samples, strict=True):
+    samples = [(m, sample) for m in study.measurements for sample in m.frames]
+    rows = rows_of(study)
+    for row, (m, sample) in zip(rows, samples, strict=True):
         assert (row["series"], row["label"], int(row["frame"])) == (m.setting.series, m.setting.label, sample.frame)
-        assert (row["on_time_front"], row["on_splats_front"]) == tuple(str(on_front).lower() for on_front in fronts)
         for prefix, accuracy in (("", sample.accuracy.everywhere), ("volume_", sample.accuracy.on_volume)):
             for metric in METRICS.values():
                 written = float(row[f"{prefix}{metric.name}{'_db' if metric.unit else ''}"])

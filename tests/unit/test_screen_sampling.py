@@ -7,14 +7,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from renderer.bricks import (
-    DIFFERENCE_THRESHOLD,
-    MAX_DIFFERENCE_THRESHOLD,
-    MAX_TERMINATION_TRANSMITTANCE,
-    TERMINATION_TRANSMITTANCE,
-    ScreenSampling,
-    screen_sampling_at,
-)
+from renderer.bricks import ScreenSampling, screen_sampling_at
+
+MAX_TERMINATION_TRANSMITTANCE = 0.025
+
+# In tolerances: the transmittance at which a ray ends, and its largest value.
+TERMINATION_TRANSMITTANCE = 0.04
+
+MAX_DIFFERENCE_THRESHOLD = 0.35
+
+# In tolerances: nodes between which pixels are interpolated differ by at most so much.
+DIFFERENCE_THRESHOLD = 0.35
 
 TOLERANCES = np.geomspace(1e-4, 1e2, 61).tolist()
 CELL_PX = [1e-3, 0.3, 1.0, 2.0, 5.0, 40.0, 1e6]

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from film_stages import SPLATS
+from machines import Painter
 
 from hsplat_cli.measure import PlannedSetting, measure_setting, plan_sweep
 from renderer.accuracy import Truth, measure_accuracy, pool_accuracies, spread_evenly
@@ -20,8 +22,6 @@ from renderer.scene import CameraSpec, ErrorSpec, MetricTarget, OutputSpec, Scen
 from renderer.truth import Convergence
 from renderer.view import View
 from renderer.volume import Volume
-from tests.support.film_stages import SPLATS
-from tests.support.machines import Painter
 
 FRAMES = (0, 5)
 RMS = ErrorSpec(measure="rms")

@@ -8,8 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from renderer.kernels import MIN_PIXELS_PER_THREAD, ThreadPool
+from renderer.kernels import ThreadPool
 from renderer.system import start_threads
+
+# A thread has at least so many pixels.
+MIN_PIXELS_PER_THREAD = 32_768
 
 
 @pytest.fixture(params=[1, 3])

@@ -12,6 +12,8 @@ import pytest
 import tifffile
 import yaml
 from click.testing import CliRunner
+from dicom_files import image_fields
+from volume_files import NIBABEL, read, written
 
 from hsplat_cli.commands.info import info
 from hsplat_cli.commands.init import init
@@ -20,8 +22,6 @@ from renderer.job import scene_files
 from renderer.readers import read_volume
 from renderer.scene import FileSource, Scene, VolumeSpec, parse_scene, scene_to_dict
 from renderer.volume import Array
-from tests.support.dicom_files import image_fields
-from tests.support.volume_files import NIBABEL, read, written
 
 RAMP = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
 OTHERS: dict[str, Any] = {

@@ -12,8 +12,11 @@ import numpy as np
 import pytest
 from film_stages import KINDS, SPLATS, stage_of, stage_of_kind, waves
 
-from renderer.frame import ALIGNMENT, Stage, deserialize_stage, serialize_stage
+from renderer.frame import Stage, deserialize_stage, serialize_stage
 from renderer.scene import SplatBudget, with_tolerances
+
+# Arrays of a stage begin at multiples of so many bytes.
+ALIGNMENT = 64
 
 
 def there_and_back(stage: Stage) -> Stage:

@@ -13,10 +13,12 @@ import pytest
 from commands import environment, other_process
 
 from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable import MANIFEST_FILE, FilmRequest, marked_scene, update_manifest, write_scene
+from hsplat_cli.turntable import FilmRequest, marked_scene, update_manifest, write_scene
 from renderer.errors import InputError, RenderError
 from renderer.scene import FileSource, VolumeSpec
 from renderer.suggest import FilmOptions
+
+MANIFEST_FILE = "turntable.json"
 
 
 def update(folder: Path, records: list[dict[str, Any]], *lock_timeout_s: float) -> None:

@@ -11,15 +11,15 @@ import nrrd
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from dicom_files import image_fields, save
+from tiff_files import ome
+from volume_files import NIBABEL, ramp, read, write_image, written
 
 from hsplat_cli.commands.info import info
 from renderer.errors import SceneError
 from renderer.readers import mix_steps, read_volume
 from renderer.scene import ProceduralSource, VolumeSpec, parse_scene
 from renderer.volume import Volume, move_volume
-from tests.support.dicom_files import image_fields, save
-from tests.support.tiff_files import ome
-from tests.support.volume_files import NIBABEL, ramp, read, write_image, written
 from tests.unit.test_readers_hdf5 import save as save_hdf5
 from tests.unit.test_readers_mrc import mrc
 from tests.unit.test_readers_others import cube

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dicom_files import image_fields, save
 
 from hsplat_cli.scenes import base_name, expand_volumes, name_volumes
 from renderer.errors import InputError
 from renderer.job import expand_pattern
-from tests.support.dicom_files import image_fields, save
 
 pytestmark = pytest.mark.usefixtures("folder")
 

@@ -11,11 +11,11 @@ import numpy.typing as npt
 import pytest
 from click.testing import CliRunner
 from number_types import RANGES, TYPES, random_ranges
+from volume_files import read, refused
 
 from hsplat_cli.commands.info import info
 from renderer.scene import parse_scene
 from renderer.transfer import make_transfer_function
-from tests.support.volume_files import read, refused
 
 Array = npt.NDArray[Any]
 

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 from hsplat_cli.compare.picture_file import file_content
 from renderer.errors import InputError, Problem
-from renderer.job import DIGEST_FIELD, FilmRecord, describe_differences, record_to_json
+from renderer.record import DIGEST_FIELD, FilmRecord, describe_differences, record_to_json
 from renderer.scene import (
     FRAME_NUMBER_FIELD,
     check_frames_ascend,

@@ -18,7 +18,8 @@ from renderer.accuracy import open_prober
 from renderer.draw import Rasterizer, open_rasterizer
 from renderer.errors import ContextLostError
 from renderer.frame import ScheduleController, deserialize_stage
-from renderer.job import FrameRecord, draw_frames
+from renderer.job import draw_frames
+from renderer.record import FrameRecord
 from renderer.system import MemoryShare, package_versions, sources_digest
 
 
@@ -71,11 +72,12 @@ class SerializedStage:
             self._rasterizers.append(open_rasterizer(self._stage.scene, memory))
             self._versions = package_versions() | {"device": self._rasterizers[0].device}
         try:
-            (drawn,) = draw_frames(self._stage, [number], self._rasterizers[0], self._controller, self._prober)
+            (drawn,) = draw_frames(
+                self._stage, [number], self._rasterizers[0], self._controller, self._prober, is_overlapped=False
+            )
         except ContextLostError:
             self._rasterizers.pop().release()
             raise
-        drawn = drawn.finished()
         pictures = {kind: picture.content for kind, picture in drawn.pictures.items()}
         return DrawnPictures(pictures, drawn.record, self._versions)
 

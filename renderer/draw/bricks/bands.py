@@ -9,18 +9,19 @@ import numpy as np
 
 from renderer.volume import Int64
 
-# Where not all bricks of a picture have slots, a band takes at most one slot in so many: the slots of a band are lost
-# for bricks that could stay. A turntable of a lit head of 15,168 bricks, with slots for 10,716, made 10,500 of them
-# anew for each frame with 1, 6900 to 7200 with 4, 6850 with 8, and as many with 64. With slots for 5487 it made 14,600,
-# 12,800, 12,600 and 12,600.
+# A band takes at most one slot in this many where not all bricks of a picture have slots: the slots of a band are lost
+# for bricks that could stay. A turntable of a lit head of 15,168 bricks, with slots for 10,716, made 10,500 bricks anew
+# for each frame with 1, 6900 to 7200 with 4, 6850 with 8, and 6850 with 64. With slots for 5487 it made 14,600, 12,800,
+# 12,600 and 12,600.
 _BANDS_IN_SLOTS = 8
 
 
 class Band(NamedTuple):
     """A band of tiles that are drawn together.
 
-    tiles: their numbers. met: int64 [n], the bricks over them, ascending. next_use: int64 [n], the number of the next
-    band that meets each of these; bands of the next picture follow upon those of this one, and are taken to be alike.
+    tiles: their numbers. met: int64 [n], the bricks over them, ascending.
+    next_use: int64 [n], the number of the next band that meets each of these bricks. The next picture is taken to have
+        the same bands, whose numbers go on from the last one.
     """
 
     tiles: Int64
@@ -33,8 +34,8 @@ def plan_bands(
 ) -> tuple[list[Band], Int64]:
     """Return bands of all tiles with bricks, and for each brick the first band that meets it, or -1: int64 [bricks].
 
-    starts, numbers: the bricks over tiles, as `make_grid` returns them. have_slots: whether so many times as many
-    bricks as these, ascending, have slots at once. A single tile is a band in any case.
+    starts, numbers: the bricks over tiles, as `make_grid` returns them. have_slots: whether a multiple
+    of the number of these bricks, ascending, has slots at once. A single tile is a band in any case.
     """
     bands, waiting, is_divided = list[tuple[Int64, Int64]](), [np.flatnonzero(np.diff(starts))], False
     while waiting:

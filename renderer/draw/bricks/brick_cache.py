@@ -1,12 +1,12 @@
-"""Keep the texels of bricks in slots of atlases, and evict those whose next use is farthest away.
+"""Keep the texels of bricks in slots of atlases, and evict the bricks whose next use is farthest away.
 
 An atlas has a share of memory. The size of a volume is therefore no limit: with less memory bricks are made more
 often. One atlas holds the scalars of level 0, another the means of the levels above.
 
 L. A. Belady, "A study of replacement algorithms for a virtual-storage computer", IBM Systems Journal 5 (1966): no
-other order of eviction makes fewer bricks again. A picture is drawn in bands that are known before. The next picture is
-taken to have the same ones; then of bricks that do not fit, as many stay as there is room for. To evict the least
-recently used brick would evict each one just before it is needed.
+other order of eviction makes fewer bricks again. A picture is drawn in bands that are known before, and the next
+picture is taken to have the same bands. Of bricks that do not fit, as many stay as there is room for. An eviction of
+the least recently used brick would take each brick just before it is needed.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from renderer.bricks import (
     mean_texels,
     scalar_texels,
 )
-from renderer.kernels import ThreadPool
+from renderer.kernels import RaySetup, ThreadPool
 from renderer.transfer import toward_light
-from renderer.view import RaySetup, View, are_near_faces, ray_setup, screen_rectangles
+from renderer.view import View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
 
-# Most bricks whose texels a thread makes at a time before they are written.
+# The most bricks whose texels a thread makes before it writes them.
 _UPLOAD_BATCH = 64
-# Floats behind the last texel that loads of whole rows touch.
+# The number of floats behind the last texel that loads of whole rows touch.
 _READ_BEHIND = 2
-# A use that is farther away than any other: nothing is known of it.
+# The number of a use that is not known: it is farther away than any other.
 _NEVER = 1 << 62
 
 
@@ -45,7 +45,7 @@ class Atlas:
     """A store of bricks of one kind, in slots. The caller gives each brick a key, a number from 0 to `num_keys` - 1.
 
     num_channels: 1 or 4, float32. max_slots: the number of bricks that it may hold, one at least.
-    num_bytes: of memory that it may take. threads: make texels and write them; None for the calling one.
+    num_bytes: the memory that it may take. threads: make texels and write them; None for the calling thread.
     texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels], brick after brick.
     """
 
@@ -61,11 +61,11 @@ class Atlas:
         self._use_counter = 0
 
     def texel_offsets(self, slots: Int64) -> Int64:
-        """Return where the bricks in these slots begin in `texels`, halo included: int64 [n]."""
+        """Return the first texels of the bricks in these slots, halo included: int64 [n]."""
         return slots * self._brick_floats
 
     def reserve(self, num: int = 0) -> None:
-        """Make all slots, or `num` if that is more: those that are unused take no memory. What was there is lost."""
+        """Make all slots, or `num` if that is more. Unused slots take no memory; bricks in former slots are lost."""
         if not len(self.texels) or num > self.max_slots:
             self.max_slots = max(num, self.max_slots)
             self.texels = np.empty(self.max_slots * self._brick_floats + _READ_BEHIND, np.float32)
@@ -91,8 +91,8 @@ class Atlas:
 
         keys: int64 [n], all different, at most as many as there are slots. make_texels: returns the texels of missing
         bricks, float32 [m, ...], from their indices in `keys`; several threads call it. Where it raises, the bricks
-        that were written before stay, and the others are not in the atlas. next_use: int64 [n], when they are used
-        after this; None where that is not known.
+        that were written before stay, and the others are not in the atlas. next_use: int64 [n], the numbers of their
+        next uses; None where they are not known.
         """
         self._use_counter += 1
         slots = self._slot_from_key[keys]
@@ -132,8 +132,8 @@ class BrickView(NamedTuple):
     """A view of the bricks `batch[order]`, front to back. Positions are in index space, from the volume's centre.
 
     keys: int64 [n], their numbers: level 0 is counted on its own, all other levels one after the other.
-    is_mean: bool [n], whether they are above level 0. have_faces: bool [n], whether they are voxels near a face that is
-        cut and has a light of its own.
+    is_mean: bool [n], whether they are above level 0. have_faces: bool [n], whether they are near a face that clipping
+        cuts and that has a light of its own; only on level 0.
     rectangles_px: float64 [n, 4], as `screen_rectangles` returns them.
     boxes: float64 [n, 11]: the lowest [3] and the highest corner [3] of the visible bounds, the lowest corner of the
         first cell [3], cells per voxel, and the length of a step in cells.
@@ -208,8 +208,8 @@ def _num_channels(layer: BrickLayer) -> int:
 class BrickCache:
     """A cache of the bricks of layers on one grid of voxels: an atlas of scalars for each, and one of all their means.
 
-    threads: compute the texels of bricks. num_bytes: what each atlas may take, as of `needed_bytes`.
-    scalars: the atlases of scalars, of each layer. means: that of means.
+    threads: compute the texels of bricks. num_bytes: the memory that each atlas may take, in the order of
+        `needed_bytes`. scalars: an atlas of each layer. means: an atlas of all means.
     """
 
     def __init__(self, bricks: BrickLayers, threads: ThreadPool, num_bytes: Sequence[int]) -> None:
@@ -240,7 +240,7 @@ class BrickCache:
         return self._prepare(batch, order, view)
 
     def plan(self, brick_view: BrickView, next_use: Int64) -> None:
-        """Note when the bricks of the view, which are now drawn in bands, are used first: int64 [n]; -1 for never."""
+        """Note the first band that uses each brick of the view: int64 [n]; -1 for none."""
         for atlas, is_in, _ in self._parts(brick_view):
             is_used = is_in & (next_use >= 0)
             atlas.plan(brick_view.keys[is_used], next_use[is_used])
@@ -251,8 +251,10 @@ class BrickCache:
         return all(times * np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in parts)
 
     def upload_bricks(self, brick_view: BrickView, numbers: Int64, next_use: Int64 | None = None) -> Int64:
-        """Upload the bricks with these numbers in the view, and return where texels begin, in the atlas of each layer,
-        of all its bricks: int64 [layers, n]. It is -1 where a layer shows nothing; means are those of the first.
+        """Upload the bricks with these numbers in the view, and return the first texel of all its bricks.
+
+        It is int64 [layers, n], in the atlas of each layer; -1 where a layer shows nothing. Means are in the row of the
+        first layer.
 
         next_use: of these bricks, as of `Atlas.upload`.
         """
@@ -274,15 +276,17 @@ class BrickCache:
         self._brick_view = None
 
     def _prepare(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
-        """Return a view of bricks: the last one, if it is of the same ones."""
+        """Return a view of bricks: the last view, if it is of the same bricks."""
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
             last = self._brick_view = make_brick_view(batch, order, view)
         return last
 
     def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]]:
-        """Return the atlases of each layer's scalars, and of means; for each, which bricks it holds, and what makes the
-        texels of those that are chosen among some numbers in the view."""
+        """Return the atlases of layers and of means, each with its bricks and a function that makes their texels.
+
+        The bricks are bool [n]. The function takes some numbers in the view, and a choice of indices among them.
+        """
         layers, is_mean = brick_view.batch.bricks.layers, brick_view.is_mean
         cells = brick_view.batch.cut.cells[brick_view.order]
         parts: list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]] = []

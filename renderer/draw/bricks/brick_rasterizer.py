@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -26,10 +26,10 @@ from renderer.draw.bricks.grid import make_grid
 from renderer.draw.bricks.mixture import make_mixture
 from renderer.draw.bricks.subsampling import grid_size, refine_grid, upsample
 from renderer.draw.rasterizer import BrickMemory, Rasterizer
-from renderer.kernels import ThreadPool, kernels
+from renderer.kernels import Grid, LayerBricks, RaySetup, ThreadPool, kernels
 from renderer.scene import FACE_DEPTH
 from renderer.system import MemoryShare
-from renderer.view import RaySetup, View
+from renderer.view import View
 from renderer.volume import Bools, Float32, Float64, Int64, UInt32
 
 # Each task draws neighbouring tiles, which have bricks in common.
@@ -131,7 +131,7 @@ class BrickRasterizer(Rasterizer):
         """Draw parts of a picture, one under the other, each in bands of tiles whose bricks have slots at once."""
         for part in parts:
             grid = make_grid(part.rectangles_px, stride, is_drawn, image, is_mixture=len(part.views) > 1)
-            bands, first_use = plan_bands(grid["starts"], grid["numbers"], len(part.members), part.have_slots)
+            bands, first_use = plan_bands(grid.starts, grid.numbers, len(part.members), part.have_slots)
             part.plan(first_use)
             for tiles, met, next_use in bands:
                 draw = part.make_kernel(grid, part.upload(met, next_use))
@@ -162,6 +162,12 @@ def _have_room(cache: BrickCache, drawn: Sequence[int]) -> bool:
     return all(each <= has for each, has in zip(drawn, cache.num_bytes, strict=True))
 
 
+class _DrawTiles(Protocol):
+    """A function that draws some tiles, int64 [n]."""
+
+    def __call__(self, *, tiles: Int64) -> None: ...
+
+
 class _Part(NamedTuple):
     """A part of a picture that one kernel draws: the bricks of one view, or of several that are mixed.
 
@@ -173,7 +179,7 @@ class _Part(NamedTuple):
     views: Sequence[BrickView]
     members: Int64
     rectangles_px: Float64
-    make_kernel: Callable[[dict[str, Any], Sequence[Int64]], Callable[..., None]]
+    make_kernel: Callable[[Grid, Sequence[Int64]], _DrawTiles]
 
     def have_slots(self, members: Int64, times: int) -> bool:
         """Return whether `times` as many bricks as these have slots at once."""
@@ -203,12 +209,12 @@ class _Part(NamedTuple):
 def _part_alone(cache: BrickCache, brick_view: BrickView) -> _Part:
     batch, numbers = brick_view.batch, np.arange(len(brick_view.order))
 
-    def make_kernel(grid: dict[str, Any], offsets: Sequence[Int64]) -> Callable[..., None]:
+    def make_kernel(grid: Grid, offsets: Sequence[Int64]) -> _DrawTiles:
         if batch.extremes is not None:
             return kernels().draw_extremes.partial(
                 grid=grid, rays=brick_view.rays, boxes=brick_view.boxes, texel_offsets=offsets[0][0],
                 tops=batch.extremes.tops[brick_view.order], scalars=cache.scalars[0].texels,
-                **search_of(batch, brick_view.view),
+                rules=search_of(batch, brick_view.view),
             )  # fmt: skip
         bricks = _layer_bricks(cache, brick_view, offsets[0], brick_view.rays, batch.model_unit)
         is_additive = batch.bricks.is_additive
@@ -222,7 +228,7 @@ def _part_alone(cache: BrickCache, brick_view: BrickView) -> _Part:
 def _mixed_part(caches: Sequence[BrickCache], views: Sequence[BrickView], termination_alpha: float) -> _Part:
     mixture = make_mixture(views)
 
-    def make_kernel(grid: dict[str, Any], offsets: Sequence[Int64]) -> Callable[..., None]:
+    def make_kernel(grid: Grid, offsets: Sequence[Int64]) -> _DrawTiles:
         of_views = zip(caches, views, offsets, mixture.rays, strict=True)
         return kernels().draw_mixture.partial(
             grid=grid, groups=[_layer_bricks(*each, mixture.unit) for each in of_views], members=mixture.members,
@@ -232,10 +238,8 @@ def _mixed_part(caches: Sequence[BrickCache], views: Sequence[BrickView], termin
     return _Part(caches, views, mixture.members, mixture.rectangles_px, make_kernel)
 
 
-def _layer_bricks(
-    cache: BrickCache, brick_view: BrickView, offsets: Int64, rays: RaySetup, unit: float
-) -> dict[str, Any]:
-    """Return the bricks of a view as kernels take them: LayerBricks in kernels.h.
+def _layer_bricks(cache: BrickCache, brick_view: BrickView, offsets: Int64, rays: RaySetup, unit: float) -> LayerBricks:
+    """Return the bricks of a view as kernels take them.
 
     offsets: as `BrickCache.upload_bricks` returns them. unit: the world length of the rays' model unit.
     """
@@ -244,8 +248,12 @@ def _layer_bricks(
         field_of(layer, atlas.texels, cache.means.texels, of_layer, brick_view)
         for layer, atlas, of_layer in zip(layers, cache.scalars, offsets, strict=True)
     ]
-    return {
-        "rays": rays, "spacings_per_model_unit": np.float32(unit / brick_view.batch.cut.volume.finest_spacing),
-        "boxes": brick_view.boxes, "is_mean": brick_view.is_mean, "fields": fields,
-        "have_faces": brick_view.have_faces, "face_depth": FACE_DEPTH * brick_view.batch.cut.volume.finest_spacing,
-    }  # fmt: skip
+    return LayerBricks(
+        rays=rays,
+        spacings_per_model_unit=unit / brick_view.batch.cut.volume.finest_spacing,
+        boxes=brick_view.boxes,
+        is_mean=brick_view.is_mean,
+        have_faces=brick_view.have_faces,
+        face_depth=FACE_DEPTH * brick_view.batch.cut.volume.finest_spacing,
+        fields=fields,
+    )

@@ -1,53 +1,43 @@
-"""Describe the field that samples are taken of, for `sample.h`."""
+"""Describe the field from which samples are taken, for `sample.h`."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from renderer.bricks import BrickLayer
 from renderer.draw.bricks.brick_cache import BrickView
 from renderer.draw.bricks.light import make_light
+from renderer.kernels import Field, FieldMask
 from renderer.scene import ShadingSpec
 from renderer.transfer import toward_light
 from renderer.volume import Float32, Int64
 
 
-def field_of(
-    layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64, brick_view: BrickView
-) -> dict[str, Any]:
+def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64, brick_view: BrickView) -> Field:
     """Return the field of a layer: the texels of all bricks, in two atlases, and the table that classifies them.
 
-    They are the members of Field in kernels.h.
-    scalars: of each brick [PADDED_BRICK_SIZE^3]; with shading, the gradients [PADDED_BRICK_SIZE^3, 3] follow.
-    means: of each brick [PADDED_BRICK_SIZE^3, 4].
-    offsets: int64 [n], where the texels of the bricks of `brick_view` begin in its atlas; -1 where it shows none.
-    has_absent: whether any voxel has no data. is_labels: whether scalars are numbers of labels. has_colors: whether
-        voxels are colours: in place of scalars are (tau c, tau) of each.
-    lights_faces: as of BrickLayer.
-    lambert: unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
+    scalars, means: the atlases, as in Field. offsets: as `texel_offsets` there, of the bricks of `brick_view`.
     """
     shading = layer.shading if layer.shading and layer.shading.is_plain else ShadingSpec()
-    return {
-        "scalars": scalars,
-        "means": means,
-        "texel_offsets": offsets,
-        "pieces": layer.bricks.pieces,
-        "weight": layer.weight,
-        "has_absent": layer.bricks.volume.num_absent > 0,
-        "is_labels": layer.bricks.volume.is_labels,
-        "has_colors": layer.bricks.volume.colors is not None,
-        "is_lit": layer.shading is not None and layer.shading.is_plain,
-        "lambert": (*toward_light(shading).tolist(), shading.ambient, shading.diffuse),
-        "lights_faces": layer.lights_faces,
-        "light": make_light(layer),
-        "mask": _mask_of(layer, brick_view),
-    }
+    return Field(
+        scalars=scalars,
+        means=means,
+        texel_offsets=offsets,
+        pieces=layer.bricks.pieces,
+        weight=layer.weight,
+        lambert=np.array([*toward_light(shading), shading.ambient, shading.diffuse]),
+        has_absent=layer.bricks.volume.num_absent > 0,
+        is_labels=layer.bricks.volume.is_labels,
+        has_colors=layer.bricks.volume.colors is not None,
+        is_lit=layer.shading is not None and layer.shading.is_plain,
+        lights_faces=layer.lights_faces,
+        light=make_light(layer),
+        mask=_mask_of(layer, brick_view),
+    )
 
 
-def _mask_of(layer: BrickLayer, brick_view: BrickView) -> dict[str, Any] | None:
-    """Return the mask for places relative to the volume's centre, and which bricks of the view it cuts."""
+def _mask_of(layer: BrickLayer, brick_view: BrickView) -> FieldMask | None:
+    """Return the mask of a layer, and the bricks of the view that it cuts; None without a mask."""
     volume, are_cut = layer.bricks.volume, layer.bricks.are_cut
     if volume.mask_grid is None or are_cut is None:
         return None
@@ -55,4 +45,4 @@ def _mask_of(layer: BrickLayer, brick_view: BrickView) -> dict[str, Any] | None:
     from_index[:, 3] += from_index[:, :3] @ volume.centre_index
     x, y, z = brick_view.batch.cut.cells[brick_view.order[~brick_view.is_mean]].T
     found[~brick_view.is_mean] = are_cut[z, y, x]
-    return {"grid": volume.mask_grid._replace(from_index=from_index), "are_cut": found}
+    return FieldMask(volume.mask_grid._replace(from_index=from_index), found)

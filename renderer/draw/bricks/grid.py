@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from renderer.kernels import kernels
+from renderer.kernels import Grid, kernels
 from renderer.volume import Bools, Float32, Float64
 
 # Pixels along the sides of a tile, without and with subsampling. Tiles of 16 draw each brick more often, and the rays
@@ -19,16 +17,10 @@ _EDGE_ROUNDING_PX = 2e-3
 
 def make_grid(
     rectangles_px: Float64, stride: int, is_drawn: Bools, image: Float32, *, is_mixture: bool = False
-) -> dict[str, Any]:
-    """Return a grid of pixels into which bricks are drawn, in tiles: Grid in kernels.h.
+) -> Grid:
+    """Return a grid of pixels into which bricks are drawn, in tiles.
 
-    stride: the pixels of the grid are every `stride`-th pixel along both axes. Grid pixel 0 is the centre of pixel 0.
-    side: of a tile, in pixels of the grid.
-    rectangles: int64 [n, 4], left, top, right and bottom of each brick, half-open, in pixels of the grid and inside it.
-    starts: int64 [tiles + 1], numbers: int64. The bricks over tile k are `numbers[starts[k] : starts[k + 1]]`, front to
-        back.
-    is_drawn: [rows, columns], the pixels of the grid that are drawn. image: float32 [rows, columns, 4], premultiplied
-        RGBA.
+    rectangles_px: float64 [n, 4], left, top, right and bottom of each brick. Others as in Grid.
     """
     shape = is_drawn.shape[1], is_drawn.shape[0]
     side = TILE_SIDE if stride == 1 and not is_mixture else SMALL_TILE_SIDE
@@ -43,7 +35,12 @@ def make_grid(
     kernels().bin_bricks(
         tile_windows=tile_windows, num_columns=num_columns, num_rows=num_rows, starts=starts, numbers=numbers
     )
-    return {
-        "side": side, "stride": stride, "rectangles": rectangles, "starts": starts[:-1], "numbers": numbers,
-        "is_drawn": is_drawn, "image": image,
-    }  # fmt: skip
+    return Grid(
+        side=side,
+        stride=stride,
+        rectangles=rectangles,
+        starts=starts[:-1],
+        numbers=numbers,
+        is_drawn=is_drawn,
+        image=image,
+    )

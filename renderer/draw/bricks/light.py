@@ -1,47 +1,46 @@
 """Describe light and extinction that depend on the view or on the length of the gradient, for `light.h`.
 
-Light by Lambert's law from a fixed direction is `lambert`, which costs less.
+Light by Lambert's law from a fixed direction is `Field.lambert`, which costs less.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from renderer.bricks import BrickLayer, texel_gradients
+from renderer.kernels import Light, Shading
 from renderer.transfer import toward_light
 from renderer.volume import Float32
 
 
-def make_light(layer: BrickLayer) -> dict[str, Any] | None:
-    """Return the light of a layer, Light in kernels.h; None where it has none, or one by Lambert's law alone.
-
-    is_camera: it comes from the viewer, and not from `toward`, a unit vector.
-    world_from_index: the rows of a matrix of directions; a common factor does not matter.
-    factors: float32 [n, 3], a gradient's length in texels, the factor on extinction there, and its slope up to the
-        next.
-    first_cell: the grid's place, in cells, of the volume's centre.
-    """
+def make_light(layer: BrickLayer) -> Light | None:
+    """Return the light of a layer; None without one, or by Lambert's law alone."""
     shading = layer.shading
     if shading is None or shading.is_plain:
         return None
     grid, volume = layer.bricks.light_grid, layer.bricks.volume
     is_camera = shading.light == "camera"
     world_from_index = volume.world_from_index[:3, :3]
-    return {
-        "shading": shading,
-        "grid": grid,
-        "is_camera": is_camera,
-        "toward": np.zeros(3) if is_camera else toward_light(shading),
-        "world_from_index": world_from_index / np.abs(world_from_index).max(),
-        "factors": _factors(layer),
-        "first_cell": (volume.centre_index + 0.5) / grid.cell_size + 0.5,
-    }
+    return Light(
+        shading=Shading(
+            ambient=shading.ambient,
+            diffuse=shading.diffuse,
+            specular=shading.specular,
+            shininess=shading.shininess,
+            silhouette=shading.silhouette,
+            two_sided=shading.two_sided,
+        ),
+        grid=grid,
+        is_camera=is_camera,
+        toward=np.zeros(3) if is_camera else toward_light(shading),
+        world_from_index=world_from_index / np.abs(world_from_index).max(),
+        factors=_factors(layer),
+        first_cell=(volume.centre_index + 0.5) / grid.cell_size + 0.5,
+    )
 
 
 def _factors(layer: BrickLayer) -> Float32:
-    """Return the factors on extinction, as `make_light` says."""
+    """Return `Light.factors` of a layer: factors on extinction by the gradient."""
     points = np.array((layer.shading and layer.shading.gradient_opacity) or (), np.float64).reshape(-1, 2)
     gradients, factors = texel_gradients(layer.bricks, points[:, 0]), points[:, 1]
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):

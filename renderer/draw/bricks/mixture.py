@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.draw.bricks.brick_cache import BrickView
-from renderer.view import RaySetup, ray_setup
+from renderer.kernels import RaySetup
+from renderer.view import ray_setup
 from renderer.volume import Float64, Int64
 
 
@@ -17,7 +18,7 @@ class Mixture(NamedTuple):
 
     unit: the world length of a model unit. members: int64 [n, 2], the number of the view, and of the brick in it.
     depths: float64 [n, 3], the nearest and the farthest depth, and the depth of a step, in model units, from the plane
-        on which all rays begin. rectangles_px: float64 [n, 4], as in BrickView.
+        where all rays begin. rectangles_px: float64 [n, 4], as in BrickView.
     """
 
     rays: Sequence[RaySetup]
@@ -28,7 +29,7 @@ class Mixture(NamedTuple):
 
 
 def make_mixture(brick_views: Sequence[BrickView]) -> Mixture:
-    """Join the bricks of several views; the result does not depend on the order of the views, but for their numbers."""
+    """Join the bricks of several views. Another order of the views changes their numbers alone."""
     volumes, view = [each.batch.cut.volume for each in brick_views], brick_views[0].view
     middle = np.mean(np.sort([volume.centre for volume in volumes], axis=0), axis=0)
     unit = max(volume.half_diagonal for volume in volumes)

@@ -2,7 +2,7 @@
 
 Blending `source + (1 - alpha) image` in float32 (u = 2^-24) rounds the factor, the product and the sum: an error of at
 most 3 u A for each layer, where A is the final alpha. The splat's own alpha has about the same error. A million equal
-thin layers add up to 2e-3. The error of a chunk is attenuated by what is in front of it, and the chunks' alphas, so
+thin layers add up to 2e-3. The error of a chunk is attenuated by the chunks in front of it, and the chunks' alphas, so
 attenuated, add up to A. With at most B layers of a chunk at a pixel the error is below 6 u B A, for any number of
 chunks.
 

@@ -16,14 +16,15 @@ from renderer.volume import Float32, UInt32
 class RecoveringRasterizer(Rasterizer):
     """A rasteriser of splats that makes another one when its context is lost; used like a SplatRasterizer.
 
-    An image whose context was lost is drawn again, to the same bytes, because no image depends on those before it.
-    Raises ContextLostError where the new context is lost, too, where none can be made, or only one of another device or
-    driver, which would draw other bytes; without a new context it does so from then on. make: returns a new rasteriser.
+    An image whose context was lost is drawn again, to the same bytes, because no image depends on earlier ones.
+    Raises ContextLostError where the new context is lost, too, and where no new context can be made, or only one of
+    another device or driver, which would draw other bytes. Without a new context every later image raises it.
+    make: returns a new rasteriser.
     """
 
     def __init__(self, make: Callable[[], SplatRasterizer] = SplatRasterizer) -> None:
         self._make, self._current, self._num_lost = make, make(), 0
-        self._last_loss: ContextLostError | None = None  # after which there is no context
+        self._last_loss: ContextLostError | None = None  # set where no context is left
         self.device = self._current.device
 
     def release(self) -> None:
@@ -33,7 +34,9 @@ class RecoveringRasterizer(Rasterizer):
     @property
     def notes(self) -> Sequence[str]:
         times = "once" if self._num_lost == 1 else f"{self._num_lost} times"
-        return [f"OpenGL's context was lost {times}, and what it had was drawn again"] * (self._num_lost > 0)
+        return [f"OpenGL's context was lost {times}, and the unfinished pictures were drawn again"] * (
+            self._num_lost > 0
+        )
 
     def rasterize(self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View) -> Float32:
         """Draw splats, as `SplatRasterizer.rasterize`."""

@@ -1,4 +1,4 @@
-"""Rasterise splats with OpenGL, the only footprints that need it.
+"""Rasterise splats with OpenGL, which no other footprint needs.
 
 The context is headless EGL (any GPU's driver, or Mesa's llvmpipe), the target float32 RGBA. Splats are sorted back to
 front and uploaded in batches of bounded size, so that neither their number nor the driver's limits on buffers matter:
@@ -26,10 +26,10 @@ from renderer.draw.rasterizer import Rasterizer
 from renderer.draw.splats.compositing import MIN_CHUNK_SPLATS, splats_per_chunk
 from renderer.draw.splats.programs import MAX_SHAPES, MESH_VERTEX, SPLAT_VERTEX, load_shader, vertex_content
 from renderer.errors import ContextLostError, RenderError
+from renderer.kernels import ModelView
 from renderer.splats import SplatBatch
 from renderer.view import (
     CLIPPED_SIGMAS,
-    ModelView,
     Region,
     View,
     covered_region,
@@ -41,8 +41,10 @@ from renderer.volume import Array, Float32, Float64, Int64, UInt32
 
 DrawSplats = Callable[[UInt32], None]  # draws these splats of a batch, back to front
 
-# Splats on the device at a time: 8 MiB of vertices.
-BATCH_SIZE, VERTEX_BYTES = 1 << 18, SPLAT_VERTEX.itemsize
+# The number of splats that are on the device at a time: 8 MiB of vertices.
+BATCH_SIZE = 1 << 18
+# The bytes of a splat's vertex.
+VERTEX_BYTES = SPLAT_VERTEX.itemsize
 
 # EGL devices that are tried; a machine has one for each GPU and one for the software renderer.
 MAX_EGL_DEVICES = 9
@@ -88,7 +90,7 @@ class SplatRasterizer(Rasterizer):
 
     @contextmanager
     def _drawing(self) -> Iterator[None]:
-        """Make the context current, and raise ContextLostError for what fails in it.
+        """Make the context current, and raise ContextLostError where drawing fails in it.
 
         GL itself does not raise where a device is reset or runs out of memory: it goes on, and images are wrong.
         """
@@ -242,7 +244,7 @@ def _create_context() -> Any:
         except Exception as error:  # the loader raises plain Exceptions
             failures.append(error)
             continue
-        context.gc_mode = "context_gc"  # `gc` frees what nothing refers to any more
+        context.gc_mode = "context_gc"  # `gc` frees objects that nothing refers to any more
         return context
     raise RenderError(
         "no OpenGL 3.3 context could be made",

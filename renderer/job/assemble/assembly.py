@@ -7,64 +7,69 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from renderer.film import film_files, sidecar_path_of_file
-from renderer.job.assemble.agreement import PickedFrame, file_problems, film_problems, pick_frames
+from renderer.job.assemble.agreement import film_problems, pick_frames
 from renderer.job.assemble.merged_record import merged_record, parts_fingerprint, parts_of
-from renderer.job.assemble.parts import Part
 from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
-from renderer.job.existing_film import ExistingFilm, find_existing_film
-from renderer.job.film_accuracy import accuracy_text
-from renderer.job.film_making import FinishedFilm
-from renderer.job.film_output import FilmOutput, locked_film_output
-from renderer.job.record import FilmFingerprint, FilmRecord
+from renderer.job.film_making import JobResult
+from renderer.job.output_writer import OutputWriter, open_output
+from renderer.record import (
+    FilmFingerprint,
+    FilmRecord,
+    FinishedFilm,
+    FrameFile,
+    accuracy_text,
+    find_finished_film,
+    picture_problems,
+)
 from renderer.scene import OutputSpec, counted, is_same_file, raise_problems
 from renderer.system import deferrable_interrupts
 
 
 def assemble_film(
-    parts: Sequence[Part], numbers: Sequence[int], output: OutputSpec, events: JobEvents, *, resumes: bool
-) -> FinishedFilm:
+    parts: Sequence[FinishedFilm], numbers: Sequence[int], output: OutputSpec, events: JobEvents, *, resumes: bool
+) -> JobResult:
     """Make the film of these frames and its sidecar, or return the film that is up to date.
 
     resumes: a film that is up to date is not made again.
     Raises SceneError with all that is wrong with the parts, and what writing raises; then no film is written.
     """
     start = time.perf_counter()
-    sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_frames)
+    sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_path_frames)
     # A film that was assembled among its parts is none of them.
     parts = [part for part in parts if not is_same_file(part.path, sidecar)] or parts
     film_files(output, numbers, sidecar).require_harmless(_input_files(parts))
     raise_problems(film_problems(parts))  # the size and the frames of another film say nothing about this one
     picked, problems = pick_frames(parts, numbers)
-    with locked_film_output(output, numbers, sidecar, resumes=resumes) as film:
+    with open_output(output, numbers, sidecar, resumes=resumes) as film:
         fingerprint = None if problems else parts_fingerprint(picked, output)
         existing = _film_up_to_date(fingerprint, picked, film, events) if fingerprint is not None and resumes else None
         if existing is not None:
             film.remove_mark()
             events.note(f"{output.file} is up to date; --force assembles it again")
-            return FinishedFilm(output.file, sidecar, existing.record)
-        raise_problems([*problems, *file_problems(picked, output.kind)])
+            return JobResult(existing, output.file)
+        raise_problems([*problems, *picture_problems(picked, output.kind)])
         record = _write(picked, fingerprint, film, start, events)
     summary = f"{counted(len(picked), 'frame')} of {counted(len(parts_of(picked)), 'part')}"
     if record.accuracy is not None:
         summary = f"{summary}, {accuracy_text(record.accuracy)}"
-    return FinishedFilm(output.file, sidecar, record, summary)
+    return JobResult(FinishedFilm(sidecar, record), output.file, summary)
 
 
-def _input_files(parts: Sequence[Part]) -> Iterator[Path]:
+def _input_files(parts: Sequence[FinishedFilm]) -> Iterator[Path]:
     for part in parts:
         yield part.path
-        yield from (part.file(number) for number in part.record.numbers)
+        yield from (part.frame_file(number) for number in part.record.numbers)
 
 
 def _film_up_to_date(
-    fingerprint: FilmFingerprint, picked: Sequence[PickedFrame], film: FilmOutput, events: JobEvents
-) -> ExistingFilm | None:
-    """Return the film if it exists and has the pictures that the parts record.
+    fingerprint: FilmFingerprint, picked: Sequence[FrameFile], film: OutputWriter, events: JobEvents
+) -> FinishedFilm | None:
+    """Return the film if it exists and has the recorded pictures of the parts.
 
     With a time budget a part has other pictures each time it is drawn, though the fingerprint is the same.
     """
-    existing = find_existing_film(film.sidecar, events)
+    existing = find_finished_film(film.sidecar, events.note)
     if existing is None or not existing.is_up_to_date(fingerprint, film.spec, film.frames):
         return None
     digests = [frame.digest for frame in existing.record.frames]
@@ -72,9 +77,9 @@ def _film_up_to_date(
 
 
 def _write(
-    picked: Sequence[PickedFrame],
+    picked: Sequence[FrameFile],
     fingerprint: FilmFingerprint | None,
-    film: FilmOutput,
+    film: OutputWriter,
     start: float,
     events: JobEvents,
 ) -> FilmRecord:

@@ -8,13 +8,19 @@ from itertools import chain
 from typing import Any
 
 from renderer.film import data_digest, film_notes
-from renderer.job.assemble.agreement import PickedFrame
-from renderer.job.assemble.parts import Part
-from renderer.job.film_accuracy import film_accuracy
-from renderer.job.film_visibility import film_visibility
-from renderer.job.fingerprint import fingerprint_of
-from renderer.job.make_record import visibility_notes
-from renderer.job.record import FilmFingerprint, FilmRecord, PartRecord, ScheduleRecord, min_max
+from renderer.record import (
+    FilmFingerprint,
+    FilmRecord,
+    FinishedFilm,
+    FrameFile,
+    PartRecord,
+    ScheduleRecord,
+    film_accuracy,
+    film_visibility,
+    fingerprint_of,
+    min_max,
+    visibility_notes,
+)
 from renderer.scene import (
     ErrorSpec,
     OutputSpec,
@@ -28,10 +34,10 @@ from renderer.scene import (
 from renderer.system import package_versions, sources_digest
 
 
-def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: float) -> FilmRecord:
+def merged_record(picked: Sequence[FrameFile], output: OutputSpec, seconds: float) -> FilmRecord:
     """Return the record of the film, from which `hsplat render` makes it again.
 
-    seconds: what assembling took. The seconds of the parts are summed, even if they were drawn at the same time.
+    seconds: of assembling. The seconds of the parts are summed, even if they were drawn at the same time.
     """
     parts = parts_of(picked)
     first, frames = parts[0].record, [frame.record for frame in picked]
@@ -67,13 +73,13 @@ def merged_record(picked: Sequence[PickedFrame], output: OutputSpec, seconds: fl
     )
 
 
-def parts_of(picked: Sequence[PickedFrame]) -> list[Part]:
+def parts_of(picked: Sequence[FrameFile]) -> list[FinishedFilm]:
     """Return the parts that frames are taken from, in the order of their first frames."""
-    return list({frame.part.path: frame.part for frame in picked}.values())
+    return list({frame.film.path: frame.film for frame in picked}.values())
 
 
-def _part_notes(picked: Sequence[PickedFrame]) -> list[str]:
-    """Return what the user should know: notes on the film, then those of its parts."""
+def _part_notes(picked: Sequence[FrameFile]) -> list[str]:
+    """Return the notes for the user: on the film, then those of its parts."""
     parts = parts_of(picked)
     first = _tools(parts[0])
     different = [f"{name} {value}" for name, value in _joined_tools(parts).items() if value != first.get(name)]
@@ -90,7 +96,7 @@ def _part_notes(picked: Sequence[PickedFrame]) -> list[str]:
     return list(dict.fromkeys(notes))
 
 
-def parts_fingerprint(picked: Sequence[PickedFrame], output: OutputSpec) -> FilmFingerprint | None:
+def parts_fingerprint(picked: Sequence[FrameFile], output: OutputSpec) -> FilmFingerprint | None:
     """Return the fingerprint of the film as one job would draw it, or None where no job would draw this film.
 
     The parts need the same fingerprint. A goal for all frames together was met by whole parts only. A film that is
@@ -113,8 +119,8 @@ def parts_fingerprint(picked: Sequence[PickedFrame], output: OutputSpec) -> Film
     return replace(fingerprint, encoding={**fingerprint.encoding, **now})
 
 
-def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
-    part = picked[0].part
+def _scene(picked: Sequence[FrameFile], output: OutputSpec) -> dict[str, Any]:
+    part = picked[0].film
     scene = with_files(part.record.scene, lambda _, file: found_path(file, part.path.parent))
     error = scene["error"]
     if part.has_goal:
@@ -123,19 +129,19 @@ def _scene(picked: Sequence[PickedFrame], output: OutputSpec) -> dict[str, Any]:
     return {**scene, "output": spec_to_dict(output), "error": error}
 
 
-def _part_record(part: Part, picked: Sequence[PickedFrame]) -> PartRecord:
-    numbers = [frame.number for frame in picked if frame.part is part]
+def _part_record(part: FinishedFilm, picked: Sequence[FrameFile]) -> PartRecord:
+    numbers = [frame.number for frame in picked if frame.film is part]
     measured = part.record.schedule.measured
     return PartRecord(str(part.path), min_max(numbers), len(numbers), part.record.seconds, measured)
 
 
-def _tools(part: Part) -> dict[str, str]:
-    """Return the versions of what drew a part, and its device."""
+def _tools(part: FinishedFilm) -> dict[str, str]:
+    """Return the versions of the packages that drew a part, and its device."""
     return {**part.record.versions, "device": part.record.device}
 
 
-def _joined_tools(parts: Sequence[Part]) -> dict[str, str]:
-    """Return the versions of what drew the parts, joined where they differ."""
+def _joined_tools(parts: Sequence[FinishedFilm]) -> dict[str, str]:
+    """Return the versions of the packages that drew the parts, joined where they differ."""
     tools = [_tools(part) for part in parts]
     names = dict.fromkeys(chain(*tools))
     return {name: " and ".join(dict.fromkeys(each.get(name, "unknown") for each in tools)) for name in names}

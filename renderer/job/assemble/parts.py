@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from renderer.errors import InputError, Problem, SceneError
-from renderer.film import film_path_of_sidecar, frame_path
 from renderer.job.inputs import expand_pattern
-from renderer.job.record import FilmRecord, late_frame_problems, parse_film_record
+from renderer.record import FilmRecord, FinishedFilm, late_frame_problems, parse_film_record
 from renderer.scene import (
     CAMERA_FIELD,
     FRAME_SUFFIXES,
@@ -26,45 +25,18 @@ from renderer.scene import (
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 
 
-@dataclass(frozen=True)
-class Part:
-    """A part of a film: frames that one job has drawn.
-
-    path: of the sidecar. template: the names of the pictures, beside the sidecar wherever it is now.
-    """
-
-    path: Path
-    record: FilmRecord
-    template: Path
-
-    @property
-    def num_frames(self) -> int:
-        """Return the number of frames of the whole path."""
-        camera = schema.TreeNode(self.record.scene["camera"], "camera", [], film=schema.FilmTime(None, 1.0))
-        return CAMERA_FIELD.read(camera).num_frames
-
-    @property
-    def has_goal(self) -> bool:
-        """Return whether its tolerances were found for a goal, so that they differ from part to part."""
-        return self.record.schedule.requested.goal is not None
-
-    def file(self, number: int) -> Path:
-        """Return the picture of a frame."""
-        return frame_path(self.template, number)
-
-
-def find_parts(names: Sequence[str]) -> list[Part]:
+def find_parts(names: Sequence[str]) -> list[FinishedFilm]:
     """Return the parts in these folders, sidecars and globs, each once, sorted by their first frame.
 
     Raises SceneError with all that is wrong with any of them.
     """
-    parts: dict[Path, Part] = {}
+    parts: dict[Path, FinishedFilm] = {}
     problems: list[Problem] = []
     for name in names:
         try:
             paths = expand_pattern(name)
         except InputError as error:
-            problems.append(problem_of(error, name))
+            problems.append(error.problem_at(name))
             continue
         for path in paths:
             for part in _parts_at(path, problems):
@@ -73,8 +45,8 @@ def find_parts(names: Sequence[str]) -> list[Part]:
     return sorted(parts.values(), key=lambda part: (part.record.numbers[0], str(part.path)))
 
 
-def _parts_at(path: Path, problems: list[Problem]) -> Iterator[Part]:
-    """Yield the part of a sidecar, or those in a folder, whose other files are ignored."""
+def _parts_at(path: Path, problems: list[Problem]) -> Iterator[FinishedFilm]:
+    """Yield the part of a sidecar, or all parts in a folder, whose other files are ignored."""
     if not path.is_dir():
         yield from _read(path, problems, is_named=True)
         return
@@ -90,14 +62,14 @@ def _parts_at(path: Path, problems: list[Problem]) -> Iterator[Part]:
         )
 
 
-def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Part]:
+def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[FinishedFilm]:
     try:
         record = parse_film_record(read_content(path), path)
     except SceneError as error:
         problems.extend(error.problems)
         return
     except InputError as error:
-        problems.append(problem_of(error, str(path)))
+        problems.append(error.problem_at(str(path)))
         return
     if record is None or not _has_frames(record):
         if is_named:
@@ -107,7 +79,7 @@ def _read(path: Path, problems: list[Problem], *, is_named: bool) -> Iterator[Pa
     wrong = [*_scene_problems(record), *_digest_problems(record, path)]
     problems.extend(replace(problem, location=str(path)) for problem in wrong)
     if not wrong:
-        yield Part(path, record, film_path_of_sidecar(path, Path(first_output(record.scene)["file"])))
+        yield FinishedFilm(path, record)
 
 
 def _has_frames(record: FilmRecord) -> bool:
@@ -115,13 +87,8 @@ def _has_frames(record: FilmRecord) -> bool:
     return isinstance(file, str) and output_suffix(file) in FRAME_SUFFIXES
 
 
-def problem_of(error: InputError, place: str) -> Problem:
-    """Return the problem that an error is. place: where that is, unless the error says it."""
-    return Problem("", error.what, error.got, error.expected, error.hint, location=error.where or place)
-
-
 def _digest_problems(record: FilmRecord, path: Path) -> Iterator[Problem]:
-    """Yield a problem of the first frame without a digest; others may have none for the same reason."""
+    """Yield a problem for the first frame without a digest; others may have none for the same reason."""
     index = next((index for index, frame in enumerate(record.frames) if frame.digest is None), None)
     if index is not None:
         hint = f"{shlex.join(['hsplat', 'render', str(path), '--force'])} draws the frames again"
@@ -129,7 +96,7 @@ def _digest_problems(record: FilmRecord, path: Path) -> Iterator[Problem]:
 
 
 def _scene_problems(record: FilmRecord) -> list[Problem]:
-    """Return what is wrong with what a film of parts takes from the recorded scene."""
+    """Return the problems of the values that a film of parts takes from the recorded scene."""
     problems: list[Problem] = []
     node = schema.TreeNode(record.scene, "scene", problems, film=schema.FilmTime(None, 1.0))
     node = replace(node, value={**record.scene, "output": first_output(record.scene)})

@@ -87,7 +87,7 @@ struct Maybe {
     T value;
 };
 
-// Call a generic lambda with the Array that an AnyArray is; the numbers are those of DTYPES in binding.py.
+// Call a generic lambda with the Array that an AnyArray is; the numbers are those of DTYPES in header.py.
 template <int DIMENSIONS, class Function>
 INLINE Status with_array(const AnyArray<DIMENSIONS>& any, Function function) {
     auto call = [&]<class T>(const T* data) {

@@ -1,6 +1,6 @@
 // A handler of SIGBUS, which a read beyond the end of a mapped file raises, also in the middle of a kernel.
 //
-// Where the file of a guarded region has become shorter, it maps zeros in place of what is gone, and the kernel goes
+// Where the file of a guarded region has become shorter, it maps zeros in place of the lost pages, and the kernel goes
 // on. Other causes of SIGBUS, such as a broken disk, go to the former handler: they still kill. A handler in Python
 // would run between two bytecodes, and a kernel has none.
 #include "base/kernels.h"
@@ -39,7 +39,7 @@ void handle(int number, siginfo_t* information, void*) {
 }  // namespace
 #endif
 
-// Install the handler. regions: as in `guarded_regions`; they stay where they are while the process lives.
+// Install the handler.
 Status guard_regions(const GuardRegions* arguments) {
 #ifdef __linux__
     guarded = *arguments;

@@ -1,20 +1,24 @@
-// What kernels take: the one place where both languages read it. Each folder has the header of its kernels.
+// The structs that kernels take, declared once for C++ and for Python. Each folder has the header of its kernels.
 //
-// Python reads these files, too (header.py), and fills each struct by the names of its members, from a NamedTuple, a
-// dictionary or keyword arguments. It knows these types of members, and refuses a file with others:
+// Python reads these files, too (header.py), and fills each struct by the names of its members, from a record or from
+// keyword arguments. `tests/support/kernel_records.py` writes the records and the signatures for Python, with the
+// comments. A member has its own line, below its comment. These types of members are known, and a file with others is
+// refused:
 //
 //     int64_t, float, double, bool, ...   a number
-//     double x[3]                         a sequence of three numbers, or an array of that size
+//     int64_t x[3]                        a tuple of three integers
+//     double x[3]                         an array of three numbers
 //     Array<const float, 2>               an array of that dtype and number of dimensions, contiguous; without `const`
 //                                         it must be writeable, too
 //     Sized<const float, 3, 5, 4>         the same of 3 dimensions, of which the last have sizes 5 and 4
 //     AnyArray<3>                         an array of any dtype, contiguous, read only
 //     Struct                              one that is defined above, or in a header that is included
-//     Array<const Struct, 1>              a sequence of what such structs are filled from
+//     Array<const Struct, 1>              a sequence of such records
 //     Maybe<any of these but numbers>     the same, or None
 //
-// Members of one type may share a line. KERNEL(name, Struct) declares a kernel that takes a Struct; LONG_KERNEL one that
-// may take longer than a tenth of a second, and stops when it is asked to (stopping.h).
+// KERNEL(name, Struct) declares a kernel that takes a Struct; LONG_KERNEL one that may take longer than a tenth of a
+// second, and stops when it is asked to (stopping.h). Members marked EACH_CALL differ between the calls that share the
+// others: `kernel.partial(...)` takes the others, and returns a function of these.
 #pragma once
 #include "base/arrays.h"
 
@@ -23,14 +27,21 @@
     extern "C" __attribute__((visibility("default"))) Status name(const Arguments* arguments);
 #endif
 #define LONG_KERNEL KERNEL
+#define EACH_CALL
 
+// Install the handler of SIGBUS.
 struct GuardRegions {
+    // As `guarded_regions` returns them (renderer/kernels/bus_errors.py). They stay in their place while the process
+    // lives.
     Sized<int64_t, 2, 4> regions;
+    // The size of a page, in bytes.
     int64_t page_size;
 };
 KERNEL(guard_regions, GuardRegions)
 
+// Tell long kernels which flag stops them.
 struct HeedFlag {
+    // [1]: 0 as long as kernels may run. It stays in its place while the process lives.
     Array<const int32_t, 1> flag;
 };
 KERNEL(heed_flag, HeedFlag)

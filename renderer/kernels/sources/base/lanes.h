@@ -1,7 +1,7 @@
 // Vectors of lanes: each lane computes for a ray of its own, all by the same instructions.
 //
 // These are clang's own vectors: `a + b`, `a < b`, `-a` apply to each lane, and a number beside lanes is used in all.
-// The result in a lane depends neither on the number of lanes nor on what is in the others. LANES is set where this is
+// The result in a lane depends neither on the number of lanes nor on the other lanes. LANES is set where this is
 // compiled: 16 with AVX-512, 8 with AVX2, 4 otherwise.
 #pragma once
 #include "base/arrays.h"
@@ -47,7 +47,7 @@ template <class V>
 INLINE V fused(V x, V y, V z) { return __builtin_elementwise_fma(x, y, z); }
 #else
 // In float64 the product is exact. The sum is rounded to odd: to the neighbour whose last bit is 1, unless it is exact.
-// Rounding that to float32 gives what one rounding gives.
+// The rounding of that sum to float32 then has the result of a single rounding.
 template <int NUM>
 INLINE Vector<float, NUM> fused(Vector<float, NUM> x, Vector<float, NUM> y, Vector<float, NUM> z) {
     using Doubles = Vector<double, NUM>;
@@ -155,7 +155,7 @@ struct Four {
     V a, b, c, d;
 };
 
-// Of each four lanes of the two vectors: the lanes A to D, of which those from 4 on are lanes of the second.
+// Take the lanes A to D of each four lanes of two vectors; numbers from 4 on are lanes of the second vector.
 template <int A, int B, int C, int D, class V, int... LANE>
 INLINE V interleave(V one, V other, Lanes<LANE...>) {
     constexpr int num = sizeof...(LANE), picked[4] = {A, B, C, D};

@@ -10,7 +10,7 @@ const int32_t never = 0;
 
 const int32_t* stop_flag = &never;
 
-// Heed a flag: from now on, long kernels stop where it is not 0. It stays where it is while the process lives.
+// Heed a flag: from now on, long kernels stop where it is not 0.
 Status heed_flag(const HeedFlag* arguments) {
     if (!has_shape(arguments->flag, 1)) return OUT_OF_BOUNDS;
     stop_flag = arguments->flag.data;

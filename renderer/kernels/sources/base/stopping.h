@@ -1,8 +1,8 @@
 // Whether long kernels are to stop: the process was asked to end.
 //
-// A signal handler of Python runs between two bytecodes of the main thread, and a kernel has none. It sets a flag, at
-// which kernels look that may take longer than a tenth of a second: LONG_KERNEL in kernels.h. They then return STOPPED,
-// and what they write is unfinished.
+// A signal handler of Python runs between two bytecodes of the main thread, and a kernel has none. It sets a flag.
+// Kernels that may take longer than a tenth of a second look at it (LONG_KERNEL in kernels.h). They then return STOPPED,
+// and their arrays are unfinished.
 #pragma once
 #include "base/arrays.h"
 

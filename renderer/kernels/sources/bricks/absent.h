@@ -1,8 +1,8 @@
 // Continue the field of a brick into voxels without data, which are NaN, as it is continued beyond the volume's border.
 //
-// A voxel covers the points that are nearest to it: what a voxel without data covers is not drawn. Between a voxel and
-// one without data, the field is interpolated to the mean of the nearest of the latter's 26 neighbours that have data.
-// Beside a plane of voxels that is the voxel itself, so that data surrounded by NaN look as they do alone.
+// A voxel covers the points that are nearest to it: points that a voxel without data covers are not drawn. Between a
+// voxel and one without data, the field is interpolated to the mean of the nearest of the latter's 26 neighbours that
+// have data. Beside a plane of voxels that is the voxel itself, so that data surrounded by NaN look as they do alone.
 #pragma once
 #include "base/lanes.h"
 #include "bricks/brick_voxels.h"

@@ -4,7 +4,8 @@
 
 namespace {
 
-constexpr int64_t STRIDES[3] = {1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED_BRICK_SIZE};  // of texels along x, y, z
+// Texels from one to the next along x, y, z.
+constexpr int64_t STRIDES[3] = {1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED_BRICK_SIZE};
 
 struct Border {
     Array<float, 2> texels;  // [18^3, 4]
@@ -47,7 +48,7 @@ struct Border {
 
 }  // namespace
 
-// Turn texels [n, 18, 18, 18, 4] of cells into texels of the field. extents: the volume's in cells (x, y, z).
+// Turn texels of cells into texels of the field.
 Status extrapolate_border(const ExtrapolateBorder* arguments) {
     const auto& [cells, extents, brightest, texels] = *arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE;

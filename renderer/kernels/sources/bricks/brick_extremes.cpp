@@ -2,7 +2,7 @@
 #include "bricks/kernels.h"
 #include "bricks/brick_voxels.h"
 
-// Write the ranges [n, 2] of bricks and of their halo at cells [n, 3] (x, y, z).
+// Write the ranges of bricks and of their halo.
 Status measure_ranges(const MeasureRanges* arguments) {
     const auto [voxels, cells, ranges] = *arguments;
     if (!fit_together(voxels, cells) || !has_shape(ranges, cells.shape[0], 2)) return OUT_OF_BOUNDS;

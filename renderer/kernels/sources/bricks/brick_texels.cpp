@@ -36,7 +36,7 @@ struct Places {
 
 // Write the gradients of a brick, which `m` takes to the world, to [3, n, n, n]; NaN without data. field: the scalars,
 // [n + 2, n + 2, n + 2] or larger. shape: the volume's. With the factor `scale`, no difference of two scalars overflows.
-// weight: of differences along each axis; 0 for what suits scalars.
+// weight: of differences along each axis; 0 for one over their distance in voxels, as scalars need.
 template <bool HAS_ABSENT>
 void fill_gradients(const Field& field, const int64_t (&shape)[3], const Array<const int32_t, 1>& cell,
                     const double (&m)[9], double scale, const Array<double, 4>& gradients, double weight = 0) {
@@ -65,7 +65,7 @@ void fill_gradients(const Field& field, const int64_t (&shape)[3], const Array<c
         }
 }
 
-// Smooth a field by (1, 4, 6, 4, 1) / 16 along each axis. Its lowest places then have what those two places behind had.
+// Smooth a field by (1, 4, 6, 4, 1) / 16 along each axis, and move it by two places towards 0.
 void smooth(const Field& field) {
     int64_t side = field.shape[0], steps[3] = {1, side, side * side};
     for (int64_t step : steps)
@@ -75,8 +75,8 @@ void smooth(const Field& field) {
         }
 }
 
-// How far the normals of labels turn to the light, beside the slopes of smoothed opacities, up to 3/8. Where a
-// clip plane cuts a label, far from its surface, the light is that of a face towards it, and not the dark of no surface.
+// The turn of the normals of labels to the light, beside the slopes of smoothed opacities, up to 3/8. Where a clip plane
+// cuts a label, far from its surface, there is no slope: without the turn the cut would be dark.
 constexpr double TILT = 0.05;
 
 // Write the gradients of the smoothed opacities of labels to [3, n, n, n], else as `fill_gradients`. opacities: by the
@@ -95,17 +95,14 @@ void fill_label_gradients(const Voxels& voxels, const Array<const int32_t, 1>& c
 
 }  // namespace
 
-// Write texels [n, 18^3 or 4 * 18^3], as `scalar_texels` returns them, of bricks at cells [n, 3] (x, y, z). first, width,
-// factor: of the range, as `range_width` returns them. world_from_gradient: for gradients. With
-// the factor `scale`, no difference of two scalars overflows. opacities: of labels, by their numbers. toward_light: a unit
-// vector, or 0.
+// Write the texels of bricks of voxels.
 Status fill_scalar_texels(const FillScalarTexels* arguments) {
     const auto [voxels, cells, first, width, factor, m, scale, toward_light, opacities, texels] = *arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE, num = size * size * size;
     const bool is_lit = texels.shape[1] == 4 * num, has_absent = voxels.has_absent;
     if (!fit_together(voxels, cells) || !has_shape(texels, cells.shape[0], is_lit ? 4 * num : num))
         return OUT_OF_BOUNDS;
-    // Gradients need the voxels next to those of texels, and so does what takes the place of voxels without data.
+    // Gradients need the voxels next to the texels, and so do means in place of voxels without data.
     int64_t margin = is_lit, side = size + 2 * margin, gradient_side = is_lit * (size + 2 * has_absent);
     Cube field(side), around(side + 2), smoothed(size + 6);
     Buffer<double> memory(3 * gradient_side * gradient_side * gradient_side), filled(3 * num);

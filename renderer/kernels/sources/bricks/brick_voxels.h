@@ -1,9 +1,16 @@
-// Bricks of voxels and what is around them (renderer/bricks/layout.py).
+// Bricks of voxels and their surroundings (renderer/bricks/layout.py).
 #pragma once
 #include "bricks/kernels.h"
 #include "volume/voxels.h"
 
-constexpr int64_t BRICK_LEVELS = 4, BRICK_SIZE = 1 << BRICK_LEVELS, HALO = 1, PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO;
+// The levels of the octree inside a brick.
+constexpr int64_t BRICK_LEVELS = 4;
+// Cells along each axis of a brick.
+constexpr int64_t BRICK_SIZE = 1 << BRICK_LEVELS;
+// Cells around a brick, on each side, that its texels hold besides.
+constexpr int64_t HALO = 1;
+// Texels along each axis of a brick.
+constexpr int64_t PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO;
 
 namespace {
 
@@ -15,7 +22,7 @@ struct Cube : Buffer<double> {
     explicit Cube(int64_t side) : Buffer(side * side * side), field{data, {side, side, side}} {}
 };
 
-// Whether all cells [n, 3] are those of bricks of the volume, and each bit pattern has a scalar.
+// Whether all cells [n, 3] are bricks of the volume, and each bit pattern has a scalar.
 inline bool fit_together(const Voxels& voxels, const Array<const int32_t, 2>& cells) {
     if (cells.shape[1] != 3 || !fits(voxels.scalars, voxels.raw)) return false;
     for (int64_t i = 0; i < cells.shape[0]; i++)
@@ -24,7 +31,7 @@ inline bool fit_together(const Voxels& voxels, const Array<const int32_t, 2>& ce
     return true;
 }
 
-// Write the scalars of a brick and what is around it to `out` [n, n, n]. Beyond the volume's border the nearest voxel is
+// Write the scalars of a brick and around it to `out` [n, n, n]. Beyond the volume's border the nearest voxel is
 // repeated. cell: [3] (x, y, z).
 inline void load_brick(const Voxels& voxels, const Array<const int32_t, 1>& cell, const Field& out) {
     int64_t side = out.shape[0], margin = (side - BRICK_SIZE) / 2;
@@ -33,8 +40,7 @@ inline void load_brick(const Voxels& voxels, const Array<const int32_t, 1>& cell
     load_scalars(voxels.raw, voxels.scalars, box_of(voxels.raw), first, side, out.data);
 }
 
-// Make 0, no label, of what is beyond the volume's border in a field from `load_brick`: lit labels end there, as the light
-// on them does.
+// Put 0, no label, beyond the volume's border in a field from `load_brick`: lit labels end there.
 inline void clear_beyond_border(const Voxels& voxels, const Array<const int32_t, 1>& cell, const Field& field) {
     auto is_beyond = [&](int axis, int64_t at) {
         int64_t voxel = BRICK_SIZE * cell[axis] - (field.shape[0] - BRICK_SIZE) / 2 + at;

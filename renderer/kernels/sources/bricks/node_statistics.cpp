@@ -1,4 +1,4 @@
-// Add up what bricks need to know of the nodes in them and around them (renderer/bricks/node_statistics.py).
+// Add up errors and bounds of the nodes in bricks and around them (renderer/bricks/node_statistics.py).
 #include "bricks/kernels.h"
 #include "bricks/brick_voxels.h"
 
@@ -25,7 +25,7 @@ INLINE void add_by_neighbour(int64_t x, int64_t y, int64_t z, double error, bool
 
 }  // namespace
 
-// Add nodes at cells [n, 3] (x, y, z) to the statistics, which are as in NodeStatistics. Errors times sizes are added to
+// Add nodes to the statistics. Errors times sizes are added to
 // the bricks of the level below: to the largest of each, and to the sums of squares, divided by the square of the
 // largest so that they neither overflow nor vanish.
 Status add_nodes(const AddNodes* arguments) {

@@ -3,8 +3,8 @@
 // A dual cell has eight voxels as its corners. By the min-max test of `renderer.transfer`, it may be visible if anything
 // between the smallest and the largest of their scalars is.
 //
-// The sub-voxel variation is what the transfer function shows between two voxels but at neither, and differences between
-// voxels that belong to two nodes. Nodes do not tell either.
+// The sub-voxel variation measures two things that nodes do not tell: colours and extinctions that the transfer function
+// shows between two voxels but at neither, and differences between voxels that belong to two nodes.
 //
 // On level 0 the scalar is interpolated and then classified. Between two voxels it passes through all values between
 // theirs, and the transfer function may be far from both there: an opaque peak between 0 and 1 of a mask, for example,
@@ -26,7 +26,7 @@
 //
 //     width^2 = 12 D^2 / E^2,    between MIN_PEAK_WIDTH^2 and 1
 //
-// is that of a triangle on the line. Longer steps h meet it by chance, and err by D h^0.5; shorter ones err by
+// is the width of a triangle on the line. Longer steps h meet it by chance, and err by D h^0.5; shorter ones err by
 // D h^2 / width^1.5. Steps are chosen as if errors were step_error * h^2.5 (renderer/bricks/sampling.py), which covers
 // both with
 //
@@ -42,10 +42,10 @@
 // noise have a range of 2.85 standard deviations in the mean, and count for no more than they do in nodes.
 //
 // Where some voxels of a dual cell have no data, rays meet a step from w to nothing, at a place that no scalar tells. D
-// is that of the step of a transfer function in the middle of a ray, D^2 = w^2 / 12. Segments are divided there, so that
-// longer ones do: width^2 = 1 / 4 in place of 1 / 17.
+// is taken from the step of a transfer function in the middle of a ray, D^2 = w^2 / 12. Segments are divided there, so
+// that longer ones do: width^2 = 1 / 4 in place of 1 / 17.
 //
-// Between two labels there is nothing but such a step. D is that of the largest difference in each channel.
+// Between two labels there is nothing but such a step. D is taken from the largest difference in each channel.
 #include "bricks/kernels.h"
 #include "base/stopping.h"
 #include "transfer/transfer.h"
@@ -226,8 +226,8 @@ Variation variation(const DualCells& cells, const Curve& curve) {
             __builtin_sqrt(total_difference / cells.size())};
 }
 
-// What `variation` found, with the steps between what is shown and nothing. is_shown: whether the voxel at the corner of a
-// dual cell is.
+// Add the steps between voxels that are shown and nothing to the variation that was found. is_shown: whether the voxel
+// at a corner of a dual cell is shown.
 template <class IsShown>
 Variation with_edges(const Variation& found, const DualCells& cells, const Curve& curve, const IsShown& is_shown) {
     double largest = squared(found.largest), total = 0;
@@ -264,13 +264,10 @@ Variation differences(const DualCells& cells, const Differs& differs, const Corn
 
 }  // namespace
 
-// Measure the dual cells in bricks of voxels at cells [n, 3] (x, y, z); all results are 0 before.
+// Measure the dual cells in bricks of voxels: their visible bounds, the largest D or J, and the root mean squares over
+// the brick's volume of D / width^2 and of J.
 //
-// Write the visible bounds, as in BrickLevel, to `bounds` [z, y, x, 2, 3]; and to `measures` [3, z, y, x] the largest D
-// or J, and the root mean squares over the brick's volume of D / width^2 and of J. A brick has half of the dual cells
-// between it and its neighbours; beyond the border the nearest voxels are repeated. breakpoints: of visibility. shown:
-// which voxels a mask shows. are_lit: labels, by light that changes where they end. texels: w of voxels that are colours
-// [n, 18, 18, 18, 4], which is linear between them, so that there is J alone, and no more is measured.
+// A brick has half of the dual cells between it and its neighbours; beyond the border the nearest voxels are repeated.
 Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
     const auto& [voxels, cells, breakpoints, table, shown, are_lit, texels, bounds, measures] = *arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE;

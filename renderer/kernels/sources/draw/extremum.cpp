@@ -145,11 +145,11 @@ struct Axis {
 
 // Search the cells of spans for larger numbers than those of their pixels.
 // texels: of the brick, and what follows. nearness: at its texel 0. pixels: of the image.
-void search_spans(const Texels& texels, const DrawExtremes& search, double nearness, int64_t num, const Tile& tile,
+void search_spans(const Texels& texels, const SearchRules& rules, double nearness, int64_t num, const Tile& tile,
                   const Array<float, 1>& pixels) {
-    const float offset = search.offset, slope = search.slope, slack = search.slack, min_rise = search.min_rise;
-    const float ceiling = search.ceiling;
-    const double* forward = search.forward;
+    const float offset = rules.offset, slope = rules.slope, slack = rules.slack, min_rise = rules.min_rise;
+    const float ceiling = rules.ceiling;
+    const double* forward = rules.forward;
     Floats zero = in_all<Floats>(0.0f);
     for (int64_t first = 0; first < num; first += LANES) {
         Ints order = load<Ints>(tile.order, first);
@@ -175,7 +175,7 @@ void search_spans(const Texels& texels, const DrawExtremes& search, double nearn
                 Three entry = {x.in_cell(t), y.in_cell(t), z.in_cell(t)};
                 Three extent = {length * x.extent, length * y.extent, length * z.extent};
                 Largest largest = largest_in_cell(corners, entry, extent);
-                if (search.has_absent) largest = largest_of_data(texels, at, corners, entry, extent, largest);
+                if (rules.has_absent) largest = largest_of_data(texels, at, corners, entry, extent, largest);
                 Mask is_larger = may_rise & mask_of(largest.number > best + min_rise);
                 best = where(is_larger, largest.number, best);
                 Floats place = fma(largest.share, length, t);
@@ -204,7 +204,7 @@ void search_spans(const Texels& texels, const DrawExtremes& search, double nearn
 bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
     const Grid& grid = search.grid;
     const Array<float, 1> pixels = {grid.image.data, {grid.image.size()}};
-    const double* forward = search.forward;
+    const double* forward = search.rules.forward;
     bool by_depth = forward[0] != 0.0 || forward[1] != 0.0 || forward[2] != 0.0;
     Window window = window_of(grid, number);
     set_up_rays(grid, search.rays, window, tile, 0);
@@ -212,8 +212,8 @@ bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
         if (is_stopped()) return false;
         int64_t brick = grid.numbers[k];
         if (search.texel_offsets[brick] < 0) continue;
-        float limit = least((float)search.tops[brick] - search.slack, search.ceiling);
-        bool is_look = search.is_sorted && (k - grid.starts[number]) % BRICKS_BETWEEN_LOOKS == 0;
+        float limit = least((float)search.tops[brick] - search.rules.slack, search.rules.ceiling);
+        bool is_look = search.rules.is_sorted && (k - grid.starts[number]) % BRICKS_BETWEEN_LOOKS == 0;
         if (is_look && least_found(window, tile) >= limit) break;
         Box box = box_of(search.boxes, brick);
         double nearer = 0.0;
@@ -226,7 +226,7 @@ bool draw_tile(const DrawExtremes& search, const Tile& tile, int64_t number) {
             [&](const auto& along, Range range, ClippedMask hit, int64_t) __attribute__((always_inline)) {
                 return span_of(box, along, range, hit);
             },
-            [&](int64_t num) { search_spans(texels, search, nearness, num, tile, pixels); });
+            [&](int64_t num) { search_spans(texels, search.rules, nearness, num, tile, pixels); });
     }
     return true;
 }

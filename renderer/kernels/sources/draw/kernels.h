@@ -1,135 +1,260 @@
-// What the kernels of this folder take (base/kernels.h).
+// The structs that the kernels of this folder take (base/kernels.h).
 #pragma once
 #include "volume/kernels.h"
 #include "transfer/kernels.h"
 #include "view/kernels.h"
 
+// Sort bricks into the tiles of a grid.
 struct BinBricks {
+    // [bricks, 4]: the first column and row of tiles that a brick is over, and one beyond the last of each.
     Sized<const int64_t, 2, 4> tile_windows;
-    int64_t num_columns, num_rows;
-    Array<int64_t, 1> starts, numbers;
+    // Tiles in a row of the grid.
+    int64_t num_columns;
+    // Tiles in a column of the grid.
+    int64_t num_rows;
+    // [tiles + 2]: as in Grid, and one number more; 0 before.
+    Array<int64_t, 1> starts;
+    // As in Grid.
+    Array<int64_t, 1> numbers;
 };
 KERNEL(bin_bricks, BinBricks)
 
-// As in renderer/draw/bricks/subsampling.py. factor: every which pixel of the image the grid has.
+// Interpolate rows of an image between the pixels of a grid (renderer/draw/bricks/subsampling.py).
 struct UpsampleRows {
+    // [h, w, 4]: every `factor`-th pixel of the image along both axes.
     Sized<const float, 3, 4> grid;
+    // [h, w, 4]: the image.
     Sized<float, 3, 4> image;
-    int64_t factor, first_row, end_row;
+    int64_t factor;
+    // The first row of the image to interpolate.
+    EACH_CALL int64_t first_row;
+    // One beyond the last row.
+    EACH_CALL int64_t end_row;
 };
 KERNEL(upsample_rows, UpsampleRows)
 
+// Interpolate rows of a finer grid, and mark its pixels that are to be drawn.
 struct RefineRows {
+    // [h, w, 4]: every `factor`-th pixel of the finer grid along both axes.
     Sized<const float, 3, 4> grid;
+    // [h, w, 4]: the finer grid; 0 where it is to be drawn.
     Sized<float, 3, 4> image;
-    int64_t factor, first_row, end_row;
+    int64_t factor;
+    // The first row of the finer grid to interpolate.
+    EACH_CALL int64_t first_row;
+    // One beyond the last row.
+    EACH_CALL int64_t end_row;
+    // The largest difference between pixels, and the largest bend, up to which the finer pixels are interpolated.
     float threshold;
+    // [h, w]: the pixels of the finer grid that are to be drawn.
     Array<bool, 2> is_drawn;
 };
 KERNEL(refine_rows, RefineRows)
 
-// starts, num_corners: as in renderer/draw/overlay.py. axis: along which the edges are. shape: of the volume.
+// Place the edges of the cells of a level along one axis (renderer/draw/overlay.py).
 struct PlaceEdges {
+    // [n]: the corner of the cells at which each edge starts; corners are numbered, x fastest.
     Array<const int64_t, 1> starts;
-    int64_t num_corners[3], axis, level, shape[3];
+    // Corners of cells (x, y, z).
+    int64_t num_corners[3];
+    // The axis along which the edges are: 0 for x.
+    int64_t axis;
+    // Cells are 2^level voxels wide.
+    int64_t level;
+    // Voxels of the volume (x, y, z).
+    int64_t shape[3];
+    // [3, 3]: from voxels to model units, in world axes.
     double model_from_index[9];
+    // [n, 7]: as in Lines; the first six columns are written.
     Sized<float, 2, 7> vertices;
 };
 KERNEL(place_edges, PlaceEdges)
 
-// vertices, voxel_side: as in Lines. colors: [n, 4], by level. Others: constants of renderer/draw/lines.py.
+// Draw lines over an image (renderer/draw/lines.py).
 struct DrawLines {
+    // [n, 7]: as in Lines (renderer/draw/overlay.py).
     Sized<const float, 2, 7> vertices;
+    // As in Lines.
     double voxel_side;
+    // [levels, 4]: RGBA by the level of the cell, the last for all levels beyond.
     Sized<const double, 2, 4> colors;
     ModelView camera;
-    double cover, opacity, min_side_px;
+    // The opacity of a line per side of its cell in model units, and per side in pixels.
+    double cover;
+    // The largest opacity of a line.
+    double opacity;
+    // Cells with a shorter side have no lines.
+    double min_side_px;
+    // [h, w, 4]: premultiplied RGBA.
     Sized<float, 3, 4> image;
 };
 KERNEL(draw_lines, DrawLines)
 
-// As in the files of renderer/draw/bricks/, and so are those that follow it.
+// A grid of pixels into which bricks are drawn, in tiles (renderer/draw/bricks/grid.py).
 struct Grid {
-    int64_t side, stride;
+    // The side of a tile, in pixels of the grid.
+    int64_t side;
+    // The pixels of the grid are every `stride`-th pixel along both axes. Grid pixel 0 is the centre of pixel 0.
+    int64_t stride;
+    // [n, 4]: left, top, right and bottom of each brick, half-open, in pixels of the grid and inside it.
     Sized<const int64_t, 2, 4> rectangles;
-    Array<const int64_t, 1> starts, numbers;
+    // [tiles + 1]: the bricks over tile k are `numbers[starts[k] : starts[k + 1]]`, front to back.
+    Array<const int64_t, 1> starts;
+    Array<const int64_t, 1> numbers;
+    // [rows, columns]: the pixels of the grid that are drawn.
     Array<const bool, 2> is_drawn;
+    // [rows, columns, 4]: premultiplied RGBA.
     Sized<float, 3, 4> image;
 };
 
-// As ShadingSpec in renderer/scene/shading_section.py.
+// The coefficients of a light, as in ShadingSpec (renderer/scene/shading_section.py).
 struct Shading {
-    float ambient, diffuse, specular, shininess, silhouette;
+    float ambient;
+    float diffuse;
+    float specular;
+    float shininess;
+    float silhouette;
     bool two_sided;
 };
 
+// Light and extinction that depend on the view or on the length of the gradient.
 struct Light {
     Shading shading;
+    // The share of the light that reaches each place.
     LightGrid grid;
+    // Whether the light comes from the viewer, and not from `toward`.
     bool is_camera;
-    float toward[3], world_from_index[9];
+    // The unit vector to the light, in world axes.
+    float toward[3];
+    // [3, 3]: from directions in index space to the world; a common factor does not matter.
+    float world_from_index[9];
+    // [n, 3]: a gradient's length in texels, the factor on extinction there, and its slope up to the next one.
     Sized<const float, 2, 3> factors;
+    // The place of the volume's centre in `grid` (x, y, z), in cells.
     double first_cell[3];
 };
 
-// are_cut: whether some of a brick is not in the mask.
+// A mask of a field.
 struct FieldMask {
+    // For places relative to the volume's centre.
     MaskGrid grid;
+    // [bricks]: whether a part of the brick is outside of the mask.
     Array<const bool, 1> are_cut;
 };
 
+// The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them.
 struct Field {
-    Array<const float, 1> scalars, means;
+    // Of each brick of voxels PADDED_BRICK_SIZE^3 texels; with light, PADDED_BRICK_SIZE^3 gradients (x, y, z) follow.
+    // Where voxels are colours, (tau c, tau) of each.
+    Array<const float, 1> scalars;
+    // Of each brick of means PADDED_BRICK_SIZE^3 texels (tau c, tau).
+    Array<const float, 1> means;
+    // [bricks]: the first texel of each brick in its atlas; -1 where it shows none.
     Array<const int64_t, 1> texel_offsets;
     PiecewiseTransfer pieces;
-    float weight, lambert[5];
-    bool has_absent, is_labels, has_colors, is_lit, lights_faces;
+    // A factor on extinction.
+    float weight;
+    // The unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
+    float lambert[5];
+    // Whether any voxel has no data.
+    bool has_absent;
+    // Whether scalars are numbers of labels.
+    bool is_labels;
+    // Whether voxels are colours.
+    bool has_colors;
+    // Whether the light follows Lambert's law alone, from a fixed direction.
+    bool is_lit;
+    // Whether faces that clipping cuts are lit by their own normal.
+    bool lights_faces;
+    // None without a light, or by Lambert's law alone.
     Maybe<Light> light;
+    // None without a mask.
     Maybe<FieldMask> mask;
 };
 
-// The bricks of layers on one grid of voxels. is_mean: whether the texels of a brick are means: those of all layers are
-// in the first field, with their weights. have_faces: whether a brick is near a face that clipping cuts; face_depth: how
-// far its light reaches, as a length in the world.
+// The bricks of layers on one grid of voxels.
 struct LayerBricks {
     RaySetup rays;
+    // Finest spacings in a model unit.
     float spacings_per_model_unit;
+    // [bricks, 11]: as in BrickView (renderer/draw/bricks/brick_cache.py).
     Sized<const double, 2, 11> boxes;
-    Array<const bool, 1> is_mean, have_faces;
+    // [bricks]: whether the texels of the brick are means. The means of all layers are in the first field, with their
+    // weights.
+    Array<const bool, 1> is_mean;
+    // [bricks]: whether the brick is near a face that clipping cuts.
+    Array<const bool, 1> have_faces;
+    // The distance from such a face up to which it is lit by its own normal, a length in the world.
     double face_depth;
+    // One of each layer.
     Array<const Field, 1> fields;
 };
 
+// Composite bricks under some tiles of the image, or add them where nothing is absorbed.
 struct DrawTiles {
     Grid grid;
     LayerBricks bricks;
+    // A ray ends at this alpha.
     float termination_alpha;
+    // Whether nothing is absorbed.
     bool is_additive;
-    Array<const int64_t, 1> tiles;
+    // The numbers of the tiles.
+    EACH_CALL Array<const int64_t, 1> tiles;
 };
 LONG_KERNEL(draw_tiles, DrawTiles)
 
-// As in renderer/draw/bricks/mixture.py.
+// Composite the bricks of several volumes into some tiles of the image, mixed at every point.
 struct DrawMixture {
     Grid grid;
+    // The bricks of each grid of voxels.
     Array<const LayerBricks, 1> groups;
+    // [n, 2]: as in Mixture (renderer/draw/bricks/mixture.py), and so are the depths.
     Sized<const int64_t, 2, 2> members;
+    // [n, 3]
     Sized<const double, 2, 3> depths;
+    // A ray ends at this alpha.
     float termination_alpha;
-    Array<const int64_t, 1> tiles;
+    // The numbers of the tiles.
+    EACH_CALL Array<const int64_t, 1> tiles;
 };
 LONG_KERNEL(draw_mixture, DrawMixture)
 
-// tops: upper bounds of what is in each brick.
+// The rules of a search for the most extreme scalar, the same in all bricks.
+//
+// A texel u stands for the number `offset + slope * u`, whose maximum is sought: it is 0 where a scalar is as good as
+// none, and 1 at the other end of the colours.
+struct SearchRules {
+    float offset;
+    float slope;
+    // A number counts if it exceeds the largest one that was found by this.
+    float slack;
+    // A number takes the place of the largest one if it exceeds it by this.
+    float min_rise;
+    // A ray ends at this number.
+    float ceiling;
+    // Whether the bounds of bricks fall; otherwise they come front to back.
+    bool is_sorted;
+    // Whether any voxel has no data.
+    bool has_absent;
+    // The rise of nearness by a step along each index axis; 0 where depth does not count. Nearness falls from 1 to 0
+    // through the ball around the volume.
+    double forward[3];
+};
+
+// Find the most extreme scalar along the rays of some tiles of the image.
 struct DrawExtremes {
     Grid grid;
     RaySetup rays;
+    // [bricks, 11]: as in BrickView (renderer/draw/bricks/brick_cache.py).
     Sized<const double, 2, 11> boxes;
-    Array<const int64_t, 1> texel_offsets, tiles;
+    // [bricks]: the first texel of each brick in `scalars`; -1 where it shows none.
+    Array<const int64_t, 1> texel_offsets;
+    // The numbers of the tiles.
+    EACH_CALL Array<const int64_t, 1> tiles;
+    // [bricks]: an upper bound of the numbers in each brick.
     Array<const double, 1> tops;
+    // Of each brick PADDED_BRICK_SIZE^3 texels.
     Array<const float, 1> scalars;
-    float offset, slope, slack, min_rise, ceiling;
-    bool is_sorted, has_absent;
-    double forward[3];
+    SearchRules rules;
 };
 LONG_KERNEL(draw_extremes, DrawExtremes)

@@ -1,10 +1,14 @@
-// What the kernels of this folder take (base/kernels.h).
+// The structs that the kernels of this folder take (base/kernels.h).
 #pragma once
 #include "base/kernels.h"
 
+// Put an image over its background, and round it to 8 bits.
 struct Quantize {
+    // [h, w, 4]: premultiplied RGBA.
     Sized<const float, 3, 4> image;
-    Sized<const float, 2, 3> background;  // of each row
+    // [h, 3]: the colour of each row.
+    Sized<const float, 2, 3> background;
+    // [h, w, 3]: colours over the background; or [h, w, 4]: straight alpha, without it.
     Array<uint8_t, 3> result;
 };
 KERNEL(quantize, Quantize)

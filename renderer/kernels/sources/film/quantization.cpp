@@ -8,8 +8,8 @@ INLINE uint8_t to_8_bits(float scaled) { return (uint8_t)(int32_t)least(most(sca
 
 }  // namespace
 
-// Composite premultiplied colours over the background of their row, `c + (1 - a) b`, for three channels. Where the result has
-// four, convert them to straight alpha: `c / a`.
+// Composite premultiplied colours over the background of their row, `c + (1 - a) b`, for three channels. Where the
+// result has four channels, convert them to straight alpha: `c / a`.
 Status quantize(const Quantize* arguments) {
     const auto [image, background, result] = *arguments;
     int64_t num = image.shape[0] * image.shape[1], channels = result.shape[2];

@@ -1,22 +1,40 @@
-// What the kernels of this folder take (base/kernels.h).
+// The structs that the kernels of this folder take (base/kernels.h).
 #pragma once
 #include "transfer/kernels.h"
 
+// Average the optical depths of a slab of cells.
 struct AverageVoxels {
+    // [z, y, x]: as `raw_voxels` returns them (renderer/transfer/classify.py).
     AnyArray<3> raw;
+    // [patterns]: the optical depth of each bit pattern; None where there is a curve.
     Maybe<Array<const float, 1>> by_pattern;
+    // The transfer function of scalars of more than 16 bits.
     Maybe<TransferTable> curve;
-    int64_t level, slab;
-    Array<float, 2> out;
+    // Cells are 2^level voxels wide.
+    int64_t level;
+    // The number of the slab, along z.
+    EACH_CALL int64_t slab;
+    // [y, x]: the mean of each cell.
+    EACH_CALL Array<float, 2> out;
 };
 LONG_KERNEL(average_voxels, AverageVoxels)
 
+// Send rays from the centres of a slab of cells.
 struct Transmit {
-    Array<const float, 3> depths, offsets;
+    // [z + 2, y + 2, x + 2]: mean optical depths of a finest spacing, the outermost cells once more beyond each border.
+    Array<const float, 3> depths;
+    // [rays, samples, 3] (x, y, z): from a centre to the samples of its rays, outwards, in cells.
+    Array<const float, 3> offsets;
+    // [z + 2, y + 2, parts of rows]: whether any depth is above 0 in this part, the next one, or the same of the rows
+    // behind.
     Array<const bool, 3> filled;
+    // [samples]: the length that each sample stands for, in finest spacings.
     Array<const float, 1> lengths;
+    // The volume's border (x, y, z), in cells, where rays end.
     float end[3];
-    int64_t slab;
-    Array<float, 2> out;
+    // The number of the slab, along z.
+    EACH_CALL int64_t slab;
+    // [y, x]: the mean transmission of the rays of each cell.
+    EACH_CALL Array<float, 2> out;
 };
 LONG_KERNEL(transmit, Transmit)

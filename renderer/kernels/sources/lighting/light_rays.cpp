@@ -10,10 +10,10 @@
 
 namespace {
 
-// Less than exp(-10) of the light, 5e-5, counts as none.
+// The optical depth beyond which no light counts: exp(-10) of it is left, 5e-5.
 constexpr float OPAQUE_DEPTH = 10.0f;
 
-// As in renderer/lighting/light_grid.py.
+// Cells of a part of a row, as in renderer/lighting/light_grid.py.
 constexpr int64_t CELLS_OF_PART = 16;
 static_assert(LANES <= CELLS_OF_PART);
 
@@ -41,9 +41,8 @@ INLINE Floats interpolate_row(const Array<const float, 3>& grid, Floats x, float
 
 }  // namespace
 
-// Write the mean optical depths [y, x] of cells of 2^level voxels, in a slab that is one cell thick.
-//
-// A cell that the border cuts has the mean of what is inside. by_pattern, curve: to classify by, as of a Classifier.
+// Write the mean optical depths of cells of 2^level voxels, in a slab that is one cell thick. A cell that the border
+// cuts has the mean of the voxels inside.
 Status average_voxels(const AverageVoxels* arguments) {
     const auto [raw, by_pattern, curve, level, slab, out] = *arguments;
     const auto [num_z, num_y, num_x] = raw.shape;
@@ -82,12 +81,8 @@ Status average_voxels(const AverageVoxels* arguments) {
     });
 }
 
-// Write the mean transmission of rays from the centres of a slab's cells [y, x]; 1 where nothing is visible near.
-//
-// depths: [z + 2, y + 2, x + 2], mean optical depths of a finest spacing. filled: [z + 2, y + 2, parts of rows], whether
-// any is above 0 in this part, the next one, or the same of the rows behind. end: (x, y, z), the volume's border.
-// offsets: [rays, samples, 3] (x, y, z), from a centre to where its rays are sampled, outwards. lengths: [samples],
-// those that samples stand for, in finest spacings. A ray ends at the border.
+// Write the mean transmission of rays from the centres of a slab's cells, up to the volume's border; 1 where nothing is
+// visible near.
 Status transmit(const Transmit* arguments) {
     const auto [depths, offsets, filled, lengths, end, slab, out] = *arguments;
     bool fits = slab >= 0 && slab + 2 < depths.shape[0] && has_shape(out, depths.shape[1] - 2, depths.shape[2] - 2) &&
@@ -97,7 +92,7 @@ Status transmit(const Transmit* arguments) {
     if (!fits) return OUT_OF_BOUNDS;
     auto is_inside = [&](int axis, float place) { return 0.5f <= place && place <= end[axis]; };
     int64_t num = out.shape[1];
-    // Of a row of cells, whole vectors: the largest depth of a cell and its neighbours, that of a ray, and sums.
+    // Of a row of cells, whole vectors: the largest depth of a cell and its neighbours, the depth of a ray, and sums.
     Buffer<float> deepest(num + 2), ray_depths(num + LANES), totals(num + 2 + LANES);
     Buffer<int64_t> starts(num);  // of vectors, which have all cells near which something is visible
     if (!deepest || !ray_depths || !totals || !starts) return NO_MEMORY;
@@ -132,7 +127,7 @@ Status transmit(const Transmit* arguments) {
                 }
             }
             for (int64_t n = 0; n < num_starts; n++)
-                for (int64_t cell = starts[n]; cell < starts[n] + LANES; cell++)  // that of 200 is 0 in float32
+                for (int64_t cell = starts[n]; cell < starts[n] + LANES; cell++)  // exp(-200) is 0 in float32
                     totals[cell] += (float)maths::moderate_exp(-(double)least(ray_depths[cell], 200.0f));
         }
         for (int64_t cell = 0; cell < num; cell++)

@@ -1,4 +1,4 @@
-// Measure how long rays are inside what is left of the volume's box.
+// Measure the lengths of rays inside the volume's box, as far as clipping leaves it.
 #include "modes/kernels.h"
 #include "base/stopping.h"
 
@@ -13,7 +13,7 @@ struct Range {
     double start, end;
 };
 
-// Clip a ray to what slabs, as in ClipRegion, have in common.
+// Clip a ray to the intersection of slabs, which are as in ClipRegion.
 Range clip_to_slabs(const Array<const double, 2>& slabs, const Ray& ray, Range range) {
     const auto& [origin, direction] = ray;
     for (int64_t k = 0; k < slabs.shape[0]; k++) {
@@ -86,8 +86,7 @@ double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool
 
 }  // namespace
 
-// lengths: [h, w], world lengths of the rays of rows from `first_row` on, within `rays.clip`. unit: world length of a
-// model unit. absent: [z, y, x], which voxels do not count; None if all do.
+// Write the world lengths of the rays of some rows, within `rays.clip`.
 Status measure_chords(const MeasureChords* arguments) {
     const auto [rays, shape, first_row, absent, unit, lengths] = *arguments;
     const auto& [slabs, boxes] = rays.clip.value;  // empty ones for None

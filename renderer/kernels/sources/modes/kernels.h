@@ -1,21 +1,35 @@
-// What the kernels of this folder take (base/kernels.h).
+// The structs that the kernels of this folder take (base/kernels.h).
 #pragma once
 #include "transfer/kernels.h"
 #include "view/kernels.h"
 
+// Measure the lengths of rays inside the volume's box, as far as clipping leaves it.
 struct MeasureChords {
     RaySetup rays;
-    int64_t shape[3], first_row;
+    // Voxels of the volume (x, y, z).
+    int64_t shape[3];
+    // The row of the image that row 0 of `lengths` is.
+    EACH_CALL int64_t first_row;
+    // [z, y, x]: the voxels without data, which do not count; None if all count.
     Maybe<Array<const bool, 3>> absent;
+    // The world length of a model unit.
     double unit;
-    Array<float, 2> lengths;
+    // [rows, w]: the world length of each pixel's ray.
+    EACH_CALL Array<float, 2> lengths;
 };
 LONG_KERNEL(measure_chords, MeasureChords)
 
+// Colour one number of each ray.
 struct ColorShares {
+    // The colours, by the number.
     TransferTable curve;
-    Array<const float, 2> shares, chords;
-    Sized<const float, 3, 1> brightness;
-    Sized<float, 3, 4> image;
+    // [h, w]: the numbers.
+    EACH_CALL Array<const float, 2> shares;
+    // [h, w]: the length of each ray in the volume; a pixel stays empty where it is 0.
+    EACH_CALL Array<const float, 2> chords;
+    // [h, w, 1]: a factor on the colour.
+    EACH_CALL Sized<const float, 3, 1> brightness;
+    // [h, w, 4]: RGBA, opaque.
+    EACH_CALL Sized<float, 3, 4> image;
 };
 KERNEL(color_shares, ColorShares)

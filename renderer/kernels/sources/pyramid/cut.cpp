@@ -2,7 +2,7 @@
 #include "pyramid/kernels.h"
 #include "transfer/classify.h"
 
-// Write the visible children of nodes at `cells`, by the masks of all nodes: their indices and their cells (x, y, z).
+// Write the visible children of nodes, by the masks of all nodes.
 Status list_children(const ListChildren* arguments) {
     const auto [nodes, first_children, cells, masks, child_nodes, child_cells] = *arguments;
     if (!has_shape(cells, nodes.shape[0], 3) || !has_shape(first_children, masks.shape[0]) ||
@@ -30,7 +30,7 @@ Status find_voxels(const FindVoxels* arguments) {
         !has_shape(depths, num_most, 4))
         return OUT_OF_BOUNDS;
     for (int64_t i = 0; i < parents.shape[0]; i++) {
-        Box box;
+        VoxelBox box;
         auto& [first, extent] = box;
         for (int axis = 0; axis < 3; axis++) {
             first[axis] = 2 * (int64_t)parents(i, axis);

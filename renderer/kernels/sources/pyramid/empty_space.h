@@ -16,7 +16,7 @@ class VisibilityTest {
     Buffer<bool> is_visible;  // by pattern
 
     template <class T>
-    bool has_visible_voxel(const Array<const T, 3>& patterns, const Box& box) const {
+    bool has_visible_voxel(const Array<const T, 3>& patterns, const VoxelBox& box) const {
         const auto& [first, extent] = box;
         for (int64_t z = 0; z < extent[2]; z++)
             for (int64_t y = 0; y < extent[1]; y++) {
@@ -32,7 +32,7 @@ class VisibilityTest {
     }
 
     template <class T>
-    bool has_visible_range(const Array<const T, 3>& voxels, const Box& box) const {
+    bool has_visible_range(const Array<const T, 3>& voxels, const VoxelBox& box) const {
         using Row = Vector<T, SIDE>;
         const auto& [first, extent] = box;
         T one = voxels(first[2], first[1], first[0]);
@@ -64,7 +64,7 @@ class VisibilityTest {
     explicit operator bool() const { return (bool)is_visible; }
 
     // Whether a block of at most SIDE voxels along each axis may show something.
-    bool operator()(const Box& box) const {
+    bool operator()(const VoxelBox& box) const {
         bool found = false;
         with_array(raw, [&]<class T>(const Array<const T, 3>& voxels) {
             if constexpr (sizeof(T) <= 2) found = has_visible_voxel(voxels, box);

@@ -219,7 +219,7 @@ class Writer {
 };
 
 // Build the nodes of a block from the channels of voxels.
-void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Group<float>& group) {
+void build_block(const AnyArray<3>& raw, const Classifier& classifier, const VoxelBox& box, Group<float>& group) {
     group.begin(box.extent, 2);
     classify_box<BLOCK_SIZE>(raw, classifier, box, [&](int64_t x, int64_t y, int64_t z, FourChannels channels) {
         store(group.voxels, 4 * voxel_offset(x, y, z), channels);
@@ -229,7 +229,7 @@ void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Box
 
 // Build the nodes of a block from the scalars of voxels, normalized; 0 without data.
 void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Array<const double, 1>& normalization,
-                 const Box& box, Group<double>& group) {
+                 const VoxelBox& box, Group<double>& group) {
     double scalars[BLOCK_VOXELS];
     group.begin(box.extent, 2);
     load_scalars(raw, classifier.scalars, box, box.first, BLOCK_SIZE, scalars);
@@ -240,7 +240,7 @@ void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Arr
     group.merge_voxels();
 }
 
-INLINE Box box_at(const Array<const int64_t, 2>& starts, const Array<const int64_t, 2>& extents, int64_t g) {
+INLINE VoxelBox box_at(const Array<const int64_t, 2>& starts, const Array<const int64_t, 2>& extents, int64_t g) {
     return {{starts(g, 0), starts(g, 1), starts(g, 2)}, {extents(g, 0), extents(g, 1), extents(g, 2)}};
 }
 
@@ -256,7 +256,7 @@ Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& er
     if (!test) return NO_MEMORY;
     for (int64_t g = 0; g < starts.shape[0]; g++) {
         if (is_stopped()) return STOPPED;
-        Box box = box_at(starts, extents, g);
+        VoxelBox box = box_at(starts, extents, g);
         // Scalars count for their errors where they are invisible, too.
         visible[g] = normalization.exists || test(box);
         if (!visible[g]) continue;
@@ -338,16 +338,16 @@ Status build_blocks(const BuildBlocks* arguments) {
     Group<float> group;
     if (normalization.exists) {
         Group<double> errors;
-        return build_all(*arguments, group, errors, [&](const Box& box) {
+        return build_all(*arguments, group, errors, [&](const VoxelBox& box) {
             build_block(raw, classifier, normalization.value, box, errors);
         });
     }
     if (error_classifier.exists) {
         Group<float> errors;
         return build_all(*arguments, group, errors,
-                         [&](const Box& box) { build_block(raw, error_classifier.value, box, errors); });
+                         [&](const VoxelBox& box) { build_block(raw, error_classifier.value, box, errors); });
     }
-    return build_all(*arguments, group, group, [](const Box&) {});
+    return build_all(*arguments, group, group, [](const VoxelBox&) {});
 }
 
 // Merge the roots of groups, `side` voxels wide, in larger groups of which `extents` (x, y, z) are real voxels.
@@ -377,7 +377,7 @@ Status average_cells(const AverageCells* arguments) {
             begin[axis] = most(corners(i, axis), (int64_t)0) << level;
             end[axis] = least((corners(i, axis) + means.shape[3 - axis]) << level, raw.shape[2 - axis]);
         }
-        auto add_block = [&](const Box& box) {
+        auto add_block = [&](const VoxelBox& box) {
             if (!test(box)) return;
             int64_t first[3];
             for (int axis = 0; axis < 3; axis++) first[axis] = (box.first[axis] >> level) - corners(i, axis);

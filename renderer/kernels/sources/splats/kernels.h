@@ -1,14 +1,24 @@
-// What the kernels of this folder take (base/kernels.h).
+// The structs that the kernels of this folder take (base/kernels.h).
 #pragma once
 #include "base/kernels.h"
 
+// Place a splat at each cell of a cut.
 struct PlaceSplats {
-    Array<const uint8_t, 1> levels, shapes;
+    // [n]: the level of each cell.
+    Array<const uint8_t, 1> levels;
+    // [n]: the number of its shape.
+    Array<const uint8_t, 1> shapes;
+    // [n, 3]: the cells (x, y, z), in units of their width.
     Sized<const int32_t, 2, 3> cells;
+    // [n, 4]: (tau c, tau) times the finest spacing.
     Sized<const float, 2, 4> depths;
+    // [shapes, 3]: from the first voxel of a cell to its centre, relative to the volume's centre, in voxels.
     Sized<const double, 2, 3> shift_of_shape;
+    // [shapes]: the optical area of a cell whose depth is 1, in model units squared.
     Array<const double, 1> area_of_shape;
+    // [3, 3]: from voxels to model units, in world axes.
     double model_from_index[9];
+    // [n, 8]: as in SplatBatch (renderer/splats/splats.py).
     Sized<float, 2, 8> vertices;
 };
 KERNEL(place_splats, PlaceSplats)

@@ -1,8 +1,7 @@
 // Place a splat at each cell of a cut.
 #include "splats/kernels.h"
 
-// vertices: as in SplatBatch. shapes: [n], of the cells. shift_of_shape: [m, 3], from the cell's first voxel to its
-// centre relative to the volume's, in voxels. area_of_shape: [m], optical area for a depth of 1.
+// Write the vertices of splats, as in SplatBatch.
 Status place_splats(const PlaceSplats* arguments) {
     const auto [levels, shapes, cells, depths, shift_of_shape, area_of_shape, m, vertices] = *arguments;
     if (!match(levels, cells, depths, shapes, vertices) || !match(area_of_shape, shift_of_shape)) return OUT_OF_BOUNDS;

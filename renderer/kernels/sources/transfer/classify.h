@@ -8,7 +8,7 @@
 
 namespace {
 
-// Whether a classifier is one of these voxels.
+// Whether a classifier fits to these voxels.
 inline bool fits(const Classifier& classifier, const AnyArray<3>& raw) {
     const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints, colors, shown] = classifier;
     if (!fits(by_pattern, raw) || table.exists != by_pattern.exists || curve.exists == table.exists) return false;
@@ -29,7 +29,7 @@ INLINE double lambert_factor(double x, double y, double z, const double* light) 
 // The factor on the colour of a visible voxel, by Lambert's law; ambient where the gradient is 0.
 //
 // Derivatives along the index axes are central, one-sided at the border and beside voxels without data, 0 across one
-// voxel. here: its scalar, with those beside it at -1 and 1, `row` and `row` squared.
+// voxel. here: its scalar; the scalars beside it are at -1 and 1, `row` and `row` squared.
 inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& raw, const double* here, int64_t row,
                               const int64_t* voxel) {
     bool is_float32 = raw.dtype == 8;  // small differences of these are float32, too
@@ -67,7 +67,7 @@ using FourChannels = Vector<float, 4>;
 
 // As classify_box, by a table and without light.
 template <class T, int SIDE, class Take>
-INLINE void look_up_box(const AnyArray<3>& raw, const Array<const float, 2>& table, const Box& box, Take take) {
+INLINE void look_up_box(const AnyArray<3>& raw, const Array<const float, 2>& table, const VoxelBox& box, Take take) {
     Array<const T, 3> patterns = {(const T*)raw.data, {raw.shape[0], raw.shape[1], raw.shape[2]}};
     for_voxels<SIDE>(box, [&](int64_t x, int64_t y, int64_t z) {
         int64_t pattern = patterns(box.first[2] + z, box.first[1] + y, box.first[0] + x);
@@ -77,7 +77,7 @@ INLINE void look_up_box(const AnyArray<3>& raw, const Array<const float, 2>& tab
 
 // As classify_box, without the voxels' own colours and without a mask.
 template <int SIDE, class Take>
-INLINE void classify_scalars(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Take take) {
+INLINE void classify_scalars(const AnyArray<3>& raw, const Classifier& classifier, const VoxelBox& box, Take take) {
     const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints, colors, shown] = classifier;
     if (table.exists && !lighting.exists) {
         if (raw.dtype == 0) look_up_box<uint8_t, SIDE>(raw, table.value, box, take);
@@ -111,7 +111,7 @@ INLINE void classify_scalars(const AnyArray<3>& raw, const Classifier& classifie
 
 // Call `take(x, y, z, channels)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.
 template <int SIDE, class Take>
-INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, const Box& box, Take take) {
+INLINE void classify_box(const AnyArray<3>& raw, const Classifier& classifier, const VoxelBox& box, Take take) {
     const auto& colors = classifier.colors;
     const auto& shown = classifier.shown;
     if (!colors.exists && !shown.exists) return classify_scalars<SIDE>(raw, classifier, box, take);

@@ -1,4 +1,4 @@
-// How much of the light reaches each place (LightGrid in renderer/transfer/light_factors.py).
+// The share of the light that reaches each place (LightGrid in kernels.h).
 #pragma once
 #include "transfer/kernels.h"
 

@@ -1,12 +1,15 @@
-// The exact table of a transfer function, in float64 (TransferTable in renderer/transfer/piecewise.py).
+// The exact table of a transfer function, in float64 (TransferTable in kernels.h).
 #pragma once
 #include "transfer/kernels.h"
 #include "base/lanes.h"
 #include "base/maths.h"
 
+// Buckets of a guide, as in renderer/transfer/piecewise.py.
 constexpr int64_t GUIDE_SIZE = 1024;
-// As in renderer/transfer/piecewise.py and transfer_function.py.
-constexpr double MAX_NORMALIZED_SCALAR = 0x1p20, VISIBILITY_THRESHOLD = 0x1p-80;
+// The largest normalized scalar, in ranges, as in renderer/transfer/piecewise.py.
+constexpr double MAX_NORMALIZED_SCALAR = 0x1p20;
+// The least depth or opacity that is visible, as in renderer/transfer/transfer_function.py.
+constexpr double VISIBILITY_THRESHOLD = 0x1p-80;
 
 // (tau c, tau) or the like: three of colour, then one of extinction or opacity.
 using Channels = Vector<double, 4>;
@@ -16,7 +19,7 @@ INLINE bool fits(const TransferTable& curve) {
     return num > 0 && has_shape(curve.rows, num + 1, 10) && has_shape(curve.guide, GUIDE_SIZE + 3);
 }
 
-// How many of some ascending numbers are at or below a scalar: at least `low`, at most `high`.
+// The number of ascending values that are at or below a scalar: at least `low`, at most `high`.
 INLINE int64_t num_at_or_below(const Array<const double, 1>& values, double scalar, int64_t low, int64_t high) {
     while (low < high) {
         int64_t middle = (low + high) / 2;

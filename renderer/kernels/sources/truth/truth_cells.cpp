@@ -4,10 +4,10 @@
 namespace truth {
 namespace {
 
-// In place of an axis: the voxel itself, and not a difference.
+// The number, in place of an axis, that asks for the voxel itself and not for a difference.
 constexpr int VALUE = -1;
 
-// The voxels at the corners of a cell, and those around them up to a margin.
+// The voxels at the corners of a cell, and around them up to a margin.
 struct Surroundings {
     Cell size, cell, first;
     int64_t side;
@@ -50,7 +50,7 @@ struct Surroundings {
         return total / num;
     }
 
-    // The term of the voxel at a corner, or of the nearest ones where it is one of those without data.
+    // The term of the voxel at a corner, or of the nearest ones where it has no data.
     INLINE double corner_term(int k, int absent, int axis, double scale) const {
         Cell at = cell + Cell{k & 1, k >> 1 & 1, k >> 2};
         for (int j = 0; j < 3; j++) at[j] = least(most<int64_t>(at[j], 0), size[j] - 1);

@@ -1,8 +1,8 @@
 // Find the cells along a ray, and the voxels at their corners.
 //
 // A *cell* is the box between eight voxel centres, or its outward extension over the outer half voxel, where the field
-// takes the nearest value. Each octant of a cell belongs to the voxel at its corner: that of a voxel without data, NaN,
-// is empty. At such a corner the field takes the mean of the nearest of its 26 neighbours with data, as beyond the
+// takes the nearest value. Each octant of a cell belongs to the voxel at its corner; the octant of a voxel without data,
+// NaN, is empty. At such a corner the field takes the mean of the nearest of its 26 neighbours with data, as beyond the
 // border.
 #pragma once
 #include "truth/kernels.h"
@@ -13,6 +13,7 @@ namespace truth {
 // Cells along each axis of a macrocell, as in renderer/truth/optics.py. Of the cells that rays met in visible
 // macrocells of two CT scans, 0.70 and 0.75 were visible; in macrocells of 8^3, 0.51 and 0.60.
 constexpr int64_t MACROCELL_SIZE = 4;
+// The largest side of a cube of voxels that is read at once.
 constexpr int64_t LARGEST_CUBE = 8;
 // All corners of a cell, a bit each, x fastest.
 constexpr int ALL_ABSENT = 255;
@@ -35,8 +36,9 @@ INLINE Cell nearest_inside(Cell voxel, Cell size) {
 // side: at most LARGEST_CUBE.
 void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out);
 
-// Write the scaled values at the corners of a cell, clamped to the volume, or those nearest to voxels without data, and
-// return which have no data: the bit x + 2 y + 4 z of each is set. If all, what is written has no meaning.
+// Write the scaled values at the corners of a cell, clamped to the volume; a corner without data takes the mean of the
+// nearest ones. Return the corners without data: the bit x + 2 y + 4 z of each is set. If all bits are set, no value has
+// a meaning.
 int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners);
 
 // Write the scaled central differences along x, y, z at the corners of a cell, of which `absent` have no data.

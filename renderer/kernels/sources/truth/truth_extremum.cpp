@@ -1,6 +1,7 @@
 // Find the most extreme scalar of a ray exactly, from cell to cell: the cubic of each has known extremes.
 //
-// A macrocell whose bound does not exceed what was found is passed over; the first ray that meets it finds its bound.
+// A macrocell whose bound does not exceed the largest number that was found is passed over; the first ray that meets it
+// finds its bound.
 #include "truth/kernels.h"
 #include "base/stopping.h"
 #include "truth/truth_cells.h"
@@ -46,10 +47,7 @@ Found largest_of_data(Cubic cubic, int absent, Point entry, Point extent) {
 }  // namespace
 }  // namespace truth
 
-// Write the largest `sign` times scalar of n rays, and the length along the ray at which it is, to `found` [n, 2].
-//
-// It is minus infinity for a ray that misses the volume. Of numbers that differ by no more than `least_rise` the first
-// counts. tops: NaN at first, the largest number of each macrocell; updated, for calls with the same values and sign.
+// Write the largest `sign` times scalar of rays, and the length along the ray at which it is.
 Status search_rays(const SearchRays* arguments) {
     using namespace truth;
     const auto& [values, tops, sign, least_rise, rays, found] = *arguments;

@@ -17,10 +17,14 @@ namespace {
 
 // A ray ends where its transmittance falls below 1e-12, unless light adds up.
 constexpr double MAX_OPTICAL_DEPTH = 27.631021115928547;
-// With four nodes, steps of a voxel and of an optical depth of 1 left errors of 6e-8 and less on two CT scans.
+// The largest optical depth of a step. With four nodes, steps of a voxel and of this depth left errors of 6e-8 and less
+// on two CT scans.
 constexpr double MAX_DEPTH_OF_STEP = 1.0;
-constexpr int NUM_NODES = 4, MIDDLE = NUM_NODES;
-// The last place is the middle, which has no weight.
+// The nodes of Gauss's quadrature in a step.
+constexpr int NUM_NODES = 4;
+// The number of the place in the middle of a step, behind the nodes.
+constexpr int MIDDLE = NUM_NODES;
+// The places of the nodes, as shares of a step, and its middle, which has no weight.
 constexpr double PLACES[] = {0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263, 0.5};
 constexpr double WEIGHTS[] = {0.17392742256872692, 0.32607257743127307, 0.32607257743127307, 0.17392742256872692};
 // From values at the nodes to the integrals from 0 to each node of the cubic through them.
@@ -32,10 +36,15 @@ constexpr double INTEGRALS[][NUM_NODES] = {
 };
 // The optical depth of a piece leads to at most this many steps, which keeps their number an integer.
 constexpr double MAX_STEPS_BY_DEPTH = 0x1p30;
-// Of what is gathered along a ray: red, green, blue, optical depth, and then what each interval shows.
-constexpr int64_t DEPTH = 3, FIRST_INTERVAL = 4;
+// A ray gathers red, green, blue, the optical depth, and then the opacity that each interval adds.
+//
+// The place of the optical depth.
+constexpr int64_t DEPTH = 3;
+// The place of the first interval.
+constexpr int64_t FIRST_INTERVAL = 4;
 
-// What a step has at its nodes and in the middle. densities: optical depth per step. before: the depth up to each node.
+// The colours and densities of a step at its nodes and in the middle. densities: optical depth per step. before: the
+// depth up to each node.
 struct Step {
     Color colors[NUM_NODES + 1];
     double densities[NUM_NODES + 1], before[NUM_NODES], depth;
@@ -117,7 +126,7 @@ struct Integrator {
     Array<LayerRay, 1> layers;
     Array<double, 2> gathered;
 
-    // Add the parts of some layers, which overlap, to what has been gathered. Return whether it was finished.
+    // Add the parts of some layers, which overlap, to `gathered`. Return whether it was finished.
     bool integrate_parts(LayerRay* first) const {
         double bound = 0.0, num_parts = 1.0;
         for (LayerRay* layer = first; layer; layer = layer->next)
@@ -153,8 +162,8 @@ struct Integrator {
         return depth > max_depth;
     }
 
-    // Add a ray, from one end of a piece to the next, for each of the steps, to what has been gathered. Return whether it
-    // was finished.
+    // Add a ray, from one end of a piece to the next, for each of the steps, to `gathered`. Return whether it was
+    // finished.
     bool integrate_ray(int64_t ray) const {
         for (int64_t k = 0; k < layers.shape[0]; k++) layers[k].start(ray);
         for (int64_t k = 0; k < gathered.size(); k++) gathered.data[k] = 0.0;
@@ -180,12 +189,8 @@ struct Integrator {
 }  // namespace
 }  // namespace truth
 
-// Write premultiplied RGBA of n rays to `radiance` [n, steps, 4], or more.
-//
-// With 4 + intervals channels, the others are what each interval of the transfer function adds to the opacity, layer by
-// layer. With `adds`, too, alpha is 1 - exp(-optical depth). rays: of each layer in its index space; lengths along them
-// are common to all. macrocells: updated, for calls with the same values and intervals. max_steps: the longest steps in
-// voxels, in optical depth and in pieces.
+// Write premultiplied RGBA of rays, and the share of each interval if asked for. Alpha is 1 - exp(-optical depth), also
+// where light adds up.
 Status integrate_rays(const IntegrateRays* arguments) {
     using namespace truth;
     const auto& [layers, rays, adds, max_steps, radiance] = *arguments;

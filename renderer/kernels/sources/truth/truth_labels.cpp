@@ -4,8 +4,10 @@
 namespace truth {
 namespace {
 
-// How exactly changes are found, as a share of a segment; and how short may be what is missed.
-constexpr double TOLERANCE = 1e-12, LEAST_WIDTH = 0x1p-8;
+// The error of the place of a change, as a share of a segment.
+constexpr double TOLERANCE = 1e-12;
+// The longest part, as a share of a segment, whose label may be missed.
+constexpr double LEAST_WIDTH = 0x1p-8;
 // The largest sum of the magnitudes of the slopes of weights along an axis. No lead changes faster: between two
 // places with one winner, no other one wins where the leads are not lost on the way.
 constexpr double LARGEST_SLOPE = 2.0;

@@ -14,7 +14,8 @@ constexpr int64_t MAX_LABEL_CHANGES = 64;
 // The labels along a segment. splits: where another one wins, or another voxel becomes the nearest; num_changes: of the
 // former.
 //
-// numbers: of 4^3 voxels from the one before the cell on, x fastest. first: which of them is the first of its number.
+// numbers: of 4^3 voxels from the one before the cell on, x fastest. first: for each of them the first voxel with its
+// number.
 struct LabelSegment {
     double numbers[64];
     uint8_t first[64];

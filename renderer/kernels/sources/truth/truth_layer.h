@@ -95,9 +95,10 @@ inline Cubic combination(Point weights, const Gradient& gradient) {
 // A ray through a layer: one piece at a time, from `begin` to `end`, lengths along the ray.
 //
 // reached: the length up to which it has been integrated, infinite behind the last piece; done: the x there. part: the
-// one that is integrated next, and depth: that of a step through it. next: of the layers that have a piece there.
+// part that is integrated next, and depth: the optical depth of a step through it. next: the next layer that has a piece
+// there.
 struct LayerRay : LayerOptics {
-    // Of all rays. splits: scratch space. first_interval: the place of the layer's first one in what is gathered.
+    // Of all rays. splits: scratch space. first_interval: the place of the layer's first interval in `gathered`.
     const IndexRays* rays;
     Array<double, 1> splits;
     int64_t first_interval;

@@ -53,7 +53,7 @@ struct Light {
         return 1.0 - strength * (1.0 - mean);
     }
 
-    // A vector against the gradient at t, its length, which is 0 without a gradient, and by what both were divided.
+    // A vector against the gradient at t, its length, which is 0 without a gradient, and the divisor of both.
     struct Normal {
         Point vector;
         double length, divisor;
@@ -74,8 +74,8 @@ struct Light {
         double factor, highlight;
     };
 
-    // What lights the point at t by its gradient, as the faces near it leave of this, and add to it. lit_by: returns the
-    // light by a unit vector.
+    // Mix the light at t by the gradient, `lit`, with the light by the faces near it. lit_by: returns the light by a
+    // unit vector.
     template <class LitBy>
     INLINE Lit with_faces(Lit lit, double t, LitBy lit_by) const {
         if (removed.shape[0] == 0) return lit;

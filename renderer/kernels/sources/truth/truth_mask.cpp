@@ -3,8 +3,7 @@
 #include "base/stopping.h"
 #include "truth/truth_layer.h"
 
-// Write the parts of n rays where a layer shows anything to `parts` [n, k, 2], and how many there are of each ray to
-// `counts` [n]. Where these are more than k, the first k are written.
+// Write the first parts of rays where a layer shows anything, and the number of all parts.
 Status mask_rays(const MaskRays* arguments) {
     using namespace truth;
     const auto& [layer, rays, parts, counts] = *arguments;

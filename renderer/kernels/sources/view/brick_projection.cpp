@@ -1,10 +1,10 @@
 // Project the bounds of bricks into a view.
 #include "view/kernels.h"
 
-// The least depth of a corner, in model units, by which its position is divided; a box with a lesser one is cut.
+// The least depth of a corner, in model units, by which its position is divided; a box with a nearer corner is cut.
 constexpr double MIN_DEPTH = 1e-6;
 
-// rectangles: [n, 4], around bounds [n, 2, 3] in model coordinates, clipped `beyond` pixels outside of the image.
+// Write the rectangles around bounds, clipped `beyond` pixels outside of the image.
 Status project_bounds(const ProjectBounds* arguments) {
     const auto [bounds, camera, beyond, rectangles] = *arguments;
     const int64_t num = bounds.shape[0];

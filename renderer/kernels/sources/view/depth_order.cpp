@@ -10,7 +10,7 @@ struct Numbered {
 };
 
 // Write the numbers of 0 to n - 1 by ascending keys, equal ones by ascending number. A radix sort: it goes from the
-// lowest digits of the keys to the highest, and each pass keeps the order of what has the same digit.
+// lowest digits of the keys to the highest, and each pass keeps the order of keys with the same digit.
 template <class Key, class KeyOf>
 Status sort_by_key(int num_bits, const Array<uint32_t, 1>& order, KeyOf key_of) {
     constexpr int digit_bits = 8, num_digits = 1 << digit_bits;
@@ -44,7 +44,7 @@ void fill_digits(double eye, int64_t num, int num_levels, uint64_t* digits) {
 
 }  // namespace
 
-// order: of descending depths (no NaN), equal ones by ascending index.
+// Sort by descending depths, equal ones by ascending index.
 Status depth_order(const DepthOrder* arguments) {
     const auto [depths, order] = *arguments;
     if (order.shape[0] != depths.shape[0]) return OUT_OF_BOUNDS;
@@ -56,8 +56,7 @@ Status depth_order(const DepthOrder* arguments) {
     });
 }
 
-// order: of nodes of the octree, back to front as boxes (Laur and Hanrahan 1991). levels: [n]. cells: [n, 3], x, y, z
-// in units of the node's own width. eye: in voxel indices.
+// Sort nodes of the octree back to front, as boxes (Laur and Hanrahan 1991).
 //
 // A child of a node may hide another child only if fewer of the node's three splitting planes lie between it and the
 // eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's first. It is a sum over the axes, so that

@@ -1,9 +1,9 @@
 // Find the splats that a view sees, and their depths.
 #include "view/kernels.h"
 
-// depths: of every centre along a direction, from the model's origin; those from a distant eye would lose their order
-// to float32. is_visible: whether its footprint can meet the image (conservative). A splat that the near plane clips is
-// not drawn where its centre is: it counts as in the image.
+// Write the depths of centres, from the model's origin: depths from a distant eye would lose their order in float32.
+// Write whether footprints may meet the image. A splat that the near plane clips is not drawn at its centre: it counts
+// as in the image.
 Status cull_splats(const CullSplats* arguments) {
     const auto [vertices, sigmas, cutoff, min_sigma_px, clipped_sigmas, culled_sigmas, camera, along, depths,
                 is_visible] = *arguments;

@@ -1,12 +1,12 @@
 // Read voxels as scalars, of any dtype.
 #include "volume/voxels.h"
 
-void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& by_pattern, const Box& box,
+void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& by_pattern, const VoxelBox& box,
                   const int64_t* first, int64_t side, double* out) {
     auto nearest = [&](int axis, int64_t number) {
         return least(most(first[axis] + number, box.first[axis]), box.first[axis] + box.extent[axis] - 1);
     };
-    // Along x, those inside the box.
+    // The voxels inside the box, along x.
     int64_t begin = nearest(0, 0) - first[0], end = nearest(0, side - 1) - first[0] + 1;
     with_array(raw, [&]<class T>(const Array<const T, 3>& voxels) {
         for (int64_t z = 0; z < side; z++)

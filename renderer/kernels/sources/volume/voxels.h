@@ -1,24 +1,27 @@
-// Voxels as scalars, of any dtype: those of at most 16 bits are unsigned bit patterns, which have tables.
+// Voxels as scalars, of any dtype. Values of at most 16 bits are unsigned bit patterns, which have tables.
 #pragma once
 #include "base/arrays.h"
 
-// A box of voxels: the first one, and the numbers of voxels, along x, y, z.
-struct Box {
-    int64_t first[3], extent[3];
+// A box of voxels.
+struct VoxelBox {
+    // The first voxel (x, y, z).
+    int64_t first[3];
+    // Voxels along x, y, z.
+    int64_t extent[3];
 };
 
 // All voxels of a volume.
-INLINE Box box_of(const AnyArray<3>& raw) { return {{}, {raw.shape[2], raw.shape[1], raw.shape[0]}}; }
+INLINE VoxelBox box_of(const AnyArray<3>& raw) { return {{}, {raw.shape[2], raw.shape[1], raw.shape[0]}}; }
 
 // Write the scalars of side^3 voxels from `first` (x, y, z) on; beyond the box the nearest voxel is repeated.
-void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& by_pattern, const Box& box,
+void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& by_pattern, const VoxelBox& box,
                   const int64_t* first, int64_t side, double* out);
 
 namespace {
 
 // Call `function(x, y, z)` for each voxel of a box of at most SIDE voxels along each axis, x fastest.
 template <int64_t SIDE, class Function>
-INLINE void for_voxels(const Box& box, Function function) {
+INLINE void for_voxels(const VoxelBox& box, Function function) {
     auto call = [&](int64_t num_x, int64_t num_y, int64_t num_z) __attribute__((always_inline)) {
         for (int64_t z = 0; z < num_z; z++)
             for (int64_t y = 0; y < num_y; y++)
@@ -29,7 +32,7 @@ INLINE void for_voxels(const Box& box, Function function) {
     else call(num_x, num_y, num_z);
 }
 
-// Whether the scalars of bit patterns are whole.
+// Whether there is a scalar for each bit pattern, and none for wider values.
 inline bool fits(const Maybe<Array<const double, 1>>& by_pattern, const AnyArray<3>& raw) {
     if (raw.dtype >= 4) return !by_pattern.exists;
     return raw.dtype % 2 == 0 && by_pattern.exists && by_pattern.value.shape[0] == 1 << (raw.dtype == 0 ? 8 : 16);

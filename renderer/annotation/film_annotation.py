@@ -1,0 +1,88 @@
+"""Draw the annotation of a film over its pictures, and find out before whether all its frames have room for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from renderer.annotation.annotator import Annotator, annotation_problems
+from renderer.annotation.facts import AnnotationFacts
+from renderer.annotation.sketch import draw_annotation
+from renderer.annotation.stage_facts import film_facts, frame_facts, length_unit
+from renderer.draw import draw_lines, make_outline
+from renderer.errors import Problem
+from renderer.frame import FilmStage, Stage, view_of
+from renderer.scene import PictureKind, raise_problems
+from renderer.volume import Bools, Float32
+
+# The most frames of a film on which the annotation is tried before any is drawn.
+_MOST_TRIED = 9
+# A PSNR in decibels, for the widest text of an accuracy that is not known yet.
+_WIDEST_PSNR = 100.0
+
+
+class FilmAnnotation:
+    """The annotation of a film, drawn over pictures of its frames, whatever moves. film: its stage."""
+
+    def __init__(self, film: FilmStage) -> None:
+        self._film, self._output = film, film.scene.output
+        # An annotator keeps the drawings that do not change from frame to frame.
+        self._annotator = lru_cache(len(self._output.kinds))(Annotator)
+        self._facts: tuple[FilmStage, dict[PictureKind, AnnotationFacts]] = film, {}
+
+    def draw(self, image: Float32, kind: PictureKind, stage: Stage, frame: int, psnr: float | None) -> None:
+        """Draw over a picture of a kind, float32 [h, w, 4].
+
+        stage: of the frame. psnr: in decibels, of the frame, where it was measured.
+        """
+        if stage is not self._facts[0]:
+            self._facts = stage, {}
+        known = self._facts[1]
+        if kind not in known:
+            known[kind] = film_facts(stage, kind)
+        annotator = self._annotator(stage.scene.annotation, known[kind])
+        draw_annotation(image, annotator.patches(frame_facts(self._film.scene, stage, frame, kind, psnr)))
+
+    def covered(self, frame: int, psnr: float | None) -> Bools | None:
+        """Return the pixels of a frame's first picture that are drawn over, bool [h, w]; None where there are none."""
+        stage, kind = self._film.at(frame), self._output.kind.at(frame)
+        if not stage.scene.annotation.shows_anything:
+            return None
+        canvas = np.zeros((*kind.shape[:2], 4), np.float32)
+        if stage.scene.annotation.bounds:
+            for layer in stage.layers:
+                draw_lines(make_outline(layer.volume), view_of(stage, frame), canvas)
+        self.draw(canvas, kind, stage, frame, psnr)
+        return canvas[..., 3] > 0
+
+
+def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
+    """Raise SceneError where some of the frames cannot have their annotation, in pictures of any kind."""
+    annotation = film.scene.at(0).annotation
+    if not annotation.entries:
+        return
+    # Imported here: exact rays, which are in the same room, take a while to load.
+    from renderer.accuracy import spread_evenly
+
+    problems: list[Problem] = []
+    for kind in film.scene.output.kinds:
+        shown = []
+        for frame in spread_evenly(frames, _MOST_TRIED, is_loop=False):
+            # With the layers of the first frame: those of others take a while to make.
+            scene = film.scene.at(frame)
+            stage = replace(film.first, scene=scene, distance=scene.camera.distance or film.distance)
+            shown.append(frame_facts(film.scene, stage, frame, kind, _WIDEST_PSNR))
+        problems += annotation_problems(annotation, film_facts(film.first, kind.at(0)), shown)
+    raise_problems(problems)
+
+
+def annotation_notes(stage: FilmStage) -> Iterator[str]:
+    """Yield notes for the user on a film's annotation."""
+    annotation = stage.scene.at(0).annotation
+    if annotation.scale_bar is not None and not length_unit(stage):
+        yield "the unit of lengths is not known: the scale bar counts voxels; volume.unit names it"
+    if annotation.shows_anything and stage.scene.error.probes != 0:
+        yield "the accuracy is that of the pictures without annotation"

@@ -1,0 +1,95 @@
+"""Find the facts that an annotation shows: from a stage and its views to plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts
+from renderer.frame import FilmStage, Stage, view_of
+from renderer.scene import FilmScene, PictureKind, moving_numbers, moving_values
+
+# Samples of a transfer function along a bar of its colours.
+_NUM_BAR_SAMPLES = 256
+
+
+def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
+    """Return the facts that an annotation shows of a stage, on pictures of a kind whose background does not move."""
+    background, volumes = kind.background_at(0), [layer.volume for layer in stage.layers]
+    axes = {volume.world_axes for volume in volumes}
+    return AnnotationFacts(
+        size=kind.size,
+        background=None if background is None else background if len(background) == 2 else (background, background),
+        unit=length_unit(stage) or "voxels",
+        is_perspective=stage.scene.camera.projection == "perspective",
+        world_axes=axes.pop() if len(axes) == 1 else "",
+        bars=tuple(_bars(stage)),
+        legend=tuple(_legend(stage)),
+    )
+
+
+def frame_facts(film: FilmScene, stage: Stage, frame: int, kind: PictureKind, psnr: float | None) -> FrameFacts:
+    """Return the facts that an annotation shows of a frame.
+
+    film: the scene with all that moves. stage: of the frame. psnr: of its picture, in decibels, where it was measured.
+    """
+    volume, view = stage.layers[0].volume, view_of(stage, frame)
+    side = (view.distance if view.projection == "perspective" else 1.0) / view.scale_px
+    side *= view.size[0] / kind.size[0]
+    right, up, away = ((x, y, z) for x, y, z in view.axes.tolist())
+    at, time = stage.scene.layers[0].volume.time, None
+    if volume.times and isinstance(at, (int, float)):
+        time = float(np.interp(at, range(len(volume.times)), volume.times))
+    return FrameFacts(
+        frame=frame,
+        seconds=frame / film.output.frames_per_second,
+        time=time,
+        moving=moving_numbers(moving_values(film, frame)) if film.moves else {},
+        accuracy="" if psnr is None else f"frame PSNR {psnr:.1f} dB",
+        world_per_pixel=side if length_unit(stage) else side / volume.finest_spacing,
+        axes=(right, up, away),
+    )
+
+
+def length_unit(stage: FilmStage) -> str:
+    """Return the unit of world lengths, if all volumes have the same."""
+    units = {layer.volume.length_unit for layer in stage.layers}
+    return units.pop() if len(units) == 1 else ""
+
+
+def _bars(stage: Stage) -> Iterator[ColorBar]:
+    """Yield the colours of each transfer function over the range of its control points."""
+    for number, layer in enumerate(stage.layers):
+        mapping = layer.spec.transfer_function
+        if mapping.labels is not None or layer.spec.volume.has_colors:
+            continue
+        low, high = float(layer.transfer.values[0]), float(layer.transfer.values[-1])
+        if not low < high:
+            continue
+        is_log = low > 0 and getattr(mapping.mapping, "scale", "") == "log"
+        scalars = np.geomspace(low, high, _NUM_BAR_SAMPLES) if is_log else np.linspace(low, high, _NUM_BAR_SAMPLES)
+        colors, extinctions = layer.transfer.classify(scalars)
+        opacities = -np.expm1(-extinctions * layer.transfer.unit)
+        yield ColorBar(
+            name=layer.spec.name,
+            unit=layer.volume.value_unit,
+            low=low,
+            high=high,
+            colors=tuple(map(tuple, colors.tolist())),
+            opacities=() if layer.projection is not None else tuple(opacities.tolist()),
+            layer=number,
+            is_log=is_log,
+        )
+
+
+def _legend(stage: Stage) -> Iterator[tuple[str, tuple[float, float, float]]]:
+    """Yield the names and colours of labels, and of volumes: their own, or that at their largest opacity."""
+    for layer in stage.layers:
+        labels = layer.spec.transfer_function.labels
+        if labels is not None:
+            yield from ((style.name or f"label {style.value}", style.color) for style in labels.styles)
+        elif len(stage.layers) > 1:
+            most_opaque = layer.transfer.colors[int(np.argmax(layer.transfer.extinctions))]
+            red, green, blue = layer.spec.color or most_opaque.tolist()
+            yield layer.spec.name or layer.volume.name, (red, green, blue)

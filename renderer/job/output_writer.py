@@ -1,0 +1,212 @@
+"""Write a film to its output, which the job has locked: frames, the film of them, and the sidecar."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+from renderer.accuracy import MOST_DB, encoding_loss, psnr
+from renderer.errors import RenderError
+from renderer.film import (
+    Picture,
+    WriteFrame,
+    file_digest,
+    locked_output,
+    open_films,
+    require_encoder,
+    translate_os_errors,
+    write_staged,
+)
+from renderer.job.checkpoint import FrameStore
+from renderer.job.events import JobEvents
+from renderer.job.executor import DrawnFrame
+from renderer.record import (
+    FilmFingerprint,
+    FilmRecord,
+    FrameRecord,
+    OutputRecord,
+    naming_mark,
+    require_own_files,
+    with_encoding_loss,
+    write_sidecar,
+)
+from renderer.scene import OutputFile, OutputSpec, relative_path, with_files
+from renderer.system import overlap
+
+# The most frames that are decoded from a finished file and compared with the drawn ones. To decode a whole film takes a
+# tenth of the time of its encoding.
+_MAX_COMPARED = 8
+# The most bytes of pictures that are kept for that.
+_MAX_COMPARED_BYTES = 2**26
+
+
+@dataclass(frozen=True)
+class OutputWriter:
+    """A writer of a film to an output that its job has locked.
+
+    frames: their numbers, ascending. folder: for unfinished work.
+    first_pictures: of each file that was written last, to compare with the pictures that the film keeps of them.
+    """
+
+    spec: OutputSpec
+    frames: Sequence[int]
+    sidecar: Path
+    folder: Path
+    first_pictures: dict[Path, list[Picture]] = field(default_factory=dict)
+
+    def write_frames(
+        self,
+        store: FrameStore,
+        drawn: Iterator[DrawnFrame],
+        label: str,
+        events: JobEvents,
+        defer_interrupts: Callable[[], None],
+        *,
+        is_overlapped: bool,
+    ) -> list[FrameRecord]:
+        """Make the film of the frames that the store has and of the drawn ones, and return their records.
+
+        drawn: yields the frames that the store lacks, in their order; they are saved there.
+        label: of the film or its pass, for the listener.
+        defer_interrupts: called before files get their final names.
+        is_overlapped: a frame is stored while the next one is drawn. Else its time counts for its frame.
+        """
+        missing = frozenset(self.frames).difference(store.records)
+        # Where no frame is missing, the progress is that of writing them.
+        shown = missing or frozenset(self.frames)
+        events.started(label, len(shown))
+        files = self.shown[1:] if store.is_output else self.shown  # where the store's pictures are the first
+
+        def before_rename() -> None:
+            defer_interrupts()
+            if self.shown[1:]:
+                write_staged(naming_mark(self.spec, self.sidecar), b"", self.folder)
+
+        films = open_films(files, self.spec.kinds, is_locked=True, before_rename=before_rename)
+
+        def frames() -> Iterator[DrawnFrame]:
+            for number in self.frames:
+                yield _next_frame(drawn, number) if number in missing else store.finished_frame(number)
+
+        records = list[FrameRecord]()
+        with films as write_to_films:
+            self.first_pictures.clear()
+            write = partial(self._write_and_remember, write_to_films)
+            keep = partial(_store_frame, store=store, write=write, missing=missing)
+            stored = overlap(frames(), keep) if is_overlapped else (keep(frame) for frame in frames())
+            # However the block ends, a frame that was drawn is stored before.
+            with contextlib.closing(stored):
+                for record in stored:
+                    records.append(record)
+                    if record.frame in shown:
+                        events.frame_finished(record)
+        return records
+
+    @property
+    def shown(self) -> list[OutputFile]:
+        """Return the files that have any of the frames."""
+        return self.spec.shown(self.frames)
+
+    def _write_and_remember(self, write: WriteFrame, number: int, pictures: Mapping[int, Picture]) -> None:
+        write(number, pictures)
+        kinds = self.spec.kinds
+        for each in (each for each in self.spec.files if each.shows(number)):
+            first = self.first_pictures.setdefault(each.file, [])
+            num_bytes = math.prod(each.kind.shape) * each.kind.depth // 8
+            if len(first) < min(_MAX_COMPARED, max(1, _MAX_COMPARED_BYTES // num_bytes)):
+                first.append(pictures[kinds.index(each.kind)])
+
+    def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
+        """Write the sidecar of a film, and return its record, in which files are relative to the sidecar.
+
+        fingerprint: of a film that is up to date from now on; None for one that the next job makes again. With it the
+        record has the digests of films in one file, too; frames in files have digests in their records.
+        """
+        films, accuracy = [each for each in self.shown if not each.is_frames], record.accuracy
+        digests = {} if fingerprint is None else {each.file: _digest(each.file) for each in films}
+        losses = {} if accuracy is None else {each.file: self._loss(each) for each in films}
+        if accuracy is not None and self.spec.file in losses:
+            num_compared = len(self.first_pictures[self.spec.file])
+            accuracy = with_encoding_loss(accuracy, losses[self.spec.file], num_compared)
+        outputs = tuple(
+            OutputRecord(
+                str(each.file),
+                sum(map(each.shows, self.frames)),
+                digests.get(each.file),
+                min(psnr(losses[each.file]), MOST_DB) if each.file in losses else None,
+            )
+            for each in self.spec.others
+        )
+        digest = digests.get(self.spec.file)
+        record = replace(record, fingerprint=fingerprint, accuracy=accuracy, digest=digest, outputs=outputs)
+        record = _relative_to(self.sidecar.parent, record)
+        write_sidecar(self.sidecar, record, self.folder)
+        self.remove_mark()
+        return record
+
+    def remove_mark(self) -> None:
+        """Take note that the sidecar describes the files that there are."""
+        with translate_os_errors(self.sidecar):
+            naming_mark(self.spec, self.sidecar).unlink(missing_ok=True)
+
+    def _loss(self, output: OutputFile) -> float:
+        first = [picture.pixels for picture in self.first_pictures[output.file]]
+        return encoding_loss(output, sum(map(output.shows, self.frames)), first)
+
+
+@contextlib.contextmanager
+def open_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path, *, resumes: bool) -> Iterator[OutputWriter]:
+    """Lock an output for a writer; raises as `renderer.film.locked_output`, and where its encoder is missing.
+
+    resumes: raises InputError where files that the film has not made have the names of its files.
+    """
+    with locked_output(spec, frames, sidecar) as folder:
+        if resumes:
+            require_own_files(spec, frames, sidecar)
+        require_encoder(spec)
+        yield OutputWriter(spec, frames, sidecar, folder)
+
+
+def _relative_to(folder: Path, record: FilmRecord) -> FilmRecord:
+    """Return a record in which the names of files are relative to a folder."""
+    return replace(
+        record,
+        scene=with_files(record.scene, lambda _, file: relative_path(file, folder)),
+        outputs=tuple(replace(each, file=relative_path(each.file, folder)) for each in record.outputs),
+        parts=tuple(replace(each, sidecar=relative_path(each.sidecar, folder)) for each in record.parts),
+    )
+
+
+def _digest(file: Path) -> str:
+    with translate_os_errors(file):
+        return file_digest(file)
+
+
+def _next_frame(drawn: Iterator[DrawnFrame], number: int) -> DrawnFrame:
+    """Return the next frame that was drawn. Raises RenderError where it is not this one."""
+    frame = next(drawn, None)
+    if frame is None or frame.record.frame != number:
+        got = "no frame" if frame is None else f"frame {frame.record.frame}"
+        raise RenderError(
+            "the executor does not draw the frames that it was given", got=got, expected=f"frame {number}"
+        )
+    return frame
+
+
+def _store_frame(frame: DrawnFrame, *, store: FrameStore, write: WriteFrame, missing: Collection[int]) -> FrameRecord:
+    """Save a frame that was drawn, and write it to the film; return its record with the time of that.
+
+    missing: the frames that the store lacks.
+    """
+    before = time.perf_counter()
+    is_new = frame.record.frame in missing
+    record = store.save(frame) if is_new else frame.record
+    write(record.frame, frame.pictures)
+    if store.is_output and not is_new:  # its picture is where it belongs
+        return record
+    return replace(record, seconds={**record.seconds, "encode": time.perf_counter() - before})

@@ -1,0 +1,34 @@
+"""Make the pictures of a frame that the outputs of a film need."""
+
+from __future__ import annotations
+
+from renderer.annotation import FilmAnnotation
+from renderer.film import Picture, quantize, reduce_radiance
+from renderer.frame import FilmStage, Frame
+
+
+class PictureMaker:
+    """A maker of the pictures of a film's frames, with their annotation. film: its stage."""
+
+    def __init__(self, film: FilmStage) -> None:
+        self._output, self._annotation = film.scene.output, FilmAnnotation(film)
+
+    def pictures(self, frame: Frame, psnr: float | None) -> dict[int, Picture]:
+        """Return the pictures of a frame by the numbers of their kinds, for all files that show the frame.
+
+        They are reduced, annotated, over their backgrounds, and rounded. psnr: in decibels, of the frame, where it was
+        measured.
+        """
+        spec, kinds = frame.stage.scene.annotation, self._output.kinds
+        radiance, found = frame.radiance_with_lines(), dict[int, Picture]()
+        for number in self._output.kinds_at(frame.number):
+            if number == 0 and not spec.shows_anything:
+                found[0] = Picture(frame.image)
+                continue
+            kind = kinds[number].at(frame.number)
+            image = reduce_radiance(radiance, self._output.size[0] // kind.size[0])
+            if spec.entries:
+                image = image.copy() if image is frame.radiance else image
+                self._annotation.draw(image, kind, frame.stage, frame.number, psnr)
+            found[number] = Picture(quantize(image, kind.background_at(frame.number), kind.depth))
+        return found

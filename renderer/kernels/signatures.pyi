@@ -1,0 +1,491 @@
+# The signatures of kernels, whose parameters the headers `sources/*/kernels.h` describe.
+#
+# `tests/support/kernel_records.py` makes this file from the headers. Only mypy reads it.
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernels.records import (
+    Classifier,
+    Grid,
+    IndexRays,
+    LayerBricks,
+    LayerOptics,
+    MaskGrid,
+    ModelView,
+    RaySetup,
+    SearchRules,
+    TransferTable,
+    VisibleNodes,
+    Voxels,
+)
+
+class MeasureVoxelBricksCall(Protocol):
+    def __call__(
+        self,
+        *,
+        cells: NDArray[np.int32],
+        texels: NDArray[np.float32] | None,
+    ) -> None: ...
+
+class MeasureVoxelBricks(Protocol):
+    def partial(
+        self,
+        *,
+        voxels: Voxels,
+        breakpoints: NDArray[np.float64],
+        curve: TransferTable,
+        shown: NDArray[np.uint8] | None,
+        are_lit: bool,
+        bounds: NDArray[np.float32],
+        measures: NDArray[np.float64],
+    ) -> MeasureVoxelBricksCall: ...
+
+class MeasureRangesCall(Protocol):
+    def __call__(
+        self,
+        *,
+        cells: NDArray[np.int32],
+        ranges: NDArray[np.float64],
+    ) -> None: ...
+
+class MeasureRanges(Protocol):
+    def partial(
+        self,
+        *,
+        voxels: Voxels,
+    ) -> MeasureRangesCall: ...
+
+class UpsampleRowsCall(Protocol):
+    def __call__(
+        self,
+        *,
+        first_row: int,
+        end_row: int,
+    ) -> None: ...
+
+class UpsampleRows(Protocol):
+    def partial(
+        self,
+        *,
+        grid: NDArray[np.float32],
+        image: NDArray[np.float32],
+        factor: int,
+    ) -> UpsampleRowsCall: ...
+
+class RefineRowsCall(Protocol):
+    def __call__(
+        self,
+        *,
+        first_row: int,
+        end_row: int,
+    ) -> None: ...
+
+class RefineRows(Protocol):
+    def partial(
+        self,
+        *,
+        grid: NDArray[np.float32],
+        image: NDArray[np.float32],
+        factor: int,
+        threshold: float,
+        is_drawn: NDArray[np.bool],
+    ) -> RefineRowsCall: ...
+
+class DrawTilesCall(Protocol):
+    def __call__(
+        self,
+        *,
+        tiles: NDArray[np.int64],
+    ) -> None: ...
+
+class DrawTiles(Protocol):
+    def partial(
+        self,
+        *,
+        grid: Grid,
+        bricks: LayerBricks,
+        termination_alpha: float,
+        is_additive: bool,
+    ) -> DrawTilesCall: ...
+
+class DrawMixtureCall(Protocol):
+    def __call__(
+        self,
+        *,
+        tiles: NDArray[np.int64],
+    ) -> None: ...
+
+class DrawMixture(Protocol):
+    def partial(
+        self,
+        *,
+        grid: Grid,
+        groups: Sequence[LayerBricks],
+        members: NDArray[np.int64],
+        depths: NDArray[np.float64],
+        termination_alpha: float,
+    ) -> DrawMixtureCall: ...
+
+class DrawExtremesCall(Protocol):
+    def __call__(
+        self,
+        *,
+        tiles: NDArray[np.int64],
+    ) -> None: ...
+
+class DrawExtremes(Protocol):
+    def partial(
+        self,
+        *,
+        grid: Grid,
+        rays: RaySetup,
+        boxes: NDArray[np.float64],
+        texel_offsets: NDArray[np.int64],
+        tops: NDArray[np.float64],
+        scalars: NDArray[np.float32],
+        rules: SearchRules,
+    ) -> DrawExtremesCall: ...
+
+class AverageVoxelsCall(Protocol):
+    def __call__(
+        self,
+        *,
+        slab: int,
+        out: NDArray[np.float32],
+    ) -> None: ...
+
+class AverageVoxels(Protocol):
+    def partial(
+        self,
+        *,
+        raw: NDArray[Any],
+        by_pattern: NDArray[np.float32] | None,
+        curve: TransferTable | None,
+        level: int,
+    ) -> AverageVoxelsCall: ...
+
+class TransmitCall(Protocol):
+    def __call__(
+        self,
+        *,
+        slab: int,
+        out: NDArray[np.float32],
+    ) -> None: ...
+
+class Transmit(Protocol):
+    def partial(
+        self,
+        *,
+        depths: NDArray[np.float32],
+        offsets: NDArray[np.float32],
+        filled: NDArray[np.bool],
+        lengths: NDArray[np.float32],
+        end: NDArray[np.float64],
+    ) -> TransmitCall: ...
+
+class MeasureChordsCall(Protocol):
+    def __call__(
+        self,
+        *,
+        first_row: int,
+        lengths: NDArray[np.float32],
+    ) -> None: ...
+
+class MeasureChords(Protocol):
+    def partial(
+        self,
+        *,
+        rays: RaySetup,
+        shape: tuple[int, int, int],
+        absent: NDArray[np.bool] | None,
+        unit: float,
+    ) -> MeasureChordsCall: ...
+
+class ColorSharesCall(Protocol):
+    def __call__(
+        self,
+        *,
+        shares: NDArray[np.float32],
+        chords: NDArray[np.float32],
+        brightness: NDArray[np.float32],
+        image: NDArray[np.float32],
+    ) -> None: ...
+
+class ColorShares(Protocol):
+    def partial(
+        self,
+        *,
+        curve: TransferTable,
+    ) -> ColorSharesCall: ...
+
+class BuildBlocksCall(Protocol):
+    def __call__(
+        self,
+        *,
+        starts: NDArray[np.int64],
+        extents: NDArray[np.int64],
+        visible: NDArray[np.bool],
+    ) -> None: ...
+
+class BuildBlocks(Protocol):
+    def partial(
+        self,
+        *,
+        raw: NDArray[Any],
+        classifier: Classifier,
+        error_classifier: Classifier | None,
+        normalization: NDArray[np.float64] | None,
+        leaf_variance_limits: NDArray[np.float64],
+        occupied: NDArray[np.bool],
+        occupied_level: int,
+        nodes: VisibleNodes,
+    ) -> BuildBlocksCall: ...
+
+class IntegrateRaysCall(Protocol):
+    def __call__(
+        self,
+        *,
+        rays: Sequence[IndexRays],
+        max_steps: NDArray[np.float64],
+        radiance: NDArray[np.float64],
+    ) -> None: ...
+
+class IntegrateRays(Protocol):
+    def partial(
+        self,
+        *,
+        layers: Sequence[LayerOptics],
+        adds: bool,
+    ) -> IntegrateRaysCall: ...
+
+class SearchRaysCall(Protocol):
+    def __call__(
+        self,
+        *,
+        rays: IndexRays,
+        found: NDArray[np.float64],
+    ) -> None: ...
+
+class SearchRays(Protocol):
+    def partial(
+        self,
+        *,
+        values: NDArray[Any],
+        tops: NDArray[np.float64],
+        sign: float,
+        least_rise: float,
+    ) -> SearchRaysCall: ...
+
+class Kernels:
+    def guard_regions(
+        self,
+        *,
+        regions: NDArray[np.int64],
+        page_size: int,
+    ) -> None: ...
+    def heed_flag(
+        self,
+        *,
+        flag: NDArray[np.int32],
+    ) -> None: ...
+    measure_voxel_bricks: MeasureVoxelBricks
+    measure_ranges: MeasureRanges
+    def add_nodes(
+        self,
+        *,
+        cells: NDArray[np.int32],
+        sizes: NDArray[np.int64],
+        errors: NDArray[np.float64],
+        is_visible: NDArray[np.bool],
+        max_error_by_neighbour: NDArray[np.float64],
+        bounds_by_neighbour: NDArray[np.uint8],
+        max_error_below: NDArray[np.float64],
+        squared_errors_below: NDArray[np.float64],
+    ) -> None: ...
+    def fill_scalar_texels(
+        self,
+        *,
+        voxels: Voxels,
+        cells: NDArray[np.int32],
+        first: float,
+        width: float,
+        factor: float,
+        world_from_gradient: NDArray[np.float64],
+        scale: float,
+        toward_light: NDArray[np.float64],
+        opacities: NDArray[np.float64],
+        texels: NDArray[np.float32],
+    ) -> None: ...
+    def extrapolate_border(
+        self,
+        *,
+        cells: NDArray[np.int32],
+        extents: NDArray[np.float64],
+        brightest: float,
+        texels: NDArray[np.float32],
+    ) -> None: ...
+    def bin_bricks(
+        self,
+        *,
+        tile_windows: NDArray[np.int64],
+        num_columns: int,
+        num_rows: int,
+        starts: NDArray[np.int64],
+        numbers: NDArray[np.int64],
+    ) -> None: ...
+    upsample_rows: UpsampleRows
+    refine_rows: RefineRows
+    def place_edges(
+        self,
+        *,
+        starts: NDArray[np.int64],
+        num_corners: tuple[int, int, int],
+        axis: int,
+        level: int,
+        shape: tuple[int, int, int],
+        model_from_index: NDArray[np.float64],
+        vertices: NDArray[np.float32],
+    ) -> None: ...
+    def draw_lines(
+        self,
+        *,
+        vertices: NDArray[np.float32],
+        voxel_side: float,
+        colors: NDArray[np.float64],
+        camera: ModelView,
+        cover: float,
+        opacity: float,
+        min_side_px: float,
+        image: NDArray[np.float32],
+    ) -> None: ...
+    draw_tiles: DrawTiles
+    draw_mixture: DrawMixture
+    draw_extremes: DrawExtremes
+    def quantize(
+        self,
+        *,
+        image: NDArray[np.float32],
+        background: NDArray[np.float32],
+        result: NDArray[np.uint8],
+    ) -> None: ...
+    average_voxels: AverageVoxels
+    transmit: Transmit
+    measure_chords: MeasureChords
+    color_shares: ColorShares
+    build_blocks: BuildBlocks
+    def merge_tier(
+        self,
+        *,
+        means: NDArray[np.float32],
+        error_means: NDArray[np.float64],
+        variances: NDArray[np.float64],
+        places: NDArray[np.int64],
+        extents: NDArray[np.int64],
+        side: int,
+        nodes: VisibleNodes,
+    ) -> None: ...
+    def average_cells(
+        self,
+        *,
+        raw: NDArray[Any],
+        classifier: Classifier,
+        level: int,
+        corners: NDArray[np.int64],
+        means: NDArray[np.float32],
+    ) -> None: ...
+    def store_float16(
+        self,
+        *,
+        values: NDArray[np.float32],
+        factor: float,
+        out: NDArray[np.uint16],
+    ) -> None: ...
+    def list_children(
+        self,
+        *,
+        nodes: NDArray[np.int64],
+        first_children: NDArray[np.int64],
+        cells: NDArray[np.int32],
+        masks: NDArray[np.uint8],
+        child_nodes: NDArray[np.int64],
+        child_cells: NDArray[np.int32],
+    ) -> None: ...
+    def find_voxels(
+        self,
+        *,
+        raw: NDArray[Any],
+        classifier: Classifier,
+        parents: NDArray[np.int32],
+        counts: NDArray[np.uint8],
+        cells: NDArray[np.int32],
+        depths: NDArray[np.float32],
+    ) -> None: ...
+    def place_splats(
+        self,
+        *,
+        levels: NDArray[np.uint8],
+        shapes: NDArray[np.uint8],
+        cells: NDArray[np.int32],
+        depths: NDArray[np.float32],
+        shift_of_shape: NDArray[np.float64],
+        area_of_shape: NDArray[np.float64],
+        model_from_index: NDArray[np.float64],
+        vertices: NDArray[np.float32],
+    ) -> None: ...
+    integrate_rays: IntegrateRays
+    def mask_rays(
+        self,
+        *,
+        layer: LayerOptics,
+        rays: IndexRays,
+        parts: NDArray[np.float64],
+        counts: NDArray[np.int64],
+    ) -> None: ...
+    search_rays: SearchRays
+    def project_bounds(
+        self,
+        *,
+        bounds: NDArray[np.float64],
+        camera: ModelView,
+        beyond: int,
+        rectangles: NDArray[np.float64],
+    ) -> None: ...
+    def cull_splats(
+        self,
+        *,
+        vertices: NDArray[np.float32],
+        sigmas: NDArray[np.float64],
+        cutoff: float,
+        min_sigma_px: float,
+        clipped_sigmas: float,
+        culled_sigmas: float,
+        camera: ModelView,
+        along: NDArray[np.float64],
+        depths: NDArray[np.float32],
+        is_visible: NDArray[np.bool],
+    ) -> None: ...
+    def depth_order(
+        self,
+        *,
+        depths: NDArray[np.float32],
+        order: NDArray[np.uint32],
+    ) -> None: ...
+    def box_order(
+        self,
+        *,
+        levels: NDArray[np.uint8],
+        cells: NDArray[np.int32],
+        eye: NDArray[np.float64],
+        shape: tuple[int, int, int],
+        order: NDArray[np.uint32],
+    ) -> None: ...
+    def mark_voxels(
+        self,
+        *,
+        mask: MaskGrid,
+        out: NDArray[np.uint8],
+    ) -> None: ...

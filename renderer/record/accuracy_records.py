@@ -1,0 +1,84 @@
+"""Say how exact frames, and the film of them, are: from exact rays to records and words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from renderer.accuracy import MOST_DB, ErrorSamples, pool_samples, psnr, squared_error
+from renderer.record.film_record import FileAccuracy, FilmAccuracy, FrameAccuracy, FrameRecord, Range, WorstFrame
+
+if TYPE_CHECKING:
+    from renderer.accuracy import Probe
+
+_METHOD = "stratified by the differences between neighbouring pixels"
+
+
+def frame_accuracy(probe: Probe) -> FrameAccuracy:
+    """Return the record of the accuracy of a frame that rays have measured."""
+    samples = probe.samples
+    return FrameAccuracy(*_decibels(samples), samples.num, samples.variance, samples.largest, probe.largest_error)
+
+
+def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
+    """Return the record of the accuracy of a film; None unless rays have measured each frame."""
+    measured = [(frame.frame, frame.accuracy) for frame in frames if frame.accuracy is not None]
+    if len(measured) < len(frames):
+        return None
+    pooled = pool_samples([_samples(accuracy) for _, accuracy in measured])
+    value, interval = _decibels(pooled)
+    number, worst = min(measured, key=lambda each: each[1].psnr)
+    return FilmAccuracy(
+        value,
+        interval,
+        pooled.num,
+        WorstFrame(number, worst.psnr, worst.interval),
+        max(accuracy.largest_error for _, accuracy in measured),
+        _METHOD,
+        seed=0,
+    )
+
+
+def with_encoding_loss(accuracy: FilmAccuracy, loss: float, num_frames: int) -> FilmAccuracy:
+    """Return the accuracy of a film together with the accuracy of its file.
+
+    loss: the mean squared error between the frames as they were drawn and as they are decoded, in [0, 1]. It is added
+        to the error of the drawing, as the two are independent.
+    """
+    both = min(psnr(loss + squared_error(accuracy.psnr)), MOST_DB)
+    return replace(accuracy, file=FileAccuracy(both, min(psnr(loss), MOST_DB), num_frames))
+
+
+def accuracy_text(accuracy: FilmAccuracy) -> str:
+    """Return `file PSNR 40.7 dB (40.6 to 40.8), frames PSNR 58.8 dB (58.6 to 59.0) before encoding`."""
+    if accuracy.file is None:
+        return file_accuracy_text(accuracy)
+    of_file = file_accuracy_text(accuracy, accuracy.file.psnr_of_encoding)
+    return f"{of_file}, frames PSNR {_decibels_text(accuracy)} before encoding"
+
+
+def file_accuracy_text(accuracy: FilmAccuracy, psnr_of_encoding: float | None = None) -> str:
+    """Return `file PSNR 40.7 dB (40.6 to 40.8)`.
+
+    psnr_of_encoding: of the decoded frames, measured from the frames as they were drawn; None for a file without loss.
+    """
+    loss = 0.0 if psnr_of_encoding is None else squared_error(psnr_of_encoding)
+    return f"file PSNR {_decibels_text(accuracy, loss)}"
+
+
+def _decibels_text(accuracy: FilmAccuracy, loss: float = 0.0) -> str:
+    """Return the PSNR with its interval; `loss` as in `with_encoding_loss`."""
+    errors = [squared_error(each) + loss for each in (accuracy.psnr, *accuracy.interval)]
+    value, low, high = (min(psnr(each), MOST_DB) for each in errors)
+    return f"at least {low:.0f} dB (no error seen)" if value >= MOST_DB else f"{value:.1f} dB ({low:.1f} to {high:.1f})"
+
+
+def _samples(accuracy: FrameAccuracy) -> ErrorSamples:
+    return ErrorSamples(accuracy.rays, squared_error(accuracy.psnr), accuracy.variance, accuracy.largest)
+
+
+def _decibels(samples: ErrorSamples) -> tuple[float, Range]:
+    """Return the PSNR and its interval, from low to high."""
+    low, high = samples.interval
+    return min(psnr(samples.mean), MOST_DB), (psnr(high), min(psnr(low), MOST_DB))

@@ -1,0 +1,118 @@
+"""Say for a paper how a film was made, from its record alone: a paragraph on methods, and BibTeX."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from renderer.errors import Problem
+from renderer.record.accuracy_records import accuracy_text, file_accuracy_text
+from renderer.record.film_record import FilmAccuracy, FilmRecord, VolumeRecord
+from renderer.record.goals import range_text
+from renderer.scene import (
+    SECTIONS,
+    OutputSpec,
+    Scene,
+    counted,
+    join_words,
+    raise_problems,
+    schedule_to_dict,
+    schema,
+    short_text,
+)
+
+# The sections of a scene, or of one of its volumes, that name no file which has to be there.
+_SECTIONS = {key: SECTIONS[key] for key in ("splat", "mode", "shading", "output")}
+_LIGHT = {
+    "specular": "highlights", "silhouette": "silhouettes", "occlusion": "ambient occlusion", "shadow": "soft shadows",
+    "gradient_opacity": "opacities that depend on the gradient",
+}  # fmt: skip
+_GOALS = {"splats": "at most {} cells a frame", "seconds": "{} s a frame", "psnr": "PSNR {} dB", "rmse": "RMSE {}"}
+# Of a package, or a commit. Other characters may have a meaning in BibTeX.
+_VERSION = re.compile(r"[\w.+ -]{1,80}", re.ASCII)
+_DIGITS_OF_FINGERPRINT = 12
+
+
+def bibtex(record: FilmRecord) -> str:
+    """Return BibTeX of the paper, and of the hsplat that made a film; CITATION.cff tells the same of the sources."""
+    return Path(__file__).with_name("citation.bib").read_text("utf-8").replace("VERSION", _version(record))
+
+
+def _version(record: FilmRecord) -> str:
+    version = record.versions.get("hsplat", "")
+    return version if _VERSION.fullmatch(version) else "unknown"
+
+
+def methods_text(record: FilmRecord, sidecar: Path) -> str:
+    """Return a paragraph on what was drawn, how, and how exact the file is, as far as that was measured.
+
+    Raises SceneError for a record whose scene has mistakes.
+    """
+    volumes = {f"scene.volumes.{k}": each for k, each in enumerate(record.scene.get("volumes", ()))}
+    read = [_read_sections(tree, place, sidecar) for place, tree in {"scene": record.scene, **volumes}.items()]
+    output, num = read[0]["output"], len(record.frames)
+    sentences = [
+        f"{counted(num, 'frame')} of {output.size[0]} x {output.size[1]} pixels {'was' if num == 1 else 'were'} "
+        f"rendered with hsplat (version {_version(record)}) by hierarchical splatting (Laur and Hanrahan 1991).",
+        f"The {'volumes were' if record.volumes else 'volume was'} "
+        f"{'; '.join(map(_volume_text, record.volumes or (record.volume,)))}.",
+        _drawing_sentence(record, read[0]),
+        _light_sentence([each["shading"] for each in read if "shading" in each]),
+        *([] if record.accuracy is None else _accuracy_sentences(record.accuracy, record, output)),
+    ]
+    return " ".join(sentences)
+
+
+def _read_sections(tree: Mapping[str, Any], place: str, sidecar: Path) -> dict[str, Any]:
+    problems: list[Problem] = []
+    written = {key: value for key, value in tree.items() if key in _SECTIONS}
+    node = schema.TreeNode(written, place, problems, film=schema.FilmTime(None, 1.0))
+    given = schema.read_fields(node, _SECTIONS)
+    raise_problems(replace(problem, location=str(sidecar)) for problem in problems)
+    return given
+
+
+def _volume_text(volume: VolumeRecord) -> str:
+    """Return `engine.nhdr, 256 x 256 x 110 voxels of uint8, spacing 1 x 1 x 1.4 mm, fingerprint c50eea700b5c`."""
+    x, y, z, _ = (math.hypot(*column) for column in zip(*volume.world_from_index[:3], strict=True))
+    return (
+        f"{volume.name}, {' x '.join(map(str, volume.shape))} voxels of {volume.dtype}, spacing "
+        f"{x:.6g} x {y:.6g} x {z:.6g} {volume.unit or 'world units'}, "
+        f"fingerprint {volume.fingerprint[:_DIGITS_OF_FINGERPRINT]}"
+    )
+
+
+def _drawing_sentence(record: FilmRecord, given: Mapping[str, Any]) -> str:
+    requested, splat, mode = record.schedule.requested, given.get("splat", Scene.splat), given.get("mode", Scene.mode)
+    goals = {key: short_text(value) for key, value in schedule_to_dict(requested).items() if key in _GOALS}
+    why = "".join(f"; chosen for {_GOALS[key].format(value)}" for key, value in goals.items())
+    drawn = f"splats with a {splat.footprint.title()} footprint, blended by depth"
+    if splat.footprint == "integrated":
+        shown = f"show the {mode.type}" if mode.is_projection else "integrate emission and absorption"
+        drawn = f"bricks, which {shown} along each ray"
+    return (
+        f"For each frame, an octree of averages was cut at tolerance {range_text(record.schedule.tolerance)} "
+        f"({requested.measure} error of a cell{why}), and its cells were drawn as {drawn}."
+    )
+
+
+def _light_sentence(shadings: list[Any]) -> str:
+    """Return what lights the scene or any of its volumes, or what moves to do so."""
+    words = [word for key, word in _LIGHT.items() if any(getattr(each, key) not in (None, 0) for each in shadings)]
+    return f"There was {join_words(['Lambertian shading', *words], 'and') if shadings else 'no shading'}."
+
+
+def _accuracy_sentences(accuracy: FilmAccuracy, record: FilmRecord, output: OutputSpec) -> Iterator[str]:
+    """Yield how exact the film is, and other files of the pictures that were measured."""
+    decoded = f" and the first {counted(accuracy.file.frames, 'frame')} decoded again" if accuracy.file else ""
+    yield (
+        f"Accuracy of {output.file.name} against the exact ray integral: {accuracy_text(accuracy)}; intervals of 95 %, "
+        f"by {accuracy.rays} exact rays through all frames{decoded}."
+    )
+    for file, other in zip(output.others, record.outputs, strict=False):
+        if file.kind == output.kind and (file.is_frames or other.psnr_of_encoding is not None):
+            yield f"Of {file.file.name}: {file_accuracy_text(accuracy, other.psnr_of_encoding)}."

@@ -1,0 +1,157 @@
+"""Look at a film that is made, by its sidecar: its files and frames, and whether it is the film that is requested."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from renderer.errors import InputError, SceneError
+from renderer.film import file_matches_digest, film_path_of_sidecar, frame_matches_digest, frame_path
+from renderer.record.film_record import FilmFingerprint, FilmRecord, record_from_json
+from renderer.record.fingerprint import describe_differences, describe_mismatch
+from renderer.scene import (
+    CAMERA_FIELD,
+    FRAME_FIELD,
+    MAX_SIDECAR_BYTES,
+    FilmScene,
+    OutputFile,
+    OutputSpec,
+    first_output,
+    read_json_object,
+    schema,
+    tolerance_at,
+)
+
+
+@dataclass(frozen=True)
+class FinishedFilm:
+    """A film as its sidecar describes it; anybody may have edited the sidecar. path: of the sidecar."""
+
+    path: Path
+    record: FilmRecord
+
+    @property
+    def file(self) -> Path:
+        """Return the film, or the template of its frames, beside the sidecar wherever that is now."""
+        return film_path_of_sidecar(self.path, Path(first_output(self.record.scene)["file"]))
+
+    def frame_file(self, number: int) -> Path:
+        """Return the picture of a frame."""
+        return frame_path(self.file, number)
+
+    @property
+    def num_path_frames(self) -> int:
+        """Return the number of frames of the whole path."""
+        camera = schema.TreeNode(self.record.scene["camera"], "camera", [], film=schema.FilmTime(None, 1.0))
+        return CAMERA_FIELD.read(camera).num_frames
+
+    @property
+    def has_goal(self) -> bool:
+        """Return whether its tolerances were found for a goal, so that other frames have others."""
+        return self.record.schedule.requested.goal is not None
+
+    @property
+    def frames_digest(self) -> str | None:
+        """Return the digest of all that its frames depended on; None for a film that one pass would not have made."""
+        return None if self.record.fingerprint is None else self.record.fingerprint.frames_digest
+
+    @property
+    def tools(self) -> dict[str, Any]:
+        """Return the versions of the packages that made it, by name, with `device` and `sources`."""
+        found = {**self.record.versions, "device": self.record.device}
+        sources = self.record.fingerprint and self.record.fingerprint.depends_on.get("sources")
+        return found | ({"sources": sources} if isinstance(sources, str) else {})
+
+    def has_tolerances_of(self, scene: FilmScene) -> bool:
+        """Return whether its frames were drawn at the tolerances of this scene: nobody has changed the recorded one."""
+        return scene.error.goal is None and all(
+            tolerance_at(scene.error, frame.frame) == frame.tolerance for frame in self.record.frames
+        )
+
+    def require_volumes(self, fingerprint: str, names: Sequence[str]) -> None:
+        """Raise InputError unless volumes of these names, with this joint fingerprint, are those that it shows."""
+        if fingerprint != self.record.volume.fingerprint:
+            raise InputError(
+                "the film was made from another volume",
+                where=f"{self.path}: volume.fingerprint",
+                got=f"the fingerprint {fingerprint} of {', '.join(names)}",
+                expected=self.record.volume.fingerprint,
+                hint="if the volume was moved, name it with --volume; draw another volume with another scene",
+            )
+
+    @property
+    def is_complete(self) -> bool:
+        """Return whether it meets the accuracy that was requested."""
+        return self.record.schedule.met and "total" in self.record.seconds
+
+    def is_up_to_date(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> bool:
+        """Return whether it is the film that is requested, and its files are those that were written."""
+        return not self._change(fingerprint, frames) and self.is_complete and self._changed_file(output) is None
+
+    def why_stale(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> str:
+        """Return why this film is not up to date, as the end of a sentence about it.
+
+        It is empty for numbered frames of the same fingerprint, which are kept or redrawn one by one.
+        """
+        change = self._change(fingerprint, frames)
+        if output.is_frames:
+            is_kept = self.frames_digest == fingerprint.frames_digest
+            return "" if is_kept else f"is another film and is drawn again: {change}"
+        if not output.file.exists():
+            return f"does not exist, and its sidecar describes another film: {change}" if change else ""
+        if change:
+            return f"is another film and is drawn again: {change}"
+        if not self.is_complete:
+            return "is less than what was requested and is drawn again"
+        file = self._changed_file(output)
+        why = "is not the file that its sidecar describes"
+        if file is not None and file != output.file:
+            is_gone = not (FRAME_FIELD.search(str(file)) or file.exists())
+            why = f"has no {file} beside it" if is_gone else f"has another {file} beside it than its sidecar describes"
+        return f"{why} and is drawn again"
+
+    def _change(self, fingerprint: FilmFingerprint, frames: Sequence[int]) -> str:
+        """Return the difference between the requested film and this one; empty where they are the same."""
+        own = self.record.fingerprint
+        if own is None:
+            return "one pass would not have made it"
+        if own.frames_digest != fingerprint.frames_digest:
+            return describe_mismatch(own.depends_on, fingerprint.depends_on)
+        if own.encoding != fingerprint.encoding or [*self.record.numbers] != [*frames]:
+            return describe_differences(own.encoding, fingerprint.encoding) or "it has other frames"
+        return ""
+
+    def _changed_file(self, output: OutputSpec) -> Path | None:
+        """Return the first output that is not the file that was written; None if all are."""
+        digests = [self.record.digest, *(each.digest for each in self.record.outputs)]
+        if len(digests) != len(output.files):
+            return output.file
+        for each, digest in zip(output.files, digests, strict=True):
+            if not (self._has_frames(each) if each.is_frames else file_matches_digest(each.file, digest)):
+                return each.file
+        return None
+
+    def _has_frames(self, output: OutputFile) -> bool:
+        """Return whether the files of an output's frames are those that were written."""
+        return all(
+            frame_matches_digest(frame_path(output.file, each.frame), each.digest_of(output.kind), output.kind)
+            for each in self.record.frames
+            if output.shows(each.frame)
+        )
+
+
+def find_finished_film(sidecar: Path, note: Callable[[str], object]) -> FinishedFilm | None:
+    """Return the film of a sidecar; None where there is none, or one that no job can keep.
+
+    note: takes a sentence on why a record cannot be used.
+    """
+    data = read_json_object(sidecar, MAX_SIDECAR_BYTES)
+    try:
+        record = None if data is None else record_from_json(data, sidecar)
+    except SceneError as error:
+        first = error.problems[0]
+        note(f"{sidecar} is not a record that can be used: {first.path}: {first.what}")
+        return None
+    return None if record is None or record.fingerprint is None else FinishedFilm(sidecar, record)

@@ -1,0 +1,146 @@
+"""Check that a film reached what its scene requested, and describe in a line what it has and what it cost."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Iterator, Sequence
+
+from renderer.accuracy import ROUNDING_ERROR, psnr, wanted_error
+from renderer.errors import RenderError
+from renderer.record.accuracy_records import accuracy_text, film_accuracy
+from renderer.record.film_record import FilmRecord, FrameRecord, min_max
+from renderer.scene import (
+    ErrorSpec,
+    FilmScene,
+    MetricTarget,
+    SplatBudget,
+    TimeBudget,
+    counted,
+    first_few,
+    format_value,
+    pluralize_range,
+    schedule_to_dict,
+    value_at,
+)
+
+BEST_EFFORT_HINT = "with --best-effort it is good enough"
+# The fraction of its budget by which the seconds of a frame that is in time may differ from it.
+_TIME_MARGIN = 0.2
+# The fraction of the frames that may be late without an error.
+_MAX_LATE_FRACTION = 0.1
+# Steps that later frames share: the cut, its primitives and its edges.
+_SHARED_STEPS = ("cut", "primitives", "edges")
+# The fraction of the frames that may be less exact than requested without an error.
+_MAX_MISSING_FRACTION = 0.05
+
+Goal = SplatBudget | TimeBudget | MetricTarget | None
+
+
+def not_refined(file: str, requested: ErrorSpec, frames: Sequence[FrameRecord]) -> RenderError:
+    """Return the error for a film that is a coarser pass than its scene requests. file: the name of the film."""
+    return RenderError(
+        "the film was not refined to what the scene requests",
+        where=file,
+        got=f"tolerance {range_text([frame.tolerance for frame in frames])}",
+        expected=", ".join(f"{name} {format_value(value)}" for name, value in schedule_to_dict(requested).items()),
+        hint=f"it needs more time; {BEST_EFFORT_HINT}",
+    )
+
+
+def missed_goal(goal: Goal, frames: Sequence[FrameRecord]) -> RenderError | None:
+    """Return the error for a goal that these frames did not reach, or None."""
+    if isinstance(goal, MetricTarget):
+        return _accuracy_shortfall(goal, frames)
+    return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else None
+
+
+def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> RenderError | None:
+    """Return the error for frames that are surely less exact than the goal, by their rays; else None.
+
+    The rays see the error of rounding to 8 bits, too, which the goal does not count.
+    """
+    film = film_accuracy(frames)
+    if film is None:
+        return None
+    least = psnr(wanted_error(goal) + ROUNDING_ERROR)
+    missing = [frame.frame for frame in frames if frame.accuracy is not None and frame.accuracy.interval[1] < least]
+    if film.interval[1] >= least and len(missing) <= _MAX_MISSING_FRACTION * len(frames):
+        return None
+    which = f"; surely less on frame {first_few(missing)}" if missing else ""
+    return RenderError(
+        "the film is less exact than requested",
+        where=f"error.{goal.metric}",
+        got=f"frames PSNR {film.psnr:.1f} dB, at most {film.interval[1]:.1f}{which}",
+        expected=f"{goal}, of 8 bits {least:.1f} dB",
+        hint=f"ask for a little more; {BEST_EFFORT_HINT}",
+    )
+
+
+def _time_shortfall(goal: TimeBudget, frames: Sequence[FrameRecord]) -> RenderError | None:
+    """Return the error where many frames were too slow, at the coarsest cut or on a slower machine; else None."""
+    late = [frame for frame in frames if _predicted(frame) > (1 + _TIME_MARGIN) * _budget(goal, frame)]
+    if len(late) <= _MAX_LATE_FRACTION * len(frames):
+        shares = [_drawing_seconds(frame) / _budget(goal, frame) for frame in frames]
+        if statistics.median(shares) <= 1 + _TIME_MARGIN:
+            return None
+        late = list(frames)
+    median_seconds = statistics.median(map(_drawing_seconds, late))
+    tolerances = range_text([frame.tolerance for frame in late])
+    which = "the frame" if len(frames) == 1 else f"{len(late)} of {len(frames)} frames"
+    return RenderError(
+        f"{which} took longer than the time budget",
+        where="error.seconds",
+        got=f"{median_seconds:.3g} s a frame in the median, at tolerance {tolerances}",
+        expected=f"{range_text([_budget(goal, frame) for frame in late])} s",
+        hint=f"a smaller output.size is drawn sooner; {BEST_EFFORT_HINT}",
+    )
+
+
+def _drawing_seconds(frame: FrameRecord) -> float:
+    """Return the seconds of a frame without the steps that later frames share."""
+    return float(sum(seconds for name, seconds in frame.seconds.items() if name not in _SHARED_STEPS))
+
+
+def _budget(goal: TimeBudget, frame: FrameRecord) -> float:
+    return value_at(goal.value, frame.frame)
+
+
+def _predicted(frame: FrameRecord) -> float:
+    assert frame.predicted_seconds is not None, "frames on a budget of time have it"
+    return frame.predicted_seconds
+
+
+def _is_in_time(goal: TimeBudget, frame: FrameRecord) -> bool:
+    """Return whether a frame took its budget within the margin, or less while it shows every voxel."""
+    share = frame.total_seconds / _budget(goal, frame)
+    return abs(share - 1) <= _TIME_MARGIN or (share < 1 and frame.tolerance == 0)
+
+
+def summary_parts(scene: FilmScene, record: FilmRecord, num_resumed: int) -> Iterator[str]:
+    """Yield `120 frames in 25.1 s`, how exact they are, `190 bricks a frame`, and how a goal was met.
+
+    scene: with its goal. num_resumed: how many of the frames earlier jobs drew.
+    """
+    frames, seconds = record.frames, record.seconds["total"]
+    num, goal, found = len(frames), scene.error.goal, record.schedule.measured
+    yield f"{counted(num, 'frame')} in {seconds:.1f} s" + (f" ({num_resumed} drawn before)" if num_resumed else "")
+    if record.accuracy is not None:
+        yield accuracy_text(record.accuracy)
+    yield f"{pluralize_range([frame.primitives for frame in frames], scene.primitive_name)} a frame"
+    if goal is not None:
+        yield f"tolerance {range_text([frame.tolerance for frame in frames])}"
+    if isinstance(goal, TimeBudget):
+        typical = statistics.median(frame.total_seconds for frame in frames)
+        yield f"{typical:.3g} s a frame (predicted: {statistics.median(map(_predicted, frames)):.3g} s)"
+        yield f"{sum(_is_in_time(goal, frame) for frame in frames)} of {num} in time"
+    if isinstance(goal, MetricTarget) and found is not None:
+        worst = goal.format(math.inf if found.worst is None else found.worst)
+        num_probes = len(found.probes)
+        yield f"{worst} or better on {num_probes} probe frames" if num_probes > 1 else worst
+
+
+def range_text(values: Sequence[float]) -> str:
+    """Return `0.1`, or `0.05 to 0.1`."""
+    low, high = min_max(values)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"

@@ -1,0 +1,70 @@
+"""Know which files a film has made, so that it replaces no other one that has their names.
+
+The first output may be that of another film, of which a note tells. A further output may belong to a film that is still
+wanted, and nobody named the sidecar.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from renderer.errors import InputError, SceneError
+from renderer.film import film_sidecars, picture_files, unfinished_folder
+from renderer.scene import MAX_SIDECAR_BYTES, OutputFile, OutputSpec, read_json_object, relative_path
+
+if TYPE_CHECKING:  # records take a while to load, and a film without older files needs none
+    from renderer.record.film_record import FilmRecord
+
+
+def require_own_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> None:
+    """Raise InputError if a further output exists that no job of this film has made, or another JSON as its sidecar.
+
+    A sidecar that is damaged is made again.
+    """
+    known = read_json_object(sidecar, MAX_SIDECAR_BYTES)
+    if known and "scene" not in known:
+        raise InputError(
+            "something else has the name of the sidecar",
+            where=str(sidecar),
+            got="a JSON file of another program",
+            expected="the JSON file of a film",
+            hint="rename it, or choose another --output; --force replaces it",
+        )
+    if naming_mark(output, sidecar).exists():
+        return
+    for each in output.others:
+        file = next(filter(os.path.lexists, picture_files(each, frames)), None)
+        if file is not None and not any(_has_made(record, output, each) for record in _records(output, sidecar)):
+            raise InputError(
+                "this further output exists, and is not of this film",
+                where=str(file),
+                got=f"a file that {sidecar} does not describe",
+                hint="give the output another name; --force replaces the file",
+            )
+
+
+def naming_mark(output: OutputSpec, sidecar: Path) -> Path:
+    """Return the file that shows that outputs have got their final names, and the sidecar is still to be written."""
+    return unfinished_folder(output) / f"{sidecar.name}.naming"
+
+
+def _records(output: OutputSpec, sidecar: Path) -> Iterator[FilmRecord]:
+    """Yield the records of a film, the one of the sidecar first, and of its parts."""
+    from renderer.record.film_record import record_from_json
+
+    for path in dict.fromkeys([sidecar, *film_sidecars(output.file)]):
+        data = read_json_object(path, MAX_SIDECAR_BYTES)
+        try:
+            if data is not None:
+                yield record_from_json(data, path)
+        except SceneError:  # it is told where the film is looked at
+            continue
+
+
+def _has_made(record: FilmRecord, output: OutputSpec, each: OutputFile) -> bool:
+    """Return whether a record has a further output, at the same place seen from its sidecar: a film may be moved."""
+    place = relative_path(each.file, output.file.parent)
+    return any(made.frames and made.file == place for made in record.outputs)

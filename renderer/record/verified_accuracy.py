@@ -1,0 +1,202 @@
+"""Measure how exact the pictures of a finished film are by fresh exact rays, and find those that are not its own.
+
+Numbered frames are the pictures whose accuracy was recorded. The loss of an encoder is no mistake: a frame of an
+encoded film is judged by the usual loss of the film. docs/commands.md says which faults are found, and how often
+wrongly.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from renderer.accuracy import MOST_DB, ROUNDING_ERROR, FrameProber, psnr, spread_evenly, squared_error
+from renderer.annotation import FilmAnnotation
+from renderer.errors import Problem
+from renderer.film import Picture, Pixels, decode_known_film, frame_path
+from renderer.frame import FilmStage
+from renderer.record.accuracy_records import film_accuracy, frame_accuracy
+from renderer.record.film_record import FilmAccuracy, FrameAccuracy, FrameRecord
+from renderer.scene import OutputFile
+
+# The rays of a frame at first; they are at least doubled until the film is known well enough.
+_FEWEST_RAYS = 64
+# The most rays of a frame.
+MOST_RAYS = 4096
+# The most frames that are measured, spread over a long film.
+_MOST_FRAMES = 240
+# The factor on the usual loss that a frame of an encoded film may have; rounding to 8 bits is the least usual loss.
+_UNUSUAL = 4.0
+# The factor on a squared error up to which a frame counts as hardly worse than another one, or than its record.
+_HARDLY_WORSE = 2.0
+# The frames on each side of a frame that show nearly the same.
+_NUM_BESIDE = 4
+# The mean squared error that encoding may add, of colours in [0, 1]: the recorded error is of the first frames alone.
+_MOST_OF_ENCODING = 10 ** (-20 / 10)
+
+
+@dataclass(frozen=True)
+class RayOptions:
+    """Options of fresh rays.
+
+    num_threads: that trace them. seed: of the choice of pixels; the seed of rendering is 0.
+    precision_db: the largest distance of each end of the interval from the film's PSNR, in decibels.
+    """
+
+    num_threads: int
+    seed: int = 1
+    precision_db: float = 0.5
+
+
+class RayProgress(Protocol):
+    """A listener to the measurement; a listener to a film job is one, too."""
+
+    def started(self, label: str, num_frames: int) -> None:
+        """Take note that so many frames are measured from now on."""
+
+    def frame_finished(self, record: FrameRecord) -> None:
+        """Take note that a frame is measured."""
+
+
+@dataclass(frozen=True)
+class FreshAccuracy:
+    """The accuracy of a film's pictures by fresh rays.
+
+    num_frames: that were measured. problems: of pictures that are not the film's own.
+    """
+
+    accuracy: FilmAccuracy
+    num_frames: int
+    is_precise: bool
+    problems: Sequence[Problem]
+
+
+def measure_pictures(
+    stage: FilmStage, frames: Sequence[FrameRecord], options: RayOptions, progress: RayProgress
+) -> FreshAccuracy:
+    """Measure the first output's pictures of these frames; of a long film, of some that are evenly spread."""
+    output = stage.scene.output
+    rays = _Rays(stage, output, frames, options.num_threads, progress)
+    chosen = spread_evenly(frames, _MOST_FRAMES, is_loop=True)
+    num_rays, width = _FEWEST_RAYS, math.inf
+    while True:
+        measured = rays.measure(chosen, num_rays, options.seed)
+        accuracy = film_accuracy(measured)
+        assert accuracy is not None, "each frame is measured"
+        width = max(accuracy.psnr - accuracy.interval[0], accuracy.interval[1] - accuracy.psnr)
+        is_precise = width <= options.precision_db or accuracy.psnr >= MOST_DB
+        if is_precise or num_rays == MOST_RAYS:
+            break
+        num_rays = min(MOST_RAYS, 2 * num_rays * max(1, round((width / options.precision_db) ** 2 / 2)))
+    is_recorded = output.is_frames and all(frame.accuracy is not None for frame in chosen)
+    limits = (_least_as_recorded if is_recorded else _least_usual)(chosen, [_psnr(frame) for frame in measured])
+    problems = [*_film_problems(chosen, accuracy, output)]
+    # Suspects are measured again: few rays are often wrong about one of many frames.
+    suspects = {each.frame: least for each, least in zip(measured, limits, strict=True) if _psnr(each) < least}
+    for each in rays.measure([each for each in chosen if each.frame in suspects], MOST_RAYS, options.seed + 1):
+        what = "is not the picture that was recorded" if is_recorded else "is far less exact than others"
+        problems += _problems(f"frame {each.frame} {what}", each.accuracy, suspects[each.frame], output, each.frame)
+    return FreshAccuracy(replace(accuracy, seed=options.seed), len(chosen), is_precise, problems)
+
+
+@dataclass(frozen=True)
+class _Rays:
+    """Exact rays through the pictures of a film. frames: all that have pictures, in their order."""
+
+    stage: FilmStage
+    output: OutputFile
+    frames: Sequence[FrameRecord]
+    num_threads: int
+    progress: RayProgress
+
+    def measure(self, chosen: Sequence[FrameRecord], num_rays: int, seed: int) -> list[FrameRecord]:
+        """Return the records of chosen frames with the accuracy that so many rays through each find."""
+        if not chosen:
+            return []
+        prober = FrameProber(self.stage.first, num_rays, seed=seed, num_threads=self.num_threads)
+        found, annotation = list[FrameRecord](), FilmAnnotation(self.stage)
+        self.progress.started(f"{num_rays} rays a frame", len(chosen))
+        for frame, image in self._pictures({frame.frame for frame in chosen}):
+            prober = prober.on(self.stage.at(frame.frame))
+            covered = annotation.covered(frame.frame, None if frame.accuracy is None else frame.accuracy.psnr)
+            found.append(replace(frame, accuracy=frame_accuracy(prober.probe(frame.frame, image, covered))))
+            self.progress.frame_finished(found[-1])
+        return found
+
+    def _pictures(self, numbers: set[int]) -> Iterator[tuple[FrameRecord, Pixels]]:
+        """Yield the frames of these numbers with their pictures."""
+        if self.output.is_frames:
+            for frame in (each for each in self.frames if each.frame in numbers):
+                yield frame, Picture(file=frame_path(self.output.file, frame.frame)).pixels
+            return
+        with decode_known_film(self.output, len(self.frames)) as images:
+            pairs = zip(self.frames, images, strict=True)
+            yield from ((frame, image) for frame, image in pairs if frame.frame in numbers)
+
+
+def _film_problems(frames: Sequence[FrameRecord], found: FilmAccuracy, output: OutputFile) -> Iterator[Problem]:
+    """Yield a problem where a film is far less exact than recorded, by more than what encoding may do to it."""
+    recorded = film_accuracy(frames)
+    if recorded is not None:
+        may_lose = 0.0 if output.is_frames else _MOST_OF_ENCODING
+        least = psnr(_HARDLY_WORSE * squared_error(recorded.interval[0]) + may_lose)
+        yield from _problems("far less exact than recorded", found, least, output)
+
+
+def _problems(
+    what: str, found: FilmAccuracy | FrameAccuracy | None, least: float, output: OutputFile, frame: int = 0
+) -> Iterator[Problem]:
+    """Yield a problem where a whole interval lies below the least PSNR. frame: in whose file it is."""
+    if found is not None and found.interval[1] < least:
+        got, expected = f"at most {found.interval[1]:.1f} dB", f"at least {least:.1f} dB"
+        yield Problem("", what, got, expected, location=str(frame_path(output.file, frame)))
+
+
+def _least_as_recorded(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[float]:
+    """Return for each frame the lower end of the PSNR that was recorded for this picture.
+
+    Few rays may have missed large errors, and recorded a frame as better than it is. Such a frame is hardly worse than
+    some frame beside it that is as recorded.
+    """
+    lows = [_low(frame) for frame in frames]
+    hardly_worse = [
+        psnr(_HARDLY_WORSE * squared_error(value)) if value >= low else math.inf
+        for value, low in zip(found, lows, strict=True)
+    ]
+    return [min([low, *(hardly_worse[at] for at in _beside(k, len(found)))]) for k, low in enumerate(lows)]
+
+
+def _least_usual(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[float]:
+    """Return for each frame the PSNR below which it is unusual.
+
+    Its error is several times as large as usual, and it has lost several times as much as usual from what was recorded.
+    """
+    errors = [squared_error(value) for value in found]
+    losses = [error - squared_error(_psnr(frame)) for frame, error in zip(frames, errors, strict=True)]
+    lows = [squared_error(_low(frame)) for frame in frames]
+    usual = zip(_usual(errors), lows, _usual(losses), strict=True)
+    return [psnr(max(_UNUSUAL * error, low + _UNUSUAL * loss)) for error, low, loss in usual]
+
+
+def _usual(values: Sequence[float]) -> list[float]:
+    """Return for each frame the median of the film or, where that is more, of the frames beside it."""
+    values = [max(value, ROUNDING_ERROR) for value in values]
+    median, num = statistics.median(values), len(values)
+    beside = ([values[at] for at in _beside(k, num)] for k in range(num))
+    return [max(median, statistics.median_high(near or [median])) for near in beside]
+
+
+def _beside(k: int, num: int) -> list[int]:
+    """Return the places of the frames beside one, which show nearly the same."""
+    return [each for each in range(max(k - _NUM_BESIDE, 0), min(k + _NUM_BESIDE + 1, num)) if each != k]
+
+
+def _low(frame: FrameRecord) -> float:
+    return MOST_DB if frame.accuracy is None else frame.accuracy.interval[0]
+
+
+def _psnr(frame: FrameRecord) -> float:
+    return MOST_DB if frame.accuracy is None else frame.accuracy.psnr
