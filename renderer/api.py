@@ -1,6 +1,6 @@
-"""The Python API: from a scene file, a Scene or a numpy array to pictures, films and the exact picture.
+"""Define the Python API: pictures, films and exact pictures from a scene file, a Scene or a numpy array.
 
-Draws in this process, on all cores, to the same bytes as the command `hsplat render`.
+It draws in this process, on all cores, to the same bytes as the command `hsplat render`.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ from renderer.scene import (
 )
 from renderer.system import ctrl_c_stops_kernels, num_cores, printable
 
-# An output that may have any size and background; it is not written.
+# An output that may have any size and background, for pictures that are not written.
 _ANY_PICTURE = "{frame}.png"
 
 
-class FrameImage(np.ndarray[tuple[int, ...], np.dtype[np.uint8]]):  # npt.NDArray is no class from NumPy 2.5 on
+class FrameImage(np.ndarray[tuple[int, ...], np.dtype[np.uint8]]):  # from NumPy 2.5 on, npt.NDArray is no class
     """A picture: a uint8 array [height, width, 3 or 4] that notebooks display.
 
     It is a numpy array in every other respect: `image.shape`, `image[:100]`, `np.asarray(image)`. Row 0 is the top. The
@@ -72,18 +72,18 @@ class FrameImage(np.ndarray[tuple[int, ...], np.dtype[np.uint8]]):  # npt.NDArra
 
 @dataclass(frozen=True)
 class Film:
-    """A film that `render` wrote; notebooks play it.
+    """A film that `render` wrote, which notebooks play.
 
     Attributes
     ----------
     path: the file, or the template of the numbered frames, such as `frames/{frame:04}.png`.
     frames: the numbers of its frames.
-    sidecar: the JSON file beside it, which records how it was made and what each frame cost.
-    notes: what you should know about it, such as that nothing is in view; mostly empty.
-    accuracy: how exact its frames are, by exact rays: `psnr` in decibels, its 95 % `interval`, the `worst` frame, and
-        as `file.psnr` what the file keeps of them; None where nothing was measured.
-    visibility: which scalars its frames show, by the same rays: `coverage`, the mean opacity, and `ranges` of scalars
-        with `low`, `high` and their `share` of what is visible; None where nothing was measured.
+    sidecar: the JSON file beside it, which records how it was made and the cost of each frame.
+    notes: remarks on the film, for example that nothing is in view; mostly empty.
+    accuracy: the accuracy of its frames, measured by exact rays: `psnr` in decibels, its 95 % `interval`, the `worst`
+        frame, and `file.psnr`, the PSNR after encoding; None if nothing was measured.
+    visibility: the scalars that its frames show, measured by the same rays: `coverage`, the mean opacity, and `ranges`
+        of scalars with `low`, `high` and their `share` of the visible scalars; None if nothing was measured.
     """
 
     path: Path
@@ -107,12 +107,12 @@ class Film:
 
 @dataclass(frozen=True)
 class Page:
-    """A page that stands alone, which notebooks display. html: the whole file."""
+    """A page in one HTML file, which notebooks display. html: the content of the file."""
 
     html: str
 
     def _repr_html_(self) -> str:
-        """Return the page in a frame of its own."""
+        """Return the page in an `iframe`."""
         content = html.escape(self.html)
         return f'<iframe sandbox="allow-scripts" srcdoc="{content}" width="100%" height="640"></iframe>'
 
@@ -123,10 +123,10 @@ def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = ()) -
     Parameters
     ----------
     path: a YAML file; docs/scene.md lists its keys.
-    overrides: changes such as `"error.tolerance=0.2"`, as `--set` of the command has them.
+    overrides: changes such as `"error.tolerance=0.2"`, as for `--set` of the command.
 
-    Returns the scene, a frozen dataclass: `dataclasses.replace` makes others from it.
-    Raises SceneError, an InputError, with everything that is wrong, line by line.
+    Returns the scene, a frozen dataclass: `dataclasses.replace` makes a changed scene.
+    Raises SceneError, an InputError that lists all mistakes, line by line.
 
     Example
     -------
@@ -156,20 +156,20 @@ def suggest_scene(
     Parameters
     ----------
     volume: an array [z, y, x] of integers, booleans or floats, which is never changed; or the name of a volume's file.
-    spacing: lengths of a voxel along (x, y, z), in world units; 1 by default, and for a file what the file says.
-    transfer_function: by default one is suggested, as by `hsplat init`. Else the name of a colormap, from which the
-        suggestion takes its colours; or `{"preset": "bone"}`, with what `hsplat init --preset` takes; or control points
-        `(value, color, opacity)`; or a mapping or a TransferSpec, as in a scene file, or `{"labels": {...}}`. Opacities
-        are per smallest spacing.
-    camera: a mapping or a CameraSpec, as in a scene file. What a mapping leaves out is that of a turntable of 120
-        frames, 20 degrees above the object, framed so that nothing is cut off.
-    size: (width, height) of the pictures, pixels; 512 x 512 by default.
+    spacing: lengths of a voxel along (x, y, z), in world units; by default 1, or the spacing in the file.
+    transfer_function: by default, a transfer function is suggested, as by `hsplat init`. Other values are the name of a
+        colormap, for the colours of the suggestion; `{"preset": "bone"}`, with a preset of `hsplat init --preset`;
+        control points `(value, color, opacity)`; a mapping or a TransferSpec, as in a scene file; or
+        `{"labels": {...}}`. Opacities are per smallest spacing.
+    camera: a mapping or a CameraSpec, as in a scene file. Missing keys have the values of a turntable of 120 frames, 20
+        degrees above the object, framed so that nothing is cut off.
+    size: (width, height) of the pictures, in pixels; 512 x 512 by default.
     background: a colour; black by default. "transparent" needs a format that has alpha.
-    tolerance: the error that is allowed, 0.05 by default. A smaller one is more exact and slower; 0 draws every voxel.
+    tolerance: the error that is allowed; 0.05 by default. Smaller errors take more time; 0 draws every voxel.
     output: the file that `render` writes; film.mp4 by default.
 
     Returns the scene. Voxels that are NaN, infinite or have a fill value are left out.
-    Raises InputError for an array or a file that is no volume, SceneError for parameters that cannot be in a scene.
+    Raises InputError for an array or a file that is no volume, SceneError for parameters that a scene cannot have.
 
     Example
     -------
@@ -192,25 +192,25 @@ def render_frame(
     background: str | Sequence[float] | None = None,
     tolerance: float | None = None,
 ) -> FrameImage:
-    """Draw one frame, and write nothing.
+    """Draw one frame, without writing a file.
 
     Parameters
     ----------
     scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
-    frame: its number on the camera's path; -1 is the last one.
-    spacing, transfer_function, camera, size, background, tolerance: as in `suggest_scene`; with a scene, they replace
-        what it says.
+    frame: the number of the frame on the camera's path; -1 for the last frame.
+    spacing, transfer_function, camera, size, background, tolerance: as in `suggest_scene`; they replace the values of a
+        scene.
 
     Returns the picture: a uint8 array [height, width, 3], or [height, width, 4] with straight alpha where the
     background is transparent. It has the bytes that `hsplat render` writes.
-    Raises InputError, SceneError, and RenderError where a scene with splats finds no OpenGL.
+    Raises InputError, SceneError, and RenderError if a scene with splats finds no OpenGL.
 
     Example
     -------
     >>> image = renderer.render_frame(array, spacing=(1, 1, 2), background="white")
     """
     options: dict[str, Any] = {"spacing": spacing, "transfer_function": transfer_function, "camera": camera}
-    # Nothing is written: whatever the output is, the picture may be odd in size or transparent.
+    # The picture may have an odd size or be transparent, whatever the scene's output allows, as nothing is written.
     options |= {"size": size, "background": background, "tolerance": tolerance, "output": _ANY_PICTURE}
     made = make_scene(scene, options)
     numbers = [frame_number(frame, made)]
@@ -237,7 +237,7 @@ def render(
     resume: bool = True,
     on_progress: OnProgress | None = None,
 ) -> Film:
-    """Draw a film and write it, with its sidecar: the job of the command `hsplat render`, to the same bytes.
+    """Draw a film and write it with its sidecar, to the same bytes as the command `hsplat render`.
 
     The file is written whole or not at all, and it never replaces one of the scene's inputs. A film that is up to date
     is not drawn again, and one that was stopped, here or by the command, resumes where it stopped.
@@ -245,15 +245,15 @@ def render(
     Parameters
     ----------
     scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
-    output: the file to write, in place of the scene's: film.mp4, film.webp and so on, a template such as
-        `frames/{frame:04}.png` or, for one frame, a .png. It is made alone; a scene may have several.
+    output: the only file to write, in place of the scene's outputs: film.mp4, film.webp and so on, a template such as
+        `frames/{frame:04}.png` or, for one frame, a .png.
     frames: the frames to draw, ascending: `range(0, 30)`, `slice(None, None, 10)`, `-1`; all by default.
-    best_effort: accept a film that is less accurate than the scene asks for. A budget of seconds is kept as well as
-        this machine can; frames that take longer are no error.
-    resume: keep the frames that an earlier job finished, and further outputs of other films, which are errors then.
-        Without it every frame is drawn, and such files are replaced, as with `--force`.
-    on_progress: called as `on_progress(num_finished, num_frames)` after each frame that is drawn. What it raises ends
-        the job, which can be resumed. By default notebooks show a bar.
+    best_effort: whether to accept a film that is less accurate than the scene asks for. A budget of seconds is kept as
+        well as this machine can; frames that take longer are no error.
+    resume: whether to keep the frames that an earlier job finished. Further outputs that hold other films are errors
+        then. Without it, every frame is drawn, and such files are replaced, as with `--force`.
+    on_progress: a function that is called as `on_progress(num_finished, num_frames)` after each frame that is drawn. An
+        error that it raises ends the job, which can be resumed. By default, notebooks show a bar.
 
     Returns the Film, which notebooks play.
     Raises InputError, SceneError, OutputLockedError if another job is writing the same output, and RenderError if the
@@ -282,14 +282,14 @@ def render(
 
 @ctrl_c_stops_kernels()
 def preview(scene: SceneLike) -> Page:
-    """Show a scene on one page before its film is made: the page of `hsplat preview`. Nothing is written.
+    """Return a page that shows a scene before its film is made, as `hsplat preview` does. Nothing is written.
 
     Parameters
     ----------
     scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
 
-    Returns the page, which notebooks display; its `html` is a file that stands alone.
-    Raises InputError, SceneError, and RenderError where a scene with splats finds no OpenGL.
+    Returns the page, which notebooks display; its `html` is the content of a single file.
+    Raises InputError, SceneError, and RenderError if a scene with splats finds no OpenGL.
 
     Example
     -------
@@ -308,16 +308,16 @@ def preview(scene: SceneLike) -> Page:
 def integrate(scene: SceneLike, frame: int = 0) -> npt.NDArray[np.float32]:
     """Compute the exact picture of a frame: the converged ray integral, without pyramid, cells or tolerance.
 
-    It takes far longer than drawing: use small pictures.
+    This takes far longer than drawing: use small pictures.
 
     Parameters
     ----------
     scene: a Scene, the name of a scene file, or a volume: an array [z, y, x] or a name, for which a scene is suggested.
-    frame: its number on the camera's path; -1 is the last one.
+    frame: the number of the frame on the camera's path; -1 for the last frame.
 
-    Returns float32 [height, width, 3], colours from 0 to 1 over the scene's background; a transparent one counts as
-    black. Every channel is within about 1e-5 of the integral.
-    Raises InputError, SceneError, and RenderError where the integral does not converge.
+    Returns float32 [height, width, 3], colours from 0 to 1 over the scene's background, or over black if it is
+    transparent. Every channel is within about 1e-5 of the integral.
+    Raises InputError, SceneError, and RenderError if the integral does not converge.
 
     Example
     -------

@@ -1,4 +1,4 @@
-"""Turn what callers of the Python API pass into scenes and frames; errors name parameters."""
+"""Turn the arguments of the Python API into scenes and frame numbers. Errors name the parameters of the API."""
 
 from __future__ import annotations
 
@@ -34,11 +34,14 @@ from renderer.scene import (
 )
 from renderer.suggest import FilmOptions, Wish
 
+# A scene, the name of a scene file, or a volume: an array or the name of its file.
 SceneLike: TypeAlias = "FilmScene | str | os.PathLike[str] | npt.ArrayLike"
+# A transfer function: the name of a colormap, control points, a mapping, or a TransferSpec.
 TransferLike: TypeAlias = "str | Sequence[Any] | Mapping[str, Any] | TransferSpec"
+# A camera: a mapping, or a CameraSpec.
 CameraLike: TypeAlias = "Mapping[str, Any] | CameraSpec"
 
-# The parameters by which users of this module know the keys of a scene.
+# The parameters of the API that set the keys of a scene.
 _PARAMETERS = {
     "volume.procedural.spacing": "spacing",
     "volume.procedural.shape": "the array's shape",
@@ -54,9 +57,10 @@ _PARAMETERS = {
 def make_scene(
     source: SceneLike, options: Mapping[str, Any], *, is_volume: bool = False, is_single_frame: bool = False
 ) -> FilmScene:
-    """Return a checked scene with these options in it; those that are None are not given.
+    """Return a checked scene with the given options. Options that are None are ignored.
 
-    is_volume: a name is that of a volume's file, and not of a scene file.
+    is_volume: whether a name is the name of a volume's file, and not of a scene file. is_single_frame: whether one
+        frame is drawn, so that the output may be a picture.
     """
     if isinstance(source, (str, os.PathLike)) and not (is_volume or is_volume_name(source)):
         source = load_scene(scene_file(source), is_single_frame=True)
@@ -68,7 +72,7 @@ def make_scene(
         tree = _turntable() | {"volume": {"file": os.fspath(source)}}
     else:
         tree, array = _turntable() | {"volume": {}}, _array_source(source)
-    if isinstance(array, ArraySource):  # of which only the shape and the spacing can be parsed
+    if isinstance(array, ArraySource):  # a constant volume takes its place until the scene is parsed
         section = {"name": "constant", "shape": list(array.shape), "spacing": given.pop("spacing", array.spacing)}
         tree["volume"] = {key: value for key, value in tree["volume"].items() if key != "array"}
         tree["volume"]["procedural"] = section
@@ -79,7 +83,8 @@ def make_scene(
         assert isinstance(stand_in, ProceduralSource)
         placed = replace(array, spacing=stand_in.spacing)
         scene = scene.changed(lambda each: _with_source(each, placed))
-    if isinstance(source, FilmScene) and "transfer_function" not in given:  # plain data do not say where it is from
+    # Plain data do not record the origin of a transfer function.
+    if isinstance(source, FilmScene) and "transfer_function" not in given:
         scene = scene.changed(_with_transfer_functions, source)
     suggests = wish is not None or (is_new and "transfer_function" not in given)
     return resolve_scene(_with_suggestion(scene, wish) if suggests else scene, read_volume)
@@ -99,7 +104,7 @@ def _with_transfer_functions(scene: Scene, other: Scene) -> Scene:
 
 
 def _wish(transfer_function: Any) -> Wish | None:
-    """Return what a suggestion shall be, if an option asks for one."""
+    """Return the user's wish for a suggested transfer function; None if the option is not a wish."""
     match transfer_function:
         case str(colormap):
             return Wish(colormap)
@@ -109,7 +114,7 @@ def _wish(transfer_function: Any) -> Wish | None:
 
 
 def _turntable() -> dict[str, Any]:
-    """Return what `hsplat init` suggests, too, with a transfer function that is still to be replaced."""
+    """Return the tree of the scene that `hsplat init` suggests, with a placeholder for the transfer function."""
     film = FilmOptions()
     path = {"type": "turntable", "frames": film.frames, "elevation": film.elevation, "axis": film.axis}
     return {
@@ -136,10 +141,10 @@ def _array_source(values: npt.ArrayLike) -> ArraySource:
         )
     try:
         array = values if isinstance(values, np.memmap) else np.asarray(values)
-    except (ValueError, TypeError, RuntimeError) as error:  # ragged lists; tensors that are on another device
+    except (ValueError, TypeError, RuntimeError) as error:  # such as ragged lists, or tensors on another device
         got = short_text(" ".join(str(error).split()))
         raise InputError(
-            "this cannot be made an array", got=got, expected="numbers in three axes, [z, y, x]"
+            "this cannot be converted to an array", got=got, expected="numbers in three axes, [z, y, x]"
         ) from error
     if array.ndim != 3:
         what = "the array does not have the axes of a volume"
@@ -149,14 +154,14 @@ def _array_source(values: npt.ArrayLike) -> ArraySource:
 
 
 def _plain(value: Any, num_levels: int = MAX_DEPTH) -> Any:
-    """Return an option as a scene file would have it. Raises InputError for more than this number of levels."""
+    """Return an option as plain data of a scene file. Raises InputError for more than `num_levels` nested levels."""
     if num_levels == 0:
         raise InputError(f"an option of more than {MAX_DEPTH} levels", hint="does it contain itself?")
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
     if isinstance(value, os.PathLike):
         return os.fspath(value)
-    if isinstance(value, CameraSpec):  # all of it, with what it leaves to its defaults
+    if isinstance(value, CameraSpec):  # None removes the keys of the scene that the camera does not set
         return {"target": None, "distance": None} | spec_to_dict(value)
     if isinstance(value, TransferSpec):
         return {"labels": spec_to_dict(value)} if value.labels is not None else spec_to_dict(value)
@@ -166,7 +171,7 @@ def _plain(value: Any, num_levels: int = MAX_DEPTH) -> Any:
 
 
 def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a scene's tree with options of `suggest_scene` in it."""
+    """Return the tree of a scene with options of `suggest_scene`, which replace its values."""
     if "spacing" in given:
         tree["volume"]["spacing"] = given["spacing"]
     if "camera" in given:
@@ -188,7 +193,7 @@ def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, A
         case {"labels": labels, **others} if not others:
             tree.pop("transfer_function", None)
             tree["labels"] = labels
-        case str(colormap):  # the rest is suggested
+        case str(colormap):  # range and opacities are placeholders, which a suggestion replaces
             tree["transfer_function"] = {"colormap": colormap, "range": [0, 1], "opacity": [[0, 1]]}
         case [*points]:
             tree["transfer_function"] = {"points": [_control_point(point) for point in points]}
@@ -198,7 +203,7 @@ def _with_options(tree: dict[str, Any], given: Mapping[str, Any]) -> dict[str, A
 
 
 def _control_point(point: Any) -> Any:
-    """Return `(value, color, opacity)` as a mapping."""
+    """Return a control point `(value, color, opacity)` as a mapping. Other values are returned unchanged."""
     keys = ("value", "color", "opacity")
     is_triple = isinstance(point, list) and len(point) == len(keys)
     return dict(zip(keys, point, strict=True)) if is_triple else point
@@ -212,13 +217,13 @@ def _parse(tree: dict[str, Any], *, is_single_frame: bool) -> FilmScene:
 
 
 def _parameter(path: str) -> str:
-    """Return what the user calls a key of the scene."""
+    """Return the parameter of the API for a key of the scene, or the key if there is none."""
     key = next((key for key in _PARAMETERS if path == key or path.startswith(f"{key}.")), None)
     return path if key is None else _PARAMETERS[key] + path.removeprefix(key)
 
 
 def _with_suggestion(scene: FilmScene, wish: Wish | None) -> FilmScene:
-    """Return the scene with all that is suggested for its volume."""
+    """Return the scene with the suggestions for its volume."""
     from renderer.suggest import suggest_for
 
     found = suggest_for(scene.at(0).layers[0].volume, read_volume, wish=wish or Wish())
@@ -226,7 +231,7 @@ def _with_suggestion(scene: FilmScene, wish: Wish | None) -> FilmScene:
 
 
 def frame_number(frame: int, scene: FilmScene) -> int:
-    """Return the number of this frame of the scene's path. Raises InputError where it is not on it."""
+    """Return the number of a frame on the scene's path, also for a negative number. Raises InputError otherwise."""
     if not isinstance(frame, (int, np.integer)):
         raise InputError(
             "not the number of a frame", where="frame", got=argument_text(frame), expected="a whole number"
@@ -235,9 +240,9 @@ def frame_number(frame: int, scene: FilmScene) -> int:
 
 
 def frame_numbers(frames: int | slice | Sequence[int] | None, scene: FilmScene) -> Sequence[int]:
-    """Return the numbers of these frames of the scene's path. Raises InputError where they are not on it."""
+    """Return the numbers of frames on the scene's path, None for all. Raises InputError if one is not on it."""
     path = range(scene.num_frames)
-    with contextlib.suppress(IndexError, TypeError, ValueError):  # ValueError: a slice with the step 0
+    with contextlib.suppress(IndexError, TypeError, ValueError):  # a slice with the step 0 raises ValueError
         if frames is None or isinstance(frames, slice):
             picked: Sequence[int] = path[frames or slice(None)]
         else:
@@ -249,5 +254,5 @@ def frame_numbers(frames: int | slice | Sequence[int] | None, scene: FilmScene) 
 
 
 def argument_text(value: object) -> str:
-    """Return an argument as Python writes it, cut to a readable length."""
+    """Return the `repr` of an argument, cut to a readable length."""
     return short_text(repr(value))

@@ -1,6 +1,6 @@
-"""The errors that users see: one root, one child for each exit code, and the list of problems in a scene file.
+"""Define the errors that users see: a root, a class for each exit code, and the list of problems in a scene file.
 
-A low layer states the fact, and the layer above adds the location (a file, a line). Only `hsplat_cli` prints errors and
+A low room states the fact, and a room above it adds the location (a file, a line). Only `hsplat_cli` prints errors and
 exits. `assert` is for the program's own invariants, never for input.
 """
 
@@ -13,21 +13,22 @@ from dataclasses import dataclass
 
 from renderer.system import PrintableText, join_lines, printable
 
-# A part of a message is cut to this length: that of the longest paths.
+# The most characters of a part of a message, as long as the longest paths. Longer parts are cut in the middle.
 _MAX_LINE = 1000
 
 
 class HsplatError(Exception):
-    """An error that is shown to a user; all others derive from it.
+    """An error that is shown to a user. All other errors derive from it.
 
     Parameters
     ----------
-    what: one sentence that says what is wrong.
+    what: a sentence that states the mistake.
     where: a file, a location in it, or a part of the scene.
-    got, expected: what was found, and what would have been right.
-    hint: what to do about it.
+    got: the value that was found.
+    expected: the values that would be right.
+    hint: a way to correct the mistake.
 
-    Each is one line, in which `str` escapes what is not printable, or several lines of `renderer.system.join_lines`.
+    Each is one line, in which `str` escapes unprintable characters, or several lines of `renderer.system.join_lines`.
     """
 
     def __init__(
@@ -47,12 +48,12 @@ class HsplatError(Exception):
 
     @property
     def summary(self) -> str:
-        """Return what is wrong in a few words, without names and values, which may be private."""
+        """Return the mistake in a few words, without names and values, which may be private."""
         return self.what.partition("\n")[0]
 
 
 class InputError(HsplatError):
-    """An error of the scene, the volume or the command line (exit code 2)."""
+    """An error in the scene, the volume or the command line (exit code 2)."""
 
     def problem_at(self, location: str) -> Problem:
         """Return the error as one problem of several. location: of the problem, unless the error has its own."""
@@ -60,27 +61,27 @@ class InputError(HsplatError):
 
 
 class OutputLockedError(InputError):
-    """Another job is writing the same output. Nothing was changed."""
+    """An error because another job is writing the same output. Nothing was changed."""
 
 
 class RenderError(HsplatError):
-    """An error of rendering from right input: no OpenGL, no disk space, no encoder (exit code 1)."""
+    """An error while rendering from correct input: no OpenGL, no disk space, no encoder (exit code 1)."""
 
 
 class ContextLostError(RenderError):
-    """OpenGL failed while drawing. With a new context it may succeed."""
+    """An error because OpenGL failed while drawing. With a new context, drawing may succeed."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One mistake in a scene.
+    """A mistake in a scene.
 
     Parameters
     ----------
-    path: the dotted key, list items by number: `transfer_function.points.2.value`; empty for the scene as a whole.
+    path: the dotted key, with list items by number: `transfer_function.points.2.value`; empty for the whole scene.
     what, got, expected, hint: as in HsplatError.
     at_key: whether the key itself is the mistake, not its value.
-    location: where that is written (`scene.yaml:14:13`); known only to the layer that read the file.
+    location: the place of the key or value (`scene.yaml:14:13`), which only the reader of the file knows.
     """
 
     path: str
@@ -97,7 +98,7 @@ class Problem:
 
 
 class SceneError(InputError):
-    """All problems of a scene at once, in the order of the schema, or by location once that is known."""
+    """An error with all problems of a scene, in the order of the schema, or by location if locations are known."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
@@ -105,7 +106,7 @@ class SceneError(InputError):
 
     @property
     def summary(self) -> str:
-        """Return the first problem in a few words."""
+        """Return the first problem in a few words, without names and values."""
         return self.problems[0].what.partition("\n")[0]
 
 
@@ -120,21 +121,22 @@ def format_message(
 
 
 def _readable(text: str) -> str:
-    """Return printable text, without the middle of a line that is too long to be read."""
+    """Return a text made printable, without the middle of a line that is too long to be read."""
     is_readable = isinstance(text, PrintableText) or len(text) <= _MAX_LINE
     return printable(text if is_readable else f"{text[: _MAX_LINE // 2]}...{text[-_MAX_LINE // 2 :]}")
 
 
 def closest_match(name: str, names: Iterable[str]) -> str | None:
-    """Return the one of `names` that is spelled most like `name`, or None if none is close."""
+    """Return the name in `names` that is spelled most like `name`, or None if no name is close."""
     return next(iter(difflib.get_close_matches(name, list(names), n=1, cutoff=0.6)), None)
 
 
 def require_package(package: str, *, extra: str) -> None:
     """Raise InputError if an optional package, by its import name, is not installed.
 
-    Call it where the work begins, not where the package is used at its end.
-    extra: the extra in `pyproject.toml` that installs it.
+    Call it when the work begins, even if the package is needed only at the end.
+
+    extra: the extra in `pyproject.toml` that installs the package.
     """
     if importlib.util.find_spec(package) is None:
         raise InputError(f"the package {package} is not installed", hint=f"pip install 'hsplat[{extra}]'")

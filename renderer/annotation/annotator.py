@@ -13,28 +13,34 @@ from renderer.annotation.text import Font
 from renderer.errors import InputError, Problem
 from renderer.scene import AnnotationSpec, Color, EntrySpec
 
-# The distance of entries from the edges of the picture, and from each other, by its shorter side.
-_MARGIN, _GAP = 0.04, 0.02
+# The distance of entries from the edges of the picture, as a share of its shorter side.
+_MARGIN = 0.04
+# The distance between entries, as a share of the picture's shorter side.
+_GAP = 0.02
+# The widest rim around an entry, in pixels.
 _MAX_RIM_PX = 4
 
+# The row and the column of a drawing's first pixel.
 Place = tuple[int, int]
 
 
 class Annotator:
-    """Draws the annotation of a film; what stays the same is drawn once. Make another where `spec` or `facts` change.
+    """A painter of the annotation of a film, which draws each entry again only when it changes.
 
-    Of a scene and facts in which `annotation_problems` finds none. margin: to the edges of the picture, in pixels.
+    An annotator is made for one `spec` and its `facts`, in which `annotation_problems` has found no problem.
+
+    margin: the distance of entries from the edges of the picture, in pixels.
     """
 
     def __init__(self, spec: AnnotationSpec, facts: AnnotationFacts) -> None:
-        """Read the font. Raises InputError."""
+        """Read the font. Raises InputError if that fails."""
         self._entries, self._facts = spec.entries, facts
         self._pen, self.margin = Pen(Font(spec.font), facts), round(_MARGIN * min(facts.size))
-        num = 2 * len(self._entries)  # with what changed last
+        num = 2 * len(self._entries)  # the current drawing of each entry, and the one before
         self._drawn, self._finished = lru_cache(num)(self._draw), lru_cache(num)(self._finish)
 
     def patches(self, frame: FrameFacts) -> list[Patch]:
-        """Return what is put over the picture of a frame, in the order of drawing."""
+        """Return the patches to put over the picture of a frame, in the order of drawing."""
         sketches = {key: self.sketch(key, frame) for key in self._entries}
         return [self._finished(key, sketches[key], place) for key, place in self.places(sketches).items()]
 
@@ -48,7 +54,7 @@ class Annotator:
         return draw(spec, self._pen, self._pen.px(spec.size), shown)
 
     def places(self, sketches: Mapping[str, Sketch]) -> dict[str, Place]:
-        """Return the row and the column of each drawing: those at one position stack away from the edge."""
+        """Return the row and the column of each drawing. Drawings at the same position stack away from the edge."""
         places, by_position = dict[str, Place](), dict[str, list[str]]()
         for key in sketches:
             by_position.setdefault(self._entries[key].position, []).append(key)
@@ -70,7 +76,7 @@ class Annotator:
         return Patch(sketch.finish(self._color(spec, row + sketch.height / 2), rim), row - rim, column - rim)
 
     def _color(self, spec: EntrySpec, row: float) -> Color:
-        """Return the colour of an entry, whose middle is at this row."""
+        """Return the colour of an entry. row: the row of its middle, for a background that changes with height."""
         if spec.color != "auto":
             return spec.color
         if self._facts.background is None:
@@ -81,7 +87,7 @@ class Annotator:
 
 
 def annotation_problems(spec: AnnotationSpec, facts: AnnotationFacts, frames: Sequence[FrameFacts]) -> list[Problem]:
-    """Return what keeps an annotation from being drawn on these frames: what cannot be read, and what has no room."""
+    """Return the problems of an annotation on the given frames: files that cannot be read, entries without room."""
     try:
         annotator = Annotator(spec, facts)
     except InputError as error:
@@ -106,7 +112,7 @@ def _problem(key: str, error: InputError) -> Problem:
 def _without_room(
     annotator: Annotator, facts: AnnotationFacts, sketches: Mapping[str, Sketch]
 ) -> Iterator[tuple[str, InputError]]:
-    """Yield the entries that do not fit into the picture, or cover others."""
+    """Yield the entries that do not fit into the picture, or cover other entries, each with its error."""
     margin, placed = annotator.margin, dict[str, tuple[int, ...]]()
     width, height = (side - 2 * margin for side in facts.size)
     hint = "give it a smaller size, or another position"

@@ -1,4 +1,4 @@
-"""Draw each entry of an annotation: from its keys and what it shows to a sketch."""
+"""Draw each entry of an annotation, as a sketch."""
 
 from __future__ import annotations
 
@@ -19,28 +19,39 @@ from renderer.errors import InputError
 from renderer.scene import Color, ColorBarSpec, EntrySpec, LogoSpec, Vector, fill_format, require_file
 from renderer.volume import UInt8
 
+# The smallest height of text, in pixels.
 MIN_TEXT_PX = 9
+# The most names in a legend. A further row says how many are missing.
 MAX_LEGEND_ROWS = 24
-# The longest scale bar, by the width of the picture, and the size of the words beside its length.
-_MAX_BAR, _SMALL = 0.2, 0.75
-# The least side of the triad of axes, with letters of the least size.
+# The greatest length of a scale bar, as a share of the picture's width.
+_MAX_BAR = 0.2
+# The size of the words beside the length of a scale bar, as a share of the length's size.
+_SMALL = 0.75
+# The smallest side of the triad of axes, in pixels: enough for letters of MIN_TEXT_PX.
 _MIN_TRIAD_PX = 52
-# The ink of a profile of opacities, of 255.
+# The ink of a profile of opacities, from 0 to 255.
 _PROFILE = 150
-_LOGO_FORMATS, _MAX_LOGO_PIXELS, _MAX_LOGO_RATIO = ("PNG", "JPEG", "WEBP"), 64 * 2**20, 50
+# The file formats of logos, by their names in Pillow.
+_LOGO_FORMATS = ("PNG", "JPEG", "WEBP")
+# The most pixels of a logo's file.
+_MAX_LOGO_PIXELS = 64 * 2**20
+# The greatest ratio of width to height of a logo's file.
+_MAX_LOGO_RATIO = 50
+# The anatomical direction that is shown in place of its opposite.
 _OPPOSITE = {"L": "R", "P": "A", "I": "S"}
+# The colours of the arrows along x, y and z.
 _AXIS_COLORS: tuple[Color, ...] = ((0.95, 0.32, 0.30), (0.30, 0.75, 0.35), (0.30, 0.55, 1.0))
 
 
 @dataclass(frozen=True)
 class Pen:
-    """A pen that draws all entries: it has the font, and what they show of the film."""
+    """A pen that draws all entries: it has the font, and the facts about the film."""
 
     font: Font
     facts: AnnotationFacts
 
     def px(self, share: float) -> int:
-        """Return a share of the picture's height in pixels, of text no less than can be read."""
+        """Return a share of the picture's height in pixels, at least MIN_TEXT_PX."""
         return max(round(share * self.facts.size[1]), MIN_TEXT_PX)
 
 
@@ -53,7 +64,7 @@ def draw_text(_: EntrySpec, pen: Pen, px: int, text: str) -> Sketch:
 
 
 def draw_scale_bar(spec: EntrySpec, pen: Pen, px: int, world_per_pixel: float) -> Sketch:
-    """Draw a bar of a round length, and the length over it; in perspective, at which distance it holds."""
+    """Draw a bar of a round length, and the length over it; in perspective, also the distance at which it holds."""
     length = round_below(_MAX_BAR * pen.facts.size[0] * world_per_pixel)
     width, whole = max(round(float(length) / world_per_pixel), 1), Sketch()
     line = pen.font.line(length_text(length, pen.facts.unit), px)
@@ -78,7 +89,7 @@ def draw_color_bars(spec: ColorBarSpec, pen: Pen, px: int, _: object) -> Sketch:
 
 
 def draw_legend(_: EntrySpec, pen: Pen, px: int, __: object) -> Sketch:
-    """Draw coloured squares with names, and how many there are beyond the last row."""
+    """Draw coloured squares with names, and the number of names beyond the last row."""
     entries, side, frame, whole = pen.facts.legend, round(0.72 * px), max(1, px // 20), Sketch()
     if not entries:
         raise InputError("nothing has a name", expected="labels or volumes with names")
@@ -86,7 +97,8 @@ def draw_legend(_: EntrySpec, pen: Pen, px: int, __: object) -> Sketch:
     for number, (name, color) in enumerate(entries[:MAX_LEGEND_ROWS]):
         line, row = pen.font.line(name, px), round(1.45 * px) * number
         whole.draw(line.mask, row, side + px // 2)
-        whole.fill(row + line.baseline - side, 0, side, side)  # a frame, for colours like the background
+        # A frame shows squares whose colour is like the background.
+        whole.fill(row + line.baseline - side, 0, side, side)
         whole.color(inside, color, row + line.baseline - side + frame, frame)
     if more > 0:
         whole.draw(pen.font.line(f"and {more} more", px).mask, round(1.45 * px) * MAX_LEGEND_ROWS, side + px // 2)
@@ -94,7 +106,7 @@ def draw_legend(_: EntrySpec, pen: Pen, px: int, __: object) -> Sketch:
 
 
 def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) -> Sketch:
-    """Draw arrows along the world's axes, with letters at their ends; what is nearer is drawn later."""
+    """Draw arrows along the world's axes, with letters at their ends; nearer arrows cover farther ones."""
     side, letter_px, whole = max(px, _MIN_TRIAD_PX), max(px // 6, MIN_TEXT_PX), Sketch()
     reach, half, rim = (side - 2.7 * letter_px) / 2, max(side / 70, 0.6), max(1, letter_px // 8)
     whole.draw(np.zeros((side, side), np.uint8), 0, 0)
@@ -108,7 +120,8 @@ def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) ->
             mask, row, column = polygon(corners)
             whole.color(mask, color, row, column)
         line = pen.font.line(name, letter_px)
-        letter, beyond = grown(line.mask, rim, rim), reach + 0.75 * letter_px / max(length, 0.3)  # beside the tip
+        # Letters lie beside the tip of an arrow.
+        letter, beyond = grown(line.mask, rim, rim), reach + 0.75 * letter_px / max(length, 0.3)
         row = min(max(round(side / 2 + beyond * down - line.baseline / 2) - rim, 0), side - letter.shape[0])
         column = min(max(round(side / 2 + beyond * across - line.mask.shape[1] / 2) - rim, 0), side - letter.shape[1])
         whole.erase(widen(letter, rim), row, column)
@@ -117,7 +130,7 @@ def draw_orientation(_: EntrySpec, pen: Pen, px: int, axes: Sequence[Vector]) ->
 
 
 def draw_logo(spec: LogoSpec, _: Pen, height: int, __: object) -> Sketch:
-    """Draw the logo, at this height."""
+    """Draw the logo, `height` pixels high."""
     whole = Sketch()
     whole.paint = _read_logo(spec.file, height)
     whole.ink = np.zeros_like(whole.paint[..., 3])
@@ -125,7 +138,7 @@ def draw_logo(spec: LogoSpec, _: Pen, height: int, __: object) -> Sketch:
 
 
 def _read_logo(file: Path, height: int) -> UInt8:
-    """Return a picture at this height: premultiplied RGBA, uint8 [h, w, 4]. Raises InputError."""
+    """Return a picture scaled to a height: premultiplied RGBA, uint8 [h, w, 4]. Raises InputError if that fails."""
     from PIL import Image
 
     expected = "a picture: PNG, JPEG or WebP"
@@ -136,14 +149,16 @@ def _read_logo(file: Path, height: int) -> UInt8:
                 size = f"{picture.width} x {picture.height} pixels"
                 raise InputError("too large for a logo", where=str(file), got=size, expected="at most 64 megapixels")
             width = max(round(height * picture.width / picture.height), 1)
-            # Colours of transparent pixels do not count, and no weight is negative: nothing rings.
+            # Premultiplied colours keep transparent pixels out of the mean. Hamming has no negative weights, so that
+            # edges do not ring.
             scaled = picture.convert("RGBA").convert("RGBa").resize((width, height), Image.Resampling.HAMMING)
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise InputError("this picture cannot be decoded", where=str(file), expected=expected) from error
     return np.array(scaled)
 
 
-# Of each entry, what it shows on a frame, and how that is drawn: from its keys, a pen, its size in pixels, and that.
+# Two functions for each key of an annotation. The first returns the content of the entry on a frame. The second draws
+# the entry from its keys, a pen, its size in pixels, and that content.
 DRAWERS: dict[str, tuple[Callable[[Any, FrameFacts], Any], Callable[[Any, Pen, int, Any], Sketch]]] = {
     "title": (lambda spec, frame: spec.text, draw_text),
     "logo": (lambda spec, frame: None, draw_logo),
@@ -157,7 +172,7 @@ DRAWERS: dict[str, tuple[Callable[[Any, FrameFacts], Any], Callable[[Any, Pen, i
 
 
 def _draw_color_bar(whole: Sketch, left: int, spec: ColorBarSpec, pen: Pen, px: int, bar: ColorBar) -> None:
-    """Draw a bar: its label above, opacities as a profile to the left of the colours, ticks to the right."""
+    """Draw a bar with its label above, its opacities as a profile on the left, and its ticks on the right."""
     length, width, frame, stroke = round(spec.length * pen.facts.size[1]), px, max(1, px // 20), max(2, px // 4)
     name = bar.name if not bar.unit else f"{bar.name} ({bar.unit})" if bar.name else bar.unit
     label = pen.font.line(spec.label or name or " ", px)
@@ -181,7 +196,7 @@ def _draw_color_bar(whole: Sketch, left: int, spec: ColorBarSpec, pen: Pen, px: 
 
 
 def _share(bar: ColorBar, value: Decimal) -> float:
-    """Return where a value is on a bar, from 0 at its lower end to 1."""
+    """Return the position of a value on a bar, from 0 at its lower end to 1 at its upper end."""
     low, high, at = bar.low, bar.high, float(value)
     if bar.is_log and low > 0:
         low, high, at = math.log(low), math.log(high), math.log(at)
@@ -189,7 +204,11 @@ def _share(bar: ColorBar, value: Decimal) -> float:
 
 
 def _arrow(middle: float, way: tuple[float, float], end: float, half: float) -> list[list[tuple[float, float]]]:
-    """Return the corners of an arrow's shaft and head, from the middle of a square; as short as it is seen."""
+    """Return the corners of the shaft and the head of an arrow that starts in the middle of a square.
+
+    middle: the x and the y of the start. way: a unit vector along the arrow. end: its length. half: half the width of
+    its shaft. All are in pixels.
+    """
     neck, (x, y) = max(end - 8 * half, 0.0), way
 
     def at(along: float, beside: float) -> tuple[float, float]:

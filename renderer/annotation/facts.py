@@ -1,4 +1,4 @@
-"""Say what an annotation shows: plain data, of a film and of one frame."""
+"""Define the facts that an annotation shows, about a film and about one frame, as plain data."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from renderer.scene import Color, Vector
 class ColorBar:
     """A record of the colours of a transfer function over a range of its scalar.
 
-    colors, opacities: samples at even distances of the bar, from `low` to `high`; no opacities of a projection.
-    layer: the number of its volume. is_log: whether the samples are even in the logarithm of the scalar.
+    colors, opacities: samples at even distances along the bar, from `low` to `high`. A projection has no opacities.
+    layer: the number of the layer with the transfer function. is_log: whether the samples are evenly spaced in the
+        logarithm of the scalar.
     """
 
     name: str
@@ -27,12 +28,13 @@ class ColorBar:
 
 @dataclass(frozen=True)
 class AnnotationFacts:
-    """A record of what an annotation shows on all frames of a film.
+    """A record of the facts that hold on all frames of a film.
 
     size: (width, height) of the picture. background: the colours of its top and its bottom row, None if transparent.
-    unit: of world lengths: `mm`, or `voxels` where it is not known. is_perspective: of the camera.
-    world_axes: where the world's axes point, such as `LPS`, or empty where nobody knows.
-    legend: names and colours.
+    unit: the unit of world lengths, such as `mm`, or `voxels` if it is unknown. is_perspective: whether the camera's
+        projection is perspective.
+    world_axes: the directions of the world's axes, such as `LPS`, or empty if they are unknown.
+    legend: names and their colours.
     """
 
     size: tuple[int, int]
@@ -46,11 +48,12 @@ class AnnotationFacts:
 
 @dataclass(frozen=True)
 class FrameFacts:
-    """A record of what an annotation shows on one frame.
+    """A record of the facts about one frame.
 
-    seconds: of the film before it. time: of the step that is shown, None if there is none. moving: numbers by key.
-    accuracy: how exact the frame is, in words. world_per_pixel: a pixel's side, at the camera's target.
-    axes: the view's right, up and backward in the world.
+    seconds: the time of the frame in the film. time: the time of the step that is shown, None without steps in time.
+    moving: the scene's values that move, by key. accuracy: the accuracy of the frame, in words.
+    world_per_pixel: the world length of a pixel's side, at the camera's target.
+    axes: the view's right, up and backward directions in the world.
     """
 
     frame: int = 0
@@ -63,6 +66,6 @@ class FrameFacts:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Return the numbers that formats may name."""
+        """Return the numbers that format strings of texts may name."""
         own = {"frame": self.frame, "seconds": self.seconds} | ({} if self.time is None else {"time": self.time})
         return own | self.moving

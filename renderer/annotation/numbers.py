@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from decimal import Decimal
 
+# The first digits of round numbers.
 _MANTISSAS = (1, 2, 5)
-# Metric units of length, by the power of ten of a metre; those that lengths are written in, and those that are read.
+# The metric units in which lengths are written, by their power of ten of a metre.
 _PREFIXES = {-12: "pm", -9: "nm", -6: "µm", -3: "mm", 0: "m", 3: "km"}
+# The powers of ten of a metre, by the names of units that a volume may have.
 _UNITS = {unit: power for power, unit in _PREFIXES.items()} | {"cm": -2, "um": -6, "\u03bcm": -6}
-# Numbers of more digits than these, before and after the point, are written with a power of ten.
-_MOST_DIGITS, _MOST_DECIMALS = 6, 5
+# The most digits before the point. Larger numbers are written with a power of ten.
+_MOST_DIGITS = 6
+# The most digits after the point. Smaller numbers are written with a power of ten.
+_MOST_DECIMALS = 5
 
 
 def round_below(limit: float) -> Decimal:
@@ -21,7 +25,7 @@ def round_below(limit: float) -> Decimal:
 
 
 def plain_text(number: Decimal) -> str:
-    """Return the digits of a number; of a very large or small one, times a power of ten."""
+    """Return the digits of a number; very large and very small numbers have a power of ten."""
     number = number.normalize()
     if number and not -_MOST_DECIMALS <= number.adjusted() < _MOST_DIGITS:
         mantissa = number.scaleb(-number.adjusted())
@@ -30,7 +34,7 @@ def plain_text(number: Decimal) -> str:
 
 
 def length_text(length: Decimal, unit: str) -> str:
-    """Return a length in the metric unit in which it has the fewest digits; in others as it is."""
+    """Return a length with its unit. Metric units are replaced by the one in which the length has the fewest digits."""
     if unit not in _UNITS:
         return f"{plain_text(length)} {unit.removesuffix('s') if length == 1 and unit == 'voxels' else unit}".rstrip()
     metres = length.scaleb(_UNITS[unit])
@@ -39,7 +43,10 @@ def length_text(length: Decimal, unit: str) -> str:
 
 
 def find_ticks(low: float, high: float, most: int, *, is_log: bool = False) -> list[Decimal]:
-    """Return the round numbers from `low` to `high`, as many as there may be at most: the ticks of an axis."""
+    """Return the ticks of an axis from `low` to `high`: evenly spaced round numbers, at most `most` of them.
+
+    is_log: whether the axis is logarithmic, with powers of ten as ticks where they fit.
+    """
     if not low < high:
         return [Decimal(repr(low))]
     if is_log and low > 0 and len(ticks := _log_ticks(low, high, most)) > 1:
@@ -54,7 +61,10 @@ def find_ticks(low: float, high: float, most: int, *, is_log: bool = False) -> l
 
 
 def _log_ticks(low: float, high: float, most: int) -> list[Decimal]:
-    """Return powers of ten, with 2 and 5 times these if they fit, or every few of them if not."""
+    """Return ticks of a logarithmic axis: 1, 2 and 5 times powers of ten, or powers alone, or every second, and so on.
+
+    The first of these series that has at most `most` ticks is taken.
+    """
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     for mantissas, stride in ((_MANTISSAS, 1), *(((1,), stride) for stride in range(1, len(powers) + 1))):
         numbers = (Decimal(n).scaleb(power) for power in powers if power % stride == 0 for n in mantissas)

@@ -1,4 +1,4 @@
-"""Put masks together, in whole numbers, until their colours are known: the same bytes on every machine."""
+"""Draw with masks, and colour them at the end, in whole numbers: the same bytes on every machine."""
 
 from __future__ import annotations
 
@@ -11,14 +11,16 @@ from renderer.errors import InputError
 from renderer.scene import Color
 from renderer.volume import Float32, UInt8
 
+# The most pixels of a drawing. No picture has more.
 _MAX_PIXELS = 2**28
-_SAMPLES = 4  # of a shape's edge, along each side of a pixel
-# The rim at its strongest, of 255.
+# The number of samples along each side of a pixel, by which a polygon's edges are smooth.
+_SAMPLES = 4
+# The greatest opacity of a rim, from 0 to 255.
 _RIM = 190
 
 
 class Patch(NamedTuple):
-    """Premultiplied RGBA, float32 [h, w, 4], and its place: the row and the column of its first pixel."""
+    """A picture to put over another: premultiplied RGBA, float32 [h, w, 4], and the place of its first pixel."""
 
     rgba: Float32
     row: int
@@ -28,11 +30,12 @@ class Patch(NamedTuple):
 class Sketch:
     """A drawing that grows to the right and down as it is drawn on.
 
-    ink: in the colour of its entry, uint8 [h, w]. paint: over it, premultiplied RGBA, uint8 [h, w, 4].
+    ink: the mask of all that has the entry's colour, uint8 [h, w]. paint: a picture over the ink, with its own colours,
+        as premultiplied RGBA, uint8 [h, w, 4].
     """
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Begin with an empty drawing."""
         self.ink, self.paint = np.zeros((0, 0), np.uint8), np.zeros((0, 0, 4), np.uint8)
 
     @property
@@ -55,17 +58,17 @@ class Sketch:
         self.draw(np.full((height, width), 255, np.uint8), row, column)
 
     def color(self, mask: UInt8, color: Color, row: int, column: int) -> None:
-        """Paint a mask in a colour, over what is there."""
+        """Paint a mask in a colour, over the paint that is there."""
         part = self._part(row, column, *mask.shape)
         self.paint[part] = _over(self.paint[part], _colored(mask, color))
 
     def erase(self, mask: UInt8, row: int, column: int) -> None:
-        """Take paint away."""
+        """Take paint away where a mask is set."""
         part = self._part(row, column, *mask.shape)
         self.paint[part] = self.paint[part] * (255 - mask[..., None].astype(np.uint32)) // 255
 
     def _part(self, row: int, column: int, height: int, width: int) -> tuple[slice, slice]:
-        """Return where a part is, and make room for it. Raises InputError for more pixels than any picture has."""
+        """Return the rows and columns of a part, and make room for it. Raises InputError above _MAX_PIXELS."""
         more = max(row + height - self.height, 0), max(column + width - self.width, 0)
         if any(more):
             require_room(self.height + more[0], self.width + more[1])
@@ -73,9 +76,10 @@ class Sketch:
         return slice(row, row + height), slice(column, column + width)
 
     def finish(self, color: Color, rim: int) -> Float32:
-        """Return the drawing with a rim of this width in the opposite of its colour: float32 [h + 2 rim, w + 2 rim, 4].
+        """Return the drawing in a colour, with a rim of `rim` pixels: float32 [h + 2 rim, w + 2 rim, 4].
 
-        The rim makes the drawing readable over anything, and shows only where it is needed.
+        The rim is black around a light colour and white around a dark one, so that the drawing is readable over any
+        picture.
         """
         opposite = (0.0, 0.0, 0.0) if is_light(color) else (1.0, 1.0, 1.0)
         ink, paint = (grown(each, rim, rim) for each in (self.ink, self.paint))
@@ -84,7 +88,7 @@ class Sketch:
 
 
 def require_room(height: int, width: int) -> None:
-    """Raise InputError for more pixels than any picture has."""
+    """Raise InputError for a drawing of more than _MAX_PIXELS."""
     if height * width > _MAX_PIXELS:
         raise InputError("does not fit into the picture", got=f"{width} x {height} pixels", expected="a smaller size")
 
@@ -102,7 +106,7 @@ def _colored(mask: UInt8, color: Color) -> UInt8:
 
 
 def _over(below: UInt8, above: UInt8) -> UInt8:
-    """Composite premultiplied RGBA."""
+    """Composite one picture over another, both in premultiplied RGBA of 8 bits."""
     rest = 255 - above[..., 3:].astype(np.uint32)
     return np.asarray(above + (below * rest + 127) // 255, np.uint8)
 
@@ -116,13 +120,17 @@ def widen(mask: UInt8, rim: int) -> UInt8:
             weight = max(_RIM * (side - (down - rim) ** 2 - (across - rim) ** 2) // side, 0)
             part = padded[down : down + height, across : across + width]
             by_weight[weight] = np.maximum(by_weight.get(weight, part), part)
-    # Of equal weights the largest is looked for first: a multiplication is much slower than a comparison.
+    # Neighbours with the same weight are merged by their maximum first, as a multiplication is much slower than a
+    # comparison.
     scaled = [(np.arange(256) * weight // 255).astype(np.uint8)[part] for weight, part in by_weight.items()]
     return np.asarray(np.maximum.reduce(scaled))
 
 
 def grown(array: UInt8, before: int, after: int, across: int | None = None) -> UInt8:
-    """Return rows and columns with zeros around them; `across` columns at the end, where these are others than rows."""
+    """Return an array with zeros around it: `before` rows and columns before it, and `after` after it.
+
+    across: the number of columns after it, if it differs from the number of rows.
+    """
     more = before + (after if across is None else across)
     larger = np.zeros((len(array) + before + after, array.shape[1] + more, *array.shape[2:]), np.uint8)
     larger[before : before + len(array), before : before + array.shape[1]] = array
@@ -134,7 +142,7 @@ def polygon(corners: Sequence[tuple[float, float]]) -> tuple[UInt8, int, int]:
     points = np.array([[round(2 * _SAMPLES * part) for part in corner] for corner in corners])
     left, top = (points.min(axis=0) // (2 * _SAMPLES)).tolist()
     width, height = (points.max(axis=0) // (2 * _SAMPLES) + 1 - (left, top)).tolist()
-    # The centres of samples, in halves of one.
+    # The centres of samples, in units of half a sample's width.
     x, y = (2 * _SAMPLES * first + 2 * np.arange(_SAMPLES * num) + 1 for first, num in ((left, width), (top, height)))
     sides = [
         (end[0] - start[0]) * (y[:, None] - start[1]) - (end[1] - start[1]) * (x - start[0])
@@ -148,7 +156,7 @@ def polygon(corners: Sequence[tuple[float, float]]) -> tuple[UInt8, int, int]:
 def draw_annotation(image: Float32, patches: Sequence[Patch]) -> None:
     """Put patches over a picture in place: float32 [h, w, 4], premultiplied."""
     for rgba, row, column in patches:
-        # The rim of what is at the edge may reach beyond it.
+        # The rim of an entry at the picture's edge may reach beyond it.
         top, left = max(-row, 0), max(-column, 0)
         part = image[row + top : row + len(rgba), column + left : column + rgba.shape[1]]
         above = rgba[top : top + part.shape[0], left : left + part.shape[1]]

@@ -1,7 +1,7 @@
-"""Draw lines of text as masks, at whole pixels, with one font in the sizes that are asked for.
+"""Draw lines of text as masks, at whole pixels, with one font in any size.
 
-FreeType hints and kerns glyphs from the left to the right, by Pillow's basic layout: scripts that join letters or run
-from the right to the left need a shaping library, which machines may lack.
+Pillow's basic layout places glyphs from left to right, with hinting and kerning by FreeType. Scripts that join letters
+or run from right to left would need a shaping library, which machines may lack.
 """
 
 from __future__ import annotations
@@ -19,28 +19,34 @@ from renderer.scene import read_bounded, require_file
 from renderer.system import printable
 from renderer.volume import UInt8
 
+# The most bytes of a font's file.
 MAX_FONT_BYTES = 2**25
+# The font that comes with hsplat.
 _OWN_FONT = Path(__file__).with_name("fonts") / "DejaVuSans.ttf"
-# Ascenders and descenders of most lines, so that lines of one size have one height.
-_TALL, _DEEP = "Hdl", "gpq"
-# No font has a glyph for this code point, which will never be a character.
+# Letters with ascenders. Every line has room above for these letters, so that lines of one size have one height.
+_TALL = "Hdl"
+# Letters with descenders. Every line has room below for these letters.
+_DEEP = "gpq"
+# A code point that will never be a character, and for which no font has a glyph.
 _NO_CHARACTER = "\U0010ffff"
+# The most characters of a line. The remainder is not drawn.
 _LONGEST = 300
+# The number of drawn lines that a font keeps.
 _KEPT_LINES = 32
 
 
 class Line(NamedTuple):
-    """A line of text: uint8 [h, w], and the row of the baseline in it."""
+    """A drawn line of text: its mask, uint8 [h, w], and the row of the baseline in the mask."""
 
     mask: UInt8
     baseline: int
 
 
 class Font:
-    """A font, in any size. line: as `_line`, which it keeps the last ones of."""
+    """A font in any size. line: the function `_line` with a cache of the last lines."""
 
     def __init__(self, file: Path | None) -> None:
-        """Read a font; without a file, the one that comes with hsplat. Raises InputError."""
+        """Read a font; without a file, the font that comes with hsplat. Raises InputError if that fails."""
         file = file or _OWN_FONT
         require_file(file, "a font")
         self._file, self._content = file, read_bounded(file, MAX_FONT_BYTES, "a font")
@@ -49,9 +55,9 @@ class Font:
         self.line(_TALL, 9)
 
     def _line(self, text: str, px: int) -> Line:
-        """Return a line of text whose em is `px` pixels high. What is not printable is escaped.
+        """Return a line of text whose em is `px` pixels high. Unprintable characters are escaped.
 
-        Raises InputError for what the font cannot draw.
+        Raises InputError for characters that the font lacks, and for a file that is no font.
         """
         from PIL import Image, ImageDraw
 

@@ -1,14 +1,14 @@
-"""The cut of bricks: those that are drawn at a tolerance, and their number as a function of it.
+"""Find the cut of bricks, which are drawn at a tolerance, and the number of bricks as a function of the tolerance.
 
-As in `renderer.pyramid.cut_size`, a brick is split at every tolerance up to its *split threshold*, the least of its
-error and the split thresholds of the bricks around it. It is in the cut at tolerances above its own threshold, up to
-that of its parent, if anything in it may be visible:
+As in `renderer.pyramid.cut_size`, a brick is split at every tolerance up to its *split threshold*, the smallest of its
+error and the errors of all bricks that contain it. It is in the cut at tolerances above its own threshold, up to its
+parent's threshold, if anything in it may be visible:
 
     bricks at t = P(t) - Q(t)
 
-of which P(t) is the number of visible bricks whose parent's threshold is at least t, and Q(t) the number of those whose
-own threshold is. The number of bricks may fall a little as t falls: the halo of a brick is wider than those of its
-children, so that together they may show less of their surroundings.
+Here, P(t) is the number of visible bricks whose parent's threshold is at least t, and Q(t) the number of visible bricks
+whose own threshold is at least t. The number of bricks may fall a little as t falls: the halo of a brick is wider than
+the halos of its children, which may therefore show less of their surroundings.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from renderer.pyramid import CutSizes, subdivide
 from renderer.scene import MIN_TOLERANCE
 from renderer.volume import Bools, Float64, Int32, Int64, UInt8, Volume
 
-# Takes bounds as in BrickCut, and returns of which something holds.
+# A test of bounds, float64 [n, 2, 3] as in BrickCut. It returns bool [n].
 BoundsTest = Callable[[Float64], Bools]
 
 
@@ -34,9 +34,10 @@ BoundsTest = Callable[[Float64], Bools]
 class BrickCut:
     """A cut of bricks, coarse levels first, in Morton order within a level. The index of a brick is its id.
 
-    levels: uint8 [n], of their cells.
-    cells: int32 [n, 3], x, y, z in widths of the brick, BRICK_SIZE << level voxels.
-    visible_bounds: float64 [n, 2, 3], lowest and highest corner (x, y, z) of what may be visible, index coordinates.
+    levels: uint8 [n], the level of the brick's cells.
+    cells: int32 [n, 3], the place (x, y, z) of the brick, in widths of a brick, BRICK_SIZE << level voxels.
+    visible_bounds: float64 [n, 2, 3], the lowest and the highest corner (x, y, z) of the box around all that may be
+        visible in the brick, in index coordinates.
     step_errors: float64 [n], as in BrickLevel.
     volume: the volume that was cut.
     """
@@ -56,8 +57,8 @@ def cut_bricks(
 ) -> BrickCut:
     """Return the coarsest bricks whose errors are below `tolerance` (in the measure's unit), none below `finest_level`.
 
-    Bricks whose own level shows nothing are left out. are_split: tells which bricks are drawn as voxels at any
-    tolerance.
+    Bricks in which nothing is visible at their level are left out. are_split: a test of the bricks that are drawn as
+    voxels at any tolerance; None for none.
     """
     cells, leaves = np.zeros((1, 3), np.int32), []
     for number in range(len(bricks.levels) - 1, -1, -1):
@@ -86,10 +87,12 @@ def _visible_bounds(level: BrickLevel, number: int, cells: Int32) -> Float64:
 def brick_cut_sizes(
     bricks: Sequence[Bricks | BrickLayers], *, finest_levels: Sequence[int], finest_levels_at_zero: Sequence[int]
 ) -> CutSizes:
-    """Return the sizes of all cuts of some bricks together; each of `counts` is the largest size of that cut and of all
-    coarser ones.
+    """Return the sizes of all cuts, for the bricks of several groups together.
 
-    finest_levels, finest_levels_at_zero: of the cells drawn at tolerances above 0, and at 0.
+    An entry of `counts` is the largest size of its cut and of all coarser cuts, as sizes may fall a little.
+
+    finest_levels, finest_levels_at_zero: the finest level of the cells of each group that are drawn at tolerances above
+        0, and at 0.
     """
     at_zero = _count_at_thresholds(bricks, finest_levels_at_zero)[1].max(initial=0)
     thresholds, counts = _count_at_thresholds(bricks, finest_levels)
@@ -100,18 +103,18 @@ def brick_cut_sizes(
 
 
 def _count_at_thresholds(bricks: Sequence[Bricks | BrickLayers], finest_levels: Sequence[int]) -> tuple[Float64, Int64]:
-    """Return CutSizes.split_thresholds, float64 [n], with those of 0, and CutSizes.counts, int64 [n + 1]."""
+    """Return CutSizes.split_thresholds, float64 [n], thresholds of 0 included, and CutSizes.counts, int64 [n + 1]."""
     found = [_visible_thresholds(*each) for each in zip(bricks, finest_levels, strict=True)]
     begin, end = (np.sort(np.concatenate(each)) for each in zip(*found, strict=True))
     steps = np.sort(np.concatenate([begin, end]))[::-1]
-    is_new = np.append(True, steps[1:] != steps[:-1])  # np.unique would import masked arrays
+    is_new = np.append(True, steps[1:] != steps[:-1])  # without np.unique, which would import masked arrays
     steps = steps[is_new & (steps >= 0) & (steps < np.inf)]
     num_begun, num_ended = (len(sorted_) - np.searchsorted(sorted_, steps) for sorted_ in (begin, end))
     return steps, np.array([np.count_nonzero(begin == np.inf), *(num_begun - num_ended)], np.int64)
 
 
 def _visible_thresholds(bricks: Bricks | BrickLayers, finest_level: int) -> tuple[Float64, Float64]:
-    """Return the thresholds of the parents of visible bricks, and their own, float64 [n]."""
+    """Return the split thresholds of the parents of visible bricks, and of these bricks themselves: float64 [n]."""
     of_parents, own = [], []
     parent_thresholds = np.full((1, 1, 1), np.inf)
     for number in range(len(bricks.levels) - 1, -1, -1):

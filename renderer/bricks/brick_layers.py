@@ -1,8 +1,8 @@
 """Join the bricks of layers that lie on one grid of voxels, so that they are cut and drawn as one.
 
-At every point their extinctions add up, each times the weight of its layer. What a brick of several layers may put
-wrong into a pixel is at most the sum of what each may, times its weight: two copies of a volume, each with half of the
-weight, have the cut and the steps of one.
+At every point, the extinctions of the layers add up, multiplied by their weights. The error that a brick of several
+layers may cause in a pixel is at most the weighted sum of the layers' errors: two copies of a volume, each with half of
+the weight, have the cut and the steps of one volume.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from renderer.volume import Volume
 
 @dataclass(frozen=True)
 class BrickLayer:
-    """A layer as bricks: these, its light, and its weight, a factor on extinction."""
+    """A layer as bricks, with its shading, and its weight, a factor on extinction."""
 
     bricks: Bricks
     shading: ShadingSpec | None = None
@@ -27,14 +27,18 @@ class BrickLayer:
 
     @property
     def lights_faces(self) -> bool:
-        """Return whether faces that clipping cuts have a light of their own; voxels that are colours are lit before."""
+        """Return whether the faces that clipping cuts are lit by their own normals.
+
+        The faces of voxels that are colours are not, as such voxels are lit before they are interpolated.
+        """
         return self.shading is not None and self.shading.cut_faces and self.bricks.volume.colors is None
 
 
 @dataclass(frozen=True)
 class BrickLayers:
-    """Layers on one grid of voxels. clip: what is clipped away of all of them, besides what the view clips.
+    """A list of layers on one grid of voxels.
 
+    clip: the planes and boxes that clip all layers, besides the planes and boxes of the view.
     is_additive: whether nothing is absorbed, so that light only adds up.
     """
 
@@ -49,7 +53,7 @@ class BrickLayers:
 
     @cached_property
     def levels(self) -> tuple[BrickLevel, ...]:
-        """Return the levels of all layers together, as of Bricks."""
+        """Return the joined levels of all layers, as in Bricks."""
         first = self.layers[0]
         if len(self.layers) == 1 and first.weight == 1.0:
             return first.bricks.levels

@@ -1,8 +1,7 @@
-"""Gather the means of a brick and its halo when it is drawn, and recompute those of levels that a pyramid for bricks
-does not store.
+"""Gather or recompute the means of the nodes in a brick and its halo when the brick is drawn.
 
-For levels 1 and 2, the code that builds pyramids classifies and averages the voxels of a brick and its halo, 18^3
-cells, block by block. The means are those that it would have stored, bit for bit.
+A pyramid for bricks does not store levels 1 and 2. For these, the code that builds pyramids classifies and averages the
+voxels of a brick and its halo, 18^3 cells, block by block. The means equal the means of a stored level, bit for bit.
 """
 
 from __future__ import annotations
@@ -23,22 +22,22 @@ from renderer.pyramid import (
 from renderer.transfer import raw_voxels
 from renderer.volume import Array, Float32, Int32, Int64, Volume
 
-# Fewer bricks are not worth a thread.
+# The fewest bricks that are worth a thread of their own.
 MIN_BRICKS_PER_THREAD = 8
 
 
 def means_of_bricks(pyramid: Pyramid, level: int, cells: Int32) -> Array:
-    """Return the means of bricks of a level above 0, as `recompute_means` and `stored_means` do."""
+    """Return the means of bricks of a level above 0, stored or recomputed. See `recompute_means`."""
     return (recompute_means if level <= STREAMED_LEVELS else stored_means)(pyramid, level, cells)
 
 
 def stored_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
-    """Return the means of bricks of a level that the pyramid stores, as `recompute_means` does."""
+    """Return the means of bricks of a level that the pyramid stores. See `recompute_means`."""
     of_level = pyramid.levels[level - 1].means
     means = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), of_level.dtype)
     for first, out in zip(BRICK_SIZE * cells - HALO, means, strict=True):
         nodes, found = root_cells(pyramid)
-        for shift in range(pyramid.num_levels - level - 1, -1, -1):  # from level to level, what meets the brick
+        for shift in range(pyramid.num_levels - level - 1, -1, -1):  # down the levels, along nodes that meet the brick
             nodes, found = visible_children(nodes, found, pyramid.levels[level + shift])
             low = (found << shift) - first
             is_near = (low > -(1 << shift)) & (low < PADDED_BRICK_SIZE)
@@ -50,10 +49,10 @@ def stored_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
 
 
 def color_texels(pyramid: Pyramid, cells: Int32) -> Float32:
-    """Return (tau c, tau) times the finest spacing of the voxels of bricks at `cells` [n, 3] (x, y, z) and of their
-    halo, float32 [n, 18, 18, 18, 4]; beyond the volume's border the nearest voxel is repeated.
+    """Return (tau c, tau) times the finest spacing, for the voxels of bricks and their halos.
 
-    Raises InputError where the volume's file was changed.
+    They are float32 [n, 18, 18, 18, 4]. Beyond the volume's border, the nearest voxel is repeated. cells: [n, 3], the
+    places (x, y, z) of bricks. Raises InputError if the volume's file was changed.
     """
     volume, corners = pyramid.volume, BRICK_SIZE * cells.astype(np.int64) - HALO
     texels = _average_cells(volume, pyramid.classifier._replace(shown=None), 0, corners)
@@ -66,10 +65,10 @@ def color_texels(pyramid: Pyramid, cells: Int32) -> Float32:
 
 
 def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
-    """Return the means of bricks of level 1 or 2 at `cells` [n, 3] (x, y, z) and of their halo, 0 where nothing is
-    visible, as a pyramid would store them: float16 or float32 [n, 18, 18, 18, 4].
+    """Return the means of bricks of level 1 or 2 and their halos, as a pyramid would store them.
 
-    Raises InputError where the volume's file was changed.
+    They are float16 or float32 [n, 18, 18, 18, 4], and 0 where nothing is visible. cells: [n, 3], the places (x, y, z)
+    of bricks. Raises InputError if the volume's file was changed.
     """
     corners = BRICK_SIZE * cells.astype(np.int64) - HALO
     means = _average_cells(pyramid.volume, pyramid.mean_classifier, level, corners)
@@ -84,8 +83,10 @@ def recompute_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
 
 
 def _average_cells(volume: Volume, classifier: Classifier, level: int, corners: Int64) -> Float32:
-    """Return the means of cells of level 1 or 2, or the voxels of level 0, from each of `corners` [n, 3] on; 0 beyond
-    the border."""
+    """Return the means of blocks of 18^3 cells of level 1 or 2, or of classified voxels for level 0.
+
+    They are float32 [n, 18, 18, 18, 4], and 0 beyond the border. corners: [n, 3], the lowest cells of the blocks.
+    """
     means = np.zeros((len(corners), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
     volume.require_unchanged()
     kernels().average_cells(raw=raw_voxels(volume), classifier=classifier, level=level, corners=corners, means=means)

@@ -1,11 +1,10 @@
 """Build the bricks: cubes of BRICK_SIZE^3 cells of one level of the pyramid, which the integrated footprint draws.
 
-A brick of level l is a node of level l + BRICK_LEVELS of the octree, filled with the nodes of level l in it, or on
-level 0 with voxels. The field is linear between the centres of its cells, and between them and the cells of its
-neighbours at the same level, the halo, whatever is drawn there.
-
-    level 0     the scalar, classified after interpolation; (tau c, tau) of voxels that are colours
-    above       the means of (tau c, tau), classified before, which may be interpolated
+A brick of level l is a node of level l + BRICK_LEVELS of the octree. Its cells are the nodes of level l in it, or
+voxels for level 0. The field is linear between the centres of its cells, and between these and the neighbouring cells
+of the same level, the halo. Bricks of level 0 interpolate the scalar and classify it afterwards; for voxels that are
+colours they interpolate (tau c, tau). Bricks of higher levels interpolate means of (tau c, tau), which were classified
+before.
 """
 
 from __future__ import annotations
@@ -40,33 +39,38 @@ from renderer.transfer import (
 )
 from renderer.volume import Bools, Float32, Float64, Volume, meet_mask, reduce_blocks
 
-# A ray meets the cells of this many bricks. Their errors are random, so that their sum is one error times the root of
-# their number. If one brick is assumed instead of four, pictures of 42 and 45 dB take 1.2 times as long (mean of 10
-# volumes), because cells then err more than steps; pictures of other accuracies, from 30 to 52 dB, take as long.
+# The number of bricks whose cells a ray meets. If 1 is assumed instead of 4, pictures of 42 and 45 dB take 1.2 times as
+# long (mean of 10 volumes), because cells then err more than steps; pictures of other accuracies, from 30 to 52 dB,
+# take as long.
 BRICKS_PER_RAY = 4
+# The ratio between the error of a ray and the error of one cell. Errors of cells are random, so that their sum grows
+# with the root of their number.
 RAY_ERROR_FACTOR = math.sqrt(BRICKS_PER_RAY * BRICK_SIZE)
 
-# Bricks of one task: enough to hide the dispatch, few enough that their nodes take little memory.
+# The number of bricks of one task: enough to hide the dispatch, few enough that their nodes take little memory.
 _BRICKS_PER_TASK = 128
-# The range of texels is at least this share of the range of the control values, or of the volume's if all control
-# values are equal. Interpolated scalars need digits, and clamping to MAX_NORMALIZED_SCALAR moves what lies beyond.
+# The smallest range of texels, as a share of the range of the control values, or of the volume's range if all control
+# values are equal. In a smaller range, clamping to MAX_NORMALIZED_SCALAR would move scalars outside of it.
 _MIN_RANGE_SHARE = 1 / 64
 
 
 @dataclass(frozen=True)
 class BrickLevel:
-    """A level of bricks: all of them, including those that show nothing.
+    """A level of bricks, including invisible bricks.
 
-    visible_bounds: float32 [z, y, x, 2, 3], lowest and highest corner (x, y, z) of what may be visible in the brick:
-        where the field, halo included, is not transparent. In cells from the brick's lowest corner, 0 to BRICK_SIZE; at
-        centres of cells (k + 1/2), or at faces of the brick or the volume. Equal corners where nothing is visible.
-    errors: float64 [z, y, x], how wrong the brick may make a pixel, in the measure's unit. It is RAY_ERROR_FACTOR times
-        the larger of two errors: that of the worst node in the brick or its halo, and that of the sub-voxel variation
-        along a segment as long as such a node (kernel `subvoxel.cpp`). On level 0, which shows every voxel, it is 0.
-    step_errors: float64 [z, y, x], how wrong cells twice as large would be: the root mean square, over the brick's
-        volume, of the errors of nodes one level *above*. Where that is 0, it is the largest of the neighbouring bricks,
-        because they may be visible in the halo. On level 0 the squares of the sub-voxel variation along a segment of
-        that length are added. It is never less than the estimate from differences between voxels along that segment.
+    visible_bounds: float32 [z, y, x, 2, 3], the lowest and the highest corner (x, y, z) of the box around all places in
+        the brick where the field, halo included, is not transparent. In cells from the brick's lowest corner, 0 to
+        BRICK_SIZE; at centres of cells (k + 1/2), or at faces of the brick or the volume. Both corners are equal if
+        nothing is visible.
+    errors: float64 [z, y, x], the error that the brick may cause in a pixel, in the measure's unit. It is
+        RAY_ERROR_FACTOR times the larger of two errors: the error of the worst node in the brick or its halo, and the
+        error of the sub-voxel variation along a segment as long as such a node (kernel `subvoxel.cpp`). At level 0,
+        which shows every voxel, it is 0.
+    step_errors: float64 [z, y, x], the error of cells twice as large: the root mean square, over the brick's volume, of
+        the errors of nodes one level *above*. Where it would be 0, it is the largest step error of the neighbouring
+        bricks, because they may be visible in the halo. At level 0, the squares of the sub-voxel variation along a
+        segment of that length are added. It is never less than the estimate from differences between voxels along that
+        segment.
     """
 
     visible_bounds: Float32
@@ -86,13 +90,13 @@ class BrickLevel:
 
 @dataclass(frozen=True)
 class Bricks:
-    """A volume divided into bricks. levels[l] holds those of level l; the last one is a single brick.
+    """A volume divided into bricks. levels[l] holds the bricks of level l; the last level is a single brick.
 
-    scalar_range: texels of level 0 are normalized to it. The part of the volume's range in which the transfer function
-        changes, or all of it where it does not.
+    scalar_range: the range to which texels of level 0 are normalized. It is the part of the volume's range in which the
+        transfer function changes, or the whole range if it is constant.
     volume_range: the volume's smallest and largest scalar.
-    pieces: the transfer function by normalized scalars. light_grid: how much of the light reaches each place.
-    are_cut: bool [z, y, x], of level 0, whether some of a brick may be outside of the mask; None without one.
+    pieces: the transfer function by normalized scalars. light_grid: the light that reaches each place.
+    are_cut: bool [z, y, x], whether a part of each brick of level 0 may be outside of the mask; None without a mask.
     """
 
     levels: tuple[BrickLevel, ...]
@@ -119,14 +123,13 @@ def make_bricks(
     num_threads: int = 2,
     **options: Any,
 ) -> Bricks:
-    """Build the bricks of all levels, and their pyramid; the result does not depend on `num_threads`.
+    """Build the bricks of all levels, and their pyramid. The result does not depend on `num_threads`.
 
-    light_grid, and options: spec, error and shading, as in `build_pyramid`. has_lit_labels: whether samples of labels
-    are lit.
     The pyramid has no nodes of the levels up to STREAMED_LEVELS: their statistics are gathered as they are built, and
     their means are recomputed from voxels for drawing.
 
-    Raises InputError where the volume's file was changed.
+    light_grid, and options (spec, error, shading, finest_cut): as in `build_pyramid`. has_lit_labels: whether samples
+    of labels are lit. Raises InputError if the volume's file was changed.
     """
     statistics = [NodeStatistics.empty(volume, level) for level in range(1, STREAMED_LEVELS + 1)]
 
@@ -143,7 +146,7 @@ def make_bricks(
         pyramid, transfer, volume_range, has_lit_labels=has_lit_labels, num_threads=num_threads
     )
     are_cut = _clear_masked(bounds, volume) if volume.mask is not None else None
-    if has_lit_labels:  # their light changes up to three voxels away from where they end
+    if has_lit_labels:  # the light of labels changes up to three voxels away from their borders
         steps = or_of_neighbours(steps)
     unit = _cell_error_scale(pyramid, 1)
     step_errors = np.maximum(np.hypot(statistics[0].step_errors_below(), unit * steps), unit * differences)
@@ -160,7 +163,7 @@ def make_bricks(
 
 
 def _clear_masked(bounds: Float32, volume: Volume) -> Bools:
-    """Clear the visible bounds of bricks of level 0 that do not meet the volume's mask; return Bricks.are_cut."""
+    """Clear the visible bounds of bricks of level 0 outside of the volume's mask, and return Bricks.are_cut."""
     assert volume.mask is not None and volume.mask_grid is not None
     lows = BRICK_SIZE * grid_cells(bounds.shape[:3]).astype(np.float64) - 0.5
     are_met, are_inside = meet_mask(volume.mask.values, volume.mask_grid.from_index, lows, lows + BRICK_SIZE)
@@ -169,16 +172,17 @@ def _clear_masked(bounds: Float32, volume: Volume) -> Bools:
 
 
 def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[float, float]:
-    """Return Bricks.scalar_range of a volume from `low` to `high`; never a single number.
+    """Return Bricks.scalar_range for a volume whose scalars lie between `low` and `high`; never an empty range.
 
-    It spans where the transfer function changes, and no more: the narrower it is, the more digits texels have there.
+    It spans the scalars at which the transfer function changes, and no more: in a narrower range, texels have more
+    digits.
     """
     points = np.column_stack([transfer.colors * transfer.extinctions[:, None], transfer.extinctions])
     changing = np.flatnonzero(np.any(points[1:] != points[:-1], axis=1))
     first, last = low, high
     if len(changing):
         start, end = float(transfer.values[changing[0]]), float(transfer.values[changing[-1] + 1])
-        # Halves, which are always finite.
+        # Halves of ranges are always finite.
         half, of_all = end / 2 - start / 2, float(transfer.values[-1] / 2 - transfer.values[0] / 2)
         of_volume = high / 2 - low / 2
         least = _MIN_RANGE_SHARE * of_volume
@@ -190,7 +194,7 @@ def _scalar_range(transfer: TransferFunction, low: float, high: float) -> tuple[
         first, last = low, high
     if first < last:
         return first, last
-    width = max(1.0, abs(low))  # towards 0, so that neither end overflows
+    width = max(1.0, abs(low))  # the range grows towards 0, so that neither end overflows
     return (low - width, low) if low > 0 else (low, low + width)
 
 
@@ -211,11 +215,11 @@ def _gather_stored_level(pyramid: Pyramid, number: int, num_threads: int) -> Nod
 
 
 def _root_mean_square_of_children(of_brick: Float64) -> Float64:
-    """Return the root mean square over the up to eight bricks of the level below, float64 [z, y, x].
+    """Return, for each brick, the root mean square over its children, up to eight bricks: float64 [z, y, x].
 
-    Bricks at the border count as whole ones.
+    Bricks at the border count as whole bricks.
     """
-    largest = float(of_brick.max()) or 1.0  # squares of errors of scalars may overflow
+    largest = float(of_brick.max()) or 1.0  # errors are divided by it, as squares of scalars may overflow
     squares, nums = (reduce_blocks(np.add, each, 2) for each in ((of_brick / largest) ** 2, np.ones_like(of_brick)))
     return np.asarray(largest * np.sqrt(squares / nums))
 
@@ -228,14 +232,17 @@ def _measure_voxels(
     has_lit_labels: bool,
     num_threads: int,
 ) -> tuple[Float32, Float64]:
-    """Return what the kernel `measure_voxel_bricks` finds in the bricks of level 0: their visible bounds, float32
-    [z, y, x, 2, 3], and float64 [3, z, y, x]."""
+    """Measure the bricks of level 0 with the kernel `measure_voxel_bricks`; return visible bounds and three measures.
+
+    Bounds are float32 [z, y, x, 2, 3]. Measures are float64 [3, z, y, x]: the largest sub-voxel variation of a brick,
+    the variation that sets its steps, and the estimate from differences between voxels.
+    """
     volume, lighting = pyramid.volume, pyramid.classifier.lighting
     shape = brick_grid_shape(volume, 0)
     bounds, measures = np.zeros((*shape, 2, 3), np.float32), np.zeros((3, *shape))
     if pyramid.of == "scalar":
         curve = make_scalar_curve(volume_range)
-    elif volume.colors is not None:  # the transfer function shows nothing between voxels
+    elif volume.colors is not None:  # voxels that are colours have no sub-voxel variation
         curve = make_transfer_table(np.zeros(1), np.zeros((1, 4)))
     else:
         brightest = lighting.light[3] + lighting.light[4] if lighting else 1.0
@@ -263,13 +270,13 @@ def _measure_voxels(
         pool.map(work, _parts(len(cells)))
     volume.require_unchanged()
     if pyramid.of == "scalar":
-        measures *= volume_range[1] / 2 - volume_range[0] / 2  # the range itself may overflow
+        measures *= volume_range[1] / 2 - volume_range[0] / 2  # halves are used, as the width of the range may overflow
         measures *= 2
     return bounds, measures
 
 
 def _cell_error_scale(pyramid: Pyramid, number: int) -> float:
-    """Return the factor from the root of the variance of a whole node of a level to its error."""
+    """Return the ratio between the error of a whole node of a level and the root of its variance."""
     return float(error_scale(pyramid.volume, pyramid.measure, 8.0**number))
 
 

@@ -1,8 +1,8 @@
-"""Bound the scalars in each brick of level 0, for rays that look for the most extreme one.
+"""Bound the scalars in each brick of level 0, for rays that look for the most extreme scalar.
 
-Such rays need the field itself: cells of coarser levels have means, which lose every peak. Bricks that cannot change a
-pixel are passed over instead. At a tolerance, a share of the colour range, they also are where they could change it by
-a part of it, SLACK_SHARE.
+Such rays need the field itself: cells of coarser levels have means, which lose every peak. Instead, rays pass over
+bricks that cannot change a pixel. At a tolerance, a share of the colour range, they also pass over bricks that could
+change a pixel by no more than SLACK_SHARE of the tolerance.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ from renderer.kernels import ThreadPool, kernels
 from renderer.scene import ModeSpec
 from renderer.volume import Float64
 
+# The share of the tolerance by which a brick may change a pixel and still be passed over.
 SLACK_SHARE = 1 / 16
 
-# Bricks of one task.
+# The number of bricks of one task.
 _BRICKS_PER_TASK = 256
 
 
 def extreme_bricks(layers: BrickLayers, mode: ModeSpec, *, num_threads: int) -> BrickBatch:
-    """Return the bricks of level 0 in which a scalar may count, for tolerance 0.
+    """Return the bricks of level 0 in which the most extreme scalar may lie, for tolerance 0.
 
-    layers: a single one. What is more extreme than one end of the colour range is what its transfer function shows, a
-        ramp from 0 over that range.
+    layers: a single layer. Its transfer function is a ramp over the colour range, from 0 at the least extreme end, so
+        that a brick is visible if it has more extreme scalars.
     """
     bricks = layers.layers[0].bricks
     cut, volume = cut_bricks(bricks, 0.0), bricks.volume
@@ -51,7 +52,7 @@ def extreme_bricks(layers: BrickLayers, mode: ModeSpec, *, num_threads: int) -> 
 
 
 def extremes_at(batch: BrickBatch, tolerance: float, voxel_px: float) -> BrickBatch:
-    """Return the same bricks for a tolerance, a share of the colour range; voxels are about `voxel_px` pixels wide."""
+    """Return the same bricks for a tolerance, a share of the colour range. voxel_px: the width of voxels, in pixels."""
     assert batch.extremes is not None
     volume = batch.cut.volume
     thinnest = float((volume.spacing / volume.finest_spacing * volume.shape_xyz).min())
@@ -63,7 +64,7 @@ def extremes_at(batch: BrickBatch, tolerance: float, voxel_px: float) -> BrickBa
 
 
 def _scalar_ranges(bricks: Bricks, cut: BrickCut, num_threads: int) -> Float64:
-    """Return the smallest and the largest scalar of bricks of level 0 and their halo, float64 [n, 2]."""
+    """Return the smallest and the largest scalar of each brick of level 0, halo included: float64 [n, 2]."""
     ranges = np.empty((len(cut), 2))
     measure = kernels().measure_ranges.partial(voxels=voxels_of(bricks.volume, bricks.pyramid.classifier))
 

@@ -1,4 +1,4 @@
-"""Where the cells of a brick and its halo lie, and the voxels that kernels read into bricks."""
+"""Define the places of the cells of a brick and its halo, and the voxels that kernels read into bricks."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ from renderer.kernels import Classifier, Voxels
 from renderer.transfer import raw_voxels
 from renderer.volume import Int32, Volume
 
+# The number of octree levels between a brick and its cells.
 BRICK_LEVELS = 4
+# The number of cells along each side of a brick.
 BRICK_SIZE = 1 << BRICK_LEVELS
+# The width of the halo, in cells.
 HALO = 1
+# The number of cells along each side of a brick with its halo.
 PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO
 
 
@@ -26,5 +30,5 @@ def grid_cells(shape: tuple[int, ...]) -> Int32:
 
 
 def voxels_of(volume: Volume, classifier: Classifier) -> Voxels:
-    """Return the voxels of a volume, whose classifier this is."""
+    """Return the voxels of a volume. classifier: the classifier of the volume."""
     return Voxels(raw_voxels(volume), classifier.scalars, volume.num_absent > 0, volume.is_labels)

@@ -1,6 +1,6 @@
-"""Add up what bricks need to know of the nodes in them and around them.
+"""Add up statistics of the nodes in bricks and around them: errors and visible bounds.
 
-Nodes that are streamed and not stored leave only this: some hundred bytes for a brick of 16^3 nodes.
+They are all that is kept of nodes that are streamed and not stored: some hundred bytes for a brick of 16^3 nodes.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ from renderer.volume import Array, Float32, Float64, Int32, Int64, UInt8, Volume
 class NodeStatistics:
     """A summary of the nodes of one level, by brick. Threads may add nodes of different bricks at the same time.
 
-    max_error_by_neighbour: float64 [z, y, x, 3, 3, 3], the largest error of those nodes of each brick of this level
-        that are in the halo of its neighbours at -1, 0 and 1 along z, y, x; in the middle, of all its nodes.
-    bounds_by_neighbour: uint8 [z, y, x, 3, 3, 3, 2, 3], the lowest of the cells (x, y, z) of the same nodes where
-        visible, and one above the highest; BRICK_SIZE and 0 if no node is visible.
-    max_error_below, squared_errors_below: float64 [z, y, x], of the nodes in each brick of the level below, half as
-        wide: the largest error, and the sum of the squares of all errors divided by it, weighted by numbers of voxels.
+    max_error_by_neighbour: float64 [z, y, x, 3, 3, 3], for each brick and each neighbour at -1, 0 and 1 along z, y, x,
+        the largest error of the brick's nodes in the neighbour's halo. The middle entry is for all nodes of the brick.
+    bounds_by_neighbour: uint8 [z, y, x, 3, 3, 3, 2, 3], the lowest cell (x, y, z) of the visible nodes among them, and
+        one above the highest cell; BRICK_SIZE and 0 if no node is visible.
+    max_error_below: float64 [z, y, x], the largest error of the nodes in each brick of the level below, half as wide.
+    squared_errors_below: float64 [z, y, x], the sum of the squares of these errors divided by the largest one, weighted
+        by numbers of voxels.
     """
 
     volume: Volume
@@ -37,16 +38,20 @@ class NodeStatistics:
 
     @classmethod
     def empty(cls, volume: Volume, level: int) -> NodeStatistics:
-        """Return the statistics of no nodes."""
+        """Return statistics to which no nodes were added yet."""
         shape, below = brick_grid_shape(volume, level), brick_grid_shape(volume, level - 1)
         bounds = np.zeros((*shape, 3, 3, 3, 2, 3), np.uint8)
         bounds[..., 0, :] = BRICK_SIZE
         return cls(volume, level, np.zeros((*shape, 3, 3, 3)), bounds, np.zeros(below), np.zeros(below))
 
     def add(self, cells: Int32, sizes: Int64, errors: Float64, means: Array) -> None:
-        """Add all nodes in some bricks of the level below: cells [n, 3] (x, y, z), numbers of voxels [n], errors [n],
-        stored means [n, 4]."""
-        depths = means[:, 3].view(np.uint16) if means.dtype == np.float16 else means[:, 3]  # 0 has no bits
+        """Add all nodes in some bricks of the level below.
+
+        cells: [n, 3], the places (x, y, z) of nodes. sizes: [n], their numbers of voxels. errors: [n], in the measure's
+        unit. means: [n, 4], as stored.
+        """
+        # Numbers of float16 are compared with 0 by their bits, which are all 0 for 0.
+        depths = means[:, 3].view(np.uint16) if means.dtype == np.float16 else means[:, 3]
         kernels().add_nodes(
             cells=cells, sizes=sizes, errors=errors, is_visible=depths > 0,
             max_error_by_neighbour=self.max_error_by_neighbour, bounds_by_neighbour=self.bounds_by_neighbour,
@@ -54,36 +59,36 @@ class NodeStatistics:
         )  # fmt: skip
 
     def max_error(self) -> Float64:
-        """Return the largest error in each brick and its halo, float64 [z, y, x]."""
+        """Return the largest error of a node in each brick and its halo: float64 [z, y, x]."""
         largest = np.zeros(self.max_error_by_neighbour.shape[:3])
         for at, neighbours in _neighbours(self.max_error_by_neighbour):
             np.maximum(largest, neighbours[..., 2 - at[0], 2 - at[1], 2 - at[2]], out=largest)
         return largest
 
     def visible_bounds(self) -> Float32:
-        """Return BrickLevel.visible_bounds, float32 [z, y, x, 2, 3]."""
+        """Return BrickLevel.visible_bounds of this level: float32 [z, y, x, 2, 3]."""
         shape = self.max_error_by_neighbour.shape[:3]
         low, end = np.full((*shape, 3), BRICK_SIZE + 1), np.full((*shape, 3), -BRICK_SIZE)
         for at, neighbours in _neighbours(self.bounds_by_neighbour):
             of_neighbours = neighbours[..., 2 - at[0], 2 - at[1], 2 - at[2], :, :].astype(np.int64)
-            is_visible = of_neighbours[..., 0, :] < of_neighbours[..., 1, :]  # not beyond the border, where both are 0
+            is_visible = of_neighbours[..., 0, :] < of_neighbours[..., 1, :]  # beyond the border, both bounds are 0
             of_neighbours += BRICK_SIZE * (np.array(at[::-1]) - 1)
             np.minimum(low, of_neighbours[..., 0, :], out=low, where=is_visible)
             np.maximum(end, of_neighbours[..., 1, :], out=end, where=is_visible)
         extents = np.array(self.volume.shape_xyz) / 2.0**self.level - BRICK_SIZE * grid_cells(shape).reshape(*shape, 3)
-        # Cell k is visible from the centre of k - 1 to that of k + 1.
+        # Cell k is visible from the centre of cell k - 1 to the centre of cell k + 1.
         bounds = np.stack([np.maximum(low - 0.5, 0.0), np.minimum(end + 0.5, np.minimum(extents, BRICK_SIZE))], axis=3)
         return np.where((low < end)[..., None, :], bounds, 0.0).astype(np.float32)
 
     def step_errors_below(self) -> Float64:
-        """Return BrickLevel.step_errors of the level below, from nodes alone, float64 [z, y, x]."""
+        """Return BrickLevel.step_errors of the level below, from nodes alone: float64 [z, y, x]."""
         shape = self.max_error_below.shape
         sizes = cell_voxel_counts(grid_cells(shape), self.level - 1 + BRICK_LEVELS, self.volume).reshape(shape)
         return or_of_neighbours(self.max_error_below * np.sqrt(self.squared_errors_below / sizes))
 
 
 def or_of_neighbours(errors: Float64) -> Float64:
-    """Return errors of bricks, float64 [z, y, x], with the largest of its neighbours' in the place of each 0."""
+    """Return errors of bricks, float64 [z, y, x], in which each 0 is replaced by the largest error of a neighbour."""
     of_neighbours = np.zeros(errors.shape)
     for _, neighbours in _neighbours(errors):
         np.maximum(of_neighbours, neighbours, out=of_neighbours)
@@ -91,8 +96,10 @@ def or_of_neighbours(errors: Float64) -> Float64:
 
 
 def _neighbours(of_brick: Array) -> Iterator[tuple[tuple[int, ...], Array]]:
-    """Yield, for each neighbour at -1, 0 and 1 along z, y, x, its index from 0 to 2, and the values that bricks
-    [z, y, x, ...] have there, 0 beyond the border."""
+    """Yield, for each neighbour at -1, 0 and 1 along z, y, x, its index from 0 to 2 and its value for every brick.
+
+    of_brick: [z, y, x, ...], a value of each brick. Values are 0 beyond the border.
+    """
     shape = of_brick.shape[:3]
     padded = np.pad(of_brick, [(1, 1)] * 3 + [(0, 0)] * (of_brick.ndim - 3))
     for at in np.ndindex(3, 3, 3):

@@ -1,6 +1,6 @@
-"""Make the curve of which the sub-voxel variation of bricks of voxels is measured.
+"""Make the curve on which the sub-voxel variation of bricks of voxels is measured.
 
-The kernel in `renderer/kernels/sources/bricks/subvoxel.cpp`, which says what it is, takes this curve.
+The kernel in `renderer/kernels/sources/bricks/subvoxel.cpp`, which defines sub-voxel variation, takes this curve.
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ from renderer.kernels import TransferTable
 from renderer.transfer import LARGEST_EXPONENT, TransferFunction, make_transfer_table
 from renderer.volume import Float64, Int64
 
-# Colormaps have hundreds of control values, nearly on a line. Those within this share of the largest channel of it are
-# left out. D changes by four times as much at most, twice in each of four channels.
+# The largest distance of a control value from the line through its neighbours, as a share of the largest channel, at
+# which it is left out: colormaps have hundreds of control values, nearly on a line. The variation D of the kernel
+# changes by at most four times as much.
 SIMPLIFICATION_TOLERANCE = 2.0**-12
-# Of more, which only labels have, none is left out: steps are not on a line, and finding that out takes a minute.
+# The most control values of a curve that is simplified. Only labels have more: their steps are not on a line, and the
+# search would take a minute.
 _MAX_SIMPLIFIED = 2**13
 
 
@@ -27,9 +29,10 @@ def make_channel_curve(
     brightest: float,
     volume_range: tuple[float, float],
 ) -> TransferTable:
-    """Return the table of (tau c, tau) times the finest spacing, or of the (a c, a) of such a depth, simplified.
+    """Return the simplified table of (tau c, tau) times the finest spacing.
 
-    brightest: a factor on colours. The table's scale makes differences finite, also those of the volume's scalars.
+    opacity: whether the table is of (a c, a), with the opacities a of these depths. brightest: a factor on colours.
+    volume_range: the range of the volume's scalars. The table's scale makes all differences of scalars finite.
     """
     weights = transfer.extinctions * finest_spacing
     if opacity:
@@ -37,7 +40,7 @@ def make_channel_curve(
     points = np.column_stack([brightest * transfer.colors * weights[:, None], weights])
     exponent = math.frexp(max(float(np.abs(transfer.values).max()), *map(abs, volume_range)))[1]
     scale = math.ldexp(1.0, min(0, LARGEST_EXPONENT - exponent))
-    is_hidden = np.zeros(len(points), np.bool_)  # between two others at one value
+    is_hidden = np.zeros(len(points), np.bool_)  # whether a point lies between two other points at the same value
     is_hidden[1:-1] = transfer.values[2:] == transfer.values[:-2]
     values, points = transfer.values[~is_hidden], points[~is_hidden]
     chosen = np.arange(len(values))
@@ -47,7 +50,10 @@ def make_channel_curve(
 
 
 def make_scalar_curve(volume_range: tuple[float, float]) -> TransferTable:
-    """Return the table of scalars as the only channel, in shares of the volume's range; none is an end of the table."""
+    """Return a table with the scalar as its only channel, as a share of the volume's range.
+
+    The table is wider than the volume's range, so that no scalar is at its end.
+    """
     low, high = volume_range
     scale = math.ldexp(1.0, min(0, LARGEST_EXPONENT - 1 - math.frexp(max(abs(low), abs(high)))[1]))
     width = (high * scale - low * scale) or 1.0
@@ -59,9 +65,9 @@ def make_scalar_curve(volume_range: tuple[float, float]) -> TransferTable:
 
 
 def _simplify(values: Float64, points: Float64, tolerance: float) -> Int64:
-    """Return the points, ascending, between which all others are within the tolerance of the line, int64 [m].
+    """Return the indices of points whose connecting lines are within the tolerance of all other points: int64 [m].
 
-    Douglas and Peucker 1973, along the axis of values: the farthest point is taken first.
+    The algorithm of Douglas and Peucker 1973, along the axis of values, takes the farthest point first.
     """
     chosen, parts = {0, len(values) - 1}, [(0, len(values) - 1)]
     while parts:

@@ -1,19 +1,19 @@
-"""Make the texels of bricks: what is interpolated in a brick, for each of its cells and for the halo around them.
+"""Make the texels of bricks: the values that are interpolated, for each cell of a brick and of its halo.
 
 Texel (t, u, v) of a brick is the cell `BRICK_SIZE * brick - HALO + (t, u, v)` of its level. Beyond the volume's border
 there are no cells, and the field is continued in one of two ways.
 
-Scalars take the nearest voxel, as the truth does, also beside voxels without data (kernel `absent.h`). Means of a level
-above are not values at a point. That of the last cell, which the border may cut to the share w of its width, belongs to
-the middle of what is left of it. The field is the line through that point and the centre of the cell before,
+At level 0, scalars are continued by the nearest voxel, as in the truth, also beside voxels without data (kernel
+`absent.h`). Means of higher levels are not values at a point. The border may cut the last cell to the share w of its
+width; its mean belongs to the middle of this remainder. The field is continued by the line through that point and the
+centre of the cell before,
 
     slope = (last - before) 2 / (1 + w)        at the last centre: last + slope (1 - w) / 2        beyond: + slope
 
-along each axis in turn, which reproduces linear fields and, exactly, constant ones. It is only followed from the middle
-of the last cell to the volume's face, half of its width, so an error of a mean appears at most
+along each axis in turn. This reproduces linear fields, and constant fields exactly. The line is only used from the
+middle of the last cell to the volume's face, half of the cell's width, so that an error of a mean becomes at most
 (1 + 2 w) / (1 + w) + w / (1 + w) <= 2 times as large per axis. With the nearest cell instead, the mean of a ramp would
-be off by half a cell's rise. Where the line falls below 0 the field is 0, and it is never brighter than the brightest
-colour of the transfer function.
+be wrong by half a cell's rise. The field is clamped to 0 and to the brightest colour of the transfer function.
 """
 
 from __future__ import annotations
@@ -29,28 +29,29 @@ from renderer.kernels import kernels
 from renderer.transfer import range_width
 from renderer.volume import Float32, Float64, Int32, Volume
 
-# The largest power of two, as its exponent, that small scalars are multiplied by.
+# The exponent of the largest power of two by which small scalars are multiplied.
 _LARGEST_EXPONENT = 1000
 
+# The direction to the light if normals of labels do not turn to one.
 _NO_LIGHT = np.zeros(3)
 
-# How much a mean of tau c may exceed a mean of tau: each is rounded, to 11 bits at least.
+# The largest ratio of a mean of tau c to a mean of tau, for a colour of 1: both are rounded, to at least 11 bits.
 _ROUNDING = 1 + 2.0**-9
 
 
 def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool, toward_light: Float64 = _NO_LIGHT) -> Float32:
-    """Return the scalars of bricks of level 0 at `cells` [n, 3] (x, y, z), normalized to `bricks.scalar_range` and
-    clamped to +-MAX_NORMALIZED_SCALAR, float32 [n, 18, 18, 18]. Of a volume with voxels without data, the lowest bit
-    is set in theirs.
+    """Return the scalars of bricks of level 0, float32 [n, 18, 18, 18], with gradients if lit: float32 [n, 4 * 18^3].
 
-    lit: [n, 4 * 18^3], of each brick all scalars, which are read more often, and then all gradients (x, y, z) in world
-    axes: central differences at voxel centres, one-sided at the border and 0 along an axis of one voxel; of labels,
-    those of smoothed opacities. They are divided by a number that is the same in the whole volume, such that
-    differences of scalars are at most 1, and so is the largest entry of the transform to the world.
+    Scalars are normalized to `bricks.scalar_range` and clamped to +-MAX_NORMALIZED_SCALAR. In a volume with absent
+    voxels, the lowest bit of a texel says whether its voxel is absent.
 
-    toward_light: float64 [3], a unit vector, to which the normals of labels turn a little; 0 for none.
+    Lit texels have for each brick all scalars, and then all gradients (x, y, z) in world axes. Gradients are central
+    differences at voxel centres, one-sided at the border, and 0 along an axis of one voxel; labels have the gradients
+    of smoothed opacities. All gradients of a volume are divided by one number, with which differences of scalars, and
+    the entries of the transform to the world, are at most 1.
 
-    Raises InputError where the volume's file was changed.
+    cells: [n, 3], the places (x, y, z) of bricks. toward_light: float64 [3], a unit vector to which the normals of
+    labels turn a little; 0 for none. Raises InputError if the volume's file was changed.
     """
     volume, first = bricks.volume, bricks.scalar_range[0]
     texels = np.empty((len(cells), (4 if lit else 1) * PADDED_BRICK_SIZE**3), np.float32)
@@ -67,15 +68,15 @@ def scalar_texels(bricks: Bricks, cells: Int32, *, lit: bool, toward_light: Floa
 
 
 def _opacities(bricks: Bricks) -> Float64:
-    """Return the opacity of a voxel of each label, by its number, float64 [n]; of other volumes [0]."""
+    """Return the opacity of a voxel of each label, by its number: float64 [n], or [0] for volumes of scalars."""
     num = int(bricks.volume_range[1]) + 1 if bricks.volume.is_labels else 0
     return np.asarray(-np.expm1(-bricks.transfer.classify(np.arange(num))[1] * bricks.volume.finest_spacing))
 
 
 def texel_gradients(bricks: Bricks, magnitudes: Float64) -> Float64:
-    """Return the lengths in texels of gradients of these magnitudes, in scalar units per world unit, float64 [n].
+    """Return the lengths, as stored in texels, of gradients of given magnitudes: float64 [n].
 
-    What is far longer than any gradient in the volume may be the largest float32.
+    Lengths are at most the largest float32. magnitudes: [n], in scalar units per world unit.
     """
     with np.errstate(over="ignore"):
         scaled = magnitudes * _unit_scale(*bricks.volume_range) / np.abs(_world_from_gradient(bricks.volume)).max()
@@ -88,10 +89,10 @@ def _world_from_gradient(volume: Volume) -> Float64:
 
 
 def mean_texels(bricks: Bricks, level: int, cells: Int32) -> Float32:
-    """Return (tau c, tau) times the finest spacing, of bricks of a level above 0 at `cells` [n, 3] (x, y, z), float32
-    [n, 18, 18, 18, 4]; 0 where nothing is visible.
+    """Return (tau c, tau) times the finest spacing, for bricks of a level above 0: float32 [n, 18, 18, 18, 4].
 
-    Raises InputError where voxels are needed and the volume's file was changed.
+    Texels are 0 where nothing is visible. cells: [n, 3], the places (x, y, z) of bricks. Raises InputError if voxels
+    are needed and the volume's file was changed.
     """
     texels = means_of_bricks(bricks.pyramid, level, cells).astype(np.float32)
     texels *= np.float32(bricks.pyramid.mean_unit)
@@ -104,5 +105,5 @@ def mean_texels(bricks: Bricks, level: int, cells: Int32) -> Float32:
 
 
 def _unit_scale(low: float, high: float) -> float:
-    """Return a power of two that scales the width of a range to at most 1; to about 1, unless it is tiny."""
+    """Return a power of two that scales the width of a range to at most 1, and to about 1 unless it is tiny."""
     return math.ldexp(1.0, min(-1 - math.frexp(high / 2 - low / 2)[1], _LARGEST_EXPONENT))

@@ -1,15 +1,16 @@
-"""One frame, step by step, and the budgets that choose its tolerance.
+"""Draw one frame, step by step, at a tolerance that its schedule or its budget chooses.
 
 In: `FilmScene`. Out: `FilmStage` (layers, framing, camera path), and from it a `Stage` and a `Frame` for each frame
 number: cut, sort, draw, round. A `ToleranceController` follows the schedule or a budget of seconds. `serialize_stage`
-takes a stage to another process.
+turns a stage into bytes for another process.
 
-- `pipeline.py`: the table of contents, from a scene to its frames; `stage.py`: what a frame is drawn from, which all
-  frames share where nothing moves; `preparation.py`: makes it, and reuses what has not changed since the frame before.
-- `frame.py`: one frame; `primitives.py`: splats or bricks, and the level of detail at a tolerance: all that drawing,
-  budgets and sweeps ask of a footprint.
-- `budget.py`: the tolerance of a frame, by the schedule or by a budget of seconds.
-- `transport.py`: a stage as bytes, for other processes.
+- `pipeline.py`: the table of contents, from a scene to its frames
+- `stage.py`: the data that a film and a frame are drawn from
+- `preparation.py`: stages, made for each frame from all that has not changed since the frame before
+- `frame.py`: one frame, sorted and drawn
+- `primitives.py`: splats or bricks, as levels of detail at a tolerance
+- `budget.py`: the tolerance of a frame, by the schedule or by a budget of seconds
+- `transport.py`: a stage as bytes, for other processes
 """
 
 import lazy_loader

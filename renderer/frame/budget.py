@@ -1,10 +1,10 @@
 """Choose the tolerance of each frame: by the scene's schedule, or by a budget of time.
 
-The time to draw a frame is predicted from its typical seconds, those of a software renderer on two cores, which follow
-from what is drawn. Trial frames of rising size show how they relate to this machine, and the last frames of the film
-how fast it is now.
+The time to draw a frame is predicted from its typical seconds: the time that a software renderer on two cores takes,
+estimated from the cells and pixels of the frame. Trial frames of rising size give the ratio between the seconds of this
+machine and typical seconds. The last frames of the film correct it.
 
-With a budget of time the finest level of detail (LOD) is chosen that is predicted to be drawn in time. It stays while
+With a budget of time, the finest level of detail (LOD) is chosen that is predicted to be drawn in time. It stays while
 its frames keep to their time, because a film whose cut changed from frame to frame would flicker.
 """
 
@@ -23,45 +23,52 @@ from renderer.frame.primitives import LOD, TYPICAL_CELL_SECONDS, make_primitive
 from renderer.frame.stage import Clock, FilmStage, Stage, Stopwatch
 from renderer.scene import tolerance_at
 
-# Seconds to write a frame, until one was written.
+# The seconds to write a frame that are assumed until one was written.
 _TYPICAL_WRITING = 2e-3
-# The median of the last frames tells the speed of the machine.
+# The number of last frames whose median shows the current speed of the machine.
 _NUM_RECENT = 9
-# Trial drawings of a single size would not tell what a larger one takes.
+# The fewest trial drawings. A single size would not show how seconds grow with the size.
 _MIN_TRIALS = 3
 
-# An LOD is to take this part of its time. It stays while the logarithm of its part is within _BAND of the one expected,
-# and for _MIN_FRAMES after a change.
-_TARGET_SHARE, _BAND, _MIN_FRAMES = 0.95, 0.13, 5
-# The search for an LOD ends within this relative deviation of the target, or after the most tries.
-_TARGET_DEVIATION, _MAX_TRIES = 0.04, 5
-# If an LOD takes f times its time, the size changes at most by the factor f^_SIZE_EXPONENT.
+# The share of its time that an LOD is to take.
+_TARGET_SHARE = 0.95
+# The largest change of the logarithm of this share, against its expected value, with which an LOD stays.
+_BAND = 0.13
+# The fewest frames for which an LOD stays, whatever share of its time it takes.
+_MIN_FRAMES = 5
+# The relative deviation from the target within which the search for an LOD ends.
+_TARGET_DEVIATION = 0.04
+# The most tries of the search for an LOD.
+_MAX_TRIES = 5
+# The exponent that bounds a change of size: if an LOD takes f times its time, the factor is at most f^_SIZE_EXPONENT.
 _SIZE_EXPONENT = 3.0
-# Seconds grow with a power of the size between these: a few large cells cost their pixels, many small ones their
-# number.
-_MIN_POWER, _MAX_POWER = 0.1, 1.0
+# The lowest power of the size with which seconds may grow. The time for a few large cells depends on their pixels.
+_MIN_POWER = 0.1
+# The highest power of the size with which seconds may grow. The time for many small cells depends on their number.
+_MAX_POWER = 1.0
+# The bounds of a search for a size that has no bounds.
 _ANY_SIZE = 0.0, math.inf
 
-# Steps of a frame that are not drawing.
+# The steps of a frame that are not drawing.
 _OTHER_STEPS = ("cut", "primitives", "edges", "order", "written")
-# No drawing counts as quicker: one for which the clock stood still.
+# The fewest seconds that a drawing counts as taking, even if the clock stood still.
 _MIN_SECONDS = 1e-9
 
 
 class LODCostEstimator:
-    """Predicts what frames of a stage cost at each level of detail, from those that were drawn.
+    """An estimator of the seconds that frames of a stage take at each level of detail, from frames that were drawn.
 
-    To draw a frame takes `fixed + rate * typical seconds`, fitted to the trials, times the median of what the last
-    frames of the film took of that.
+    Drawing a frame takes `fixed + rate * typical seconds`, which is fitted to the trials. It is multiplied by the
+    median, over the last frames of the film, of the ratio between true and predicted seconds.
     """
 
     def __init__(self, stage: FilmStage) -> None:
         self.stage, self.primitive = stage, make_primitive(stage.at(0))
         self._fixed, self._rate = 0.0, 1.0
-        self._trials: list[tuple[float, float]] = []  # typical seconds, and those that it took
-        self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)  # the same of the film
-        self._writing: deque[float] = deque([_TYPICAL_WRITING], maxlen=_NUM_RECENT)  # seconds
-        self._seen: dict[float, tuple[float, float]] = {}  # by size: typical seconds, and those that sorting took
+        self._trials: list[tuple[float, float]] = []  # the typical and the true seconds of each trial
+        self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)  # the same for the film's last frames
+        self._writing: deque[float] = deque([_TYPICAL_WRITING], maxlen=_NUM_RECENT)  # the seconds to write each of them
+        self._seen: dict[float, tuple[float, float]] = {}  # by size: the typical seconds, and the seconds of sorting
 
     def size(self, lod: LOD) -> float:
         """Return the size of an LOD, as its primitive defines it."""
@@ -84,11 +91,11 @@ class LODCostEstimator:
         return order_seconds + drift * self._draw_seconds(typical_seconds) + statistics.median(self._writing)
 
     def max_cells(self, seconds: float) -> float:
-        """Return the number of cells that can be drawn in this time, wherever they are."""
+        """Return an upper bound of the number of cells that can be drawn in a time, as if they had no pixels."""
         return seconds / (self._rate * TYPICAL_CELL_SECONDS)
 
     def record_trial(self, draw_list: DrawList, seconds: float) -> None:
-        """Record the time to draw a frame that does not belong to the film."""
+        """Record the time to draw a trial frame, which does not belong to the film."""
         self._trials.append((draw_list.typical_seconds, max(seconds, _MIN_SECONDS)))
         typical, taken = np.array(self._trials).T
         self._fixed, self._rate = 0.0, float(np.median(taken / typical))
@@ -100,7 +107,7 @@ class LODCostEstimator:
     def record_frame(self, draw_list: DrawList, watch: Stopwatch, *, is_first: bool = False) -> None:
         """Record a frame that has just been drawn and written.
 
-        is_first: whether it is the first of several of its LOD. Its uploads serve the others and do not count.
+        is_first: whether it is the first frame of its LOD. Its uploads serve later frames and do not count.
         """
         self._writing.append(watch.lap("written"))
         others = (*_OTHER_STEPS, UPLOAD_STEP) if is_first else _OTHER_STEPS
@@ -111,9 +118,10 @@ class LODCostEstimator:
         return self._fixed + self._rate * typical_seconds
 
     def size_for_seconds(self, seconds: float) -> float:
-        """Return the size at which a frame is expected to take this long, from the frames predicted so far.
+        """Return the size at which a frame is expected to take `seconds`, from the frames predicted so far.
 
-        Between two sizes, seconds follow a power of the size; beyond them, that of the nearest two.
+        Between two known sizes, seconds follow a power of the size. Beyond the known sizes, the power of the nearest
+        two is kept.
         """
         seen = sorted(self._seen.items())
         sizes = np.log([size for size, _ in seen])
@@ -142,8 +150,8 @@ def calibrate_costs(
 ) -> None:
     """Draw a frame at rising sizes, until one takes `min_last_seconds`, to learn the costs of drawing.
 
-    first_size: the first size, after other frames were drawn; None for the primitive's initial one.
-    on_step: called before each drawing; what it raises ends the calibration.
+    first_size: the first size, if frames were drawn before; None for the primitive's initial size.
+    on_step: a function that is called before each drawing; an error that it raises ends the calibration.
     """
     primitive = estimator.primitive
     size = primitive.initial_size if first_size is None else first_size
@@ -170,9 +178,8 @@ def find_finest_in_time(
 ) -> tuple[DrawList, float]:
     """Return the finest frame predicted to fit into `seconds`, and its predicted seconds.
 
-    It takes less where it shows every voxel, and longer where even a single cell does. Frames must have been predicted
-    before.
-    sizes: the smallest and the largest size allowed.
+    A frame that shows every voxel may take less time, and a frame of a single cell may take more. The estimator must
+    have predicted frames before. sizes: the smallest and the largest size allowed.
     """
     aim = _TARGET_SHARE * seconds
     best: tuple[DrawList, float] | None = None
@@ -194,15 +201,15 @@ def find_finest_in_time(
 
 
 def _badness(share: float) -> tuple[bool, float]:
-    """Rate a part of the time aimed at: smaller is better, and too long is worse than too short."""
+    """Return a rating of an LOD by its share of the time aimed at: smaller is better, too long worse than too short."""
     off = math.log(share)
     return off > _BAND, abs(off)
 
 
 class ScheduleController:
-    """Follows the schedule of the stage's scene, and reuses an LOD while the tolerance stays.
+    """A controller that follows the schedule of the stage's scene, and reuses an LOD while the tolerance stays.
 
-    estimator: predicts the frames, and learns from them.
+    estimator: the estimator that predicts the frames and learns from them; None for no predictions.
     """
 
     def __init__(self, stage: FilmStage, estimator: LODCostEstimator | None = None) -> None:
@@ -211,23 +218,26 @@ class ScheduleController:
         self._made_for: Stage | None = None
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
-        """Return the frame to draw, and its predicted seconds from its start to that of the next one."""
+        """Return the frame to draw, and the predicted seconds from its start to the start of the next frame."""
         stage, tolerance = self._stage.at(number), tolerance_at(self._stage.scene.error, number)
         is_same = self._made_for is not None and stage.has_lods_of(self._made_for)
         if self._lod is None or self._lod.tolerance != tolerance or not is_same:
-            self._lod = None  # two at a time would take twice the memory
+            self._lod = None  # two LODs at a time would take twice the memory
             self._lod, self._made_for = make_primitive(stage).make_lod(tolerance, watch.lap), stage
         draw_list = make_draw_list(stage, self._lod, number, watch)
         return draw_list, self._estimator.predict(draw_list) if self._estimator else None
 
     def finish_frame(self, draw_list: DrawList, watch: Stopwatch) -> None:
-        """Take note that the frame has just been drawn and written."""
+        """Learn from the frame that has just been drawn and written, if there is an estimator."""
         if self._estimator:
             self._estimator.record_frame(draw_list, watch)
 
 
 class BudgetController:
-    """Finds, frame by frame, the finest LOD that can be drawn in time. seconds_of: the time allowed for a frame."""
+    """A controller that finds, frame by frame, the finest LOD that can be drawn in time.
+
+    seconds_of: a function that returns the time allowed for a frame.
+    """
 
     def __init__(self, estimator: LODCostEstimator, seconds_of: Callable[[int], float]) -> None:
         self._estimator, self._seconds_of = estimator, seconds_of
@@ -236,7 +246,7 @@ class BudgetController:
         self._seconds, self._expected_share, self._num_frames = 0.0, _TARGET_SHARE, 0
 
     def prepare_frame(self, number: int, watch: Stopwatch) -> tuple[DrawList, float | None]:
-        """Return the frame to draw, and its predicted seconds, as `ScheduleController.prepare_frame`."""
+        """Return the frame to draw, and its predicted seconds, as `ScheduleController.prepare_frame` does."""
         if self._lod is None:
             return self.choose(number, watch)
         seconds = self._seconds_of(number)
@@ -256,14 +266,14 @@ class BudgetController:
         return self.choose(number, watch, (size / reach, size * reach))
 
     def choose(self, number: int, watch: Stopwatch, sizes: tuple[float, float] = _ANY_SIZE) -> tuple[DrawList, float]:
-        """Find an LOD for a frame and those that follow. For the first frame, best called before its time begins.
+        """Find an LOD for a frame and the frames after it. For the first frame, best called before its time begins.
 
         sizes: as in `find_finest_in_time`.
         """
-        seconds, self._lod = self._seconds_of(number), None  # two at a time would take twice the memory
+        seconds, self._lod = self._seconds_of(number), None  # two LODs at a time would take twice the memory
         draw_list, predicted = find_finest_in_time(self._estimator, number, seconds, watch, sizes)
         wanted = max(1.0, self._estimator.size_for_seconds(_TARGET_SHARE * seconds))
-        # If a nearer LOD was out of reach, the next one goes there.
+        # If the bounds excluded the best LOD, the target share is expected, so that the next frame comes closer to it.
         self._expected_share = predicted / seconds if sizes[0] <= wanted <= sizes[1] else _TARGET_SHARE
         self._lod, self._seconds, self._num_frames = draw_list.lod, seconds, 0
         self._made_for = draw_list.stage
@@ -275,5 +285,5 @@ class BudgetController:
         self._num_frames += 1
 
 
-# Sets, frame by frame, the tolerance at which the film is drawn.
+# A controller sets, frame by frame, the tolerance at which the film is drawn.
 ToleranceController = ScheduleController | BudgetController

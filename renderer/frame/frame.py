@@ -1,4 +1,4 @@
-"""Draw one frame, step by step: from the stage of a film and a level of detail to 8 bits."""
+"""Draw one frame, step by step, from the stage of a film and a level of detail to 8 bits."""
 
 from __future__ import annotations
 
@@ -14,13 +14,16 @@ from renderer.modes import chord_lengths
 from renderer.view import View
 from renderer.volume import Float32
 
-# The step that also serves later frames: bricks that were not in the cache.
+# The name of the step that uploads bricks missing in the cache. It also serves later frames.
 UPLOAD_STEP = "bricks"
 
 
 @dataclass(frozen=True)
 class DrawList:
-    """A level of detail as seen on a frame, in its draw orders. order_seconds: the time that sorting took."""
+    """A list of the elements to draw on a frame: a level of detail in its draw orders.
+
+    order_seconds: the time that sorting took.
+    """
 
     stage: Stage
     number: int
@@ -41,14 +44,14 @@ class DrawList:
 
 @dataclass(frozen=True)
 class Frame:
-    """One finished frame.
+    """A finished frame.
 
-    image: of the kind of the first output, as `quantize` returns it.
-    radiance: float32 [height, width, 4], premultiplied RGBA over nothing, from which the image was made.
-    num_cells: cells, or bricks, in the cut. num_primitives: those of them that the frame can show.
-    seconds: the time that each step took. stage, view: what it was drawn from, and how.
-    lines: what the annotation draws along cells and around volumes.
-    predicted_seconds: the time predicted for the whole frame, with a budget.
+    image: the pixels, of the kind of the first output, as `quantize` returns them.
+    radiance: float32 [height, width, 4], premultiplied RGBA without background, from which the image was made.
+    num_cells: the number of cells, or bricks, in the cut. num_primitives: the number of cells that the frame can show.
+    seconds: the time that each step took. stage, view: the stage and the view from which it was drawn.
+    lines: the lines of the annotation, along the edges of cells and of volumes.
+    predicted_seconds: the time predicted for the whole frame; None without a budget.
     """
 
     number: int
@@ -72,7 +75,7 @@ class Frame:
 
 
 def make_draw_list(stage: Stage, lod: LOD, number: int, watch: Stopwatch) -> DrawList:
-    """Sort a level of detail for the view of a frame. stage: that of the frame."""
+    """Sort a level of detail for the view of a frame. stage: the stage of the frame."""
     view = view_of(stage, number)
     return DrawList(stage, number, lod, view, lod.orders(view), watch.lap("order"))
 
@@ -87,7 +90,7 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
     image = _add_projections(draw_list, rasterizer) if is_projection else _blend_orders(draw_list, rasterizer)
     watch.lap("draw")
     pixels = quantize(image, stage.scene.background, stage.scene.output.kind.depth)
-    stage.require_unchanged()  # while it was drawn, too
+    stage.require_unchanged()  # the file may have changed while the frame was drawn
     watch.lap("quantize")
     num_primitives = sum(map(len, draw_list.orders[0][1]))
     counts = lod.num_cells, num_primitives
@@ -96,7 +99,7 @@ def draw_frame(draw_list: DrawList, rasterizer: Rasterizer, watch: Stopwatch) ->
 
 
 def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
-    """Draw every order and add the pictures by their shares; nearly all views have one order."""
+    """Draw every order, and add the pictures, multiplied by their shares. Nearly all views have one order."""
     batches, view = draw_list.lod.batches, draw_list.view
     (share, order), *others = draw_list.orders
     image = rasterizer.rasterize(batches, order, view)
@@ -108,7 +111,7 @@ def _blend_orders(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
 
 
 def _add_projections(draw_list: DrawList, rasterizer: Rasterizer) -> Float32:
-    """Draw each layer by itself, and add what their projections show, times their weights."""
+    """Draw each layer by itself, and add the pictures of their projections, multiplied by the layers' weights."""
     stage, view, image = draw_list.stage, draw_list.view, None
     for group, batch, order in zip(stage.groups, draw_list.lod.batches, draw_list.orders[0][1], strict=True):
         (layer,) = group.layers

@@ -1,4 +1,4 @@
-"""The program's table of contents: from a scene to its frames, and the only frame loop.
+"""Draw the frames of a scene: the program's table of contents, with the only frame loop.
 
 FilmScene -> Volume -> Pyramid -> (per frame: Scene, View, tolerance) -> Cut -> splats or bricks -> float image
 -> 8 bits
@@ -48,10 +48,12 @@ from renderer.view import (
 )
 from renderer.volume import Float64, Volume
 
-# The most frames of a film in motion from whose layers it is framed, and for whose cameras.
-_MOST_SAMPLED_LAYERS, _MOST_SAMPLED_CAMERAS = 9, 1000
-# Splats reach beyond their cells: further than the frame's margin, if so few voxels fill it. Studies compare footprints
-# of larger volumes in the same frame.
+# The most frames of a film in motion whose layers are made to frame it.
+_MOST_SAMPLED_LAYERS = 9
+# The most frames of a film in motion for whose cameras it is framed.
+_MOST_SAMPLED_CAMERAS = 1000
+# The longest side of a volume, in voxels, at which splats may reach beyond the frame's margin, so that its frame is
+# enlarged. In larger volumes, all footprints have the same frame and can be compared.
 _MAX_SIDE_OF_SMALL = 24
 
 
@@ -65,13 +67,13 @@ def prepare_stage(
     any_tolerance: bool = False,
     maker: StageMaker | None = None,
 ) -> FilmStage:
-    """Read the volumes, make their layers, and frame what is visible. Raises InputError for an unusable volume.
+    """Read the volumes, make their layers, and frame the visible cells. Raises InputError for an unusable volume.
 
-    volumes: drawn in place of the scene's volumes on the first frame, which are then not read.
-    known: the fingerprints that volumes of other frames must have, as of `FilmVolumes`.
-    any_tolerance: build the pyramid for every tolerance and level, as bricks always do, and not only for those that
-        the scene's schedule can ask for.
-    maker: of stages of similar scenes, one after the other; it keeps what the last one was made from.
+    volumes: the volumes of the first frame, if they were read before; None to read the scene's volumes.
+    known: the fingerprints that volumes of other frames must have, as in `FilmVolumes`.
+    any_tolerance: whether to build the pyramid for every tolerance and level, as for bricks, and not only for the
+        tolerances of the scene's schedule.
+    maker: a maker that has made the stage of a similar scene, and reuses its layers; None for a new one.
     """
     scene, watch = with_draw_order(scene), Stopwatch(clock)
     first, size = scene.at(0), scene.output.size
@@ -102,7 +104,10 @@ def render_frames(
     clock: Clock,
     controller: ToleranceController | None = None,
 ) -> Iterator[Frame]:
-    """Draw these frames of the film, in this order. The tolerances are the controller's, or those of the schedule."""
+    """Draw frames of the film in the given order.
+
+    controller: the controller that chooses the tolerances; None to follow the schedule.
+    """
     controller = ScheduleController(stage) if controller is None else controller
     with ExitStack() as stack:
         ahead: Future[Stage] | None = None
@@ -114,13 +119,13 @@ def render_frames(
                 watch.lap("layers")
             draw_list, predicted_seconds = controller.prepare_frame(number, watch)
             if thread is not None and following is not None and isinstance(controller, ScheduleController):
-                ahead = thread.submit(stage.at, following)  # while this frame is drawn
+                ahead = thread.submit(stage.at, following)  # the next stage is made while this frame is drawn
             yield replace(draw_frame(draw_list, rasterizer, watch), predicted_seconds=predicted_seconds)
             controller.finish_frame(draw_list, watch)
 
 
 def _clip_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Problem]:
-    """Yield the planes and boxes, fixed to the object, that leave nothing of any volume, or nothing of their own."""
+    """Yield a problem for each plane or box, fixed to the object, that leaves nothing of the volumes that it clips."""
     for number, clip in _still_clips(scene.map(lambda each: each.clip)):
         if all(_leaves_nothing(clip, volume) for volume in volumes):
             yield _clip_problem(f"clip.{number}", volumes[0])
@@ -149,9 +154,10 @@ def _clip_problem(key: str, volume: Volume) -> Problem:
 
 
 def _framing(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float, float]:
-    """Return target and distance: the scene's, or a pair with which all frames hold everything that any frame shows.
+    """Return the target and the distance of the camera, so that all frames hold everything that any frame shows.
 
-    The third number is the part of a picture that does not count for that.
+    The scene's own target and distance are kept. The third value is the share of a picture that cells add which were
+    left out of the framing.
     """
     camera, size = scene.at(0).camera, scene.output.size
     frames_of: dict[CameraSpec, list[int]] = {}
@@ -182,7 +188,10 @@ def _framing(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> 
 
 
 def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vector:
-    """Return what a camera looks at: its target, or the centre of what it is to have in frame, or of the volumes."""
+    """Return the target of a camera: its own, or the centre of the visible cells or of the volumes.
+
+    points: the corners of visible cells that must be in frame.
+    """
     if camera.target == "visible":
         return visible_centre(points)
     if camera.target is not None:
@@ -194,11 +203,11 @@ def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vec
 
 
 def _other_points(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[tuple[Float64, float]]:
-    """Yield the points of `points_in_frame` for some frames of a film in motion, without the first."""
+    """Yield the points of `points_in_frame` for some frames of a film in motion, except the first frame."""
     tolerance, known = min_tolerance(scene.error), [layer.digest for layer in layers]
     for frame in _sampled(scene, _MOST_SAMPLED_LAYERS)[1:] if scene.moves else ():
         sampled = scene.at(frame)
-        if maker.digests_of(sampled, tolerance) != known:  # light shows nothing else
+        if maker.digests_of(sampled, tolerance) != known:  # shading is dropped, as it makes no cell visible
             sampled = sampled.with_layers(shading=None)
         yield points_in_frame(sampled, maker.layers_of(sampled, tolerance))
 
@@ -214,11 +223,11 @@ def framing_note(scene: FilmScene) -> str | None:
     )
     if not (is_open and changes and len(frames) < scene.num_frames):
         return None
-    return f"framed by what is visible on {len(frames)} of {scene.num_frames} frames"
+    return f"framed by the voxels visible on {len(frames)} of {scene.num_frames} frames"
 
 
 def _sampled(scene: FilmScene, num: int) -> list[int]:
-    """Return some frames of a film: its keys, if these are few, and others between them; one where nothing moves."""
+    """Return about `num` frames of a film, keys among them; frame 0 alone if nothing moves."""
     if not scene.moves:
         return [0]
     frames = sorted({0, *scene.key_frames, *range(0, scene.num_frames, max(1, scene.num_frames // num))})

@@ -1,4 +1,4 @@
-"""Make the stage of a frame from a scene with plain numbers; what two frames have in common is made once."""
+"""Make the stage of each frame, and reuse volumes and layers that have not changed since the frame before."""
 
 from __future__ import annotations
 
@@ -47,17 +47,19 @@ from renderer.view import (
 from renderer.volume import Float64, Volume, joint_fingerprint, move_volume
 
 Matrix = tuple[tuple[float, ...], ...]
-# What the volume of a layer is made from: its own, its place, and its mask.
+# The plain data that the volume of a layer is made from: its spec, its transform, and its mask.
 VolumeKey = tuple[VolumeSpec, Matrix | None, MaskSpec | None]
 
 
 @dataclass
 class StageMaker:
-    """A maker of the stages of a film's frames, which keeps what the last one was made from.
+    """A maker of the stages of a film's frames, which keeps the volumes and the layers of the last one.
 
-    any_tolerance: pyramids are for every tolerance, and not only for those of the scene's schedule.
-    volumes: of the layers of the last scene, and what these were made from. read, layers, last: what was read and made
-        for the last scene, and its stage. known: the fingerprints of volumes that a film is made of.
+    any_tolerance: whether pyramids serve every tolerance, and not only the tolerances of the scene's schedule.
+    volumes: the volumes of the last scene's layers, with the keys that they were made from.
+    read: the volumes that were read or placed for the last scene, by key.
+    layers: the layers of the last scene, by digest. last: the stage of the last scene.
+    known: the fingerprints that volumes of the film must have.
     """
 
     num_threads: int
@@ -77,7 +79,7 @@ class StageMaker:
         return self.stage_of(scene, layers, target, scene.camera.distance or film.distance)
 
     def volumes_of(self, scene: Scene) -> Sequence[Volume]:
-        """Return the volume of each layer of a scene; the same one is read once. Raises InputError."""
+        """Return the volume of each layer of a scene. Equal volumes are read once. Raises InputError if that fails."""
         keys = [volume_key(layer) for layer in scene.layers]
         if keys == self.volumes[0]:
             return self.volumes[1]
@@ -122,9 +124,10 @@ class StageMaker:
     def layers_of(
         self, scene: Scene, tolerance: float, lap: Callable[[str], object] = lambda _: None
     ) -> tuple[Layer, ...]:
-        """Return the layers of a scene; two that are made from the same data are made once.
+        """Return the layers of a scene. Layers with the same data are made once.
 
-        tolerance: the smallest one of the film. lap: takes the name of each step that has ended.
+        tolerance: the smallest tolerance of the film. lap: a function that is called with the name of each finished
+            step.
         """
         volumes, finest_cut = self.volumes_of(scene), self._finest_cut(scene, tolerance)
         made: dict[str, Layer] = {}
@@ -138,7 +141,7 @@ class StageMaker:
         return tuple(layers)
 
     def digests_of(self, scene: Scene, tolerance: float) -> list[str]:
-        """Return the digests of the layers of a scene; parameters as of `layers_of`."""
+        """Return the digests of the layers of a scene. See `layers_of` for the parameters."""
         volumes, finest_cut = self.volumes_of(scene), self._finest_cut(scene, tolerance)
         return [layer_digest(*each, finest_cut) for each in zip(scene.layers, repeat(scene), volumes)]
 
@@ -148,7 +151,7 @@ class StageMaker:
         return FinestCut(tolerance, scene.error.finest_level)
 
     def stage_of(self, scene: Scene, layers: tuple[Layer, ...], target: Vector, distance: float) -> Stage:
-        """Return the stage of a scene with plain numbers."""
+        """Return the stage of a scene at a frame, and reuse all that equals the last stage."""
         camera, last = replace(scene.camera, target=target, distance=distance), self.last
         for layer in layers:
             raise_problems(camera_problems(camera, scene.output.size, volume_extent(layer.volume)))
@@ -169,9 +172,10 @@ class StageMaker:
 
 @dataclass(frozen=True)
 class FilmVolumes:
-    """A record of the volumes of a film: those of its first frame, and the fingerprint of all.
+    """A record of the volumes of a film.
 
-    known: the fingerprints of those that other frames show, too, each by itself.
+    first: the volumes of its first frame. fingerprint: the joint fingerprint of all its volumes. known: the fingerprint
+    of each volume of a layer that moves in time.
     """
 
     first: Sequence[Volume]
@@ -180,9 +184,9 @@ class FilmVolumes:
 
 
 def read_film_volumes(scene: FilmScene) -> FilmVolumes:
-    """Read the volumes of a film, all steps of those that change in time, one after the other.
+    """Read the volumes of a film, with all steps of each volume that changes in time, one step at a time.
 
-    Raises InputError for what cannot be read, and for steps that differ in shape or kind.
+    Raises InputError for files that cannot be read, and for steps that differ in shape or kind.
     """
     first = [*StageMaker(1, any_tolerance=False).volumes_of(scene.at(0))]
     volumes = (volume for layer in scene.film_layers for volume in _volumes_of(layer))
@@ -199,27 +203,27 @@ def read_film_volumes(scene: FilmScene) -> FilmVolumes:
 
 
 def _volumes_of(layer: OverFrames[LayerSpec]) -> Sequence[OverFrames[VolumeSpec]]:
-    """Return the volume of a layer, and that of its mask if it has one."""
+    """Return the volume of a layer, and the volume of its mask if it has one."""
     volumes = layer.map(lambda each: tuple(each.volumes.values()))
     return [volumes.map(itemgetter(number)) for number in range(len(volumes.at(0)))]
 
 
 def _steps_of(volume: OverFrames[VolumeSpec]) -> Sequence[VolumeSpec]:
-    """Return the volumes that a film reads in place of one that moves: its steps in time, or it at each key."""
+    """Return the volumes that a film reads for a volume that moves: its steps in time, or the volume at each key."""
     if volume.map(lambda spec: spec.time).moves:
         return steps_in_time(volume)
     return [volume.at(frame) for frame in volume.key_frames]
 
 
 def volume_key(layer: LayerSpec) -> VolumeKey:
-    """Return what the volume of a layer is read and made from."""
+    """Return the plain data that the volume of a layer is made from."""
     return layer.volume, layer.transform, layer.mask
 
 
 def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> tuple[Float64, float]:
-    """Return the positions that must be in frame, float64 [n, 3], and the part of a picture that is left out.
+    """Return the positions that must be in frame, float64 [n, 3], and the share of a picture that is left out.
 
-    Both as of `framed_points`; the part is the largest one of a layer.
+    Both are as in `framed_points`; the share is the largest of all layers.
     """
     if scene.annotation.bounds:
         return np.concatenate([volume_corners(layer.volume) for layer in layers]), 0.0
@@ -229,9 +233,13 @@ def points_in_frame(scene: Scene, layers: Sequence[Layer]) -> tuple[Float64, flo
 
 
 def _framed_points(layer: Layer, clip: tuple[ClipSpec, ...] | None) -> tuple[Float64, float]:
-    """Return the points of `points_in_frame` for a layer; with `clip`, for the rest that it leaves."""
+    """Return the points of `points_in_frame` for a layer.
+
+    clip: planes and boxes whose removed parts need not be in frame, besides the layer's own; None to frame the whole
+        layer.
+    """
     region = None if clip is None else place_object_clips(layer.volume, clip + layer.spec.clip)
-    if layer.projection is not None:  # a single voxel may be the brightest of a ray
+    if layer.projection is not None:  # a single voxel may be the brightest on a ray
         return visible_points(layer.pyramid, region), 0.0
     return framed_points(layer.pyramid, region)
 

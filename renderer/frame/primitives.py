@@ -1,8 +1,8 @@
 """Make the level of detail at a tolerance, as splats of octree cells or as bricks that are integrated along rays.
 
-The frame loop, the budgets and the sweeps know a footprint through `Primitive` and `LOD` alone, and need not ask which
-one it is. A film with a budget of time moves through *sizes*, which rise as tolerances fall: numbers of cells for
-splats, ratios of errors for bricks.
+The frame loop, the budgets and the sweeps use `Primitive` and `LOD` alone, so that they work for every footprint. A
+film with a budget of time moves through *sizes*, which rise as tolerances fall: numbers of cells for splats, ratios of
+errors for bricks.
 """
 
 from __future__ import annotations
@@ -34,39 +34,49 @@ from renderer.splats import SplatBatch, make_splats
 from renderer.view import View, blended_orders, model_view, total_square_area_px, visible_bricks, visible_order
 from renderer.volume import UInt32
 
-# Draw orders, of each batch uint32 [k] indices into it, and their share of the picture; the shares sum to 1.
+# Draw orders, each with its share of the picture and, for each batch, the indices of its elements, uint32 [k]. The
+# shares add up to 1.
 Orders = Sequence[tuple[float, Sequence[UInt32]]]
-# Takes the name of a step that has just ended.
+# A function that is called with the name of a step that has just ended.
 Lap = Callable[[str], object]
-# As `LOD.orders`.
+# A function that returns the orders of a view. See `LOD.orders`.
 OrderFinder = Callable[[View], Orders]
 
-# Seconds per frame, splat or brick, and pixel or sample, of a software renderer with two cores.
-_TYPICAL_FRAME_SECONDS, TYPICAL_CELL_SECONDS, _TYPICAL_PIXEL_SECONDS = 5e-3, 1e-6, 8e-9
+# The seconds of a frame without content, on a software renderer with two cores.
+_TYPICAL_FRAME_SECONDS = 5e-3
+# The seconds of a splat or a brick without its pixels, on a software renderer with two cores.
+TYPICAL_CELL_SECONDS = 1e-6
+# The seconds of a pixel of a splat, or a sample of a brick, on a software renderer with two cores.
+_TYPICAL_PIXEL_SECONDS = 8e-9
 
-# Sizes of cuts are looked up to this many times the number of cells asked for, because more will be.
+# The factor by which the sizes of cuts are computed beyond the number of cells asked for, because later requests are
+# mostly larger.
 _LOOK_AHEAD = 4
 
-# The finest size of bricks: tolerances that are smaller by more than this factor than the error of the whole volume as
-# one cell count as 0.
+# The largest size of bricks: the ratio of the error of the whole volume as one cell to a tolerance, from which on the
+# tolerance counts as 0.
 _MAX_BRICK_SIZE = 2e6
-# Cost of a pixel under a brick beside its samples, in samples, on a software renderer.
+# The cost of a pixel under a brick besides its samples, in samples, on a software renderer.
 _PER_PIXEL = 6.5
-# Of the time for all pixels, the first pass of a subsampled pixel grid takes `stride^-_STRIDE_EXPONENT` (pixels are
-# drawn in groups, of which few are needed), and the next one that part of the share that differs,
-# `_DIFFERING_SHARE difference_threshold^-_THRESHOLD_EXPONENT`. Fitted to the engine and the bonsai, where the time is
-# within a factor of 1.4 of it; for a shaded chest CT it is up to 1.8 times as long.
-_STRIDE_EXPONENT, _DIFFERING_SHARE, _THRESHOLD_EXPONENT = 1.1, 0.1, 0.5
-# About the largest number of bricks from which the cost of all is estimated.
+# The exponent of the cost of a pass over a subsampled pixel grid: `stride^-_STRIDE_EXPONENT` of the time for all
+# pixels, as pixels are drawn in groups. The three constants were fitted to the engine and the bonsai, where times are
+# within a factor of 1.4; a shaded chest CT takes up to 1.8 times as long.
+_STRIDE_EXPONENT = 1.1
+# The factor of the share of pixels that differ from their interpolation, and are drawn in the next pass:
+# `_DIFFERING_SHARE difference_threshold^-_THRESHOLD_EXPONENT`.
+_DIFFERING_SHARE = 0.1
+# The exponent of the share of pixels that differ from their interpolation.
+_THRESHOLD_EXPONENT = 0.5
+# About the largest number of bricks from which the cost of all bricks is estimated.
 _MAX_SAMPLED_BRICKS = 4096
 
 
 @dataclass(frozen=True)
 class LOD(ABC):
-    """A level of detail: the cells drawn at a tolerance, from any view. lines: those over the picture.
+    """A level of detail: the cells drawn at a tolerance, from any view.
 
-    batches: of each group of layers. orders: returns what is visible in a view, in the order in which it is drawn; each
-        order has the same elements.
+    batches: the batch of each group of layers. lines: the lines over the picture. orders: a function that returns the
+        visible elements of a view, in the orders in which they are drawn; all orders have the same elements.
     """
 
     tolerance: float
@@ -81,10 +91,10 @@ class LOD(ABC):
 
     @abstractmethod
     def num_pixels(self, orders: Orders, view: View) -> float:
-        """Return how many pixels, or samples, these orders draw."""
+        """Return the number of pixels, or samples, that are drawn in the given orders."""
 
     def typical_seconds(self, orders: Orders, view: View) -> float:
-        """Return the time to draw these orders on a software renderer with two cores."""
+        """Return the time to draw the given orders on a software renderer with two cores."""
         num_cells = sum(len(of_batch) for _, order in orders for of_batch in order)
         return (
             _TYPICAL_FRAME_SECONDS
@@ -112,16 +122,17 @@ class BrickLOD(LOD):
     batches: Sequence[BrickBatch]
 
     def num_pixels(self, orders: Orders, view: View) -> float:
-        """Return the samples in bricks."""
+        """Return the number of samples in bricks."""
         return sum(num_samples(*each, view) for each in zip(self.batches, orders[0][1], strict=True))
 
 
 class Primitive(ABC):
-    """Turns a tolerance into a level of detail, for one footprint.
+    """The base class of objects that turn a tolerance into a level of detail, for one footprint.
 
-    lod_type: what it makes. levels_above: from the level of the cells in a cut to that of what is drawn as one.
-    initial_size: a size at which a frame shows its content. size_ratio: from one size worth trying to the next, and the
-    largest change at once.
+    lod_type: the class of its levels of detail. levels_above: the number of octree levels from the cells in a cut to
+        the elements that are drawn: 0 for splats, more for bricks of cells.
+    initial_size: a size at which a frame shows its content. size_ratio: the ratio of one size worth trying to the
+        next, which is also the largest change at once.
     """
 
     lod_type: ClassVar[type[LOD]]
@@ -144,33 +155,33 @@ class Primitive(ABC):
         return self.lod_type(tolerance, batches, lines, orders)
 
     def _finest_levels(self, tolerance: float) -> list[int]:
-        """Return the finest level of the cells of each group that are drawn at a tolerance."""
+        """Return the finest level of cells that are drawn at a tolerance, for each group."""
         return [finest_level_at(self._stage, tolerance, number) for number in range(len(self._stage.groups))]
 
     @abstractmethod
     def _prepare(self, tolerance: float, lap: Lap) -> tuple[Sequence[Cut | BrickCut], Sequence[Any], OrderFinder]:
-        """Cut at a tolerance and end the step "cut"; return of each group the cut and its batch, and `LOD.orders`."""
+        """Cut at a tolerance and end the step "cut"; return all cuts, all batches, and `LOD.orders`."""
 
     @abstractmethod
     def work(self, tolerance: float) -> float:
-        """Return how much is drawn, in cells or samples. On the whole it rises as the tolerance falls."""
+        """Return the amount of work, in cells or samples. It mostly rises as the tolerance falls."""
 
     @abstractmethod
     def tolerance_for_cells(self, num_cells: float) -> float:
-        """Return the tolerance of the finest cut with at most this many cells."""
+        """Return the tolerance of the finest cut with at most `num_cells` cells."""
 
     @abstractmethod
     def tolerance_for_size(self, size: float) -> float:
-        """Return the tolerance of the finest level of detail of at most this size."""
+        """Return the tolerance of the finest level of detail of at most a size."""
 
     @abstractmethod
     def lod_size(self, tolerance: float, num_cells: int) -> float:
-        """Return the size, at least 1, of the level of detail at a tolerance that has this many cells."""
+        """Return the size, at least 1, of the level of detail at a tolerance, which has `num_cells` cells."""
 
     def has_more_cells(self, tolerance: float, num_cells: float) -> bool:
-        """Return whether the cut at a tolerance has more cells than this, or than somewhat more, without making it.
+        """Return whether the cut at a tolerance has more than about `num_cells` cells, without making the cut.
 
-        False where the cut is so quick to make that asking does not help.
+        It is always False if cuts are so quick to make that a test is not worth it.
         """
         return False
 
@@ -183,7 +194,7 @@ def make_primitive(stage: Stage) -> SplatPrimitive | BrickPrimitive:
 
 
 class SplatPrimitive(Primitive):
-    """Draws cells of the octree as splats; a size is a number of cells."""
+    """A primitive that draws cells of the octree as splats. A size is a number of cells."""
 
     lod_type, levels_above = SplatLOD, 0
     initial_size = 1000
@@ -236,14 +247,15 @@ class SplatPrimitive(Primitive):
 
 
 class BrickPrimitive(Primitive):
-    """Draws cells as bricks, for the integrated footprint. One order is enough, because bricks do not overlap.
+    """A primitive that draws cells as bricks, for the integrated footprint.
 
-    A size is the error of the whole volume as one cell, divided by the tolerance.
+    One order is enough, because bricks do not overlap. A size is the error of the whole volume as one cell, divided by
+    the tolerance.
     """
 
     lod_type, levels_above = BrickLOD, BRICK_LEVELS
     initial_size = 60
-    size_ratio = 16  # the number of samples grows with about the cube root
+    size_ratio = 16  # the number of samples grows with about the cube root of the size
 
     def __init__(self, stage: Stage) -> None:
         super().__init__(stage)
@@ -252,7 +264,7 @@ class BrickPrimitive(Primitive):
         self._largest_error = RAY_ERROR_FACTOR * max(errors) or 1.0
 
     def work(self, tolerance: float) -> float:
-        """Return the number of samples of one ray through every column of cells."""
+        """Return the number of samples of rays along an axis, one through each column of cells."""
         samples = 0.0
         for batch in map(self._batch, self._cuts(tolerance), count(), repeat(tolerance)):
             low, high = batch.cut.visible_bounds[:, 0], batch.cut.visible_bounds[:, 1]
@@ -268,7 +280,7 @@ class BrickPrimitive(Primitive):
         return self._sizes.finest_within(max(1, int(min(num_cells, self._sizes.max_cells))))
 
     def tolerance_for_size(self, size: float) -> float:
-        """Return the tolerance of a size, rounded to two digits, which read well in a record."""
+        """Return the tolerance of a size, rounded to two digits for the sake of records."""
         tolerance = float(f"{self._largest_error / max(size, 1.0):.2g}") if size < _MAX_BRICK_SIZE else 0.0
         return tolerance if tolerance >= MIN_TOLERANCE else 0.0
 
@@ -284,7 +296,7 @@ class BrickPrimitive(Primitive):
         return cuts, batches, lambda view: [(1.0, [self._order(batch, view) for batch in batches])]
 
     def _tolerance(self, number: int, tolerance: float) -> float:
-        """Return the tolerance at which a group is drawn; what projections draw is another quantity."""
+        """Return the tolerance at which a group is drawn, in the unit of its projection if it has one."""
         projection = self._stage.groups[number].projection
         return tolerance if projection is None else projection.tolerance_factor * tolerance
 
@@ -306,7 +318,10 @@ class BrickPrimitive(Primitive):
 
 
 class ExtremumPrimitive(BrickPrimitive):
-    """Draws bricks of level 0, in which rays look for their most extreme scalar; a tolerance passes over some."""
+    """A primitive that draws bricks of level 0, in which rays look for their most extreme scalar.
+
+    A tolerance only passes over bricks that change a pixel by little.
+    """
 
     def __init__(self, stage: Stage) -> None:
         super().__init__(stage)
@@ -319,7 +334,7 @@ class ExtremumPrimitive(BrickPrimitive):
         return extremes_at(self._all[number], tolerance, self._stage.resolutions[number].voxel_px)
 
     def _order(self, batch: BrickBatch, view: View) -> UInt32:
-        """Return the bricks with the largest bounds first; front to back where places or parts of rays count."""
+        """Return the bricks with the largest bounds first, or front to back if depths or clipped rays count."""
         order, extremes = visible_bricks(batch, view), batch.extremes
         assert extremes is not None
         is_sorted = not (extremes.by_depth or view.clip or batch.bricks.clip)
@@ -327,11 +342,11 @@ class ExtremumPrimitive(BrickPrimitive):
 
 
 def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:
-    """Estimate how many samples of the field a picture of `batch[order]` takes; each pixel counts as some more.
+    """Estimate the number of samples of the field for a picture of `batch[order]`, with _PER_PIXEL more for each pixel.
 
     A box of volume V, projected in parallel along d, covers the area A = sum of |face . d| over three of its faces, and
-    the segments through it have the mean length V / A: the number of samples follows from volumes alone. In perspective
-    they are those of the projection along the ray to the box's middle, at the scale there.
+    the segments through it have the mean length V / A: the number of samples follows from volumes alone. In
+    perspective, a box is projected along the ray to its middle, at the scale there.
     """
     if len(order) == 0:
         return 0.0
@@ -341,11 +356,11 @@ def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:
     model_from_index = cut.volume.world_from_index[:3, :3] / batch.model_unit
     in_view_from_index = camera.view_from_model[:, :3] @ model_from_index
     centres = ((low + high) / 2 - cut.volume.centre_index) @ in_view_from_index.T + camera.view_from_model[:, 3]
-    edges = in_view_from_index * (high - low)[:, None, :]  # columns: the edges of each box
+    edges = in_view_from_index * (high - low)[:, None, :]  # the columns are the edges of each box
     faces = np.cross(edges[:, :, [1, 2, 0]], edges[:, :, [2, 0, 1]], axis=1)
     directions, scale_px = np.broadcast_to([0.0, 0.0, -1.0], centres.shape), np.full(len(chosen), camera.scale_px)
     if camera.perspective:
-        # An eye inside the box has no useful direction to its middle: place it half a box away.
+        # From inside of a box, the direction to its middle is of no use: the eye is placed half a box away.
         distances = np.maximum(np.linalg.norm(centres, axis=1), np.linalg.norm(edges.sum(axis=2), axis=1) / 2)
         directions, scale_px = centres / distances[:, None], camera.scale_px / distances
     areas = np.abs(np.einsum("nij,ni->nj", faces, directions)).sum(axis=1)
@@ -359,7 +374,7 @@ def num_samples(batch: BrickBatch, order: UInt32, view: View) -> float:
 
 
 def _subsampling_cost_share(screen_sampling: ScreenSampling) -> float:
-    """Return the time of a subsampled picture, divided by that of one in which all pixels are drawn."""
+    """Return the ratio of the time of a subsampled picture to the time of a picture in which all pixels are drawn."""
     first, *others = screen_sampling.strides
     share = first**-_STRIDE_EXPONENT
     for stride in others:

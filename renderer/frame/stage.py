@@ -1,4 +1,4 @@
-"""Define what all frames of a film share, and how a frame is looked up and timed."""
+"""Define the data that a film and a frame are drawn from, and the stopwatch of their steps."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from renderer.scene import CameraSpec, ClipSpec, FilmScene, Scene, SplatBudget, 
 from renderer.view import OrderBlending, View, are_near_faces, make_view, place_object_clips
 from renderer.volume import Bools, Float64, Volume
 
+# A function that returns seconds.
 Clock = Callable[[], float]
 AnyStage = TypeVar("AnyStage", bound="FilmStage")
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """A measure of how large the voxels of a grid are on the pictures of a film.
+    """A record of the size of a grid's voxels on the pictures of a film.
 
-    finest_level: cells of lower levels would be too small to see on every frame.
-    voxel_px: the finest spacing at the volume's centre, in pixels, where it is smallest along the path.
+    finest_level: the level below which cells are too small to see on every frame.
+    voxel_px: the finest spacing at the volume's centre, in pixels, on the frame where it is smallest.
     """
 
     finest_level: int
@@ -39,16 +40,18 @@ class FrameStageMaker(Protocol):
 
 @dataclass
 class FilmStage:
-    """All that a film is drawn from; `at` a frame it is a `Stage`. It owns its layers, those of the first frame.
+    """A stage holds all data that a film is drawn from. Its method `at` returns the `Stage` of a frame.
 
-    Use as a context manager, or call `close`. A `Stage` is the stage of a film in which nothing moves.
+    It owns the layers of the first frame: use it as a context manager, or call `close`. If nothing moves, the stage of
+    the film is itself a `Stage`.
 
     target: the world position that the camera looks at.
-    distance: from the eye to the target, in world units.
-    groups: the layers that are drawn as one. resolutions: of each group.
-    order_blending: which neighbours change their order along the path.
-    seconds: the time that each step of the preparation took. maker: of a film in which something moves.
-    not_framed: the part of a picture that did not count when the film was framed; 0 where all did.
+    distance: the distance from the eye to the target, in world units.
+    groups: the groups of layers that are drawn as one. resolutions: the resolution of each group.
+    order_blending: the blending of draw orders along the path.
+    seconds: the time that each step of the preparation took. maker: the maker of the stages of frames; None if nothing
+        moves.
+    not_framed: the share of a picture that cells add which were left out of the framing; 0 if none was.
     """
 
     scene: FilmScene
@@ -63,13 +66,13 @@ class FilmStage:
     not_framed: float = 0.0
 
     def at(self, frame: int) -> Stage:
-        """Return the stage of a frame, with plain values in its scene; the last one stays usable."""
+        """Return the stage of a frame, with plain values in its scene. Stages of other frames stay usable."""
         assert self.maker is not None, "of a film in which something moves"
         return self.maker.stage_at(self, frame)
 
     @property
     def first(self) -> Stage:
-        """Return the stage of the first frame, with the layers of this one."""
+        """Return the stage of the first frame, with the layers of this stage."""
         made = self.layers, self.target, self.distance, self.groups, self.resolutions, self.order_blending
         return Stage(self.scene.at(0), *made, self.seconds)
 
@@ -85,7 +88,7 @@ class FilmStage:
 
     @property
     def largest_error(self) -> float:
-        """Return the error of the whole volume as a single cell; of several, the largest."""
+        """Return the largest error of a volume as a single cell, over all layers."""
         return max(root_error(layer.pyramid) for layer in self.layers)
 
     def require_unchanged(self) -> None:
@@ -96,21 +99,21 @@ class FilmStage:
 
 @dataclass
 class Stage(FilmStage):
-    """All that a frame is drawn from; of a film in which nothing moves, the same for all frames."""
+    """A stage of one frame, or of all frames if nothing moves."""
 
     scene: Scene
 
     def at(self, frame: int) -> Stage:
-        """Return itself: nothing moves."""
+        """Return this stage."""
         return self
 
     @property
     def first(self) -> Stage:
-        """Return itself."""
+        """Return this stage."""
         return self
 
     def has_lods_of(self, other: Stage) -> bool:
-        """Return whether levels of detail are the same as those of the stage of another frame."""
+        """Return whether this stage has the same levels of detail as the stage of another frame."""
         now, then = self.scene, other.scene
         return (
             self.groups is other.groups
@@ -123,9 +126,9 @@ class Stage(FilmStage):
 
     @property
     def lit_clips(self) -> list[tuple[ClipSpec, ...]]:
-        """Return for each group the planes and boxes whose faces have a light of their own, which only voxels can show.
+        """Return for each group the planes and boxes whose cut faces are lit, which only voxels can show.
 
-        There are none where the scene asks for larger cells.
+        There are none if the scene asks for larger cells.
         """
         error = self.scene.error
         has_voxels = error.finest_level == 0 and not isinstance(error.goal, SplatBudget)
@@ -137,13 +140,13 @@ class Stage(FilmStage):
         ]
 
     def near_faces(self) -> Iterator[Callable[[Float64], Bools] | None]:
-        """Yield for each group what tells which bounds, in index coordinates, are near lit faces, or None."""
+        """Yield a test for each group: which bounds, in index coordinates, are near lit faces. None without faces."""
         for group, clips in zip(self.groups, self.lit_clips, strict=True):
             region = place_object_clips(group.volume, clips)
             yield None if region is None else partial(are_near_faces, region, group.volume)
 
     def draws_voxels_only(self, number: int) -> bool:
-        """Return whether a group is drawn as voxels at every tolerance: cells cannot hold light that is of a view."""
+        """Return whether a group is drawn as voxels at every tolerance, as cells cannot hold light that a view sets."""
         has_faces_of_view = any(clip.fixed == "camera" for clip in self.lit_clips[number])
         return has_faces_of_view or self.groups[number].draws_voxels_only
 
@@ -154,7 +157,7 @@ class Stage(FilmStage):
 
 
 class Stopwatch:
-    """Measures seconds between laps, by name. The caller passes the clock."""
+    """A stopwatch that adds up seconds between laps, by name. The caller passes the clock."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock, self._last = clock, clock()
@@ -176,7 +179,7 @@ def view_of(film: FilmStage, frame: int) -> View:
 
 
 def finest_level_at(stage: Stage, tolerance: float, number: int = 0) -> int:
-    """Return the finest level of the cells of a group that are drawn at a tolerance."""
+    """Return the finest level of the cells that are drawn at a tolerance. number: the number of the group."""
     if stage.draws_voxels_only(number):
         return 0
     return max(stage.scene.error.finest_level, stage.resolutions[number].finest_level if tolerance > 0 else 0)

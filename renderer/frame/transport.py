@@ -2,10 +2,10 @@
 
     length of the header, uint64 little-endian | header | buffers, each at a multiple of ALIGNMENT
 
-The header is the stage as pickle writes it, and the sizes of its buffers: the arrays, which protocol 5 leaves outside.
-Arrays of the result are views of the bytes. Voxels that are mapped from a file are among them, because the receiver may
-not have the file. Only bytes of this version from this program can be read: they are not checked, and come from Dask,
-which unpickles messages anyway.
+The header holds the stage as a pickle, and the sizes of its buffers. The buffers are the arrays, which pickle's
+protocol 5 leaves out. Arrays of the result are views of the bytes. Voxels that are mapped from a file are sent, too,
+because the receiver may not have the file. The bytes are not checked, and must come from the same version of this
+program: from Dask, which unpickles messages anyway.
 """
 
 from __future__ import annotations
@@ -21,13 +21,15 @@ import numpy.typing as npt
 from renderer.frame.stage import FilmStage
 from renderer.volume import MappedFile
 
+# The alignment of buffers, in bytes.
 ALIGNMENT = 64
 
+# The format of the header's length.
 _LENGTH = struct.Struct("<Q")
 
 
 class _StagePickler(pickle.Pickler):
-    """Writes a stage without the files of this machine."""
+    """A pickler that leaves out the files of this machine."""
 
     def reducer_override(self, value: Any) -> Any:
         """Write None in place of a file that the receiver may not have."""
@@ -46,12 +48,12 @@ def serialize_stage(stage: FilmStage) -> npt.NDArray[np.uint8]:
     pieces = [memoryview(_LENGTH.pack(len(header)) + header), *arrays]
     padded = [part for piece in pieces for part in (piece, memoryview(bytes(_padding_bytes(piece.nbytes))))]
     content = np.concatenate([np.frombuffer(part, np.uint8) for part in padded if part.nbytes])
-    stage.require_unchanged()  # only now all voxels were read
+    stage.require_unchanged()  # checked at the end, when all voxels were read
     return content
 
 
 def deserialize_stage(content: memoryview) -> FilmStage:
-    """Return the stage in these bytes, which must be writable. Its arrays are views of them."""
+    """Return the stage that `serialize_stage` wrote. Its arrays are views of the bytes, which must be writable."""
     (length,) = _LENGTH.unpack_from(content)
     at = _LENGTH.size + length
     pickled, sizes = pickle.loads(content[_LENGTH.size : at])  # noqa: S301

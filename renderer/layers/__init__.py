@@ -1,10 +1,12 @@
-"""The layers of a film: each one volume, with all that is made of it before a camera is chosen.
+"""Make the layers of a film: each is a volume with its pyramid, bricks and light, for any camera.
 
 In: `LayerSpec`, plain data, and the scene's mode, pyramid and error measure. Out: `Layer`: volume, transfer function,
-pyramid, bricks and light, known by the digest of what it was made from, by which layers are kept.
+pyramid, bricks and light, with a digest by which a layer is kept and found again.
 
-- `layer.py`: makes a layer. `label_numbers.py`: numbers labels, and masks volumes. `groups.py`: which layers are drawn
-  as one. `placement.py`: how volumes lie beside each other.
+- `layer.py`: a layer, made from plain data
+- `label_numbers.py`: labels as numbers from 1 on, and masks over volumes
+- `groups.py`: groups of layers that are drawn as one
+- `placement.py`: the places of volumes in the world, and problems with them
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Find the layers that are drawn as one: those on one grid of voxels, with the same clip planes."""
+"""Group the layers that are drawn as one, because they share a grid of voxels and clip planes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from renderer.volume import Volume
 
 @dataclass(frozen=True)
 class LayerGroup:
-    """Layers that are drawn as one. bricks: of all of them, if the footprint is drawn from bricks."""
+    """A group of layers that are drawn as one. bricks: the bricks of all layers, None if splats are drawn."""
 
     layers: tuple[Layer, ...]
     bricks: BrickLayers | None
@@ -31,7 +31,7 @@ class LayerGroup:
 
     @property
     def draws_voxels_only(self) -> bool:
-        """Return whether voxels are drawn at every tolerance: the shading is not in the means of larger cells."""
+        """Return whether voxels are drawn at every tolerance, because the means of larger cells lack the shading."""
         lit = [(layer.spec.shading, layer.volume.is_labels) for layer in self.layers if layer.spec.shading is not None]
         return any(shading.is_pointwise or is_labels for shading, is_labels in lit)
 
@@ -50,7 +50,7 @@ def _bricks_of(group: Sequence[Layer], scene: Scene) -> BrickLayers | None:
         return None
     if (extremes := group[0].extreme_bricks) is not None:
         return extremes.bricks
-    is_projection = scene.mode.is_projection  # whose pictures are weighted, and not extinctions
+    is_projection = scene.mode.is_projection  # the weights of projections are factors on pictures, not on extinctions
     bricks = [
         BrickLayer(each.bricks, each.spec.shading, 1.0 if is_projection else each.spec.weight)
         for each in group

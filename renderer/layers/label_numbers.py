@@ -1,4 +1,4 @@
-"""Number the labels that a layer shows, and mark where a mask shows it."""
+"""Number the labels that a layer shows, and restrict a volume to a mask."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from renderer.volume import Array, Volume, iter_slabs, joint_fingerprint
 
 
 def number_labels(volume: Volume, shown: Sequence[int], *, as_one: bool = False) -> Volume:
-    """Return a volume with a number in place of each label: 1, 2, ... of those that are shown, 0 of all others.
+    """Return a volume with a number in place of each label: 1, 2, ... for the labels shown, 0 for all others.
 
-    shown: labels, ascending. as_one: all that are shown have the number 1. It keeps the fingerprint.
-    Raises InputError for a label that no voxel has, and where the volume's file was changed.
+    The volume keeps its fingerprint.
+
+    shown: the labels that are shown, ascending. as_one: whether all of them have the number 1.
+    Raises InputError for a label that no voxel has, and if the volume's file was changed.
     """
     labels, numbers = np.array(shown), np.arange(1, len(shown) + 1, dtype=np.min_scalar_type(len(shown)))
     found, counts = np.empty(volume.values.shape, numbers.dtype), np.zeros(len(shown) + 1, np.int64)
@@ -26,7 +28,7 @@ def number_labels(volume: Volume, shown: Sequence[int], *, as_one: bool = False)
         found[start : start + len(slab)] = of_slab
         counts += np.bincount(of_slab.ravel(), minlength=len(counts))
         start += len(slab)
-    if volume.num_times == 1 and not counts[1:].all():  # a step in time may lack what others have
+    if volume.num_times == 1 and not counts[1:].all():  # a step in time may lack labels of other steps
         missing = format_value(labels[counts[1:] == 0].tolist())
         hint = "`hsplat info` lists its labels"
         raise InputError("no such labels in this volume", where=volume.name, got=missing, hint=hint)
@@ -37,9 +39,10 @@ def number_labels(volume: Volume, shown: Sequence[int], *, as_one: bool = False)
 
 
 def mask_volume(volume: Volume, mask: Volume, shown: Sequence[int]) -> Volume:
-    """Return a volume that is shown only where another one has one of some labels, ascending; errors as above.
+    """Return a volume that is shown only where a mask, a volume of labels, has one of the labels `shown`.
 
-    A mask that gives no lengths of a voxel, and has the shape of the volume, is on the grid of that.
+    A mask whose file gives no voxel size, and that has the volume's shape, is taken to lie on the volume's grid. Errors
+    are as in `number_labels`.
     """
     if not mask.has_lengths:
         note = mask.note or "this mask does not give its voxel size; 1 x 1 x 1 is assumed"
@@ -54,7 +57,7 @@ def mask_volume(volume: Volume, mask: Volume, shown: Sequence[int]) -> Volume:
 def leave_out_masked(volume: Volume) -> Volume:
     """Return a volume without a mask, in which the voxels whose centres its mask hides have no data.
 
-    Raises InputError where these are all of them.
+    Raises InputError if the mask hides all voxels.
     """
     values = volume.values.astype(np.promote_types(volume.values.dtype, np.float32))
     values[volume.are_shown == 0] = np.nan
@@ -66,14 +69,14 @@ def leave_out_masked(volume: Volume) -> Volume:
 
 
 def _numbers_of(values: Array, shown: Array, numbers: Array) -> Array:
-    """Return the numbers of labels; of those that are not shown, and of NaN, it is 0."""
+    """Return the number of each label in `values`; 0 for NaN and for labels that are not shown."""
     if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:
         lowest = np.iinfo(values.dtype).min
         table = np.zeros(1 << 8 * values.dtype.itemsize, numbers.dtype)
         is_possible = (shown >= lowest) & (shown <= np.iinfo(values.dtype).max)
         table[shown[is_possible] - lowest] = numbers[is_possible]
         return table[values.astype(np.int64) - lowest]
-    if values.dtype == np.uint64:  # which numpy compares with other integers as float64
+    if values.dtype == np.uint64:  # numpy would convert it to float64, to compare it with other integers
         values = values.astype(np.int64)
     at = np.minimum(np.searchsorted(shown, values), len(shown) - 1)
     return np.where(shown[at] == values, numbers[at], numbers.dtype.type(0))

@@ -22,12 +22,12 @@ from renderer.volume import Volume
 
 @dataclass(frozen=True)
 class Layer:
-    """A volume of a scene, and all that pictures of it have in common.
+    """A volume of a scene, with all that its pictures from any camera share.
 
-    volume: of labels, with numbers in their place. transfer: the scene's colours and opacities. projection: what the
-        mode colours; None for emission and absorption.
-    bricks: if the footprint is drawn from bricks. extreme_bricks: those in which rays look for extremes, if they do.
-    digest: of the plain data from which it was made, and of its voxels.
+    volume: the volume; labels in it are replaced by their numbers. transfer: the scene's colours and opacities.
+    projection: the projection of the scene's mode; None for emission and absorption.
+    bricks: the bricks, None if splats are drawn. extreme_bricks: the bricks in which rays look for an extremum; None in
+        other modes. digest: the digest of the plain data from which the layer was made, and of its voxels.
     """
 
     spec: LayerSpec
@@ -42,37 +42,42 @@ class Layer:
 
     @property
     def optics(self) -> TransferFunction:
-        """Return what is drawn: the transfer function, or what stands in its place in a projection."""
+        """Return the transfer function that is drawn, which a projection replaces by its own."""
         return self.transfer if self.projection is None else self.projection.optics
 
 
 def layer_parts(spec: LayerSpec, scene: Scene) -> tuple[Any, ...]:
     """Return the parts of a scene that a layer is made from, besides its volume.
 
-    Its name, its weight and the camera do not count, and clipping counts only where light or extremes depend on it.
+    They do not include the layer's name and weight, or the camera. They include clipping only if light or extrema
+    depend on it.
     """
     return _parts(spec, scene, _Held.by(spec, scene))
 
 
 def parts_over_frames(film: FilmScene, number: int) -> OverFrames[tuple[Any, ...]]:
-    """Return the parts of `layer_parts` for a layer of a film, by its number: those that count on the first frame."""
+    """Return the parts of a scene that a layer of a film is made from, over all frames.
+
+    The choice of the parts is made on the first frame, as by `layer_parts`. number: the number of the layer.
+    """
     first = film.at(0)
     held = _Held.by(first.layers[number], first)
     return film.map(lambda scene: _parts(scene.layers[number], scene, held))
 
 
 def frames_of_new_layers(film: FilmScene, number: int) -> list[tuple[int, int]]:
-    """Return the runs of frames, first and last, for which a layer of a film is made anew."""
+    """Return the runs of frames, as (first, last), on which a layer of a film has to be made anew."""
     placed = film.film_layers[number].map(lambda layer: (layer.volume, layer.transform))
     return OverFrames((placed, parts_over_frames(film, number))).changing_frames
 
 
 @dataclass(frozen=True)
 class _Held:
-    """A choice of the parts of a scene that a layer holds.
+    """A choice of the parts of a scene that a layer depends on.
 
-    clip: the planes and boxes. shading: the whole shading, in the means of cells; else the light that reaches each
-    place. light: the direction of the light, which casts shadows.
+    clip: whether it depends on the clip planes and boxes. shading: whether it depends on the whole shading, which is
+    then part of the means of cells; otherwise it depends on the light grid alone. light: whether it depends on the
+    direction of the light, which casts shadows.
     """
 
     clip: bool
@@ -81,7 +86,7 @@ class _Held:
 
     @classmethod
     def by(cls, spec: LayerSpec, scene: Scene) -> _Held:
-        """Return the parts that a layer of a scene holds."""
+        """Return the choice for a layer of a scene."""
         shading = spec.shading
         has_light_grid = shading is not None and shading.has_light_grid
         has_shadow = shading is not None and shading.shadow > 0
@@ -90,7 +95,7 @@ class _Held:
 
 
 def _parts(spec: LayerSpec, scene: Scene, held: _Held) -> tuple[Any, ...]:
-    """Return the parts of `layer_parts`. Values in them may be motions, with which nothing is calculated here."""
+    """Return the parts of a scene that a layer is made from, by the choice `held`. See `layer_parts`."""
     shading: Any = spec.shading
     if shading is not None and not held.shading:
         light = shading.light if held.light else None
@@ -103,7 +108,7 @@ def _parts(spec: LayerSpec, scene: Scene, held: _Held) -> tuple[Any, ...]:
 
 
 def layer_digest(spec: LayerSpec, scene: Scene, volume: Volume, finest_cut: FinestCut) -> str:
-    """Return the digest of what a layer is made from."""
+    """Return the digest of the voxels and the parts of a scene that a layer is made from."""
     made_from = (volume.fingerprint, *layer_parts(spec, scene), finest_cut)
     return hashlib.blake2b(repr(made_from).encode(), digest_size=16).hexdigest()
 
@@ -117,10 +122,10 @@ def make_layer(
     num_threads: int,
     lap: Callable[[str], object],
 ) -> Layer:
-    """Make a layer of a scene around its volume; the result does not depend on `num_threads`.
+    """Make a layer of a scene from its volume. The result does not depend on `num_threads`.
 
-    finest_cut: as in `build_pyramid`. lap: takes the name of each step that has ended.
-    Raises InputError where the volume's file was changed.
+    finest_cut: the parameter of `build_pyramid`. lap: a function that is called with the name of each finished step.
+    Raises InputError if the volume's file was changed.
     """
     look = spec.transfer_function
     if spec.color is not None:
@@ -129,7 +134,7 @@ def make_layer(
     if (labels := spec.transfer_function.labels) is not None:
         volume = number_labels(volume, labels.values)
     if volume.mask is not None and (scene.mode.is_projection or scene.needs_opengl):
-        volume = leave_out_masked(volume)  # of which extremes and splats know
+        volume = leave_out_masked(volume)  # projections and splats know absent voxels, but no masks
     projection = make_projection(scene.mode, transfer, volume)
     optics = transfer if projection is None else projection.optics
     light_grid = NO_LIGHT_GRID
@@ -138,7 +143,7 @@ def make_layer(
         are_removed = None if clip is None else partial(are_clipped_away, clip)
         light_grid = compute_light_grid(volume, optics, spec.shading, are_removed=are_removed, num_threads=num_threads)
         lap("light")
-    baked = spec.shading and spec.shading.lambert  # other shading is left to samples between voxels, as of labels
+    baked = spec.shading and spec.shading.lambert  # other shading is computed at samples between voxels
     baked = None if volume.is_labels else baked
     options: dict[str, Any] = {"spec": scene.pyramid, "error": scene.error, "shading": baked}
     options |= {"light_grid": light_grid, "num_threads": num_threads, "finest_cut": finest_cut}

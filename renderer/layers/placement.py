@@ -1,4 +1,4 @@
-"""Tell where volumes lie in the world, and refuse volumes that do not fit together on some frame."""
+"""Find the extents of volumes in the world, and refuse volumes that do not fit together on some frame."""
 
 from __future__ import annotations
 
@@ -13,25 +13,26 @@ from renderer.volume import Float64, Volume, move_volume
 
 Matrix = tuple[tuple[float, ...], ...]
 
-# Half the diagonals of two volumes in one world differ by less: a body has 300 times the length of a vessel wall.
+# The greatest ratio of the diagonals of two volumes in one scene. A body is 300 times as long as a vessel's wall is
+# thick.
 _MAX_SIZE_RATIO = 300.0
-# Of a volume that is mixed with others, its diagonal is at most so many times as long as its voxels are thin: rays
-# through all of them take steps as short as that. Volumes of 57,000^3 cubic voxels are at the limit. With 2.8e5, a
-# picture was as exact as one with 2.8e4; with 2.8e6, float32 placed samples so badly that it lost 10 to 20 dB, and it
-# took ten times as long.
+# The greatest ratio of a volume's diagonal to the thickness of its voxels, if it is mixed with other volumes: rays take
+# steps of that thickness through all volumes. A volume of 57,000^3 cubic voxels reaches the limit. At a ratio of 2.8e5,
+# a picture was as exact as at 2.8e4; at 2.8e6, samples at float32 positions cost it 10 to 20 dB, and it took ten times
+# as long.
 _MAX_MIXED_DIAGONAL = 1e5
 
 
 def reach_text(volume: Volume) -> str:
-    """Return from where to where in the world a volume reaches, in words."""
+    """Return the extent of a volume in the world, in words."""
     low, high = (format_value([float(f"{at:.6g}") for at in corner]) for corner in _world_box(volume))
     return f"from {low} to {high}"
 
 
 def placement_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Problem]:
-    """Yield the problems of the places of volumes, on the first frame that has any.
+    """Yield the problems with the places of volumes, on the first frame that has any.
 
-    volumes: of the layers of a scene, on its first frame.
+    volumes: the volumes of the scene's layers, on its first frame.
     """
     for frame, placed in _placed_by_frame(scene.film_layers, volumes):
         problems = [problem for each in placed for problem in volume_problems(volume_extent(each), each.name)]
@@ -45,7 +46,7 @@ def placement_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[
 def _placed_by_frame(
     layers: Sequence[OverFrames[LayerSpec]], volumes: Sequence[Volume]
 ) -> Iterator[tuple[int, Sequence[Volume]]]:
-    """Yield volumes where they are on the first frame, and on each one on which any is somewhere else than before."""
+    """Yield the volumes at their places on the first frame, and on each frame on which one has moved."""
     yield 0, volumes
     transforms = [layer.map(lambda each: each.transform) for layer in layers]
     runs = OverFrames(tuple(transforms)).changing_frames
@@ -55,7 +56,10 @@ def _placed_by_frame(
 
 
 def _placed(volume: Volume, transform: OverFrames[Matrix | None], frame: int) -> Volume:
-    """Return a volume where it is on a frame. volume: on the first frame. transform: of its layer."""
+    """Return a volume at its place on a frame.
+
+    volume: the volume at its place on the first frame. transform: the transform of its layer, over frames.
+    """
     first, now = transform.at(0), transform.at(frame)
     if first is None or now is None or not transform.moves:
         return volume
@@ -63,7 +67,7 @@ def _placed(volume: Volume, transform: OverFrames[Matrix | None], frame: int) ->
 
 
 def _mixing_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Problem]:
-    """Yield the volumes that are too flat to be mixed with others at every point of a ray."""
+    """Yield a problem for each volume that is too flat to be mixed with others at every point of a ray."""
     clips = (layer.map(lambda each: each.clip) for layer in scene.film_layers)
     grids = {(each.shape_xyz, each.world_from_index.tobytes(), clip) for each, clip in zip(volumes, clips, strict=True)}
     if len(grids) == 1 or scene.blend == "add" or scene.is_projection or scene.needs_opengl:
@@ -79,7 +83,7 @@ def _mixing_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Pr
 
 
 def _size_problems(volumes: Sequence[Volume]) -> Iterator[Problem]:
-    """Yield the volumes that are far larger or far smaller than the first one: those in other units of length."""
+    """Yield a problem for each volume that is far larger or smaller than the first, as in other units of length."""
     for number, volume in enumerate(volumes):
         ratio = volume.half_diagonal / volumes[0].half_diagonal
         if not 1 / _MAX_SIZE_RATIO <= ratio <= _MAX_SIZE_RATIO:
@@ -92,11 +96,11 @@ def _size_problems(volumes: Sequence[Volume]) -> Iterator[Problem]:
 
 
 def placement_notes(layers: Sequence[LayerSpec], volumes: Sequence[Volume]) -> Iterator[str]:
-    """Yield a sentence on each of several volumes that overlaps no other."""
+    """Yield a sentence for each volume that overlaps no other volume; none for a single volume."""
     lows, highs = np.array([_world_box(volume) for volume in volumes]).swapaxes(0, 1)
     overlaps = ((lows[:, None] < highs) & (lows < highs[:, None])).all(axis=2)
     for layer, volume, num in zip(layers, volumes, overlaps.sum(axis=1).tolist(), strict=True):
-        if num == 1 < len(volumes):  # itself
+        if num == 1 < len(volumes):  # each volume overlaps itself
             yield f"{layer.name or volume.name} overlaps no other volume: it reaches {reach_text(volume)}"
 
 

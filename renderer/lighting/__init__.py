@@ -1,10 +1,9 @@
-"""How much light reaches each place of the object, whatever the view: ambient occlusion, and the shadows of a light.
+"""Compute the light that reaches each place of the object, for all views: ambient occlusion, and soft shadows.
 
 In: `Volume`, `TransferFunction`, the direction of a light that is fixed to the object. Out: `LightGrid`, factors on
 the ambient and on the diffuse light, on a grid of cells.
 
-- `light_grid.py`: its definition, and how it is computed from the cells' mean extinctions. The kernels of
-  `light_rays.cpp` average extinctions, and send rays through them.
+- `light_grid.py`: the light grid, computed from the cells' mean extinctions
 """
 
 import lazy_loader

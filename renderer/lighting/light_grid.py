@@ -1,14 +1,14 @@
-"""The light grid: which share of the ambient and of the diffuse light reaches each place of the object.
+"""Compute the light grid: the shares of the ambient and of the diffuse light that reach each place of the object.
 
-Occlusion is twice the mean over all directions of exp(-D), at most 1. D is the optical depth from START_CELLS cells
-away to the radius. An opaque plane hides one half of all directions, so that its surface has the factor 1, as an open
-place has; corners and what is buried are darker. The shadow is the mean of exp(-D) over the directions to a round light
-of the angular radius LIGHT_RADIUS, to the volume's border. All rays leave out the first START_CELLS cells: with them,
-surfaces would shade themselves.
+The factor of occlusion is twice the mean over all directions of exp(-D), at most 1, with D the optical depth along a
+ray up to the radius of occlusion. An opaque plane hides half of all directions, so that its surface has the factor 1,
+as an open place has; corners and buried places are darker. The factor of shadow is the mean of exp(-D) over the
+directions to a round light of the angular radius LIGHT_RADIUS, with rays up to the volume's border. All rays leave out
+the first START_CELLS cells, in which surfaces would shade themselves.
 
-Rays are sampled in one grid of mean extinctions, where steps grow with the distance. Coarser grids for the far part
+Rays are sampled in one grid of mean extinctions, with steps that grow with the distance. Coarser grids for far parts
 were faster, but made everything darker: the mean of a thin wall and of the opening beside it lets less light through
-than the two by themselves.
+than wall and opening by themselves.
 """
 
 from __future__ import annotations
@@ -22,20 +22,27 @@ from renderer.scene import ShadingSpec, Vector
 from renderer.transfer import TransferFunction, make_classifier, make_light_grid, raw_voxels
 from renderer.volume import Bools, Float32, Float64, Volume
 
-# Along the longest axis, at most.
+# The most cells along the longest axis.
 MAX_CELLS = 128
-# Of the volume's diagonal.
+# The radius of occlusion, unless a scene gives one, as a share of the volume's diagonal.
 OCCLUSION_RADIUS = 0.1
-# Degrees. With a smaller light, shadows have edges that are sharper than cells.
+# The angular radius of the light, in degrees. The shadows of a smaller light would have edges sharper than cells.
 LIGHT_RADIUS = 14.0
-# The first part of a ray, which is left out, in the smallest widths of cells.
+# The length of the first part of a ray, which is left out, in widths of cells along the axis of finest spacing.
 START_CELLS = 2
 
-# What docs/benchmarks/occlusion.md says suffices.
-_NUM_OCCLUSION_RAYS, _OCCLUSION_GROWTH = 24, 0.35
-_NUM_LIGHT_RAYS, _LIGHT_GROWTH = 14, 0.07
-# As in the kernel `transmit`.
+# The number of rays for occlusion from each cell. It and the next three constants suffice by the measurements in
+# docs/benchmarks/occlusion.md.
+_NUM_OCCLUSION_RAYS = 24
+# The length of a step for occlusion, as a share of its distance from the cell.
+_OCCLUSION_GROWTH = 0.35
+# The number of rays to the light from each cell.
+_NUM_LIGHT_RAYS = 14
+# The length of a step to the light, as a share of its distance from the cell.
+_LIGHT_GROWTH = 0.07
+# The number of cells in a part of a row, as in the kernel `transmit`. Parts in which nothing is visible are skipped.
 _CELLS_OF_PART = 16
+# The turn between neighbouring points of a spiral, in radians.
 _GOLDEN_ANGLE = np.pi * (1 + 5**0.5)
 
 
@@ -48,18 +55,18 @@ def compute_light_grid(
     max_cells: int = MAX_CELLS,
     num_threads: int = 1,
 ) -> LightGrid:
-    """Return the light grid that a shading asks for, which does not depend on the number of threads.
+    """Return the light grid for a shading. The result does not depend on the number of threads.
 
-    are_removed: which boxes, float64 [n, 2, 3] of lowest and highest corners in index space relative to the volume's
-        centre, let all light through, though the volume does not. max_cells: along the longest axis. Raises InputError
-        where the volume's file was changed.
+    are_removed: a test of the boxes that are clipped away and let all light through. Boxes are float64 [n, 2, 3], the
+        lowest and highest corners in index space relative to the volume's centre. max_cells: the most cells along the
+        longest axis. Raises InputError if the volume's file was changed.
     """
     level = max(0, (-(-max(volume.shape_xyz) // max_cells) - 1).bit_length())
     width = volume.finest_spacing * 2**level
     start = START_CELLS * width
     radius = shading.occlusion_radius
     radius = max(OCCLUSION_RADIUS * 2 * volume.half_diagonal if radius is None else radius, start + width)
-    across = float(volume.spacing @ volume.shape_xyz)  # at least as long as any way through it
+    across = float(volume.spacing @ volume.shape_xyz)  # at least the length of any ray through the volume
     occlusions = shadows = None
     with ThreadPool(num_threads) as threads:
         depths = _mean_depths(volume, transfer, level, threads)
@@ -76,7 +83,7 @@ def compute_light_grid(
 
 
 def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads: ThreadPool) -> Float32:
-    """Return the mean optical depths of a finest spacing, of cells of 2^level voxels, as `transmit` takes them."""
+    """Return the mean optical depths, per finest spacing, of cells of 2^level voxels a side, with a border of cells."""
     classifier, raw = make_classifier(volume, transfer, None, opacity=False), raw_voxels(volume)
     by_pattern = None if classifier.table is None else np.ascontiguousarray(classifier.table[:, 3])
     out, shares = np.empty((2, *(-(-num >> level) for num in raw.shape)), np.float32)
@@ -93,7 +100,7 @@ def _mean_depths(volume: Volume, transfer: TransferFunction, level: int, threads
 
 
 def _remove(depths: Float32, volume: Volume, level: int, are_removed: Callable[[Float64], Bools]) -> None:
-    """Let light through the cells whose middles are removed. depths: with a border; updated."""
+    """Set the depths of cells whose middles are removed to 0, in place. depths: with a border of cells."""
     z, y, x = ((np.arange(-1, num - 1) + 0.5) * 2**level - 0.5 for num in depths.shape)
     for plane, at in zip(depths, z, strict=True):
         row, column = np.nonzero(plane)
@@ -106,7 +113,8 @@ def _transmission(
 ) -> Float32:
     """Return the mean transmission of rays from the centre of each cell, as in a LightGrid.
 
-    directions: [n, 3], unit vectors in world axes. ends: [m + 1], where samples of a ray end, world lengths.
+    directions: [n, 3], unit vectors in world axes. ends: [m + 1], the ends of samples along a ray, as world lengths
+        from the cell; the first entry is the start of the first sample.
     """
     cells_from_world = np.linalg.inv(volume.world_from_index[:3, :3]) / 2**level
     middles = (ends[1:] + ends[:-1]) / 2
@@ -121,7 +129,7 @@ def _transmission(
 
 
 def _filled_parts(depths: Float32) -> Bools:
-    """Return in which parts of rows of cells anything is visible, or beside them: `filled` of the kernel `transmit`."""
+    """Return which parts of rows of cells are visible or next to visible parts, as the kernel `transmit` takes them."""
     filled = np.logical_or.reduceat(depths > 0, np.arange(0, depths.shape[2], _CELLS_OF_PART), axis=2)
     for axis in range(3):
         along = np.moveaxis(filled, axis, 0)
@@ -130,7 +138,10 @@ def _filled_parts(depths: Float32) -> Bools:
 
 
 def _sample_ends(start: float, end: float, width: float, growth: float) -> Float64:
-    """Return where samples end: each is a cell long, or a share of its distance where that is longer."""
+    """Return the ends of samples along a ray, as world lengths from its start.
+
+    A sample is a cell long, or `growth` times its distance if that is longer. width: the width of a cell.
+    """
     ends = [start]
     while ends[-1] < end:
         ends.append(min(end, ends[-1] + max(width, growth * ends[-1])))
@@ -138,7 +149,7 @@ def _sample_ends(start: float, end: float, width: float, growth: float) -> Float
 
 
 def _sphere(num: int) -> Float64:
-    """Return directions that are spread evenly, on a spiral, float64 [num, 3]."""
+    """Return directions that are spread evenly over the sphere, on a spiral: float64 [num, 3]."""
     turns = np.arange(num) + 0.5
     z = 1 - 2 * turns / num
     across = np.sqrt(1 - z * z)
@@ -146,7 +157,7 @@ def _sphere(num: int) -> Float64:
 
 
 def _cone(light: Vector, num: int) -> Float64:
-    """Return directions to points that are spread evenly, on a spiral, over a round light, float64 [num, 3]."""
+    """Return directions to points that are spread evenly over a round light, on a spiral: float64 [num, 3]."""
     toward = np.array(light, np.float64) / np.abs(light).max()
     toward /= np.linalg.norm(toward)
     side = np.cross(toward, np.eye(3)[np.abs(toward).argmin()])

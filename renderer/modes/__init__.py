@@ -1,12 +1,13 @@
-"""What a ray shows of the field that it passes: one file for each kind of projection.
+"""Define the projections: modes in which a ray shows one number of the field, such as the maximum.
 
-In: a scene's `ModeSpec`, its colours, and the volume. Out: a `Projection`, which says what is drawn in place of the
-scene's transfer function, and turns what rays gathered into colours. Emission and absorption have none.
+In: a scene's `ModeSpec`, its colours, and the volume. Out: a `Projection`, with the transfer function that is drawn in
+place of the scene's, and the colours of the numbers that rays gather. Emission and absorption have no projection.
 
-- `projection.py`: what projections have in common; `table.py`: all of them by name.
-- `extremum.py`: the largest or smallest scalar of a ray, and where it is; `depth_averages.py`: mean and attenuation,
-  which are optical depths of other transfer functions.
-- `chords.py`: the lengths of rays inside the volume's box.
+- `projection.py`: the base class of projections
+- `table.py`: the classes of projections, by the names of modes
+- `extremum.py`: the largest or smallest scalar of a ray, or its depth
+- `depth_averages.py`: mean and attenuation, both by an optical depth
+- `chords.py`: the lengths of rays inside the volume's box
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Project the mean scalar of a ray, or its attenuation: both follow from an optical depth."""
+"""Project the mean scalar of a ray, or its attenuation, both by an optical depth."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from renderer.transfer import MAX_VOXEL_DEPTH, TransferFunction
 
 
 class Mean(Projection):
-    """A projection of the mean scalar over each ray's way through the volume's box.
+    """A projection of the mean scalar along each ray, inside the volume's box.
 
-    An extinction that is linear in the scalar gives the integral as an optical depth, at most 1.
+    The extinction is linear in the scalar, so that the optical depth of a ray, at most 1, is its integral.
     """
 
     def _make_optics(self) -> TransferFunction:
@@ -22,7 +22,8 @@ class Mean(Projection):
             high = float(np.nextafter(low, np.inf))
         self._low_share, self._width_share = self.share_of(low), self.share_of(high) - self.share_of(low)
         self._depth_per_length = 1.0 / (2.0 * self.volume.half_diagonal)
-        # From the error of the depth of a ray as long as the mean chord to one of a share of the colour range.
+        # The ratio between errors of the optical depth and errors as shares of the colour range, on a ray as long as
+        # the mean chord.
         self.tolerance_factor = self._mean_chord * self._depth_per_length / max(1.0, self._width_share)
         return ramp(low, high, (0.0, self._depth_per_length))
 

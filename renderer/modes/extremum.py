@@ -1,4 +1,4 @@
-"""Project the largest or the smallest scalar of a ray, or where the largest one is."""
+"""Project the largest or the smallest scalar of a ray, or the depth of the largest one."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from renderer.transfer import TransferFunction
 class Extremum(Projection):
     """A projection of the extreme scalar of each ray.
 
-    Rays gather two channels: from 0, the end of the colour range that is the same as nothing, to 1, its other end, how
-    extreme the scalar is; and how near it is, from 0 at the farthest point of the ball around the volume to 1.
+    Rays gather two channels. The first is the position of the scalar in the colour range, from 0 for the least extreme
+    end, which shows nothing, to 1 for the most extreme end. The second is the nearness of the scalar, from 0 at the
+    farthest point of the ball around the volume to 1 at the nearest.
     """
 
     @property
     def is_maximum(self) -> bool:
-        """Return whether the largest scalar counts."""
+        """Return whether the projection shows the largest scalar, not the smallest."""
         return self.spec.type == "maximum"
 
     @property
     def by_depth(self) -> bool:
-        """Return whether colours tell where the scalar is."""
+        """Return whether colours show the depth of the scalar, not its value."""
         return self.spec.color_by == "depth"
 
     def _make_optics(self) -> TransferFunction:
-        """Show what is more extreme than one end of the colour range, about one optical depth in a voxel."""
+        """Return a ramp over the colour range, from transparent to an optical depth of about 1 in a voxel."""
         first, last = self.color_range
         densest = 1.0 / self.volume.finest_spacing
         return ramp(first, last, (0.0, densest) if self.is_maximum else (densest, 0.0))

@@ -1,4 +1,4 @@
-"""Say what all projections have in common: one number of each ray, which is coloured."""
+"""Define the base class of projections, which show one number of each ray as a colour."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from renderer.volume import Float32, Float64, Volume
 
 
 class Projection(ABC):
-    """A mode that colours one number of each ray; opacities do not count.
+    """A mode that shows one number of each ray as a colour. The scene's opacities have no effect.
 
-    color_range: the first and the last scalar that have colours of their own; shares of it are coloured.
-    optics: what is drawn in its place: bricks classify by it, rays gather what it shows.
-    tolerance_factor: from a tolerance, a share of the colour range, to the one at which `optics` is drawn.
+    color_range: the first and the last scalar of the scene's colours. Numbers are coloured as shares of this range.
+    optics: the transfer function that is drawn in place of the scene's. From its picture the numbers of rays follow.
+    tolerance_factor: the factor from the scene's tolerance, a share of the colour range, to the tolerance at which
+        `optics` is drawn.
     """
 
     tolerance_factor: float = 1.0
@@ -31,19 +32,19 @@ class Projection(ABC):
         self.optics = self._make_optics()
 
     def share_of(self, scalars: Any) -> Any:
-        """Return where in the colour range scalars lie: 0 at its start and 1 at its end."""
+        """Return the positions of scalars in the colour range: 0 at its start and 1 at its end."""
         first, last = self.color_range
         return (scalars / 2 - first / 2) / (last / 2 - first / 2)  # halves do not overflow
 
     @abstractmethod
     def _make_optics(self) -> TransferFunction:
-        """Return what is drawn in place of the scene's transfer function."""
+        """Return the transfer function that is drawn in place of the scene's."""
 
     @abstractmethod
     def shares(self, gathered: Any, chords: Any) -> Any:
-        """Return what to colour, shares of the colour range, float [...], of what rays gathered.
+        """Return the number of each ray, as a share of the colour range: float [...].
 
-        gathered: float [..., 4], the picture of `optics`. chords: float [...], world lengths of the rays inside the
+        gathered: float [..., 4], the picture of `optics`. chords: float [...], the world lengths of the rays inside the
         volume's box.
         """
 
@@ -52,7 +53,10 @@ class Projection(ABC):
         return 1.0
 
     def picture(self, gathered: Float32, chords: Float32, threads: ThreadPool) -> Float32:
-        """Return premultiplied RGBA, float32 [h, w, 4], of what rays gathered; opaque where they meet the volume."""
+        """Return the picture: premultiplied RGBA, float32 [h, w, 4], opaque where rays meet the volume's box.
+
+        gathered, chords: as in `shares`, for all pixels.
+        """
         image = np.empty_like(gathered)
         color = kernels().color_shares.partial(curve=self._colors.curve())
 
@@ -66,7 +70,7 @@ class Projection(ABC):
         return image
 
     def exact_colors(self, gathered: Float64, chords: Float64) -> Float64:
-        """Return the same as `picture` in double precision, float64 [n, 4]."""
+        """Return the colours of rays as `picture` does, in double precision: float64 [n, 4]."""
         colors, _ = self._colors.classify(self.shares(gathered, chords))
         is_met = (chords > 0)[:, None]
         return np.hstack([colors * is_met * self.brightness(gathered), is_met])

@@ -9,6 +9,7 @@ from renderer.scene import ModeSpec
 from renderer.transfer import TransferFunction
 from renderer.volume import Volume
 
+# The classes of projections, by the names of modes.
 _PROJECTIONS: dict[str, type[Projection]] = {
     "maximum": Extremum,
     "minimum": Extremum,

@@ -1,12 +1,14 @@
-"""The pyramid of averages and errors, and the octree that is cut from it.
+"""Build the pyramid of averages and errors, and cut its octree at a tolerance.
 
 In: `Volume`, `TransferFunction`. Out: `Pyramid`, whose nodes of level l are averages over cells, cubes of 2^l voxels;
 `Cut`, the coarsest nodes whose error is below a tolerance (Laur and Hanrahan 1991); `CutSizes`, from which a budget of
 cells finds its tolerance. Means and variances of children are merged as in Chan, Golub and LeVeque 1979.
 
-- `pyramid.py`: builds it, level by level, with the error of each node, and leaves out macrocells (blocks of voxels) in
-  which the min-max test finds nothing visible; `nodes.py`: what its kernels write, and how that is stored.
-- `cut.py`: the nodes drawn at a tolerance; `cut_size.py`: the number of cells at any tolerance, for a budget of cells.
+- `pyramid.py`: the pyramid and its levels
+- `building.py`: the pyramid, built level by level, without macrocells (blocks of voxels) in which nothing is visible
+- `nodes.py`: arrays for the nodes that kernels build, and their storage
+- `cut.py`: the nodes drawn at a tolerance
+- `cut_size.py`: the number of cells at any tolerance, for a budget of cells
 """
 
 import lazy_loader

@@ -1,3 +1,4 @@
+from .building import STREAMED_LEVELS as STREAMED_LEVELS, build_pyramid as build_pyramid
 from .cut import (
     Cut as Cut,
     cell_voxel_counts as cell_voxel_counts,
@@ -17,11 +18,9 @@ from .nodes import (
 )
 from .pyramid import (
     EVERY_CUT as EVERY_CUT,
-    STREAMED_LEVELS as STREAMED_LEVELS,
     FinestCut as FinestCut,
     Level as Level,
     Pyramid as Pyramid,
-    build_pyramid as build_pyramid,
     error_scale as error_scale,
     subdivide as subdivide,
 )

@@ -1,8 +1,8 @@
-"""The cut: the octree cells that are drawn at a tolerance. They cover every visible voxel exactly once.
+"""Find the cut: the octree cells that are drawn at a tolerance. They cover every visible voxel exactly once.
 
-Top-down, level by level (Laur and Hanrahan 1991, section 4): a node whose error is *below* the tolerance becomes a
-leaf, and the others are split, so that a tolerance of 0 reaches every visible voxel. Nodes without extinction are not
-in the pyramid and cost nothing.
+The tree is walked top-down, level by level (Laur and Hanrahan 1991, section 4). A node whose error is *below* the
+tolerance becomes a leaf. All other nodes are split, so that a tolerance of 0 reaches every visible voxel. Nodes without
+extinction are not in the pyramid and cost nothing.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from renderer.volume import Float32, Float64, Int32, Int64, UInt8, Volume
 
 @dataclass(frozen=True)
 class Cut:
-    """A cut: the cells drawn, coarse levels first, in Morton order within a level. The index of a cell is its id.
+    """A cut: the cells that are drawn, coarse levels first, in Morton order within a level. Their index is their id.
 
     levels: uint8 [n]; a cell of level l is 2^l voxels wide, less where the border cuts it.
     cells: int32 [n, 3], x, y, z in widths of the cell.
@@ -39,7 +39,7 @@ class Cut:
 def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) -> Cut:
     """Return the coarsest cells whose error is below `tolerance` (in the measure's unit), none below `finest_level`.
 
-    Raises ValueError where the pyramid was not built for this tolerance or level.
+    Raises ValueError if the pyramid was not built for this tolerance or level.
     """
     finest = pyramid.finest_cut
     if not tolerance >= finest.tolerance:
@@ -62,39 +62,45 @@ def cut_pyramid(pyramid: Pyramid, tolerance: float, *, finest_level: int = 0) ->
 
 
 def root_error(pyramid: Pyramid) -> float:
-    """Return the error of the whole volume as one cell. A cut at any larger tolerance is a single cell."""
+    """Return the error of the whole volume as one cell: a cut at any larger tolerance is a single cell."""
     return float(node_errors(pyramid, *root_cells(pyramid), pyramid.num_levels).max(initial=0.0))
 
 
 def root_cells(pyramid: Pyramid) -> tuple[Int64, Int32]:
-    """Return the index of the root and its cell, [1] and [1, 3]; [0] and [0, 3] where nothing is visible."""
+    """Return the index of the root and its cell, [1] and [1, 3]; empty arrays if nothing is visible."""
     num = len(pyramid.levels[-1].errors)
     return np.arange(num), np.zeros((num, 3), np.int32)
 
 
 def node_errors(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int) -> Float64:
-    """Return the errors of nodes of a level at `cells` [n, 3], in the measure's unit, float64 [n]."""
+    """Return the errors of nodes of a level, in the measure's unit: float64 [n].
+
+    nodes: [n], their indices in the level. cells: [n, 3], their places.
+    """
     sizes = cell_voxel_counts(cells, level, pyramid.volume)
     scale = np.asarray(error_scale(pyramid.volume, pyramid.measure, sizes) * pyramid.error_unit)
     return np.asarray(pyramid.levels[level - 1].errors[nodes] * scale)
 
 
 def cell_voxel_counts(cells: Int32, level: int, volume: Volume) -> Int64:
-    """Return the number of voxels in each cell of a level, int64 [n]."""
-    x, y, z = cell_extents(cells, level, volume.shape_xyz).T  # a product along the rows would take ten times as long
+    """Return the number of voxels in each cell of a level: int64 [n]."""
+    # The product is taken by columns, as a product along rows takes ten times as long.
+    x, y, z = cell_extents(cells, level, volume.shape_xyz).T
     return np.asarray(x * y * z)
 
 
 def descendants(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int, finer_level: int) -> tuple[Int64, Int32]:
-    """Return the visible nodes of a finer level in nodes of a level, as `visible_children` does."""
+    """Return the visible nodes of a finer level that lie in given nodes of a level. See `visible_children`."""
     for number in range(level, finer_level, -1):
         nodes, cells = visible_children(nodes, cells, pyramid.levels[number - 1])
     return nodes, cells
 
 
 def visible_children(nodes: Int64, cells: Int32, level: Level) -> tuple[Int64, Int32]:
-    """Return the visible children of nodes of a level at `cells`: their indices in the level below [m] and their cells
-    [m, 3]."""
+    """Return the visible children of nodes of a level: their indices in the level below [m], and their cells [m, 3].
+
+    nodes: [n], indices in the level. cells: [n, 3], the cells of these nodes.
+    """
     num = int(np.bitwise_count(level.masks[nodes]).sum(dtype=np.int64))
     child_nodes, child_cells = np.empty(num, np.int64), np.empty((num, 3), np.int32)
     kernels().list_children(
@@ -105,11 +111,15 @@ def visible_children(nodes: Int64, cells: Int32, level: Level) -> tuple[Int64, I
 
 
 def _join_leaves(pyramid: Pyramid, leaves: list[tuple[int, Int32, Float32]], parents: Int32) -> Cut:
-    """Return the cut of the leaves of all levels (level, cells, depths) and the visible voxels in cells of level 1."""
+    """Return the cut that joins the leaves of all levels with the visible voxels in cells of level 1.
+
+    leaves: for each level its number, and the cells and the depths of its leaves. parents: the cells of level 1 that
+        are split into voxels.
+    """
     levels, cells_of_level, depths_of_level = zip(*leaves, strict=True)
     nums = [len(cells) for cells in cells_of_level]
     num_coarse = sum(nums)
-    capacity = num_coarse + 8 * len(parents)  # addresses, which take no memory until they are written
+    capacity = num_coarse + 8 * len(parents)  # the system gives memory only for pages that are written
     cells, depths = np.empty((capacity, 3), np.int32), np.empty((capacity, 4), np.float32)
     np.concatenate(cells_of_level, out=cells[:num_coarse])
     np.concatenate(depths_of_level, out=depths[:num_coarse])
@@ -124,12 +134,15 @@ def _join_leaves(pyramid: Pyramid, leaves: list[tuple[int, Int32, Float32]], par
 
 
 def num_visible_voxels(pyramid: Pyramid, cells: Int32) -> UInt8:
-    """Return the number of visible voxels in each cell of level 1, uint8 [n]."""
+    """Return the number of visible voxels in each cell of level 1: uint8 [n]."""
     return _find_voxels(pyramid, cells, np.empty((0, 3), np.int32), np.empty((0, 4), np.float32))
 
 
 def _find_voxels(pyramid: Pyramid, parents: Int32, cells: Int32, depths: Float32) -> UInt8:
-    """Return the number of visible voxels in each of `parents`; write them to `cells` and `depths` unless empty."""
+    """Return the number of visible voxels in each of `parents`, cells of level 1.
+
+    The voxels are written to `cells` and `depths`, unless these are empty.
+    """
     counts = np.empty(len(parents), np.uint8)
     pyramid.volume.require_unchanged()
     kernels().find_voxels(

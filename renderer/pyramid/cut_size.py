@@ -1,13 +1,13 @@
 """Compute the number of cells of a cut as a function of its tolerance, exactly and without making any cut.
 
-A node is split at every tolerance that is above neither its own error nor the error of a node around it. The largest
-such tolerance, the least of these errors, is its *split threshold*: a node is a leaf when its error is below the
-tolerance. So a cut at tolerance t has
+A node is a leaf if its error is below the tolerance. So it is split at every tolerance up to its *split threshold*, the
+smallest of its own error and the errors of all nodes that contain it. A cut at tolerance t has
 
     1 + sum over the nodes with a split threshold >= t of (visible children - 1)
 
-cells, which never falls as t falls. Going down the pyramid, split thresholds never rise, so that nodes beyond the limit
-need not be followed: the finest cut of at most n cells takes memory and time in proportion to n.
+cells, a number that never falls as t falls. From a node to its children, split thresholds never rise, so that the
+search ends at nodes with thresholds below a limit: the finest cut of at most n cells takes memory and time in
+proportion to n.
 """
 
 from __future__ import annotations
@@ -28,11 +28,12 @@ from renderer.volume import Float64, Int64
 class CutSizes:
     """A table of the sizes of all cuts of at most `max_cells` cells.
 
-    split_thresholds: float64 [n], falling, each different and at least MIN_TOLERANCE.
+    split_thresholds: float64 [n], strictly falling, at least MIN_TOLERANCE.
     counts: int64 [n + 1], not falling; counts[k] is the size at tolerances above split_thresholds[k], up to
         split_thresholds[k - 1].
-    tolerance_limit: at tolerances up to it cuts have more than `max_cells` cells, or are unknown. 0 if none above 0 is.
-    num_cells_at_zero: cells at tolerance 0; None where they are more than `max_cells`, or unknown.
+    tolerance_limit: the largest tolerance at which the cut has more than `max_cells` cells, or is unknown; 0 without
+        such a tolerance.
+    num_cells_at_zero: the number of cells at tolerance 0; None if it is more than `max_cells`, or unknown.
     """
 
     split_thresholds: Float64
@@ -44,7 +45,7 @@ class CutSizes:
     def finest_within(self, num_cells: int) -> float:
         """Return the tolerance of the finest cut of at most `num_cells` cells, from 1 to `max_cells`.
 
-        It is one that a scene can have: 0, or at least MIN_TOLERANCE. Raises ValueError for another number.
+        The tolerance is 0, or at least MIN_TOLERANCE, as in scenes. Raises ValueError for another number of cells.
         """
         if not 1 <= num_cells <= self.max_cells:
             raise ValueError(f"sizes of other cuts: got {num_cells}, expected 1 to {self.max_cells}")
@@ -59,10 +60,10 @@ class CutSizes:
 def cut_sizes(pyramid: Pyramid, max_cells: int, *, finest_level: int, finest_level_at_zero: int) -> CutSizes:
     """Return the sizes of all cuts of at most `max_cells` cells (at least 1).
 
-    Cuts at tolerances below those the pyramid was built for count as too large.
+    Cuts for which the pyramid was not built, as their tolerance is too small, count as too large.
 
-    finest_level, finest_level_at_zero: of the cells drawn at tolerances above 0, and at 0. Raises ValueError where the
-    pyramid has no cells of these levels.
+    finest_level, finest_level_at_zero: the finest level of the cells drawn at tolerances above 0, and at 0. Raises
+    ValueError if the pyramid has no cells of these levels.
     """
     finest = min(finest_level, finest_level_at_zero)
     if finest < pyramid.finest_cut.level:
@@ -81,9 +82,10 @@ def cut_sizes(pyramid: Pyramid, max_cells: int, *, finest_level: int, finest_lev
 
 
 def _collect_thresholds(pyramid: Pyramid, max_cells: int, finest_level: int, limit: float) -> CutSizes:
-    """Walk down the levels along nodes that are split at a tolerance above the limit, which rises meanwhile.
+    """Collect split thresholds above a limit, level by level. The number of cells at tolerance 0 is left open.
 
-    limit: of tolerances, negative for thresholds of 0, too. The number of cells at tolerance 0 is left open.
+    limit: the tolerance from which on cuts are wanted; negative to include thresholds of 0. It rises whenever there are
+        more than `max_cells` cells.
     """
     nodes, cells = root_cells(pyramid)
     parent_thresholds = np.full(len(nodes), np.inf)
@@ -91,7 +93,7 @@ def _collect_thresholds(pyramid: Pyramid, max_cells: int, finest_level: int, lim
     for number in range(pyramid.num_levels, finest_level, -1):
         level = pyramid.levels[number - 1]
         errors = node_errors(pyramid, nodes, cells, number)
-        errors[errors < MIN_TOLERANCE] = 0.0  # no other tolerance is that small
+        errors[errors < MIN_TOLERANCE] = 0.0  # no tolerance other than 0 is that small
         thresholds = np.minimum(errors, parent_thresholds)
         is_split = thresholds > found.tolerance_limit
         nodes, cells, thresholds = nodes[is_split], cells[is_split], thresholds[is_split]
@@ -105,7 +107,7 @@ def _collect_thresholds(pyramid: Pyramid, max_cells: int, finest_level: int, lim
 
 
 def _merge_level(found: CutSizes, thresholds: Float64, num_more: Int64) -> CutSizes:
-    """Add the nodes of a level, each of which `num_more` children replace besides one."""
+    """Return the sizes with the split nodes of a further level. num_more: the number of children of each, less 1."""
     falling, where = np.unique(-np.concatenate([found.split_thresholds, thresholds]), return_inverse=True)
     more = np.bincount(where, np.concatenate([np.diff(found.counts), num_more]))
     counts = found.counts[0] + np.append(0, np.cumsum(more)).astype(np.int64)
@@ -115,7 +117,7 @@ def _merge_level(found: CutSizes, thresholds: Float64, num_more: Int64) -> CutSi
 
 
 def _round_tolerance(above: float, up_to: float) -> float:
-    """Return a tolerance above `above` (>= 0) and at most `up_to`, of few digits where possible."""
+    """Return a tolerance above `above` (>= 0) and at most `up_to`, with few digits if possible."""
     middle = 2 * above or 1.0 if up_to == sys.float_info.max else math.sqrt(above or up_to / 4) * math.sqrt(up_to)
     for digits in range(17):
         rounded = float(f"{middle:.{digits}e}")

@@ -1,7 +1,8 @@
 """Make room for the nodes that the kernels of `nodes.cpp` build, and store their means.
 
-Nodes come in *groups*: 64 of them, their 8 parents, and the root of those. The levels 1, 2, 3 of a block of 8^3 voxels
-are a group; the roots of up to 64 groups make the next one, with the levels 3, 4, 5, and so on.
+Nodes come in *groups* of three levels: 64 nodes, their 8 parents, and one root. Levels 1, 2 and 3 of a block of 8^3
+voxels are a group. The roots of up to 64 groups are the lowest level of another group, with the levels 3, 4 and 5, and
+so on.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ import numpy as np
 from renderer.kernels import VisibleNodes, kernels
 from renderer.volume import Array, Float32
 
+# The number of nodes of each level of a group.
 NODES_OF_GROUP = (64, 8, 1)
 
+# The number of voxels along each side of a block.
 BLOCK_SIZE = 8
 
 
@@ -43,14 +46,14 @@ def nodes_of_level(nodes: VisibleNodes, part: int) -> slice:
 
 
 def packed_channels(values: Array) -> Array:
-    """Return four channels [..., 4] as one item [...], which is moved at once; a view."""
+    """Return a view of four channels [..., 4] as one item [...], which numpy moves at once."""
     return values.view(np.uint64 if values.dtype == np.float16 else np.complex128)[..., 0]
 
 
 def opacities_to_depths(means: Float32, max_depth: float) -> None:
     """Convert means of (a c, a) [n, 4] to optical depths times (c, 1), in place.
 
-    Depths keep their digits in half precision. Of opacities near 1 it would leave none.
+    In half precision, depths keep their digits, while opacities near 1 would lose them.
     """
     opacities = means[:, 3].astype(np.float64)
     with np.errstate(divide="ignore"):  # an opacity that rounds to 1 has the largest depth

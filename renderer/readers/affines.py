@@ -1,4 +1,4 @@
-"""Place voxels in the world: affines, their lengths and directions, and notes on lengths that are guessed."""
+"""Place voxels in the world by affines, check their lengths and directions, and note lengths that are guessed."""
 
 from __future__ import annotations
 
@@ -11,39 +11,42 @@ from renderer.errors import InputError
 from renderer.scene import MAX_WORLD_LENGTH, MIN_WORLD_LENGTH, short_text
 from renderer.volume import Array, Float64
 
-# Notes on guessed lengths begin with this. A scene's own `spacing` makes them void.
+# The beginning of notes on guessed lengths. They are dropped if the scene gives a `spacing`.
 GUESSED_LENGTHS = "the file does not give its voxel size"
 # The note for a file without any lengths.
 NO_SPACING = f"{GUESSED_LENGTHS}; 1 x 1 x 1 is assumed"
-# The most fields that a note names, of those that may have lengths.
+# The most fields that a note names.
 _MAX_NAMED = 8
 
 
 def no_spacing(names: Sequence[str]) -> str:
-    """Return the note for a file without lengths in a known form. names: of its fields that may have them."""
+    """Return the note for a file without lengths in a known form. names: its fields that may hold lengths."""
     listed = ", ".join(short_text(name) for name in names[:_MAX_NAMED])
     return f"{GUESSED_LENGTHS} in a known form; 1 x 1 x 1 is assumed; not applied: {listed}" if names else NO_SPACING
 
 
 def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLike) -> Float64:
-    """Return float64 [4, 4]: `direction @ diag(spacing)` and the origin; the columns of `direction` are the index
-    axes."""
+    """Return the affine from voxel indices to the world: `direction @ diag(spacing)` and the origin, float64 [4, 4].
+
+    direction: [3, 3], whose columns are the directions of the index axes.
+    """
     world_from_index = np.eye(4)
-    with np.errstate(over="ignore", invalid="ignore"):  # check_axes refuses what is not finite
+    with np.errstate(over="ignore", invalid="ignore"):  # check_axes refuses affines that are not finite
         world_from_index[:3, :3] = np.asarray(direction, np.float64) * np.asarray(spacing, np.float64)
     world_from_index[:3, 3] = origin
     return world_from_index
 
 
 def in_lps(world_from_index: Float64, factors: tuple[float, ...]) -> Float64:
-    """Return the affine with x, y and z of the world multiplied by these factors, each 1 or -1, and without -0."""
+    """Return an affine whose world axes are multiplied by factors, each 1 or -1; its zeros are positive."""
     return np.asarray(world_from_index * np.array([*factors, 1.0])[:, np.newaxis] + 0.0, np.float64)
 
 
 def even_steps(coordinates: Array) -> tuple[float, float] | None:
-    """Return the first of some coordinates and the step between them, which is 1 for one alone; None if it varies.
+    """Return the first coordinate and the step between neighbours; None if the step varies.
 
-    A thousandth of a step is a rounding error, and so are the last digits of floats.
+    The step of a single coordinate is 1. Differences of a thousandth of a step, or in the last digits of floats, are
+    rounding errors.
     """
     num_digits = np.finfo(coordinates.dtype).eps if coordinates.dtype.kind == "f" else 0.0
     coordinates = coordinates.astype(np.float64)
@@ -57,7 +60,7 @@ def even_steps(coordinates: Array) -> tuple[float, float] | None:
 
 
 def has_volume(world_from_index: Float64) -> bool:
-    """Return whether the affine is finite and its index axes span space, whatever their lengths."""
+    """Return whether an affine is finite and its index axes span space, whatever their lengths."""
     if not np.isfinite(world_from_index).all():
         return False
     if not np.abs(world_from_index[:3, :3]).max(axis=0).all():
@@ -67,7 +70,7 @@ def has_volume(world_from_index: Float64) -> bool:
 
 
 def check_axes(world_from_index: Float64) -> None:
-    """Raise InputError unless every voxel has a place and a volume, whatever its lengths."""
+    """Raise InputError unless an affine gives every voxel a place and a volume, whatever its lengths."""
     if not has_volume(world_from_index):
         raise InputError(
             "the spacing, origin and direction give the voxels no volume",
@@ -102,15 +105,15 @@ def spacing_of(world_from_index: Float64) -> tuple[float, float, float]:
 
 
 def with_spacing(world_from_index: Float64, spacing: tuple[float, float, float]) -> Float64:
-    """Return the affine, float64 [4, 4], with these lengths of its axes; directions and origin stay."""
+    """Return an affine with other lengths of its axes; directions and origin stay: float64 [4, 4]."""
     _, axes = _directions(world_from_index)
     return affine(spacing, world_from_index[:3, 3], axes / np.linalg.norm(axes, axis=0))
 
 
 def _directions(world_from_index: Float64) -> tuple[Float64, Float64]:
-    """Return the largest component of each index axis, float64 [3], and the axes divided by it, [3, 3].
+    """Return the largest component of each index axis, float64 [3], and the axes divided by it, float64 [3, 3].
 
-    The squares of the divided axes neither overflow nor vanish.
+    The squares of the divided axes neither overflow nor underflow.
     """
     largest = np.abs(world_from_index[:3, :3]).max(axis=0)
     return largest, world_from_index[:3, :3] / largest

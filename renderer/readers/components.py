@@ -1,4 +1,4 @@
-"""Choose the time step and the component that are read, and tell light and colours among components."""
+"""Choose the time step and the component that are read, and find out whether components are light or colours."""
 
 from __future__ import annotations
 
@@ -15,18 +15,20 @@ from renderer.readers.steps_in_time import TimeSteps
 from renderer.scene import join_some, short_text
 from renderer.volume import Channel
 
-# The most components that are each light of its own. More are taken for spectra and the like.
+# The most components that count as light of their own. More components are spectra and the like.
 MAX_LIGHTS = 8
 # The most components that are described.
 MAX_LISTED = 1000
 
+# The colours of components, by their names.
 _PRIMARIES = {"R": (1.0, 0.0, 0.0), "G": (0.0, 1.0, 0.0), "B": (0.0, 0.0, 1.0)}
 
 
 def select_index(key: str, wanted: int | None, count: int) -> int:
-    """Return which of `count` time steps or components to read: the first if none is wanted.
+    """Return the index of the time step or component to read, out of `count`: the first one if none is wanted.
 
-    key: the scene's key for it. Raises InputError if the one that is wanted does not exist.
+    key: the scene's key for the index. wanted: the index in the scene, None without one. Raises InputError if there is
+        no such index.
     """
     if wanted is not None and not 0 <= wanted < count:
         raise InputError(
@@ -40,10 +42,11 @@ def select_index(key: str, wanted: int | None, count: int) -> int:
 class Chosen(NamedTuple):
     """A choice of the part of an array that is read: one time step and one component.
 
-    part: its index; step, component: their numbers. is_step: whether the time step was asked for.
-    notes: one each if none of several time steps, and of several components, was asked for.
-    channels: what is known of components that are only named; RGB and the like are no light.
-    steps: how many there are in time.
+    part: the index of the part. step, component: the numbers of the time step and the component. is_step: whether the
+        scene asks for a time step.
+    notes: a remark if the scene asks for none of several time steps, and a remark for components.
+    channels: the descriptions of components, which have only names; components such as RGB are no light.
+    steps: the steps in time of the array.
     """
 
     part: tuple[int | slice, ...]
@@ -63,11 +66,12 @@ def choose(
     names: Sequence[str] = (),
     by_axis: Mapping[str, str] = MappingProxyType({}),
 ) -> Chosen:
-    """Return which part of an array is read. Raises InputError if `time` or `component` do not fit.
+    """Return the part of an array that is read. Raises InputError if the array has no such time step or component.
 
-    axes: a letter for each axis: `t` for time, `c` for components, `-` for one of which the first item is chosen, and
-        any other for an axis in space. names: of the components, if they all have one. by_axis: what tells the items of
-        an axis apart, by its letter.
+    axes: a letter for each axis: `t` for time, `c` for components, `-` for an axis whose first item is chosen, and any
+        other letter for an axis in space. time, component: the scene's choice, None without one. names: the names of
+        the components, if all have one. by_axis: for the letter of an axis, the name of the property in which its items
+        differ.
     """
     lengths = {"t": 1, "c": 1} | dict(zip(axes, shape, strict=True))
     step, own = select_index("time", time, lengths["t"]), select_index("component", component, lengths["c"])
@@ -89,9 +93,10 @@ def choose(
 
 
 def are_light(image: Image) -> bool:
-    """Return whether each component is light of its own: by what the file says, else as integers that are no picture.
+    """Return whether each component of an image is light of its own.
 
-    Floats are vectors, and three or four bytes are colours, where the file does not say. Layers of labels are no light.
+    The file decides. If it does not, integers are light, but floats are vectors, and three or four bytes are colours.
+    Layers of labels are no light.
     """
     if image.labels or not 2 <= len(image.channels) <= MAX_LIGHTS:
         return False
@@ -100,7 +105,7 @@ def are_light(image: Image) -> bool:
 
 
 def are_colors(dtype: npt.DTypeLike, channels: Sequence[Channel]) -> bool:
-    """Return whether components are those of a colour: by their names, else as three or four bytes, no light."""
+    """Return whether components form a colour: by their names, or as three or four bytes that are no light."""
     names = [each.name for each in channels]
     if len(names) not in (3, 4) or any(each.is_light for each in channels):
         return False
@@ -108,6 +113,9 @@ def are_colors(dtype: npt.DTypeLike, channels: Sequence[Channel]) -> bool:
 
 
 def _may_be_colors(names: Sequence[str]) -> bool:
-    """Return whether names are not those of something else: as of another space of colours, or of several arrays."""
+    """Return whether the names of components allow a colour: `R`, `G`, `B`, no names, or numbers in brackets.
+
+    Names of another colour space, or of several arrays, do not.
+    """
     are_numbered = all(not name or name.endswith(f"[{number}]") for number, name in enumerate(names))
     return are_numbered or list(names[:3]) == ["R", "G", "B"]

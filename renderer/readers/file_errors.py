@@ -1,6 +1,6 @@
 """Report files that cannot be read: missing, empty, damaged, or refused by a library.
 
-Errors that name no place concern the file that is read: `errors_about` adds it, where that is known.
+A reader may raise errors without a place. `errors_about` adds the file that is read.
 """
 
 from __future__ import annotations
@@ -14,33 +14,34 @@ from typing import TypeVar
 from renderer.errors import InputError
 from renderer.scene import missing_file_error, short_text
 
+# The type of a description of a label.
 T = TypeVar("T")
 
 
 def require_exists(path: Path) -> Path:
-    """Return the path; raises InputError if it does not exist or may not be read."""
+    """Return the path. Raises InputError if it does not exist, is empty, or may not be read."""
     if path.exists():
         if not os.access(path, os.R_OK):
             raise InputError("no permission to read this", where=str(path))
         if not (path.is_file() or path.is_dir()):
             raise InputError("this is neither a file nor a folder", where=str(path))
-        if path.is_file() and path.stat().st_size == 0:  # also a file of the kernel, whose content may be waited for
+        if path.is_file() and path.stat().st_size == 0:  # files of the kernel have the size 0, too, and may block
             raise InputError("an empty file", where=str(path))
         return path
     raise missing_file_error(path, "no such file or folder")
 
 
 def labels_or_note(read: Callable[[], tuple[T, ...]]) -> tuple[tuple[T, ...], str | None]:
-    """Return the labels that a file describes, and a note in place of wrong ones: voxels do not need them."""
+    """Return the labels that a file describes, or no labels and a note if they cannot be read."""
     try:
         return read(), None
     except InputError as error:
-        return (), f"what the file says of its labels is left out: {error.what} ({error.where})"
+        return (), f"the labels in this file are left out: {error.what} ({error.where})"
 
 
 @contextmanager
 def errors_about(where: Path | str) -> Iterator[None]:
-    """Add a place, such as the file that is read, to the errors of the block that name none."""
+    """Add a place, such as the file that is read, to errors of the block that have no place."""
     try:
         yield
     except InputError as error:
@@ -49,7 +50,7 @@ def errors_about(where: Path | str) -> Iterator[None]:
 
 
 def damaged_error(what: str, got: str | None = None, expected: str | None = None) -> InputError:
-    """Return the error for a file that has something else than it should."""
+    """Return the error for a truncated or damaged file. what: the sentence that states the damage."""
     return InputError(what, got=got, expected=expected, hint="the file is truncated or damaged")
 
 

@@ -1,4 +1,4 @@
-"""Hold an image as a reader returns it: voxels, their place in the world, and what its file says of them."""
+"""Define the image that a reader returns: voxels, their place in the world, and their description in the file."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ class Image:
 
     values: [z, y, x] of one time step and one component, an integer or float dtype in any byte order and memory layout,
         possibly mapped from a file.
-    world_from_index: float64 [4, 4], (x, y, z) voxel index to world.
-    notes: remarks on how they were read; None stands for none.
-    nodata: ranges of values, both ends included, that stand for no data by what the file says.
-    channels: of each component, where there are several.
-    labels: those that the file describes, by value.
-    steps: all that it has in time.
-    units: of its lengths and values, and its axes.
-    has_lengths: whether the format can say how long a voxel is.
+    world_from_index: float64 [4, 4], the affine from voxel indices (x, y, z) to the world.
+    notes: remarks on how the voxels were read; None is ignored.
+    nodata: ranges of values, both ends included, that mark absent voxels in the file.
+    channels: the description of each component, if there are several.
+    labels: the labels that the file describes, by value.
+    steps: the steps in time of the file.
+    units: the units of its lengths and values, and its axes.
+    has_lengths: whether the format can hold the lengths of a voxel.
     """
 
     values: Array

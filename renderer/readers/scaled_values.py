@@ -1,4 +1,4 @@
-"""Turn stored numbers into values: by a slope and an intercept, or byte by byte."""
+"""Turn stored numbers into values by a slope and an intercept, or into bytes."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from renderer.volume import Array
 
 
 def scaled_type(stored: np.dtype[Any]) -> np.dtype[Any]:
-    """Return the type of scaled values: float32 if stored ones have at most 16 bits or are float32, else float64."""
+    """Return the type of scaled values: float32 if stored values have at most 16 bits or are float32, else float64."""
     is_short = stored.itemsize <= 2 or stored.newbyteorder("=") == np.float32
     return np.dtype(np.float32 if is_short else np.float64)
 
 
 def scaled(values: Array, slope: float, intercept: float) -> Array:
-    """Return `slope * values + intercept`, as of `scaled_type`; the values themselves for 1 and 0."""
+    """Return `slope * values + intercept` in the type of `scaled_type`; the same array for the slope 1 and 0."""
     if (slope, intercept) == (1.0, 0.0):
         return values
     found = np.empty(values.shape, scaled_type(values.dtype))
-    with np.errstate(over="ignore", invalid="ignore"):  # too large values become infinite, and are refused later
-        for plane, target in zip(values, found, strict=True):  # the float64 product needs no second volume
+    with np.errstate(over="ignore", invalid="ignore"):  # values too large become infinite, and are refused later
+        for plane, target in zip(values, found, strict=True):  # plane by plane, to hold no second volume in float64
             target[...] = plane.astype(np.float64) * slope + intercept
     return found
 

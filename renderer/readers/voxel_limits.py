@@ -13,34 +13,34 @@ from renderer.volume import Array, MappedFile, iter_slabs
 
 # The most bytes of a volume, whatever its header says: a corrupt header must not exhaust the memory of the machine.
 MAX_VOLUME_BYTES = 2**40
-# Counts from here on are shown by their magnitude alone.
+# The number from which on a count is shown by its magnitude alone.
 _MAX_SHOWN_COUNT = 10**15
-# The fewest bytes of voxels that stay in their file, if it stores them ready for use. Smaller volumes are copied: that
-# is cheap, and the file may change.
+# The fewest bytes of voxels that stay in their file, if it stores them ready for use. Smaller volumes are copied, as
+# copies are cheap, and the file may change.
 _MIN_MAPPED_BYTES = 64 << 20
-# The fewest steps that remain of the range of a volume. Integers beyond 2^53 are rounded when they are drawn.
+# The fewest numbers of float64 in the range of a volume of large integers. Integers beyond 2^53 are rounded to float64
+# when they are drawn.
 _NUM_STEPS = 2**16
 
 
 def describe_count(n: int) -> str:
-    """Return the digits of a count, or the magnitude of one that only a damaged header has."""
+    """Return the digits of a count, or its magnitude if it is so large that only a damaged header can have it."""
     return str(n) if n < _MAX_SHOWN_COUNT else f"about 10^{int(math.log10(n))}"
 
 
 def describe_shape(shape_xyz: tuple[int, ...]) -> str:
-    """Return `256 x 256 x 128`, without axes of length one after the third."""
+    """Return a shape as in `256 x 256 x 128`, without axes of length one after the third."""
     num = max(3, *(k + 1 for k, n in enumerate(shape_xyz) if n != 1), 0)
     return " x ".join(map(describe_count, shape_xyz[:num]))
 
 
 def stays_mapped(num_bytes: int) -> bool:
-    """Return whether this many bytes of voxels are left in their file."""
+    """Return whether voxels of this many bytes stay in their file."""
     return num_bytes >= _MIN_MAPPED_BYTES
 
 
 def check_integer_resolution(values: Array, source: MappedFile | None) -> None:
-    """Raise InputError for 64-bit integers whose differences float64, in which they are classified, would round
-    away."""
+    """Raise InputError for 64-bit integers whose differences would be lost in float64, in which they are classified."""
     if values.dtype.kind not in "iu" or values.dtype.itemsize < 8:
         return
     ends = [(int(slab.min()), int(slab.max())) for slab in iter_slabs(values, source)]
@@ -76,7 +76,7 @@ def check_dtype(dtype: np.dtype[np.void] | npt.DTypeLike) -> None:
 
 
 def check_size(shape_xyz: tuple[int, ...], dtype: npt.DTypeLike) -> int:
-    """Return the number of bytes of the voxels; raises InputError for none and for more than MAX_VOLUME_BYTES."""
+    """Return the number of bytes of voxels. Raises InputError for no voxels, and for more than MAX_VOLUME_BYTES."""
     num_bytes = np.dtype(dtype).itemsize
     for n in shape_xyz:
         num_bytes *= int(n)
@@ -105,7 +105,7 @@ def check_memory(num_bytes: int) -> None:
 
 
 def fitting_shapes(shape_xyz: tuple[int, ...], itemsize: int, num_bytes: int) -> list[tuple[int, ...]]:
-    """Return the shapes that this many bytes fill, each with another length of one axis."""
+    """Return the shapes that fill exactly `num_bytes`, each with another length of one axis."""
     others = [itemsize * math.prod((*shape_xyz[:k], *shape_xyz[k + 1 :])) for k in range(len(shape_xyz))]
     return [
         (*shape_xyz[:k], num_bytes // other, *shape_xyz[k + 1 :])

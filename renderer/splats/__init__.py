@@ -1,9 +1,10 @@
-"""The cells of a cut as splats.
+"""Turn the cells of a cut into splats.
 
 In: `Cut`, and the scene's footprint. Out: `SplatBatch` of centres, sizes, colours and optical depths, with the
-footprint that spreads each over pixels: Gaussian without ripple, or Gouraud-shaded triangles (Laur and Hanrahan 1991).
+footprint that spreads each splat over pixels: Gaussian without ripple, or Gouraud-shaded triangles (Laur and Hanrahan
+1991).
 
-- `splats.py`: cells to splats, and the formulas of both footprints.
+- `splats.py`: splats, made from cells, and the formulas of both footprints
 """
 
 import lazy_loader

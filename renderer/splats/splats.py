@@ -1,12 +1,12 @@
-"""Turn the cells of a cut into splats, as a rasteriser takes them before a view is chosen.
+"""Turn the cells of a cut into splats that a rasteriser can draw from any view.
 
 A cell becomes an ellipsoid: a Gaussian of `sigma` cells along each of the cell's three edges. From any direction, the
 ray integrals of that Gaussian are its footprint, a weight in optical depth. The footprint's integral over the plane
 perpendicular to the ray is `tau * cell volume`, the *optical area* below. A pixel's alpha is `1 - exp(-tau w)`. The
-paper's rule for doubling a cell, `1 - a_2 = (1 - a_1)^2`, is that of optical depths (Laur, Hanrahan 1991, section 3).
+paper's rule for doubling a cell, `1 - a_2 = (1 - a_1)^2`, doubles optical depths (Laur, Hanrahan 1991, section 3).
 
-Lengths are in model units: relative to the volume's centre and to half its diagonal, taken in float64. So neither a
-volume's size nor its place in the world costs precision in float32.
+Lengths are in model units: relative to the volume's centre, and divided by half its diagonal, both in float64. So
+neither a volume's size nor its place in the world costs precision in float32.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from renderer.pyramid import Cut
 from renderer.scene import SplatSpec
 from renderer.volume import Float32, Float64, Int32, Int64
 
-# The Gaussian footprint ends at this many standard deviations. About 0.2 % of it lie outside.
+# The radius of the Gaussian footprint, in standard deviations. About 0.2 % of the Gaussian lie outside.
 GAUSSIAN_CUTOFF = 3.2
 
 
@@ -33,21 +33,22 @@ class GaussianFootprint:
     """A Gaussian footprint without ripple.
 
     The weight is `exp(-decay q) (c0 + c1 q + c2 q^2) - rim`, with q the squared distance in standard deviations, up to
-    `cutoff`, where it is 0. A step there, however small, would be visible where the rims of a row of splats cross a
-    pixel's centre together.
+    `cutoff`, where the weight is 0. A step at the cutoff, however small, would be visible where the rims of a row of
+    splats cross a pixel's centre together.
 
     Plain Gaussians on a regular grid ripple: along an axis by `4 exp(-2 pi^2 sigma^2)`, 3 % at 0.5 cells and 11 % at
-    0.425. Wide ones blur. Here a Gaussian of variance `s^2` loses its spectrum at the two lowest frequencies of the
-    grid, `exp(-2 pi^2 s^2 f^2) (1 - f^2) (1 - f^2 / 2)` with f per cell. Its variance is then `s^2 + 3 / (4 pi^2)`, and
-    in space, with `a = 1 / (4 pi^2 s^2)` and `u = r^2 / s^2`, the factor on the Gaussian `exp(-u / 2)` is
-    `1 + 3/2 a (u - 2) + 1/2 a^2 (u^2 - 8 u + 8)`, which is nowhere negative for s > 0.26.
+    0.425. Wide Gaussians blur. Here, a Gaussian of variance `s^2` loses its spectrum at the two lowest frequencies of
+    the grid, `exp(-2 pi^2 s^2 f^2) (1 - f^2) (1 - f^2 / 2)` with f per cell. Its variance is then `s^2 + 3 / (4 pi^2)`,
+    and in space, with `a = 1 / (4 pi^2 s^2)` and `u = r^2 / s^2`, the factor on the Gaussian `exp(-u / 2)` is `1 + 3/2
+    a (u - 2) + 1/2 a^2 (u^2 - 8 u + 8)`, which is nowhere negative for s > 0.26.
 
-    min_sigma_px: footprints are widened to this standard deviation. Sampled at pixels, the energy of a footprint of 0.5
-    pixels varies with its position by at most 3.9 %.
+    min_sigma_px: the smallest standard deviation, in pixels, to which narrower footprints are widened. Sampled at
+        pixels, the energy of a footprint of 0.5 pixels varies with its position by at most 3.9 %.
     """
 
     name: ClassVar[Literal["gaussian"]] = "gaussian"
-    uniforms: ClassVar = ("cutoff", "decay", "coefficients", "rim", "min_sigma_px")  # members that shaders use
+    # The names of the fields that shaders use.
+    uniforms: ClassVar = ("cutoff", "decay", "coefficients", "rim", "min_sigma_px")
 
     decay: float
     coefficients: tuple[float, float, float]
@@ -57,12 +58,13 @@ class GaussianFootprint:
 
     @classmethod
     def from_sigma(cls, sigma: float) -> GaussianFootprint:
-        """Return the footprint for cells `1 / sigma` standard deviations wide; its integral up to the cutoff is 1."""
+        """Return the footprint for cells `1 / sigma` standard deviations wide, with an integral of 1."""
         s2 = sigma**2 - 3 / (4 * math.pi**2)
         a, ratio = 1 / (4 * math.pi**2 * s2), sigma**2 / s2
         decay = ratio / 2
         shape = (1 - 3 * a + 4 * a**2, (1.5 * a - 4 * a**2) * ratio, 0.5 * a**2 * ratio**2)
-        # integral of exp(-decay q) q^k over the disc: pi k! / decay^(k + 1) times a sum that the cutoff ends.
+        # The integral of exp(-decay q) q^k over the disc is pi k! / decay^(k + 1) times `partial[k]`, a share below 1
+        # because of the cutoff.
         end = decay * GAUSSIAN_CUTOFF**2
         partial = [1 - math.exp(-end) * sum(end**j / math.factorial(j) for j in range(k + 1)) for k in range(3)]
         moments = [math.pi * math.factorial(k) / decay ** (k + 1) * partial[k] for k in range(3)]
@@ -74,19 +76,20 @@ class GaussianFootprint:
 
 @dataclass(frozen=True)
 class GouraudFootprint:
-    """A footprint as in the paper: triangles around a centre, linear weights (Laur and Hanrahan 1991, section 4).
+    """A footprint as in the paper: triangles around a centre, with linear weights (Laur and Hanrahan 1991, section 4).
 
     vertices: float64 [v, 2], in standard deviations; vertex 0 is the centre.
-    weights: float64 [v], footprint weight at each vertex; linear in the triangles, they integrate to 1.
-    triangles: int32 [t, 3].
-    min_sigma_px: footprints are widened to this standard deviation, more than Gaussians: the mesh's kinks alias.
+    weights: float64 [v], the weight at each vertex; linear in the triangles, with an integral of 1.
+    triangles: int32 [t, 3], the vertices of each triangle.
+    min_sigma_px: the smallest standard deviation, in pixels, to which narrower footprints are widened. It is larger
+        than for Gaussians, as the kinks of the mesh alias.
 
     On the image the vertices lie at `centre + root @ vertex`, in pixels with row 0 at the top; `root` is the lower
     triangular root (Cholesky) of the footprint's covariance.
     """
 
     name: ClassVar[Literal["gouraud"]] = "gouraud"
-    uniforms: ClassVar = ("min_sigma_px",)  # members that shaders use
+    uniforms: ClassVar = ("min_sigma_px",)  # the names of the fields that shaders use
 
     vertices: Float64
     weights: Float64
@@ -95,7 +98,7 @@ class GouraudFootprint:
 
     @classmethod
     def from_spec(cls, spec: SplatSpec) -> GouraudFootprint:
-        """Return the paper's footprint, scaled to the Gaussian's second moment and to integral 1."""
+        """Return the paper's footprint, scaled to the Gaussian's second moment and to an integral of 1."""
         angle = 2 * math.pi * np.arange(spec.angular) / spec.angular
         circle = np.column_stack([np.cos(angle), np.sin(angle)])
         radii = np.arange(1, spec.radial + 1) / spec.radial
@@ -117,13 +120,13 @@ class GouraudFootprint:
 class SplatBatch:
     """A batch of splats, in the order of their cut.
 
-    vertices: float32 [n, 8], in the layout of the device: centre [3] in model units and world axes; optical areas [4],
-        (tau c V, tau V) in model units squared, the integral of the footprint; and the index of the shape.
-    axes: float64 [num_shapes, 3, 3], columns: the Gaussian's standard deviation along each edge of the cell, a vector
-        in model units and world axes. The covariance is `axes @ axes.T`.
-    origin: float64 [3], world position of the model's origin.
-    model_unit: world length of a model unit.
-    footprint: gaussian or gouraud.
+    vertices: float32 [n, 8], in the layout of the device: the centre [3] in model units and world axes; optical areas
+        [4], (tau c V, tau V) in model units squared, the integral of the footprint; and the index of the shape.
+    axes: float64 [num_shapes, 3, 3], whose columns are the Gaussian's standard deviation along each edge of the cell,
+        as vectors in model units and world axes. The covariance is `axes @ axes.T`.
+    origin: float64 [3], the world position of the model's origin.
+    model_unit: the world length of a model unit.
+    footprint: the Gaussian or Gouraud footprint.
     """
 
     vertices: Float32
@@ -133,7 +136,7 @@ class SplatBatch:
     footprint: GaussianFootprint | GouraudFootprint
 
     def __post_init__(self) -> None:
-        """Raise RenderError for splats that are not finite: drawn, they would vanish, or spoil half the image."""
+        """Raise RenderError for splats that are not finite: they would vanish, or spoil half of the image."""
         if len(self.vertices) and not (np.isfinite(self.vertices.min()) and np.isfinite(self.vertices.max())):
             bad = np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))
             raise RenderError(
@@ -149,17 +152,17 @@ class SplatBatch:
 
     @property
     def centers(self) -> Float32:
-        """Return the centres, float32 [n, 3]: a part of the vertices."""
+        """Return the centres of the splats, float32 [n, 3], a view of the vertices."""
         return self.vertices[:, :3]
 
 
 def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
-    """Return one splat for each cell of the cut. Raises RenderError for splats that are not finite."""
+    """Return a splat for each cell of the cut. Raises RenderError for splats that are not finite."""
     volume = cut.volume
     edges = volume.world_from_index[:3, :3]
     shape = np.array(volume.shape_xyz)
     length = volume.half_diagonal
-    # Depths are over the finest spacing; a cell of n voxels has the optical area depth / spacing * n * voxel volume.
+    # Depths are for the finest spacing: a cell of n voxels has the optical area depth / spacing * n * voxel volume.
     area_unit = volume.voxel_volume / volume.finest_spacing / length**2
     codes = _shape_codes(cut)
     used = np.flatnonzero(np.bincount(codes))
@@ -167,7 +170,7 @@ def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
     number_of_code[used] = np.arange(len(used))
     extents_of_shape = _extents_of_codes(used, shape)
     num_voxels = np.prod(extents_of_shape, axis=1, dtype=np.float64)
-    if not spec.opacity_correction:  # the opacity of one voxel at any side of the cell
+    if not spec.opacity_correction:  # without correction, a cell of any size has the opacity of a voxel
         num_voxels /= np.cbrt(num_voxels)
     shifts, areas = (extents_of_shape - shape) / 2, num_voxels * area_unit
     vertices = np.empty((len(cut), 8), np.float32)
@@ -180,9 +183,9 @@ def make_splats(cut: Cut, spec: SplatSpec) -> SplatBatch:
 
 
 def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:
-    """Return `8 level + bits` for each cell: uint16 [n].
+    """Return `8 level + bits` for each cell, which is the same for cells of one shape: uint16 [n].
 
-    There is a bit for each of x, y and z along which the volume's border cuts the cell.
+    The bits say along which of x, y and z the volume's border cuts the cell.
     """
     codes = cut.levels.astype(np.uint16) * np.uint16(8)
     for axis, num in enumerate(cut.volume.shape_xyz):
@@ -192,7 +195,7 @@ def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:
 
 
 def _extents_of_codes(codes: Int64, shape: Int64) -> Int64:
-    """Return the numbers of voxels along x, y, z of the cells with these codes: int64 [m, 3]."""
+    """Return the numbers of voxels along x, y, z of cells, by the codes of their shapes: int64 [m, 3]."""
     sides = 1 << (codes[:, None] >> 3)
     is_cut = (codes[:, None] >> np.arange(3)) & 1 == 1
     return np.where(is_cut, shape % sides, sides)

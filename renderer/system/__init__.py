@@ -1,15 +1,16 @@
-"""What this process has and may use: processors, memory, child processes, versions; and text that is safe to print.
+"""Find the resources of this process (processors, memory, versions), start child processes, and make text printable.
 
-In: nothing but the machine. Out: numbers of the machine, children that never outlive this process, versions for
-records.
+In: the machine, and text from outside. Out: numbers of processors and bytes, children that never outlive this process,
+versions for records, text that is safe to print.
 
-- `cores.py`: processors that this process may use; `memory.py`: memory that is left for it, and the most that it has
-  held.
-- `child_processes.py`: children that end with their parent.
-- `interrupts.py`: Ctrl-C, SIGTERM and SIGHUP, which wait while files get their final names.
-- `overlapping.py`: work on one item while the next one is made.
-- `versions.py`: versions of what made an output.
-- `printable_text.py`: text from outside, made safe to print; `text_scanner.py`: numbers and attributes in such text.
+- `cores.py`: the processors that this process may use
+- `memory.py`: the memory that is free for this process, and the peak of its use
+- `child_processes.py`: children that end with their parent
+- `interrupts.py`: Ctrl-C, SIGTERM and SIGHUP, deferred while files get their final names
+- `overlapping.py`: work on one item while the next one is made
+- `versions.py`: the versions of the packages and sources that make an output
+- `printable_text.py`: text from outside, made safe to print
+- `text_scanner.py`: numbers and attributes in text from outside
 """
 
 import lazy_loader

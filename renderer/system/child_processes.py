@@ -1,11 +1,11 @@
-"""Starts child processes that end when their parent does, however it ends, and when it wants them to.
+"""Start child processes that end when their parent ends, even if it is killed, or when it closes their pipe.
 
 The parent keeps the writing end of a pipe and never writes; the child has the reading end. When the parent closes its
 end, or dies, even by SIGKILL, the pipe breaks. A thread of the child waits for that and ends the child. The thread
 needs Python's lock, which some libraries keep for long, so Linux is asked to send the child SIGKILL as well.
-(PR_SET_PDEATHSIG would not do: it is about the thread that started the child, and not about a pipe.)
+(PR_SET_PDEATHSIG would not do, as it signals the end of the thread that started the child.)
 
-This file is also the program of the children, `python child_processes.py ...`: it takes the pipe and runs the module.
+This file is also the program of the children, `python child_processes.py ...`: it takes the pipe and runs a module.
 `python -m` would look for modules in the current folder first; the child gets the parent's `sys.path` instead, without
 the current folder, which may have changed.
 """
@@ -26,15 +26,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any
 
-# The folder of our packages.
+# The folder that holds the packages `renderer` and `hsplat_cli`.
 _ROOT = str(Path(__file__).resolve().parents[2])
 
-# Linux's number for "send this signal and not SIGIO", which `fcntl` knows by name only there.
+# The name, in `fcntl` on Linux, of the command "send this signal and not SIGIO".
 _SET_SIGNAL = "F_SETSIG"
 
 
 class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
-    """An owner of children, which end with this process, or at the end of the block."""
+    """An owner of child processes, which end with this process, or at the end of the block."""
 
     def __init__(self) -> None:
         self._ends: list[int] = []
@@ -48,16 +48,17 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
     def start(
         self, module: str, arguments: Sequence[str], *, pass_fds: Sequence[int] = (), **streams: Any
     ) -> subprocess.Popen[bytes]:
-        """Start a child that runs a Python module as `python -m` does, with our modules and no standard input.
+        """Start a child that runs a Python module as `python -m` does, with this package and no standard input.
 
-        It is in another session: Ctrl-C in the terminal reaches only this process, which ends it. pass_fds: the file
-        descriptors that it inherits, under the same numbers. streams: `stdout` and `stderr`, as those of Popen. Raises
-        OSError where it cannot be started.
+        The child is in another session: Ctrl-C in the terminal reaches only this process, which then ends the child.
+
+        pass_fds: the file descriptors that the child inherits, under the same numbers. streams: the arguments `stdout`
+            and `stderr` of Popen. Raises OSError if the child cannot be started.
         """
-        if not sys.executable:  # Python is part of another program
+        if not sys.executable:  # Python may be embedded in another program
             raise FileNotFoundError(errno.ENOENT, "sys.executable does not name a Python interpreter")
-        child_end, parent_end = os.pipe()  # one for each child: the pipe's end says who gets a signal
-        folders = [*filter(None, sys.path)]  # without "", the current folder
+        child_end, parent_end = os.pipe()  # a pipe for each child, as only one process gets the signal of an end
+        folders = [*filter(None, sys.path)]  # "" stands for the current folder, and is left out
         folders += [_ROOT] * (_ROOT not in folders)
         command = [sys.executable, os.path.abspath(__file__), str(child_end), str(len(folders)), *folders]
         self._ends.append(parent_end)
@@ -76,7 +77,7 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
 def _open_standard_descriptors() -> None:
     """Open the null device as standard input, output and error where these are closed.
 
-    Otherwise pipes get their numbers, and are replaced in children by what these have there.
+    Otherwise, pipes would get their numbers, and be replaced by the standard streams of children.
     """
     while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
@@ -100,11 +101,11 @@ def describe_exit(status: int) -> str:
 def exit_with_parent(descriptor: int) -> None:
     """End this process as soon as the pipe breaks. descriptor: its reading end."""
     if hasattr(fcntl, _SET_SIGNAL):
-        with contextlib.suppress(OSError):  # not quite Linux
+        with contextlib.suppress(OSError):  # some imitations of Linux refuse this
             fcntl.fcntl(descriptor, fcntl.F_SETOWN, os.getpid())
             fcntl.fcntl(descriptor, getattr(fcntl, _SET_SIGNAL), signal.SIGKILL)
             fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
-    # Also on Linux: the pipe may have broken before.
+    # The thread is needed on Linux, too, as the pipe may have broken before.
     threading.Thread(target=_end_when_broken, args=(descriptor,), daemon=True).start()
 
 
@@ -114,7 +115,7 @@ def _end_when_broken(descriptor: int) -> None:
 
 
 def _main() -> None:
-    """Run a module. Arguments: the pipe, the number of folders for `sys.path`, these, the module and its own."""
+    """Run a module. Arguments: the pipe, the number of folders, the folders for `sys.path`, the module with its own."""
     exit_with_parent(int(sys.argv[1]))
     num_folders = int(sys.argv[2])
     sys.path[:] = sys.argv[3 : 3 + num_folders]

@@ -1,4 +1,4 @@
-"""Count the processors that this process may use: in a container or a batch job fewer than the machine has."""
+"""Count the processors that this process may use, which are fewer in a container or a batch job."""
 
 from __future__ import annotations
 
@@ -6,26 +6,31 @@ import math
 import os
 from pathlib import Path
 
-_CGROUP_ROOT, _OWN = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
+# The folder of all control groups.
+_CGROUP_ROOT = Path("/sys/fs/cgroup")
+# The file that names the control groups of this process.
+_OWN = Path("/proc/self/cgroup")
 
 
 def num_cores() -> int:
-    """Return the processors that the scheduler gives this process, or fewer if its control group has less time."""
+    """Return the number of processors that the scheduler and the control group allow this process."""
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, math.ceil(min(allowed, _quota())))
 
 
 def num_drawing_threads() -> int:
-    """Return the threads that draw one picture on the processor: as many as Mesa's software renderer takes."""
+    """Return the number of threads that draw a picture on processors: as many as Mesa's software renderer takes."""
     wanted = os.environ.get("LP_NUM_THREADS", "")
     return max(1, int(wanted)) if wanted.isascii() and wanted.isdecimal() and len(wanted) < 4 else num_cores()
 
 
 def control_groups(controller: str, groups: Path = _CGROUP_ROOT, own: Path = _OWN) -> set[Path]:
-    """Return the folders of this process' control group and of those around it, where they exist (cgroups(7)).
+    """Return the folders of this process' control group and of all groups that contain it (cgroups(7)).
 
-    A group has no more than the groups around it. In a container its own group is usually the root of the visible
-    ones, and the path in `own` does not exist. controller: `cpu` or `memory`.
+    Some of the folders may not exist. A group has no more resources than the groups that contain it. In a container,
+    its own group is usually the root of the visible groups, and the path in `own` does not exist.
+
+    controller: `cpu` or `memory`.
     """
     try:
         lines = [line.split(":", 2) for line in own.read_text(encoding="utf-8").splitlines()]
@@ -33,7 +38,7 @@ def control_groups(controller: str, groups: Path = _CGROUP_ROOT, own: Path = _OW
         lines = []
     folders = {groups, groups / controller}
     for _, controllers, path in (line for line in lines if len(line) == 3):
-        if controllers == "" or controller in controllers.split(","):  # of version 2, or of version 1
+        if controllers == "" or controller in controllers.split(","):  # lines of version 2 have no names of controllers
             root = groups / controller if controllers else groups
             inner = root / path.lstrip("/")
             folders.update(folder for folder in (inner, *inner.parents) if folder.is_relative_to(root))
@@ -41,17 +46,17 @@ def control_groups(controller: str, groups: Path = _CGROUP_ROOT, own: Path = _OW
 
 
 def _quota() -> float:
-    """Return the processors' worth of time that control groups allow; infinite without a limit."""
+    """Return the number of processors whose time control groups allow; infinite without a limit."""
     return min(map(_group_quota, control_groups("cpu")))
 
 
 def _group_quota(group: Path) -> float:
-    """Return the quota of one group, by the version that it has files of."""
+    """Return the number of processors whose time one group allows, from its files of version 2 or 1."""
     try:
         if (group / "cpu.max").exists():
             quota, period = (group / "cpu.max").read_text().split()
         else:
             quota, period = ((group / f"cpu.cfs_{name}_us").read_text() for name in ("quota", "period"))
         return int(quota) / int(period) if int(quota) > 0 else math.inf
-    except (OSError, ValueError, ZeroDivisionError):  # no such file, or `max`
+    except (OSError, ValueError, ZeroDivisionError):  # the file is missing, or has `max`
         return math.inf

@@ -1,9 +1,9 @@
-"""Makes SIGTERM and SIGHUP unwind like Ctrl-C, and lets all three wait while files get their final names.
+"""Make SIGTERM and SIGHUP unwind like Ctrl-C, and defer all three signals while files get their final names.
 
-Soon after, they stop long kernels, too, in whatever threads these run: kernels look at `stop_flag`.
+Soon after a signal, long kernels stop, too, in all threads, as they look at `stop_flag`.
 
-Python handles signals in the main thread, and sets handlers only there. In other threads these functions do nothing: no
-signal interrupts those. A signal that is ignored, as SIGHUP is after `nohup`, stays ignored.
+Python handles signals in the main thread, and sets handlers only there. In other threads, these functions do nothing,
+as no signal interrupts these threads. A signal that is ignored, as SIGHUP is after `nohup`, stays ignored.
 """
 
 from __future__ import annotations
@@ -19,33 +19,33 @@ from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-if TYPE_CHECKING:  # it loads queues and logging, which most commands do not need
+if TYPE_CHECKING:  # the module loads queues and logging, which most commands do not need
     from concurrent.futures import Future, ThreadPoolExecutor
 
 Result = TypeVar("Result")
 
-# Ctrl-C, a batch system or `kill`, and a terminal that closes.
+# The signals of Ctrl-C, of a batch system or `kill`, and of a terminal that closes.
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-# Seconds from a signal until it stops long kernels. A frame that was drawn before is stored meanwhile, with its exact
-# rays, which took 0.04 to 0.2 s for frames of two scans of 512 x 512 pixels on two cores.
+# The seconds from a signal until it stops long kernels. In this time, a finished frame is stored with its exact rays,
+# which took 0.04 to 0.2 s for frames of two scans of 512 x 512 pixels on two cores.
 _GRACE_S = 0.3
-# Seconds for which a thread that waits for another one sleeps before it looks for signals.
+# The seconds for which a thread that waits for a result sleeps before it looks for signals.
 _LONGEST_SLEEP_S = 0.1
-# The number of the signal for which long kernels stop; 0 while there is none. Kernels read it where it lies.
+# The number of the signal for which long kernels stop; 0 without a signal. Kernels read it from this place in memory.
 stop_flag = ctypes.c_int32(0)
 
 
 @contextmanager
 def signals_as_interrupts(numbers: Sequence[signal.Signals] = _SIGNALS) -> Iterator[None]:
-    """Raise KeyboardInterrupt, with its number, on each of these signals: nothing unfinished is left then.
+    """Raise KeyboardInterrupt with the number of the signal, for each of the given signals, during the block.
 
-    Long kernels then stop, up to the end of the block, from _GRACE_S later on.
+    Long kernels stop from _GRACE_S after the signal on, until the end of the block.
     """
     timers: list[threading.Timer] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         timers.append(threading.Timer(_GRACE_S, partial(setattr, stop_flag, "value", number)))
-        with suppress(RuntimeError):  # no thread can be started
+        with suppress(RuntimeError):  # the system may refuse a thread
             timers[-1].start()
         raise KeyboardInterrupt(number)
 
@@ -63,7 +63,10 @@ def signals_as_interrupts(numbers: Sequence[signal.Signals] = _SIGNALS) -> Itera
 
 @contextmanager
 def ctrl_c_stops_kernels() -> Iterator[None]:
-    """Let Ctrl-C stop long kernels, too, where it raises KeyboardInterrupt: in programs that use this package."""
+    """Let Ctrl-C stop long kernels during the block, in programs that use this package.
+
+    It does so only if Ctrl-C raises KeyboardInterrupt, as it does by default.
+    """
     is_default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     with signals_as_interrupts((signal.SIGINT,)) if is_default else nullcontext():
         yield
@@ -71,9 +74,10 @@ def ctrl_c_stops_kernels() -> Iterator[None]:
 
 @contextmanager
 def deferrable_interrupts() -> Iterator[Callable[[], None]]:
-    """Yield a function that defers the signals to the end of the block, where they raise KeyboardInterrupt.
+    """Yield a function that defers signals, from its call on, to the end of the block: there they are handled.
 
-    Files that belong together get their final names after its call, together.
+    A deferred signal raises KeyboardInterrupt, after the handler that was set before. So files that belong together get
+    their final names together.
     """
     before: dict[int, Any] = {}
     pending: list[int] = []
@@ -92,9 +96,10 @@ def deferrable_interrupts() -> Iterator[Callable[[], None]]:
 
 
 def start_threads(num: int, name: str = "") -> ThreadPoolExecutor:
-    """Return an executor whose threads have all started; raises RuntimeError where one cannot be started.
+    """Return an executor whose threads have all started; raises RuntimeError if a thread cannot be started.
 
-    An interrupt while a thread starts would lose the thread: nobody would end it, and the process would wait for it.
+    Signals are deferred meanwhile: an interrupt while a thread starts would lose the thread, and the process would wait
+    for it at its end.
     """
     from concurrent.futures import ThreadPoolExecutor
 
@@ -105,7 +110,7 @@ def start_threads(num: int, name: str = "") -> ThreadPoolExecutor:
         try:
             waiting = [threads.submit(all_started.wait) for _ in range(num)]
         except RuntimeError:
-            all_started.abort()  # else those that have started would wait for ever
+            all_started.abort()  # without it, threads that have started would wait for ever
             raise
         for started in waiting:
             started.result()
@@ -113,9 +118,9 @@ def start_threads(num: int, name: str = "") -> ThreadPoolExecutor:
 
 
 def result_of(running: Future[Result]) -> Result:
-    """Return the result of a future, or raise what it raises; signals come to the main thread meanwhile.
+    """Return the result of a future, or raise its error. The main thread can handle signals meanwhile.
 
-    A signal that comes just before a thread falls asleep does not wake it, so that it sleeps for a short while only.
+    A signal that comes just before a thread falls asleep does not wake it. So the thread only sleeps for a short while.
     """
     from concurrent.futures import wait
 
@@ -131,19 +136,19 @@ def interrupted_status(error: BaseException) -> int:
 
 
 def exit_on_signals(status: int) -> None:
-    """Let each further signal end this process at once, with this status: the work is over, and has been cleaned up."""
-    # CPython ends by SIGINT, whatever the exit status, where a KeyboardInterrupt ever left code that was compiled from
-    # text, as dataclasses are during an import. The next such code takes that back.
+    """Let each further signal end this process at once with a status. It is called when all work is cleaned up."""
+    # CPython ends by SIGINT, whatever the exit status, if a KeyboardInterrupt has left code that was compiled from
+    # text, as dataclasses are during an import. Running other code from text resets this.
     eval("None")  # noqa: S307
     _handle(lambda number, frame: os._exit(status))
-    # Python removes its handlers before its own end, which takes a while.
+    # Python removes its handlers a while before its end. From then on, signals are ignored.
     atexit.register(_handle, signal.SIG_IGN)
 
 
 def _handle(
     handler: Callable[[int, FrameType | None], None] | signal.Handlers, numbers: Sequence[signal.Signals] = _SIGNALS
 ) -> dict[int, Any]:
-    """Set a handler for the signals that are not ignored, and return those before."""
+    """Set a handler for all signals that are not ignored, and return the handlers before."""
     if threading.current_thread() is not threading.main_thread():
         return {}
     heeded = [number for number in numbers if signal.getsignal(number) not in (signal.SIG_IGN, None)]

@@ -1,6 +1,6 @@
-"""Measure the memory that is left for this process, and the most that it has held.
+"""Measure the memory that is free for this process, and the peak of the memory that it has held.
 
-In a container or a batch job less is left than the machine has.
+In a container or a batch job, less memory is free than the machine has.
 """
 
 from __future__ import annotations
@@ -14,22 +14,24 @@ from pathlib import Path
 
 from renderer.system.cores import control_groups
 
+# The file with the memory of the machine.
 _MEMINFO = Path("/proc/meminfo")
+# The file that resets the peak memory of this process.
 _RESET = Path("/proc/self/clear_refs")
-# The files of limits, of what is in use and of its parts, by the version of control groups.
+# The files of limits, the file of the memory in use, and the names of its cached parts, by the version of control
+# groups.
 _FILES = {
     2: (("memory.max", "memory.high"), "memory.current", ("inactive_file", "active_file")),
     1: (("memory.limit_in_bytes",), "memory.usage_in_bytes", ("total_inactive_file", "total_active_file")),
 }
-# Of the memory that is free, the part that drawing may take unless it is told otherwise: the rest is for voxels, films
-# and others.
+# The share of the free memory that drawing may take by default. The remainder is for voxels, films and other programs.
 _SHARE_OF_FREE = 0.5
-# Bytes that drawing may take where nobody knows what is free.
+# The bytes that drawing may take if the free memory is unknown.
 _BYTES_IF_UNKNOWN = 256 << 20
 
 
 def free_bytes() -> float:
-    """Return the memory that can be had without swapping and without being killed; infinite where nobody knows."""
+    """Return the bytes that this process can take without swapping or being killed; infinite if unknown."""
     return min(_read_meminfo("MemAvailable", math.inf), *map(_group_free_bytes, control_groups("memory")))
 
 
@@ -37,7 +39,8 @@ def free_bytes() -> float:
 class MemoryShare:
     """A share of the memory of this machine, for the bricks that one of several processes draws.
 
-    total: bytes for all of them together; None for half of what is free. num_processes: how many share them.
+    total: the bytes for all processes together; None for half of the free memory. num_processes: the number of
+        processes.
     """
 
     total: int | None = None
@@ -50,12 +53,12 @@ class MemoryShare:
 
 
 def free_swap_bytes() -> float:
-    """Return the free swap space of the machine; 0 where nobody knows."""
+    """Return the bytes of free swap space of the machine; 0 if unknown."""
     return _read_meminfo("SwapFree", 0)
 
 
 def address_space_hint() -> str | None:
-    """Return a hint for what failed, if a limit on address space may be the cause."""
+    """Return a hint for a failure, if a limit on address space may be its cause; else None."""
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit == resource.RLIM_INFINITY:
         return None
@@ -65,30 +68,30 @@ def address_space_hint() -> str | None:
 class PeakMemory:
     """A meter of the peak memory of this process since the last reset, as Linux counts it; unknown on other systems.
 
-    A new one returns freed memory to the system, where the C library can: it would count.
+    A new meter first returns freed memory to the system, if the C library can, as it would be counted.
     """
 
     def __init__(self) -> None:
-        with contextlib.suppress(OSError, AttributeError, TypeError):  # no such library, no such function
+        with contextlib.suppress(OSError, AttributeError, TypeError):  # the library or the function may be missing
             ctypes.CDLL(None).malloc_trim(0)
         self.reset()
 
     def reset(self) -> None:
         """Start again from the memory held now."""
         self._is_known = False
-        with contextlib.suppress(OSError):  # no such file, or not allowed to
+        with contextlib.suppress(OSError):  # the file may be missing or not writable
             _RESET.write_text("5")
             self._is_known = True
 
     def peak_bytes(self) -> int | None:
-        """Return bytes of physical memory; None where the system does not tell."""
+        """Return the peak of physical memory, in bytes; None if it is unknown."""
         if not self._is_known:
             return None
         return int(Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0]) * 1024
 
 
 def _read_meminfo(name: str, otherwise: float) -> float:
-    """Return a number of /proc/meminfo in bytes; `otherwise` where it is missing."""
+    """Return a number of /proc/meminfo in bytes; `otherwise` if it is missing."""
     try:
         text = _MEMINFO.read_text(encoding="ascii")
         return int(text.partition(f"{name}:")[2].split()[0]) * 1024
@@ -97,7 +100,7 @@ def _read_meminfo(name: str, otherwise: float) -> float:
 
 
 def _group_free_bytes(group: Path) -> float:
-    """Return what one control group has left. The kernel takes back the pages of files before it kills a process."""
+    """Return the free bytes of a control group. Cached pages of files count as free, as the kernel takes them back."""
     limits, usage, caches = _FILES[2 if (group / "memory.current").exists() else 1]
     limit = min(_read_number(group / name) for name in limits)
     if math.isinf(limit):
@@ -111,7 +114,7 @@ def _group_free_bytes(group: Path) -> float:
 
 
 def _read_number(file: Path) -> float:
-    """Return the number in a file; infinite where it is missing, or `max`."""
+    """Return the number in a file; infinite if the file is missing, or has `max`."""
     try:
         return int(file.read_text())
     except (OSError, ValueError):

@@ -1,15 +1,16 @@
-"""Make text from outside printable, for all that is shown on a terminal, on a page or in a report.
+"""Make text from outside printable, before it is shown on a terminal, on a page or in a report.
 
-Names and header fields may hold what a terminal obeys (escape sequences, a carriage return), what reverses the text
-around it (bidirectional overrides), what shows nothing (zero-width characters), and line breaks, after which a value
-looks like a line of ours. Files for programs, such as JSON, keep the true text.
+Names and header fields may hold commands to a terminal (escape sequences, a carriage return), characters that reverse
+the text around them (bidirectional overrides), invisible characters (of width zero), and line breaks, after which a
+value looks like a message of hsplat. Files for programs, such as JSON, keep the true text.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-# Letters and marks that show nothing: those of Unicode's Default_Ignorable_Code_Point that Python calls printable.
+# The ranges of invisible letters and marks: the characters of Unicode's Default_Ignorable_Code_Point that Python calls
+# printable.
 _INVISIBLE_RANGES = (
     (0x034F, 0x034F),
     (0x115F, 0x1160),
@@ -20,20 +21,21 @@ _INVISIBLE_RANGES = (
     (0xFFA0, 0xFFA0),
     (0xE0100, 0xE01EF),
 )
+# All invisible letters and marks.
 _INVISIBLE = frozenset(chr(code) for first, last in _INVISIBLE_RANGES for code in range(first, last + 1))
 
 
 class PrintableText(str):
-    """Text that is printable already, with line breaks of ours."""
+    """A text that is printable already. Its line breaks come from `join_lines`."""
 
     __slots__ = ()
 
 
 def printable(text: str) -> PrintableText:
-    r"""Return text from anywhere as one line, with Python's escapes for what is not printable: `\x1b`, `\n`, `\u202e`.
+    r"""Return a text as one line, with Python's escapes for unprintable characters: `\x1b`, `\n`, `\u202e`.
 
-    Printable text is returned unchanged, as is that of `join_lines`. A byte of a file name that is not UTF-8 becomes
-    that of its surrogate: `\udcff`.
+    Printable text, and the text of `join_lines`, is returned unchanged. A byte of a file name that is not UTF-8 becomes
+    the escape of its surrogate, such as `\udcff`.
     """
     if isinstance(text, PrintableText):
         return text
@@ -43,7 +45,7 @@ def printable(text: str) -> PrintableText:
 
 
 def join_lines(lines: Iterable[str]) -> PrintableText:
-    """Return lines, each made printable, as one text."""
+    """Return one text of several lines, each of which is made printable."""
     return PrintableText("\n".join(map(printable, lines)))
 
 

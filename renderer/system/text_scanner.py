@@ -1,7 +1,7 @@
-"""Read numbers and attributes in texts from outside, in a time that goes with the length of the text.
+"""Read numbers and attributes in texts from outside, in time proportional to the length of the text.
 
-Patterns are linear: after a repeat comes a character that the repeat does not take, and a search does not begin again
-inside of one.
+Regular expressions do not backtrack: a repeat is followed by a character that it cannot take, and a search does not
+begin again inside of a repeat.
 """
 
 from __future__ import annotations
@@ -9,26 +9,28 @@ from __future__ import annotations
 import math
 import re
 
+# A number, with or without a sign, a fraction and an exponent.
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+# The value of an attribute, after its name.
 _VALUE = re.compile(r"""\s*=\s*(?:"([^"]*)"|'([^']*)')""")
-# Python refuses to convert integers of more digits than some thousands, and takes quadratic time for them.
+# The most digits of a whole number. Python takes quadratic time for more, and refuses some thousands.
 _MOST_DIGITS = 300
 
 
 def number_in(text: str | None) -> float:
-    """Return the number that a text spells, infinite if it is too large for a float; NaN for all else."""
+    """Return the number that a text spells; infinite if it is too large for a float, NaN for other texts."""
     return float(text) if text and _NUMBER.fullmatch(text) else math.nan
 
 
 def whole_number_in(text: str | None) -> int | None:
-    """Return the whole number that a text spells by digits alone, with or without a sign; None for all else."""
+    """Return the whole number that a text spells by digits, with or without a minus; None for other texts."""
     digits = (text or "").removeprefix("-")
     is_whole = digits.isascii() and digits.isdigit() and len(digits) <= _MOST_DIGITS
     return int(text or "") if is_whole else None
 
 
 def attribute(element: str, name: str) -> str | None:
-    """Return the text of an attribute of an XML element, in either kind of quotes; None if it is missing."""
+    """Return the value of an attribute of an XML element, in single or double quotes; None if it is missing."""
     at = element.find(name)
     while at >= 0:
         before = element[at - 1 : at] if at else " "
@@ -40,8 +42,11 @@ def attribute(element: str, name: str) -> str | None:
 
 
 def unescaped(text: str) -> str:
-    """Return a text of XML or HTML with characters in place of references; as it is where one has too many digits."""
-    import html  # its table of names takes a while to load
+    """Return a text of XML or HTML in which references are replaced by characters.
+
+    It is unchanged if a reference has too many digits.
+    """
+    import html  # imported late, as its table of names takes a while to load
 
     try:
         return html.unescape(text)

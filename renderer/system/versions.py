@@ -1,4 +1,4 @@
-"""Find the versions of what made an output."""
+"""Find the versions of the packages and the sources that make an output."""
 
 from __future__ import annotations
 
@@ -9,20 +9,23 @@ import subprocess
 from importlib import metadata
 from pathlib import Path
 
-# What the pixels or the files depend on, and what measured numbers do besides.
+# The packages on which measured numbers depend, besides _PACKAGES.
 MEASURING_PACKAGES = ("flip-evaluator", "scikit-image")
+# The packages on which pixels or files depend.
 _PACKAGES = (
     *("hsplat", "imagecodecs", "imageio-ffmpeg", "moderngl", "nibabel", "numpy", "pydicom", "python-gdcm"),
     "tifffile",
 )
 
+# The folder that holds the packages `renderer` and `hsplat_cli`.
 _ROOT = Path(__file__).resolve().parents[2]
 
 
 def package_versions(*more: str) -> dict[str, str]:
-    """Return the versions of Python and of the packages that an output depends on, for its sidecar, and of some more.
+    """Return the versions of Python and of the packages on which an output depends.
 
-    The version of hsplat is a commit if it runs from its sources. A missing package is `not installed`.
+    The version of hsplat is a commit if it runs from its sources. A missing package is `not installed`. more: the names
+    of further packages.
     """
     return {"python": platform.python_version()} | {name: _version(name) for name in (*_PACKAGES, *more)}
 
@@ -36,8 +39,8 @@ def _version(package: str) -> str:
 
 
 def commit() -> str:
-    """Return the commit of these sources, with `-dirty` after changes; `unknown` without git or history."""
-    if not (_ROOT / ".git").exists():  # a repository further up would be another project's
+    """Return the commit of the sources of hsplat, with `-dirty` after changes; `unknown` without git or history."""
+    if not (_ROOT / ".git").exists():  # a repository further up would belong to another project
         return "unknown"
     try:
         name, changes = _git("describe", "--always"), _git("status", "--porcelain", "--untracked-files=no")
@@ -47,13 +50,13 @@ def commit() -> str:
 
 
 def _git(*arguments: str) -> str:
-    """Return what git prints, without a lock on the repository, which others may be using."""
+    """Return the output of git, without a lock on the repository, which other programs may be using."""
     command = ["git", "--no-optional-locks", *arguments]
     return subprocess.run(command, check=False, cwd=_ROOT, capture_output=True, text=True).stdout.strip()
 
 
 def sources_digest(package: str = "renderer") -> str:
-    """Return 32 hexadecimal digits that change with the sources of a package, in all languages; renderer/ draws."""
+    """Return the digest of the sources of a package, in all languages: 32 hexadecimal digits."""
     found = hashlib.blake2b(digest_size=16)
     for folder, folders, names in os.walk(_ROOT / package):
         folders.sort()

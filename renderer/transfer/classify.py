@@ -1,11 +1,13 @@
-"""Classification of voxels: what the kernels of `classify.h` apply the transfer function, and shading, to a voxel by.
+"""Prepare the classification of voxels: the tables with which the kernels of `classify.h` colour and light a voxel.
 
 A voxel's four channels are `(tau c, tau) * h0` with `tau` its extinction, `c` its colour and `h0` the finest spacing:
-optical depths of one voxel, without a unit. Where a pyramid averages opacities they are `(a c, a)` with
-`a = 1 - exp(-tau h0)`. Extinction-weighted colours are what may be averaged (Wittenbrink, Malzbender, Goss 1998).
+optical depths of one voxel, without a unit. If a pyramid averages opacities, they are `(a c, a)` with
+`a = 1 - exp(-tau h0)`. Only colours that are weighted by extinction may be averaged (Wittenbrink, Malzbender, Goss
+1998).
 
-Values of at most 16 bits are read as unsigned bit patterns and classified by a table over all of them. Wider ones are
-evaluated, exactly, in float64. A voxel without data, NaN, has no channels, and no part in the gradient of another one.
+Values of at most 16 bits are read as unsigned bit patterns and classified by a table over all patterns. Wider values
+are classified exactly, in float64. An absent voxel, NaN, has channels of 0, and no part in the gradients of its
+neighbours.
 """
 
 from __future__ import annotations
@@ -21,11 +23,12 @@ from renderer.transfer.light_factors import NO_LIGHT_GRID
 from renderer.transfer.transfer_function import VISIBILITY_THRESHOLD, TransferFunction, visibility_breakpoints
 from renderer.volume import Float64, Volume
 
+# Voxels as kernels read them: uint8 and uint16 bit patterns, or wider values.
 RawVoxels = npt.NDArray[Any]
 
 
 def raw_voxels(volume: Volume) -> RawVoxels:
-    """Return the voxels as kernels read them: unsigned bit patterns if they have at most 16 bits. A view."""
+    """Return a view of the voxels as kernels read them: as unsigned bit patterns if they have at most 16 bits."""
     size = volume.values.dtype.itemsize
     return volume.values.view({1: np.uint8, 2: np.uint16}[size]) if size <= 2 else volume.values
 
@@ -38,7 +41,10 @@ def make_classifier(
     opacity: bool,
     grid: LightGrid = NO_LIGHT_GRID,
 ) -> Classifier:
-    """Prepare classification of this volume's voxels, in opacities or in optical depths. grid: of the shading."""
+    """Return the classifier of a volume's voxels.
+
+    opacity: whether its channels are opacities, not optical depths. grid: the light that reaches each voxel.
+    """
     finest_spacing, dtype = volume.finest_spacing, volume.values.dtype
     breakpoints, lighting = visibility_breakpoints(transfer, finest_spacing), None
     if shading:
@@ -60,6 +66,6 @@ def make_classifier(
 
 
 def toward_light(shading: ShadingSpec) -> Float64:
-    """Return the unit vector towards the light, in world axes, float64 [3]."""
+    """Return the unit vector towards the light, in world axes: float64 [3]."""
     light = np.array(shading.light, np.float64)
     return np.asarray(light / np.linalg.norm(light))

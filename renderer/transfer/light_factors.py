@@ -1,7 +1,8 @@
-"""How much of the light reaches each place: factors on a grid of cells, and how they are interpolated.
+"""Define the light grid: factors on the light that reaches each place, at the centres of cells.
 
-`renderer.lighting` computes them. A grid has the outermost cells once more beyond each border, so that the nearest ones
-hold there. Places in it are in cells: the centre of cell i is at i + 1 along each axis, and the volume begins at 1/2.
+`renderer.lighting` computes the factors. A grid repeats the outermost cells once beyond each border, so that factors
+are constant there. Places in a grid are in cells: the centre of cell i is at i + 1 along each axis, and the volume
+begins at 1/2.
 """
 
 from __future__ import annotations
@@ -11,14 +12,19 @@ import numpy as np
 from renderer.kernels import LightGrid
 from renderer.volume import Float32
 
+# The factors of a kind that was not asked for.
 _NO_FACTORS = np.empty((0, 0, 0), np.float32)
+# The light grid of a scene in which all light reaches every place.
 NO_LIGHT_GRID = LightGrid(_NO_FACTORS, _NO_FACTORS, np.empty(0, np.int32), 1.0, 0.0, 0.0)
 
 
 def make_light_grid(
     occlusion: Float32 | None, shadow: Float32 | None, cell_size: float, strengths: tuple[float, float]
 ) -> LightGrid:
-    """Return the grid of factors, float32 [z + 2, y + 2, x + 2], or None; they are rounded."""
+    """Return the light grid for given factors, float32 [z + 2, y + 2, x + 2] or None, which are rounded.
+
+    strengths: the weights of occlusion and of shadow.
+    """
     grids, packed = [_NO_FACTORS, _NO_FACTORS], []
     for number, factors in enumerate((occlusion, shadow)):
         if factors is not None:

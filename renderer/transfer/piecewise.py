@@ -1,7 +1,7 @@
-"""The table of a transfer function: four channels, linear in the scalar between control points.
+"""Make tables of a transfer function: four channels, linear in the scalar between control points.
 
-`TransferTable` is exact, in float64: voxels, nodes and sub-voxel variation are classified by it. `PiecewiseTransfer`
-is the same table in float32, by the normalized scalars of texels: bricks are drawn by it.
+`TransferTable` is exact, in float64. It classifies voxels, and serves for nodes and sub-voxel variation.
+`PiecewiseTransfer` is the same table in float32, over the normalized scalars of texels. It serves for drawing bricks.
 """
 
 from __future__ import annotations
@@ -11,34 +11,35 @@ import numpy as np
 from renderer.kernels import PiecewiseTransfer, TransferTable
 from renderer.volume import Float32, Float64, Int32
 
-# Buckets from which the search for a segment starts. Most hold no control point, and 8 KiB stay in cache.
+# The number of buckets of scalars from which the search for a segment starts. Most buckets hold no control point, and
+# the guide's 8 KiB stay in cache.
 GUIDE_SIZE = 1024
 
-# Normalized scalars are clamped to this many ranges, so that no interpolation towards a visible one overflows.
+# The largest normalized scalar. Larger ones are clamped, so that no interpolation towards a visible scalar overflows.
 MAX_NORMALIZED_SCALAR = 2.0**20
-# MAX_NORMALIZED_SCALAR times a larger width would overflow.
+# The width of a range from which on it is halved, as MAX_NORMALIZED_SCALAR times the width would overflow.
 _MAX_UNSCALED_WIDTH = 2.0**1000
 
-# The floats of a segment in PiecewiseTransfer.rows.
+# The number of floats of a segment in PiecewiseTransfer.rows.
 PIECE_FLOATS = 12
-# Narrower segments have no finite slope in float32. No scalar falls into them.
+# The width below which a segment has no finite slope in float32. No scalar falls into such a segment.
 _MIN_SEGMENT_WIDTH = 2.0**-80
 
 
 def make_transfer_table(values: Float64, channels: Float64, scale: float = 1.0) -> TransferTable:
-    """Return the table through `channels` [n, 4] at control values [n]."""
+    """Return the table with the channels [n, 4] at control values [n]."""
     scaled = values * scale
     starts, lows = np.concatenate([scaled[:1], scaled]), np.concatenate([channels[:1], channels])
     widths, rises = np.ones_like(starts), np.zeros_like(lows)
     widths[1:-1], rises[1:-1] = np.diff(scaled), np.diff(channels, axis=0)
-    widths[widths == 0] = 1.0  # a step: no scalar falls into its segment, and the division stays defined
+    widths[widths == 0] = 1.0  # no scalar falls into the segment of a step; the division stays defined
     origin, extent = float(scaled[0]), float(scaled[-1] - scaled[0])
     bounds, buckets_per_unit = np.full(GUIDE_SIZE + 3, np.inf), 0.0
     if extent > GUIDE_SIZE * np.finfo(np.float64).tiny:
-        # A bucket of slack on both sides, against rounding of the bucket's number in `transfer.h`.
+        # Bounds have a bucket of slack on both sides, as `transfer.h` rounds the number of a bucket.
         bounds = origin + extent * ((np.arange(GUIDE_SIZE + 3) - 1) / GUIDE_SIZE)
         buckets_per_unit = GUIDE_SIZE / extent
-    bounds[0] = -np.inf  # a scalar below the first control value is clamped into the first bucket
+    bounds[0] = -np.inf  # scalars below the first control value fall into the first bucket
     guide = np.searchsorted(scaled, bounds, side="right").astype(np.uint64)
     rows = np.column_stack([starts, widths, lows, rises])
     return TransferTable(np.ascontiguousarray(values), rows, scale, guide, buckets_per_unit)
@@ -47,7 +48,7 @@ def make_transfer_table(values: Float64, channels: Float64, scale: float = 1.0) 
 def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> PiecewiseTransfer:
     """Return the table of scalars normalized to the range from `first` to `last`."""
     width, factor = range_width(first, last)
-    with np.errstate(over="ignore"):  # beyond the clamp
+    with np.errstate(over="ignore"):  # infinite knots are clamped
         knots = (curve.values * factor - first * factor) / width
     knots = np.clip(knots, -MAX_NORMALIZED_SCALAR, MAX_NORMALIZED_SCALAR).astype(np.float32)
     origins, rises = np.concatenate([knots[:1], knots]), curve.rows[:, 6:]
@@ -62,11 +63,11 @@ def make_piecewise_transfer(curve: TransferTable, first: float, last: float) -> 
 
 
 def _lowest_visible(rows: Float32, guide: Int32) -> np.float32:
-    """Return a scalar below which no extinction is positive.
+    """Return the normalized scalar below which no extinction is positive.
 
-    That is the start of the first piece with a positive extinction. Where extinction is 0 at the origin of a piece, and
-    its slope is not positive, no scalar above the origin has a positive one; rounding keeps this. Only the piece in
-    which the search starts has scalars below its origin.
+    It is the start of the first segment with a positive extinction. If the extinction is 0 at the origin of a segment,
+    and its slope is not positive, no scalar above the origin has a positive extinction, also after rounding. Only the
+    segment in which the search starts has scalars below its origin.
     """
     first = guide[0]
     tau, slope = rows[first:, 2], rows[first:, 3]
@@ -78,9 +79,9 @@ def _lowest_visible(rows: Float32, guide: Int32) -> np.float32:
 
 
 def range_width(first: float, last: float) -> tuple[float, float]:
-    """Return the width of a range times a factor, and the factor: 1, or 1/2 for a range so wide that it may overflow.
+    """Return the width of a range times a factor, and the factor: 1, or 1/2 if the width may overflow.
 
-    With the factor, differences of scalars overflow only where they exceed MAX_NORMALIZED_SCALAR widths.
+    With the factor, a difference of scalars overflows only if it exceeds MAX_NORMALIZED_SCALAR widths.
     """
     factor = 1.0 if last - first < _MAX_UNSCALED_WIDTH else 0.5
     return last * factor - first * factor, factor

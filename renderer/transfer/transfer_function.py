@@ -1,11 +1,11 @@
-"""Transfer function: scalar value to colour and extinction, piecewise linear and evaluated exactly.
+"""Map scalars to colours and extinctions by a transfer function, which is piecewise linear and evaluated exactly.
 
 Optical model (Max 1995, "Optical Models for Direct Volume Rendering", emission-absorption): extinction `tau` in
 1/length and colour `c`. A scene gives opacity `a` per `unit` of length: `tau = -log1p(-a) / unit`. The extinction of
 opacity 1 is infinite, so `tau` times the finest spacing is capped at MAX_VOXEL_DEPTH.
 
-Colour and extinction are linear in the scalar between two control points and constant outside all of them. Two points
-at one value are a step, whose value belongs to the upper side. Nothing is resampled.
+Colour and extinction are linear in the scalar between two control points, and constant below the first and above the
+last one. Two points at one value are a step, whose value belongs to the upper side. Nothing is resampled.
 
 The min-max test tells whether the transfer function shows anything between two scalars. *Visibility breakpoints* are
 the ascending scalars at which visibility changes: a scalar is visible where an odd number of breakpoints is at or below
@@ -26,31 +26,33 @@ from renderer.scene import ColormapSpec, LabelsSpec, TransferSpec, colormap_poin
 from renderer.transfer.piecewise import make_transfer_table
 from renderer.volume import Array, Float64
 
-# exp(-40) = 4e-18 is far below half a step of 8 bits, and below the resolution of float64 at 1: opaque in any image.
+# The largest optical depth of a voxel. Its transmittance, exp(-40) = 4e-18, is far below half a step of 8 bits, and
+# below the resolution of float64 at 1: such a voxel is opaque in any image.
 MAX_VOXEL_DEPTH = 40.0
 
-# Smaller optical depths and opacities count as 0: a row of 10^10 such voxels would still be invisible, and the mean of
-# 2^36 of them with nothing else is still a normal number of float32.
+# The threshold of optical depths and opacities below which they count as 0: a row of 10^10 such voxels would still be
+# invisible. The mean of one such voxel and 2^36 empty ones is still a normal number of float32.
 VISIBILITY_THRESHOLD = 2.0**-80
 
-# Numbers below 2 to this power have finite differences.
+# The exponent of the power of two below which numbers have finite differences.
 LARGEST_EXPONENT = 1022
 
-# With h between the logarithms of two points, the largest difference of two lines is h / 8 of the rise and less.
+# The largest difference between a line in the scalar and a line in its logarithm, as a share of the rise between two
+# points. If the logarithms of the points differ by h, it is at most h / 8.
 MAX_LOG_ERROR = 0.005
 
-# Colormaps are published as 256 samples of a smooth curve.
+# The number of samples of a smooth curve as which colormaps are published.
 NUM_COLORMAP_SAMPLES = 256
 
 
 @dataclass(frozen=True)
 class TransferFunction:
-    """A piecewise linear map, by its control points.
+    """A piecewise linear map from scalars to colours and extinctions, by its control points.
 
-    values: float64 [n], not descending; data units.
-    colors: float64 [n, 3] in [0, 1].
-    extinctions: float64 [n], >= 0; 1 / world unit.
-    unit: the world length that the opacities of the scene refer to.
+    values: float64 [n], not descending, in data units.
+    colors: float64 [n, 3], in [0, 1].
+    extinctions: float64 [n], >= 0, in 1 / world unit.
+    unit: the world length to which the opacities of the scene refer.
     """
 
     values: Float64
@@ -60,7 +62,7 @@ class TransferFunction:
 
     @property
     def max_extinction(self) -> float:
-        """Return the largest extinction anywhere; 1 / world unit."""
+        """Return the largest extinction, in 1 / world unit."""
         return float(self.extinctions.max())
 
     def curve(self, finest_spacing: float = 1.0) -> TransferTable:
@@ -86,10 +88,10 @@ def make_transfer_function(spec: TransferSpec, finest_spacing: float) -> Transfe
 
     def extinction(opacity: Float64) -> Float64:
         with np.errstate(divide="ignore", over="ignore"):  # the infinite extinction of opacity 1 meets the cap
-            return np.minimum(-np.log1p(-opacity) / unit, cap) + 0.0  # -0.0 + 0.0 is 0.0
+            return np.minimum(-np.log1p(-opacity) / unit, cap) + 0.0  # adding 0.0 turns -0.0 into 0.0
 
     if isinstance(spec.mapping, LabelsSpec):
-        # Steps half-way between the numbers that stand for labels; 0 stands for those that are hidden.
+        # Steps lie half-way between the numbers of labels. Hidden labels have the number 0.
         styles = spec.mapping.styles
         values = np.repeat(np.arange(len(styles) + 1) + 0.5, 2)[:-1]
         opacities = np.append(0.0, np.repeat([style.opacity for style in styles], 2))
@@ -105,19 +107,22 @@ def make_transfer_function(spec: TransferSpec, finest_spacing: float) -> Transfe
 
 
 def _binary_exponent(values: npt.ArrayLike) -> int:
-    """Return the exponent of the power of two above the largest magnitude."""
+    """Return the exponent of the power of two above the largest magnitude of some values."""
     return math.frexp(float(np.abs(values).max()))[1]
 
 
 def _colormap_control_points(spec: ColormapSpec, at: Float64, extinctions: Float64) -> tuple[Float64, Float64, Float64]:
-    """Return control points wherever the colormap or the extinction (given at the values `at`) has one."""
+    """Return the control points of a colormap and of extinctions, merged.
+
+    at: the values of the control points of extinctions.
+    """
     first, last = spec.range
-    # To [-1/2, 1/2], where slopes are finite.
+    # The scale brings the range to [-1/2, 1/2], where slopes are finite.
     scale = math.ldexp(1.0, min(-1 - _binary_exponent(spec.range), 1000))
-    # A range with fewer numbers than the colormap has samples has each number once, with the colour of its own place.
+    # If the range has fewer numbers than the colormap has samples, each number occurs once, with its own colour.
     samples = np.unique(np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale)
     table = np.asarray(colormap_points(spec.colormap, NUM_COLORMAP_SAMPLES), np.float64)
-    extra = samples[~np.isin(samples, at)]  # where both have a point, that of the extinction stays: it may be a step
+    extra = samples[~np.isin(samples, at)]  # of two points at one value, the extinction's stays, as it may be a step
     values = np.concatenate([extra, at])
     order = np.argsort(values, kind="stable")
     opaque = TransferFunction(at, np.zeros((len(at), 3)), extinctions, 1.0)
@@ -131,9 +136,9 @@ def _colormap_control_points(spec: ColormapSpec, at: Float64, extinctions: Float
 def _logarithmic_control_points(
     spec: ColormapSpec, at: Float64, extinctions: Float64
 ) -> tuple[Float64, Float64, Float64]:
-    """Return control points as `_colormap_control_points`, which are linear in the logarithm of the scalar.
+    """Return control points as `_colormap_control_points`, for a colormap that is linear in the scalar's logarithm.
 
-    Between two points, a line in the scalar differs from one in its logarithm by at most MAX_LOG_ERROR of the rise.
+    Points are added until lines in the scalar are within MAX_LOG_ERROR of lines in its logarithm.
     """
     logs, ends = np.log(at), np.log(spec.range)
     points = TransferFunction(*_colormap_control_points(replace(spec, range=tuple(ends)), logs, extinctions), 1.0)
@@ -144,7 +149,7 @@ def _logarithmic_control_points(
     values = np.concatenate([points.values, added])
     order = np.argsort(values, kind="stable")
     scalars = np.exp(values)
-    scalars[np.flatnonzero(np.isin(values, logs))] = at  # exactly: one may be a step
+    scalars[np.flatnonzero(np.isin(values, logs))] = at  # without rounding, as a point may be a step
     return (
         scalars[order],
         np.concatenate([points.colors, colors])[order],
@@ -153,10 +158,10 @@ def _logarithmic_control_points(
 
 
 def visibility_breakpoints(transfer: TransferFunction, finest_spacing: float) -> Float64:
-    """Return the scalars at which a voxel becomes visible or invisible, ascending, float64 [m].
+    """Return the ascending scalars at which a voxel becomes visible or invisible: float64 [m].
 
-    A slope that rises from 0 becomes visible at the next number, so that its foot is not seen. A step belongs to its
-    upper side. Two changes at one scalar cancel.
+    A slope that rises from 0 becomes visible at the next number of float64, so that its foot is invisible. A step
+    belongs to its upper side. Two changes at one scalar cancel.
     """
     values, is_visible = transfer.values, transfer.extinctions * finest_spacing >= VISIBILITY_THRESHOLD
     found = [-math.inf] if is_visible[0] else []

@@ -1,9 +1,9 @@
-"""Project bricks into a view: which are visible in which order, where on the image, and the rays that meet them.
+"""Project bricks into a view: their visibility order, their rectangles on the image, and the rays through them.
 
-Rays are in index space, relative to the volume's centre. Each begins on the plane through that centre that faces the
-camera: there its origin keeps its digits in float32, however far away the eye is. In perspective rays begin at the eye
-itself where that is near, because rays of wide views meet the plane far away. Origins and directions are linear in the
-pixel's position.
+Rays are in index space, relative to the volume's centre. Each ray begins on the plane through the centre that faces the
+camera, where its origin keeps its digits in float32, however far away the eye is. In perspective, rays begin at the eye
+if that is near, because rays of wide views meet the plane far away. Origins and directions are linear in the pixel's
+position.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import model_view
 from renderer.volume import Float64, UInt32, Volume
 
-# Eyes nearer to the volume's centre than this, in model units, are where rays begin.
+# The distance between the eye and the volume's centre, in model units, below which rays begin at the eye.
 _NEAR_EYE_DISTANCE = 2.0
 
 
@@ -28,8 +28,8 @@ def ray_setup(
 ) -> RaySetup:
     """Return the rays of a view in the grid of a volume; `length` is the world length of a model unit.
 
-    clip: besides that of the view. middle: the world position through which the plane goes on which rays begin: depths
-        are counted from there, and those of several volumes agree. By default the volume's centre.
+    clip: further planes and boxes, besides the view's. middle: a world position on the plane on which rays begin and
+        depths are 0; one position for several volumes makes their depths agree. By default, it is the volume's centre.
     """
     centre = view.view_from_world(volume.centre) / length
     begins = centre if middle is None else view.view_from_world(middle) / length
@@ -54,7 +54,7 @@ def ray_setup(
 def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
     """Return the bricks that may touch the image, in their exact order front to back: uint32 [k].
 
-    Those that are clipped away as a whole are left out.
+    Bricks that are clipped away as a whole are left out.
     """
     cut = batch.cut
     rectangles = screen_rectangles(batch, np.arange(len(cut), dtype=np.uint32), view)
@@ -68,8 +68,9 @@ def visible_bricks(batch: BrickBatch, view: View) -> UInt32:
 def screen_rectangles(batch: BrickBatch, order: UInt32, view: View) -> Float64:
     """Return rectangles around the visible bounds of bricks: float64 [n, 4], left, top, right and bottom, in pixels.
 
-    They are clipped to the image, enlarged by what the coarsest pixel grid has beyond its edges. They are empty (right
-    <= left or bottom <= top) where the bounds are not in the image, and the whole of it where the eye plane clips them.
+    Rectangles are clipped to the image, enlarged by the pixels that the coarsest pixel grid has beyond its edges. A
+    rectangle is empty (right <= left or bottom <= top) if the bounds are outside of the image, and the whole image if
+    the eye plane cuts the bounds.
     """
     volume, camera = batch.cut.volume, model_view(batch, view)
     view_from_index = view.axes @ volume.world_from_index[:3, :3] / batch.model_unit

@@ -1,4 +1,4 @@
-"""The camera of one frame: where the eye is, and how the world projects to pixels."""
+"""Define the camera of one frame: the place of the eye, and the projection from the world to pixels."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ class View:
     """A right-handed camera that looks along -z of its view space, x to the right and y up. Image row 0 is the top.
 
     axes: float64 [3, 3], orthonormal; its rows are the view's x, y and z in the world: right, up, and backward.
-    target: float64 [3], a world position on the optical axis. distance: from it to the eye, along the view's z.
+    target: float64 [3], a world position on the optical axis. distance: the distance from the target to the eye, along
+        the view's z.
     projection: perspective or orthographic.
-    scale_px: perspective: focal length in pixels; orthographic: pixels per world unit.
+    scale_px: the focal length in pixels (perspective), or pixels per world unit (orthographic).
     size: (width, height) in pixels.
     near: world distance from the eye plane within which nothing is drawn, >= 0.
-    clip: what is clipped away is not drawn, either.
+    clip: the clip planes and boxes.
 
     A view-space point (x, y, z) projects to column `width / 2 + scale_px * x / w` and row `height / 2 - scale_px * y /
     w`, in pixels from the top left corner of the image, with w = -z in perspective and 1 otherwise.
@@ -40,16 +41,16 @@ class View:
     clip: tuple[ClipSpec, ...] = ()
 
     def view_from_world(self, points_world: Float64) -> Float64:
-        """Transform world positions [..., 3] to view space: float64 [..., 3]. Differences are taken first."""
+        """Transform world positions [..., 3] to view space: float64 [..., 3]. The target is subtracted first."""
         return np.asarray((points_world - self.target) @ self.axes.T - (0.0, 0.0, self.distance))
 
     def clipped(self, clip: tuple[ClipSpec, ...]) -> View:
-        """Return a view that also clips this away."""
+        """Return the view with further clip planes and boxes."""
         return replace(self, clip=self.clip + clip)
 
     @property
     def eye(self) -> Float64:
-        """Return the eye in world coordinates (orthographic: a point on the eye plane): float64 [3]."""
+        """Return the eye in world coordinates, or a point on the eye plane if orthographic: float64 [3]."""
         return np.asarray(self.target + self.distance * self.axes[2])
 
     @property

@@ -1,7 +1,7 @@
 """Place the clip planes and boxes of a view in the index space of its rays, as slabs between parallel planes.
 
-A plane, or an inverted box, leaves a convex set, and what all of them leave is convex, too: what several slabs have in
-common. A box removes what the slabs across its three axes have in common.
+Each clip plane and each inverted box leaves a convex set. Together they leave the intersection of several slabs. A box
+removes the intersection of the slabs across its three axes.
 """
 
 from __future__ import annotations
@@ -15,11 +15,19 @@ from renderer.scene import FACE_DEPTH, ClipSpec
 from renderer.view.camera import View
 from renderer.volume import Bools, Float64, Volume
 
-_NORMAL, _LOW, _HIGH = slice(0, 3), 3, 4  # of a slab; the rest is its normal in the world
+# The columns of a slab that hold its normal in index space. The last three columns hold its normal in the world.
+_NORMAL = slice(0, 3)
+# The column of a slab that holds its lower bound.
+_LOW = 3
+# The column of a slab that holds its upper bound.
+_HIGH = 4
 
 
 def place_clips(volume: Volume, clip: Sequence[ClipSpec], view: View | None = None) -> ClipRegion | None:
-    """Return the region that planes and boxes leave; None without any. view: for those fixed to the camera."""
+    """Return the region that planes and boxes leave; None without any.
+
+    view: the view, which is needed only if a plane or a box is fixed to the camera.
+    """
     slabs: list[Float64] = [np.empty((0, 8))]
     boxes: list[Float64] = [np.empty((0, 3, 8))]
     for each in clip:
@@ -45,7 +53,7 @@ def place_clips(volume: Volume, clip: Sequence[ClipSpec], view: View | None = No
 
 
 def place_object_clips(volume: Volume, clip: Sequence[ClipSpec]) -> ClipRegion | None:
-    """Return the region that is left by what turns with the object; None where nothing of it does."""
+    """Return the region that the planes and boxes fixed to the object leave; None without any."""
     return place_clips(volume, [each for each in clip if each.fixed == "object"])
 
 
@@ -63,7 +71,7 @@ def are_clipped_away(clip: ClipRegion, bounds: Float64) -> Bools:
 
 
 def are_near_faces(clip: ClipRegion, volume: Volume, bounds: Float64) -> Bools:
-    """Return which boxes of a volume may have the light of a face that is cut: bool [n].
+    """Return which boxes of a volume may be lit as a face that clipping cuts: bool [n].
 
     bounds: float64 [n, 2, 3], in index coordinates.
     """
@@ -76,12 +84,12 @@ def are_near_faces(clip: ClipRegion, volume: Volume, bounds: Float64) -> Bools:
 
 
 def _middles_and_halves(bounds: Float64) -> tuple[Float64, Float64]:
-    """Return the middles of boxes, and the halves of their sides: float64 [n, 3]."""
+    """Return the middles of boxes, and half the length of their sides: float64 [n, 3] each."""
     return (bounds[:, 0] + bounds[:, 1]) / 2, (bounds[:, 1] - bounds[:, 0]) / 2
 
 
 def _span(slabs: Float64, middles: Float64, halves: Float64) -> tuple[Float64, Float64]:
-    """Return the least and the largest n . p of each box for slabs [..., 8]: float64 [n, ...]."""
+    """Return the smallest and the largest n . p of each box, for the normals n of slabs [..., 8]: float64 [n, ...]."""
     normals = slabs[..., _NORMAL]
     middle = np.tensordot(middles, normals, (1, -1))
     half = np.tensordot(halves, np.abs(normals), (1, -1))

@@ -1,8 +1,8 @@
 """Sort splats and bricks back to front; ties are broken by the cell's place in the cut.
 
-`order_by_depth` sorts by depth, which splats that overlap need. `box_order` is the exact visibility order of the
-octree's cells as boxes (the traversal of Laur and Hanrahan 1991): right for bricks and for footprints inside their
-cells. Overlapping footprints show seams along the planes between large cells seen edge-on.
+`order_by_depth` sorts splats that overlap by depth. `box_order` is the exact visibility order of the octree's cells as
+boxes (the traversal of Laur and Hanrahan 1991). It is right for bricks, and for footprints inside their cells;
+overlapping footprints show seams along the planes between large cells seen edge-on.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from renderer.volume import Float32, Int32, UInt8, UInt32, Volume
 
 
 def order_by_depth(depths: Float32) -> UInt32:
-    """Return the order of descending depths (float32 [n], no NaN), equal ones by ascending index: uint32 [n]."""
+    """Return the order of descending depths, equal depths by ascending index: uint32 [n]. depths: without NaN."""
     order = np.empty(len(depths), np.uint32)
     kernels().depth_order(depths=depths, order=order)
     return order
@@ -24,13 +24,13 @@ def order_by_depth(depths: Float32) -> UInt32:
 def box_order(levels: UInt8, cells: Int32, volume: Volume, view: View) -> UInt32:
     """Return nodes of the octree back to front as boxes, exactly, in perspective or parallel projection: uint32 [n].
 
-    levels: [n], of the nodes. cells: [n, 3], x, y, z in units of the node's own width, 2^level voxels.
+    levels: [n], the levels of the nodes. cells: [n, 3], x, y, z in units of the node's own width, 2^level voxels.
     """
     index_from_world = np.linalg.inv(volume.world_from_index[:3, :3])
     if view.projection == "perspective":
         from_centre = (view.target - volume.centre) + view.distance * view.axes[2]
         eye = volume.centre_index + index_from_world @ from_centre
-    else:  # the eye at infinity; a splitting plane seen edge-on hides nothing
+    else:  # the eye is at infinity; NaN marks an axis whose splitting planes are seen edge-on and hide nothing
         direction = index_from_world @ view.forward
         eye = np.where(direction == 0, np.nan, np.copysign(np.inf, -direction))
     order = np.empty(len(cells), np.uint32)

@@ -1,9 +1,9 @@
 """Evaluate flights: paths on which the eye passes through keys along a smooth curve.
 
-Between keys eye, target, roll and the logarithm of the zoom follow one centripetal Catmull-Rom curve: its velocity is
-continuous, and it has no loops between keys (C. Yuksel, S. Schaefer and J. Keyser, "Parameterization and applications
-of Catmull-Rom curves", Computer-Aided Design 43, 2011). The eye's speed is constant along it, or between keys with
-frames; where the eye stays, that of the target is.
+Eye, target, roll and the logarithm of the zoom follow one centripetal Catmull-Rom curve, which has a continuous
+velocity and no loops between keys (C. Yuksel, S. Schaefer and J. Keyser, "Parameterization and applications of
+Catmull-Rom curves", Computer-Aided Design 43, 2011). The eye's speed is constant over the whole curve, or between keys
+that have frames. Between keys at which the eye stays, the target's speed is constant.
 """
 
 from __future__ import annotations
@@ -13,14 +13,23 @@ import numpy as np
 from renderer.scene import FlightPath, Motion
 from renderer.volume import Float64
 
-# Chords along each part of a curve, from which its length is taken: that of an arc of 90 degrees to 1e-6.
+# The number of chords by which the length of a curve between two keys is measured: to 1e-6 for an arc of 90 degrees.
 _NUM_CHORDS = 512
-# A place of the camera, float64 [8]: its eye, its target, its roll in degrees, and the logarithm of its zoom.
-EYE, TARGET, ROLL, LOG_ZOOM = slice(0, 3), slice(3, 6), 6, 7
+# A place of the camera is float64 [8]. These are the columns of the eye.
+EYE = slice(0, 3)
+# The columns of the target in a place of the camera.
+TARGET = slice(3, 6)
+# The column of the roll, in degrees, in a place of the camera.
+ROLL = 6
+# The column of the logarithm of the zoom in a place of the camera.
+LOG_ZOOM = 7
 
 
 def fly(path: FlightPath, start: Float64 | None, frames: Float64) -> Float64:
-    """Return the places at frames [n] of a flight: float64 [n, 8]. start: where the camera was before, if anywhere."""
+    """Return the places of the camera at frames [n] of a flight: float64 [n, 8].
+
+    start: the place at the end of the path before the flight; None without one.
+    """
     places = [np.array([*key.position, *key.target, key.roll, 0.0]) for key in path.keys]
     at_frames = [key.frame for key in path.keys]
     if start is not None and at_frames[0] != 0:  # a flight whose first key is at frame 0 begins there
@@ -38,14 +47,20 @@ def fly(path: FlightPath, start: Float64 | None, frames: Float64) -> Float64:
 
 
 def _way(curve: Float64, at: Float64) -> Float64:
-    """Return how far the eye has come at places on a curve, or between keys where it stays, the target: float64 [n]."""
+    """Return the lengths of a curve from its start to parameters `at` [n]: float64 [n].
+
+    The length is measured along the eye's way, or along the target's way between keys at which the eye stays.
+    """
     moves = np.diff(_on_curve(curve, at), axis=0).reshape(len(curve) - 1, _NUM_CHORDS, -1)
     eye, target = (np.linalg.norm(moves[..., part], axis=2) for part in (EYE, TARGET))
     return np.append(0.0, np.cumsum(np.where(eye.any(axis=1, keepdims=True), eye, target)))
 
 
 def _on_curve(curve: Float64, at: Float64) -> Float64:
-    """Return places on a Catmull-Rom curve through keys [k, 8], of which each is at its number: float64 [n, 8]."""
+    """Return places on a Catmull-Rom curve through keys [k, 8] at parameters `at` [n]: float64 [n, 8].
+
+    The curve passes through key k at the parameter k.
+    """
     steps = np.sqrt(np.linalg.norm(np.diff(curve[:, :6], axis=0), axis=1))[:, None]
     steps[steps == 0.0] = 1.0
     slopes = np.diff(curve, axis=0) / steps

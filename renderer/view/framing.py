@@ -1,8 +1,8 @@
-"""Frame what is visible: find the camera distance at which a cloud of points fills the image over a whole path.
+"""Frame the visible cells: find the camera distance at which a cloud of points fills the image over a whole path.
 
 With (x, y, z) the coordinates of a point about the target along (right, up, direction), a perspective camera at
 distance d sees the point inside half-angles whose tangents are m_x, m_y when |x| <= m_x (d - z) and |y| <= m_y (d - z).
-Each of these says that d is at least a *linear* function of the point: z + x / m_x, z - x / m_x, and so on. The
+Each condition says that d is at least a *linear* function of the point: z + x / m_x, z - x / m_x, and so on. The
 smallest distance is therefore the largest value of a few linear functions over the cloud: exact, without iteration. In
 orthographic projection, where half the frame's height shows d tan(field of view / 2), the functions have no z.
 """
@@ -23,13 +23,14 @@ from renderer.view.paths import CameraPoses, camera_poses, focal_length_px, iter
 from renderer.view.seen import seen_cells
 from renderer.volume import Bools, Float64, Int64, Volume
 
-# The margin along every side, relative to half the frame's smaller side: a footprint extends beyond its cell's centre.
+# The margin along every side, as a share of half the frame's smaller side: a footprint extends beyond its cell's
+# centre.
 MARGIN = 0.03
-# A cell narrower than this on the image is finer than the narrowest footprint.
+# The width of a cell on the image, in pixels, below which it is finer than the narrowest footprint.
 SMALLEST_CELL_PX = 0.5
-# Bounds of memory: products at a time (16 MB of float64), and frames in a run (a third of a degree of a turntable of a
-# million frames).
+# The most scalar products that are held at a time: 16 MB of float64.
 _MAX_PRODUCTS = 2_000_000
+# The most frames in a run of similar directions: a third of a degree of a turntable of a million frames.
 _MAX_RUN = 1024
 
 
@@ -38,10 +39,11 @@ def fit_distance(
 ) -> float:
     """Return the smallest distance at which all points are inside the frame without its margin, on the whole path.
 
-    points_world: float64 [n, 3]. All points are then also at a depth of `camera.near` or more; orthographic cameras
-    with wide fields of view are farther away for that than the frame needs. The zoom of keyframes is ignored: it
-    magnifies on purpose. Flights have places of their own; where there is nothing else, any distance does.
-    Raises InputError when there is nothing to frame.
+    At this distance, all points are also at a depth of `camera.near` or more, which may keep orthographic cameras with
+    wide fields of view farther away than the frame needs. The zoom of keyframes is ignored, as it magnifies on purpose.
+    Flights have eyes of their own; a path of flights alone fits at any distance.
+
+    points_world: float64 [n, 3]. Raises InputError if there is nothing to frame.
     """
     if points_world.size == 0:
         raise InputError(
@@ -52,9 +54,10 @@ def fit_distance(
         )
     distance = least_distance(camera, points_world, target, size, margin)
     if not distance > 0.0:
-        what = "all that is visible lies beyond the target, and is in frame from any distance"
+        what = "all visible voxels lie beyond the target, and are in frame from any distance"
+        no_extent = "the visible voxels have no extent, so there is nothing to frame"
         raise InputError(
-            what if (points_world != target).any() else "what is visible has no extent, so there is nothing to frame",
+            what if (points_world != target).any() else no_extent,
             where="camera.distance",
             hint="set camera.distance",
         )
@@ -69,7 +72,10 @@ def least_distance(
     margin: float = MARGIN,
     frames: Sequence[int] | None = None,
 ) -> float:
-    """Return what `fit_distance` does, which may be 0 or less. frames: of the path, None for all."""
+    """Return the distance that `fit_distance` looks for, which may be 0 or less.
+
+    frames: the frames of the path that count, None for all.
+    """
     offsets = points_world - np.asarray(target, np.float64)
     width, height = size
     margin_px = margin * min(width, height) / 2
@@ -101,10 +107,10 @@ def visible_centre(points_world: Float64) -> Vector:
 def _largest_product(points: Float64, normals: Float64, least: float) -> float:
     """Return the largest scalar product of points [n, 3] with normals [m, 3], or `least` if that is larger.
 
-    Neighbouring normals of a path are similar. With r the length of the longest point and d the largest distance of a
-    run of normals from its middle one, a point's product with any of the run is within `d r` of that with the middle
-    one: only points within `2 d r` of the best there can be the best for another, and runs that cannot reach `least`
-    are skipped.
+    Neighbouring normals of a path are similar, so that normals are taken in runs. With r the largest length of a point,
+    and d the largest distance of a normal in a run from the run's middle normal, a point's product with any normal of
+    the run differs from its product with the middle normal by at most `d r`. So only points within `2 d r` of the
+    largest middle product are multiplied with the other normals, and runs that cannot reach `least` are skipped.
     """
     radius = float(np.sqrt((points**2).sum(axis=1).max()))
     rows = min(_MAX_RUN, max(1, _MAX_PRODUCTS // len(points)))
@@ -112,7 +118,7 @@ def _largest_product(points: Float64, normals: Float64, least: float) -> float:
         run = normals[first : first + rows]
         middle = run[len(run) // 2]
         products = points @ middle
-        # A little more than the bound, for what is rounded in all this.
+        # The bound `d r`, and a little more for rounding.
         slack = 1.0001 * radius * float(np.sqrt(((run - middle) ** 2).sum(axis=1).max())) + 1e-12 * abs(least)
         best = float(products.max())
         if best + slack > least:
@@ -122,18 +128,18 @@ def _largest_product(points: Float64, normals: Float64, least: float) -> float:
 
 
 def visible_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> Float64:
-    """Return world positions of corners of visible cells that have the extremes of all in every direction.
+    """Return corners of visible cells in the world that reach as far as all visible cells in every direction.
 
-    float64 [n, 3]; the corners of the whole volume where nothing is visible. The cells are 1/128 of the volume or
-    smaller, down to two voxels (`Pyramid.occupied`). clip: cells outside do not count.
+    They are float64 [n, 3], or the corners of the whole volume if nothing is visible. The cells are 1/128 of the volume
+    or smaller, down to two voxels (`Pyramid.occupied`). clip: a region; cells outside of it do not count.
     """
     return _extreme_corners(pyramid, pyramid.occupied if clip is None else _without_clipped_cells(pyramid, clip))
 
 
 def framed_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> tuple[Float64, float]:
-    """Return the points of `visible_points` without cells that add next to nothing to a picture, and their part of it.
+    """Return the points of `visible_points` without cells that add next to nothing to a picture.
 
-    The part is 0 where everything decides, as it mostly does.
+    The second value is the share of a picture that these cells add; mostly 0, as no cells are left out.
     """
     cells = pyramid.occupied if clip is None else _without_clipped_cells(pyramid, clip)
     seen = seen_cells(pyramid, cells)
@@ -141,13 +147,13 @@ def framed_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> tuple[Flo
 
 
 def _extreme_corners(pyramid: Pyramid, occupied: Bools) -> Float64:
-    """Return corners of cells that have the extremes of all in every direction, as `visible_points`."""
+    """Return corners of occupied cells that reach as far as all of them in every direction. See `visible_points`."""
     volume, level = pyramid.volume, pyramid.occupied_level
     shape = np.array(volume.shape_xyz)
     rows = occupied.any(axis=2)
     if not rows.any():
         return volume_corners(volume)
-    # Only the first and the last corner on a line along x can be extreme; up to four rows of cells share a corner.
+    # On each line along x, only the first and the last corner can be extreme. Up to four rows of cells share a corner.
     num = occupied.shape[2]
     row_first = np.where(rows, occupied.argmax(axis=2), num)
     row_last = np.where(rows, num - occupied[..., ::-1].argmax(axis=2), 0)
@@ -158,9 +164,9 @@ def _extreme_corners(pyramid: Pyramid, occupied: Bools) -> Float64:
 
 
 def _without_clipped_cells(pyramid: Pyramid, clip: ClipRegion) -> Bools:
-    """Return which occupied cells are left, at least in part."""
+    """Return which occupied cells clipping leaves, at least in part."""
     volume, left = pyramid.volume, np.zeros_like(pyramid.occupied)
-    for z in range(len(left)):  # a plane at a time, to bound memory
+    for z in range(len(left)):  # planes are taken one at a time, to bound memory
         y, x = np.nonzero(pyramid.occupied[z])
         first = np.column_stack([x, y, np.full_like(x, z)]) << pyramid.occupied_level
         last = np.minimum(first + (1 << pyramid.occupied_level), volume.shape_xyz)
@@ -176,7 +182,7 @@ def volume_corners(volume: Volume) -> Float64:
 
 
 def _extreme_around_corners(extreme: np.ufunc, of_rows: Int64, outside: int) -> Int64:
-    """Return the extremes of the four rows around each corner: [nz + 1, ny + 1], from [nz, ny] rows."""
+    """Return the extreme value of the four rows of cells around each corner: [nz + 1, ny + 1], for [nz, ny] rows."""
     padded = np.pad(of_rows, 1, constant_values=outside)
     in_y = extreme(padded[:, 1:], padded[:, :-1])
     return np.asarray(extreme(in_y[1:], in_y[:-1]), np.int64)
@@ -185,9 +191,10 @@ def _extreme_around_corners(extreme: np.ufunc, of_rows: Int64, outside: int) -> 
 def finest_useful_level(
     volume: Volume, points_world: Float64, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
 ) -> int:
-    """Return the finest level with a cell wider than SMALLEST_CELL_PX on some frame; 0 if an eye may be among them.
+    """Return the finest level with a cell wider than SMALLEST_CELL_PX on some frame; 0 if an eye may be among cells.
 
-    A bound: the longest diagonal of a voxel, at the smallest depth and the steepest angle of the points' bounding box.
+    The width of a cell is bounded by the longest diagonal of a voxel, at the smallest depth and the steepest angle of
+    the points' bounding box.
     """
     low, high = points_world.min(axis=0), points_world.max(axis=0)
     box = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)
@@ -211,9 +218,9 @@ def finest_useful_level(
 def smallest_voxel_px(
     volume: Volume, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
 ) -> float:
-    """Return the width of the finest spacing at the volume's centre, in pixels, on the frame where it is narrowest.
+    """Return the smallest width, over all frames, of the finest spacing at the volume's centre, in pixels.
 
-    An eye nearer to the centre than half of the volume's diagonal counts as that far away: so is most of what it sees.
+    An eye nearer to the centre than half of the volume's diagonal counts as that far away, as most visible voxels are.
     """
     spacing, focal_px = volume.finest_spacing, focal_length_px(camera, size)
     narrowest_px = math.inf
@@ -227,7 +234,10 @@ def smallest_voxel_px(
 
 
 def _products(directions: Float64, points: Float64, poses: CameraPoses) -> Float64:
-    """Return the products of directions of poses [n, 3] with points [m, 3] about their targets, [n, m]; of one, [n]."""
+    """Return the scalar products of directions [n, 3] of poses with points relative to their targets.
+
+    points: [m, 3], for products [n, m]; or one point [3], for products [n].
+    """
     if not poses.is_free.any():
         return np.asarray(directions @ (points - poses.target[0]).T)
     targets = poses.target[:, None] if points.ndim == 2 else poses.target

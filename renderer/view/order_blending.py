@@ -1,13 +1,13 @@
 """Choose the directions along which splats are sorted by depth, so that a turning picture does not jump.
 
-Two neighbouring voxels have the same depth in a view that sees the step from one to the other edge-on: the step is
-level. When a camera turns past such a view, all of these pairs change their order at once, and colours would pop.
+A step is the vector from a voxel to a neighbour. It is level in a view in which both have the same depth. When a camera
+turns past such a view, all pairs of neighbours along this step change their order at once, and colours would pop.
 Therefore the image blends several orders. Each order that occurs within a small turn has a weight, which rises and
 falls evenly while the view passes. The nearby views are points of a sphere around the viewing direction. Along any step
 these points are spread evenly (Archimedes), so that weights are linear in the turn.
 
-Only steps that become level on the path of a film count. Others that are nearly level, such as the axis of a turntable
-at elevation 0, keep one order: they get a slope too small to see.
+Only steps that become level on the path of a film are blended. Other steps that are nearly level, such as the axis of a
+turntable at elevation 0, keep one order: they get a slope too small to see.
 """
 
 from __future__ import annotations
@@ -22,37 +22,40 @@ from renderer.scene import CameraPath
 from renderer.view.paths import ANYWHERE, About, iter_camera_poses
 from renderer.volume import Float64
 
-# Half of the turn over which one order fades into another. A pop of opaque noise is 0.4: over 2.2 degrees that is 0.002
-# in 0.01 degrees, about as much as such an image changes anyway.
+# Half of the turn over which one order fades into another, in radians. A pop of opaque noise changes colours by 0.4.
+# Over 2.2 degrees, this is 0.002 in 0.01 degrees, about as much as such an image changes anyway.
 FADE_ANGLE = math.radians(1.1)
 
-# The least difference of depths, relative to a step's length, that float32 resolves in a volume of 2048^3 voxels. Steps
-# that are never steeper are level.
+# The slope of a step, the difference of depths divided by its length, below which it is level: the smallest difference
+# that float32 resolves in a volume of 2048^3 voxels.
 MIN_SLOPE = 2e-4
 
-# Smaller slopes count as 0.
+# The slope below which a step counts as exactly level.
 ZERO_SLOPE = 1e-9
 
-# Orders with less weight are left out: a jump of this part of a pop is invisible.
+# The weight below which an order is left out: a jump by this share of a pop is invisible.
 MIN_WEIGHT = 2.0**-9
 
-# Steps (x, y, z) to the next cell along an axis or a diagonal of a plane; farther cells hardly overlap.
+# The steps (x, y, z) to the next cell along an axis or a diagonal of a plane. Cells farther apart hardly overlap.
 NEIGHBOURS = np.array(
     [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)]
 )
 
+# The number of points in each octant of the sphere of nearby views.
 _POINTS_PER_OCTANT = 2048
 
 
 @dataclass(frozen=True)
 class OrderBlending:
-    """A blend of draw orders, as the camera of a film turns relative to the grid of its volume.
+    """The data by which draw orders are blended, while the camera of a film turns relative to a volume's grid.
 
-    crossing_steps: float64 [k, 3], unit vectors in the world: steps whose neighbours change their order on the path.
-    nearby_from_sphere: float64 [3, 3], takes the points of the unit sphere to nearby views: as far as FADE_ANGLE in
-        directions in which the film moves, less in those in which it moves less.
-    level_rejection: float64 [3, 3], removes from a direction its parts along steps that stay level.
-    tie_breaker: float64 [3], is added to a direction: a slope for steps that are nearly level and keep their order.
+    crossing_steps: float64 [k, 3], unit vectors in the world: steps along which neighbours change their order on the
+        path.
+    nearby_from_sphere: float64 [3, 3], a matrix that takes points of the unit sphere to nearby views: as far as
+        FADE_ANGLE in the directions in which the view moves most, and less far in other directions.
+    level_rejection: float64 [3, 3], a matrix that removes from a direction its parts along steps that stay level.
+    tie_breaker: float64 [3], a vector that is added to a direction. It gives a slope to steps that are nearly level and
+        keep their order.
     """
 
     crossing_steps: Float64
@@ -62,11 +65,11 @@ class OrderBlending:
 
 
 def make_order_blending(world_from_index: Float64, path: CameraPath, about: About = ANYWHERE) -> OrderBlending:
-    """Return how a camera on a path turns relative to a volume's grid. about: as `camera_poses`."""
+    """Return the order blending for a camera on a path and the grid of a volume. about: as in `camera_poses`."""
     steps = NEIGHBOURS @ world_from_index[:3, :3].T
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
     low, high = np.full(len(steps), np.inf), np.full(len(steps), -np.inf)
-    moved, turned = np.zeros((3, 3)), 0.0  # squared movements of the viewing direction, and of all axes
+    moved, turned = np.zeros((3, 3)), 0.0  # sums of squared movements, of the viewing direction and of all axes
     for poses in iter_camera_poses(path, about):
         axes = poses.axes
         slopes = -axes[:, 2] @ steps.T
@@ -89,15 +92,15 @@ def make_order_blending(world_from_index: Float64, path: CameraPath, about: Abou
 
 
 def _matrix_sqrt(squares: Float64) -> Float64:
-    """Return the symmetric root of a symmetric matrix [3, 3], its eigenvalues clamped to [0, 1]."""
+    """Return the symmetric root of a symmetric matrix [3, 3], with its eigenvalues clamped to [0, 1]."""
     values, vectors = np.linalg.eigh(squares)
     return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, 1.0)) @ vectors.T)
 
 
 def _tie_breaker(steps: Float64, sides: Float64) -> Float64:
-    """Return a vector along which these steps [n, 3] are at least as steep as MIN_SLOPE, if there is one.
+    """Return a vector along which all steps [n, 3] are at least as steep as MIN_SLOPE, if there is one.
 
-    sides: [n], whose sign the slopes must have; 0 for either.
+    sides: [n], numbers whose signs the slopes must have; 0 for either sign.
     """
     if not len(steps):
         return np.zeros(3)
@@ -108,9 +111,9 @@ def _tie_breaker(steps: Float64, sides: Float64) -> Float64:
 
 
 def sort_directions(blending: OrderBlending, forward: Float64) -> list[tuple[float, Float64]]:
-    """Return the directions in the world to sort along for a view, and the weights of their orders: nearly always one.
+    """Return the world directions along which splats are sorted for a view, each with the weight of its order.
 
-    The weights add up to 1, and are continuous in the view.
+    There is nearly always one direction. The weights add up to 1, and are continuous in the view.
     """
     direction = blending.level_rejection @ forward
     steps = blending.crossing_steps
@@ -132,9 +135,10 @@ def sort_directions(blending: OrderBlending, forward: Float64) -> list[tuple[flo
 
 @cache
 def _sphere_points() -> Float64:
-    """Return points spread evenly over the unit sphere, the same in each of its octants: float64 [n, 3]."""
+    """Return points that are spread evenly over the unit sphere, and mirrored between its octants: float64 [n, 3]."""
     z = (np.arange(_POINTS_PER_OCTANT) + 0.5) / _POINTS_PER_OCTANT
-    turns = np.arange(_POINTS_PER_OCTANT) * (math.sqrt(5) - 1) / 2 % 1  # the golden section: even in every part of z
+    # Turns by the golden section are even in every range of z.
+    turns = np.arange(_POINTS_PER_OCTANT) * (math.sqrt(5) - 1) / 2 % 1
     angle, radius = math.pi / 2 * turns, np.sqrt(1 - z * z)
     octant = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
     signs = 1 - 2 * (np.arange(8)[:, None] >> np.arange(3) & 1)

@@ -1,4 +1,4 @@
-"""Evaluate camera paths: where the camera looks at each frame, and the View that follows.
+"""Evaluate camera paths: find the pose of the camera at each frame, and its View.
 
 About the default axis +z, azimuth a and elevation e put the eye at `target + distance * direction` with
 
@@ -6,15 +6,15 @@ About the default axis +z, azimuth a and elevation e put the eye at `target + di
     right     = (cos a, sin a, 0)
     up        = (-sin e sin a, sin e cos a, cos e)
 
-which is a right-handed frame at every elevation, the poles included. For another axis all three are rotated by the
+These axes are right-handed at every elevation, the poles included. For another axis, all three are rotated by the
 smallest rotation that takes +z to that axis; for -z by half a turn about x.
 
-Between keyframes azimuth, elevation and the logarithm of the zoom are interpolated separately. The eye stays on its
+Between keyframes, azimuth, elevation and the logarithm of the zoom are interpolated separately. The eye stays on its
 sphere, the picture does not roll about the axis, keys of one elevation make a turntable, and azimuths 0 and 360 make a
-full turn. Great circles have only the first of these properties: between two keys of one elevation they rise above it.
-Easing is that of `renderer.scene.motion`. A path that does not loop starts and ends at rest.
+full turn. A great circle would keep the eye on its sphere, but rise between two keys of one elevation. Easing is
+defined in `renderer.scene.motion`. A path that does not loop starts and ends at rest.
 
-A flight has a place of its own at each frame. On all other paths the camera is about the target of the film.
+On a flight, eye and target move freely. On all other paths, the eye moves about the target of the film.
 """
 
 from __future__ import annotations
@@ -42,21 +42,22 @@ from renderer.view.camera import View
 from renderer.view.flights import EYE, LOG_ZOOM, ROLL, TARGET, fly
 from renderer.volume import Bools, Float64
 
-# Target and distance of a film; anywhere, for those who ask nothing of flights that begin there.
+# The target of a film, and the distance of the eye from it.
 About = tuple[Vector, float]
+# A target and a distance for callers that only use the directions of poses.
 ANYWHERE: About = (0.0, 0.0, 0.0), 1.0
-# Of the angle between axis and view of a flight, below which the picture has the direction of azimuth 0.
+# The sine of the angle between a flight's axis and its view, below which the picture is turned as at azimuth 0.
 _LEAST_SINE = 1e-9
-# Bounds the memory of poses.
+# The number of frames whose poses are computed at once, which bounds their memory.
 _FRAMES_PER_CHUNK = 1 << 16
 
 
 class CameraPoses(NamedTuple):
-    """A camera at n frames: orthonormal right-handed frames (right, up, direction) in the world, and where it is.
+    """The poses of a camera at n frames: its orthonormal right-handed axes in the world, and its place.
 
     direction, right, up: float64 [n, 3]; `direction` points from the target to the eye. zoom: float64 [n],
-    magnifications, > 0. target, distance: float64 [n, 3] and [n]; those of the film, but for flights, which have
-    places of their own: is_free, bool [n].
+    magnifications, > 0. is_free: bool [n], whether the frame is one of a flight. target, distance: float64 [n, 3] and
+    [n], of the flight or else of the film.
     """
 
     direction: Float64
@@ -69,19 +70,19 @@ class CameraPoses(NamedTuple):
 
     @property
     def axes(self) -> Float64:
-        """Return the axes as in `View`: float64 [n, 3, 3]."""
+        """Return the axes, as rows as in `View`: float64 [n, 3, 3]."""
         return np.stack([self.right, self.up, self.direction], axis=1)
 
     def rows(self, which: Any) -> CameraPoses:
-        """Return some of the poses, by an index of numpy."""
+        """Return the poses that an index of numpy selects."""
         parts: Any = (each[which] for each in self)
         return CameraPoses(*parts)
 
 
 def camera_poses(path: CameraPath, frames: Sequence[int], about: About = ANYWHERE) -> CameraPoses:
-    """Return the poses at some frames, from 0 on, piece by piece; frame `path.frames` is frame 0 of a path that loops.
+    """Return the poses at frames of a path, piece by piece. Frame `path.frames` of a loop is frame 0 again.
 
-    about: target and distance of the film.
+    about: the target and the distance of the film.
     """
     pieces = path.pieces if isinstance(path, PathSequence) else (path,)
     ends, at = np.cumsum([piece.frames for piece in pieces]), np.asarray(frames, np.float64)
@@ -93,12 +94,12 @@ def camera_poses(path: CameraPath, frames: Sequence[int], about: About = ANYWHER
 
 
 def _piece_poses(pieces: Sequence[PathPiece], number: int, at: Float64, about: About) -> CameraPoses:
-    """Return the poses at frames [n] of a piece, which may begin where the one before it ended."""
+    """Return the poses at frames [n] of a piece of a path. Flights and holds may begin at the end of another piece."""
     path = pieces[number]
     if isinstance(path, (FlightPath, HoldPath)):
         others = [k for k, each in enumerate(pieces) if not isinstance(each, HoldPath)]
         stops = [(k, pieces[k].frames) for k in others if k < number][-1:]
-        if isinstance(path, HoldPath) and not stops:  # it is where the first piece begins
+        if isinstance(path, HoldPath) and not stops:  # a hold at the start stays at the start of the first other piece
             stops = [(k, 0) for k in others[:1]]
         ends = [_piece_poses(pieces, k, np.full(1, float(frame)), about) for k, frame in stops]
         if isinstance(path, FlightPath):
@@ -128,7 +129,10 @@ def _piece_poses(pieces: Sequence[PathPiece], number: int, at: Float64, about: A
 
 
 def _flight_poses(path: FlightPath, end: CameraPoses | None, at: Float64) -> CameraPoses:
-    """Return the poses of a flight, upright about its axis but for its roll. end: of the piece before it."""
+    """Return the poses of a flight, upright about its axis except for its roll.
+
+    end: the last pose of the piece before it, None without one.
+    """
     start = None
     if end is not None:
         eye = end.target + end.distance[:, None] * end.direction
@@ -142,7 +146,7 @@ def _flight_poses(path: FlightPath, end: CameraPoses | None, at: Float64) -> Cam
     direction = offset / distance[:, None]
     right = np.cross(np.array(path.axis) / np.linalg.norm(path.axis), direction)
     length = np.linalg.norm(right, axis=1, keepdims=True)
-    aside = _rotation_from_z_to(path.axis)[:, 0]  # that of azimuth 0, for a view along the axis
+    aside = _rotation_from_z_to(path.axis)[:, 0]  # the right side at azimuth 0, for a view along the axis
     right = np.where(length > _LEAST_SINE, right / np.maximum(length, _LEAST_SINE), aside)
     up = np.cross(direction, right)
     sine, cosine = (each[:, None] for each in _sine_and_cosine(places[:, ROLL]))
@@ -152,10 +156,10 @@ def _flight_poses(path: FlightPath, end: CameraPoses | None, at: Float64) -> Cam
 
 
 def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
-    """Return sines and cosines of angles [n], exactly 0 and 1 at right angles.
+    """Return sines and cosines of angles [n], with exact values at multiples of 90 degrees.
 
-    Rays along an axis are then parallel to the faces along it. Remainders are exact: after many turns a direction is
-    the same.
+    So rays along an axis are parallel to the faces along it. Remainders are exact: a direction is the same after many
+    turns.
     """
     right_angles = np.rint(degrees / 90.0)
     rest = np.radians(np.fmod(degrees, 360.0) - 90.0 * np.fmod(right_angles, 4.0))
@@ -167,17 +171,17 @@ def _sine_and_cosine(degrees: Float64) -> tuple[Float64, Float64]:
 
 
 def iter_camera_poses(path: CameraPath, about: About = ANYWHERE) -> Iterator[CameraPoses]:
-    """Yield the poses of all frames, in chunks of bounded size that overlap by one frame. about: as `camera_poses`."""
+    """Yield the poses of all frames in bounded chunks that overlap by one frame. about: as in `camera_poses`."""
     for first in range(0, max(path.frames - 1, 1), _FRAMES_PER_CHUNK):
         yield camera_poses(path, range(first, min(first + _FRAMES_PER_CHUNK + 1, path.frames)), about)
 
 
 def make_view(camera: CameraSpec, frame: int, target: Vector, distance: float, size: tuple[int, int]) -> View:
-    """Return the View of a frame: the eye at `target + distance * direction`, all in world units, or on a flight.
+    """Return the View of a frame: the eye is at `target + distance * direction`, in world units, or on a flight.
 
-    scale_px is (height / 2) / tan(field of view / 2) in perspective; orthographic, 2 distance tan(field of view / 2)
-    world units fill the height. Zoom multiplies scale_px: it magnifies and does not move the eye.
-    Raises InputError when the distance is not positive.
+    scale_px is (height / 2) / tan(field of view / 2) in perspective. In orthographic projection,
+    2 distance tan(field of view / 2) world units fill the height. Zoom multiplies scale_px: it magnifies and does not
+    move the eye. Raises InputError if the distance is not positive.
     """
     if not (distance > 0.0 and math.isfinite(distance)):
         raise InputError(
@@ -201,13 +205,14 @@ def focal_length_px(camera: CameraSpec, size: tuple[int, int]) -> float:
 
 
 def _rotation_from_z_to(axis: Vector) -> Float64:
-    """Return the smallest rotation of +z onto the axis, of any length: float64 [3, 3]."""
+    """Return the smallest rotation of +z onto an axis, which may have any length: float64 [3, 3]."""
     length = math.hypot(*axis)
     x, y, z = (component / length for component in axis)
     aside = x * x + y * y
     if aside < 1e-300:  # the axis is z to all digits, and 2 / aside may be infinite
         return np.diag([1.0, 1.0, 1.0]) if z > 0.0 else np.diag([1.0, -1.0, -1.0])
-    factor = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / aside  # 1 / (1 + z), without cancellation near -z
+    # Both are 1 / (1 + z); the second avoids cancellation near -z.
+    factor = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / aside
     return np.array(
         [
             [1.0 - x * x * factor, -x * y * factor, x],
@@ -235,7 +240,10 @@ def _interpolate_keyframes(path: KeyframePath, at: Float64) -> tuple[Float64, Fl
 
 
 def _first_again(rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
-    """Return the first key one loop later, with whole turns added that make the way there the shortest."""
+    """Return the first key one loop later, with its azimuth changed by whole turns so that the way to it is shortest.
+
+    rows: the azimuth, the elevation and the logarithm of the zoom of each key.
+    """
     first, last, previous = rows[0], rows[-1], rows[-2]
     way = (first[0] - last[0]) % 360.0
     if way > 180.0 or (way == 180.0 and last[0] < previous[0]):  # a half turn continues in the direction of the path

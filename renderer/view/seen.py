@@ -1,7 +1,7 @@
-"""Tell which of the visible cells decide how a volume is framed: the few that add next to nothing to a picture do not.
+"""Find the visible cells that decide how a volume is framed, without cells that add next to nothing to a picture.
 
-One voxel of noise beside a leg, or some faint ones around a crystal, would make the object smaller, and move it out of
-the middle.
+A voxel of noise beside a leg, or faint voxels around a crystal, would make the object smaller in its frame, and move it
+out of the middle.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ import numpy as np
 from renderer.pyramid import Pyramid, cell_voxel_counts, descendants, root_cells
 from renderer.volume import Bools, Float64, grow, label_parts
 
-# Cells that are left out add less than this part of a picture.
+# The largest share of a picture that the cells left out may add, together.
 _MOST_LEFT_OUT = 1e-3
-# It is left out only where the frame is smaller without it, by at least this part along an axis: so the end of an
-# object stays in frame.
+# The least share by which the frame must shrink along an axis, for cells to be left out. So the end of an object stays
+# in frame.
 _LEAST_GAIN = 0.05
-# Cells are faint if they are less opaque than this part of nearly the most opaque cell.
+# The opacity below which a cell is faint, as a share of the opacity at _OPAQUE_PERCENTILE.
 _FAINT = 0.02
-# The percentile of the opacities of visible cells that is nearly the most opaque one.
+# The percentile of the opacities of visible cells that stands for the most opaque cells.
 _OPAQUE_PERCENTILE = 99.0
-# The finest level of which the pyramid has all nodes.
+# The finest level at which the pyramid always has all nodes.
 _FINEST_LEVEL = 3
-# The most cells whose opacities are looked up; with more the next level is taken. 448^3 voxels have 175,616 cells of
-# level 3, whose indices take 10 MB.
+# The most cells of a level whose opacities are looked up; if it has more, the next coarser level is taken. 448^3 voxels
+# have 175,616 cells of level 3, whose indices take 10 MB.
 _MOST_CELLS = 2**16
 
 
 class SeenCells(NamedTuple):
-    """The visible cells that decide, bool [z, y, x], and the part of a picture that the others add."""
+    """The visible cells that decide the frame, bool [z, y, x], and the share of a picture that all others add."""
 
     cells: Bools
     left_out: float
@@ -40,8 +40,10 @@ class SeenCells(NamedTuple):
 def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
     """Return which of the visible cells of level `Pyramid.occupied_level` decide how a volume is framed.
 
-    occupied: those of `Pyramid.occupied` that are not clipped away. Parts of a picture are those of opacities, along
-    the three axes; parts of the volume that are not connected, and faint cells, are left out as a whole.
+    Here, a picture is the mean of three pictures of opacities, along the three axes. Each connected part of the volume
+    is kept or left out as a whole, and so are all faint cells together.
+
+    occupied: the cells of `Pyramid.occupied` that are not clipped away.
     """
     everything = SeenCells(occupied, 0.0)
     if pyramid.num_levels <= max(_FINEST_LEVEL, pyramid.occupied_level) or not occupied.any():
@@ -52,7 +54,7 @@ def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
     if not _may_gain(occupied, opacities, _MOST_LEFT_OUT * picture):
         return everything
     is_faint = occupied & (opacities < _FAINT * np.percentile(opacities[occupied], _OPAQUE_PERCENTILE))
-    parts = label_parts(grow(occupied & ~is_faint, 1))  # what is thin may be joined by corners
+    parts = label_parts(grow(occupied & ~is_faint, 1))  # grown, as cells of thin objects may only touch at corners
     parts[is_faint] = parts.size  # all faint cells are one part
     amounts = np.bincount(parts[occupied], opacities[occupied], parts.size + 1)
     order = np.flatnonzero(amounts)[np.argsort(amounts[amounts > 0], kind="stable")]
@@ -65,7 +67,10 @@ def seen_cells(pyramid: Pyramid, occupied: Bools) -> SeenCells:
 
 
 def _depths(pyramid: Pyramid, occupied: Bools) -> Float64:
-    """Return the optical depth of each visible cell, float64 [z, y, x]; cells in one larger cell count as alike."""
+    """Return the optical depth of each visible cell, float64 [z, y, x].
+
+    Depths are looked up at a level with few enough cells, and shared equally by the visible cells in each of them.
+    """
     level = _level_of_opacities(pyramid)
     nodes, cells = descendants(pyramid, *root_cells(pyramid), pyramid.num_levels, level)
     factor = 2 ** (level - pyramid.occupied_level)
@@ -83,7 +88,7 @@ def _depths(pyramid: Pyramid, occupied: Bools) -> Float64:
 
 
 def _level_of_opacities(pyramid: Pyramid) -> int:
-    """Return the finest level that the pyramid has, and that has few enough cells."""
+    """Return the finest level at which the pyramid has all nodes and at most _MOST_CELLS cells."""
     level, sizes = max(_FINEST_LEVEL, pyramid.occupied_level), pyramid.volume.shape_xyz
     while level < pyramid.num_levels and math.prod(((n - 1) >> level) + 1 for n in sizes) > _MOST_CELLS:
         level += 1
@@ -91,7 +96,7 @@ def _level_of_opacities(pyramid: Pyramid) -> int:
 
 
 def _may_gain(occupied: Bools, opacities: Float64, most: float) -> bool:
-    """Return whether the frame may be smaller without cells that add less than an amount to a picture."""
+    """Return whether the frame may shrink if cells that together add less than `most` to a picture are left out."""
     for axis in range(3):
         others = tuple(each for each in range(3) if each != axis)
         sums, is_there = opacities.sum(axis=others), np.flatnonzero(occupied.any(axis=others))
@@ -104,7 +109,7 @@ def _may_gain(occupied: Bools, opacities: Float64, most: float) -> bool:
 
 
 def _gains(before: Bools, after: Bools) -> bool:
-    """Return whether the box around cells is smaller than the one before."""
+    """Return whether the box around cells has become smaller along an axis by the share _LEAST_GAIN or more."""
     for axis in range(3):
         others = tuple(each for each in range(3) if each != axis)
         was, now = (np.flatnonzero(cells.any(axis=others)) for cells in (before, after))

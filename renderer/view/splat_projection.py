@@ -15,15 +15,17 @@ from renderer.view.depth_order import box_order, order_by_depth
 from renderer.view.order_blending import OrderBlending, sort_directions
 from renderer.volume import Float64, UInt32
 
-# Slopes x / depth are clamped to this multiple of those at the image's edges when a footprint is projected: the affine
-# approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
+# The largest slope x / depth at which a footprint is projected, as a multiple of the slope at the image's edge: the
+# affine approximation of perspective (Zwicker et al. 2001, "EWA Splatting") diverges for splats beside the eye.
 SLOPE_LIMIT = 1.3
 
-# The near plane clips splats whose centre is less than CLIPPED_SIGMAS standard deviations behind it, and leaves nothing
-# of those whose centre is CULLED_SIGMAS or more in front of it.
-CLIPPED_SIGMAS, CULLED_SIGMAS = 5.0, 4.0
+# The distance of a splat's centre beyond the near plane, in standard deviations, below which the plane clips the splat.
+CLIPPED_SIGMAS = 5.0
+# The distance of a splat's centre before the near plane, on the eye's side, in standard deviations, from which on the
+# plane removes the whole splat.
+CULLED_SIGMAS = 4.0
 
-# The size of the sample from which means over all footprints are estimated, within a few per cent.
+# The number of splats in the sample from which means over all footprints are estimated, within a few per cent.
 FOOTPRINT_SAMPLE = 4096
 
 
@@ -37,7 +39,7 @@ class Model(Protocol):
 
 
 def model_view(model: Model, view: View) -> ModelView:
-    """Return the view in the units of a model. Differences are taken in float64."""
+    """Return the view in the units of a model. The translation is computed in float64."""
     translation = view.view_from_world(model.origin) / model.model_unit
     perspective = view.projection == "perspective"
     scale_px = view.scale_px if perspective else view.scale_px * model.model_unit
@@ -52,7 +54,7 @@ def model_view(model: Model, view: View) -> ModelView:
 
 
 class Region(NamedTuple):
-    """A rectangle of pixels, which may be empty: its first column and row, and the numbers of both."""
+    """A rectangle of pixels, which may be empty: its first column and row, and the numbers of columns and rows."""
 
     left: int
     top: int
@@ -68,9 +70,9 @@ class Region(NamedTuple):
 def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     """Return a rectangle of the image that holds all footprints of the batch.
 
-    All centres lie in a ball about the model's origin, at depths of `nearest` or more. The image of a centre at (x, z)
-    is at most `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` from that of the origin, and
-    its footprint extends by its cutoff under the steepest slope.
+    All centres lie in a ball about the model's origin (x0, z0), at depths of `nearest` or more. On the image, a centre
+    (x, z) is at most `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` away from the origin,
+    and its footprint extends by its cutoff under the steepest slope.
     """
     size = np.array(camera.size)
     centers = batch.centers
@@ -86,7 +88,8 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     magnification = camera.scale_px / nearest
     center_px = size / 2 + camera.scale_px * (slopes if camera.perspective else origin[:2])
     model_px = magnification * (radius * np.hypot(1, slopes) + batch.footprint.cutoff * sigma * np.hypot(1, limit))
-    reach_px = model_px + batch.footprint.cutoff * batch.footprint.min_sigma_px + 2  # for rounding and whole pixels
+    # Two pixels allow for rounding to whole pixels.
+    reach_px = model_px + batch.footprint.cutoff * batch.footprint.min_sigma_px + 2
     low = np.clip(np.floor(center_px - reach_px), 0, size).astype(int)
     high = np.clip(np.ceil(center_px + reach_px), 0, size).astype(int)
     return Region(int(low[0]), int(low[1]), *(int(n) for n in high - low))
@@ -95,8 +98,8 @@ def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
 def mean_footprint_area_px(batch: SplatBatch, order: UInt32, camera: ModelView, region: Region) -> float:
     """Estimate the mean number of the region's pixels under a footprint of `batch[order]`; neither may be empty.
 
-    A sample of the splats counts as ellipses with the two longest of the splat's axes, as they appear at the image's
-    centre at the depth of the splat, or at the near plane if that is farther.
+    The estimate is made from a sample of the splats. Each counts as an ellipse with the two longest of its axes, as it
+    would appear at the image's centre, at its own depth or at the near plane if that is farther.
     """
     vertices = batch.vertices[order[:: max(1, len(order) // FOOTPRINT_SAMPLE)]]
     axes = np.linalg.svd(batch.axes, compute_uv=False)[vertices[:, 7].astype(np.int64), :2]
@@ -109,8 +112,8 @@ def mean_footprint_area_px(batch: SplatBatch, order: UInt32, camera: ModelView, 
 def total_square_area_px(batch: SplatBatch, order: UInt32, camera: ModelView) -> float:
     """Estimate the total number of the image's pixels in the squares around the footprints of `batch[order]`.
 
-    These are the pixels that a rasteriser has to test. All of the coarsest cells, which are the first of a batch,
-    count, and a sample of the others. A splat counts as a ball of its longest axis.
+    A rasteriser has to test these pixels. The estimate is made from all of the coarsest cells, which are the first of a
+    batch, and from a sample of all finer cells. A splat counts as a ball with its longest axis as radius.
     """
     is_coarse = order < FOOTPRINT_SAMPLE
     others = order[~is_coarse]
@@ -123,7 +126,7 @@ def total_square_area_px(batch: SplatBatch, order: UInt32, camera: ModelView) ->
 
 
 def _square_areas_px(batch: SplatBatch, splats: UInt32, camera: ModelView) -> Float64:
-    """Return the number of pixels in the square around each of these splats: float64 [n]."""
+    """Return the number of pixels in the square around each splat: float64 [n]. splats: indices into the batch."""
     vertices = batch.vertices[splats]
     in_view = vertices[:, :3] @ camera.view_from_model[:, :3].T + camera.view_from_model[:, 3]
     scale_px = _scale_px(camera, -in_view[:, 2])
@@ -135,7 +138,7 @@ def _square_areas_px(batch: SplatBatch, splats: UInt32, camera: ModelView) -> Fl
 
 
 def _scale_px(camera: ModelView, depths: Float64) -> Float64 | float:
-    """Return the pixels of a model unit at these depths, or at the near plane, which may be at 0: float64 [n, 1]."""
+    """Return the pixels per model unit at given depths, or at the near plane if that is farther: float64 [n, 1]."""
     if not camera.perspective:
         return camera.scale_px
     return np.asarray(camera.scale_px / np.maximum(depths, max(camera.near, 1e-6)))[:, None]
@@ -149,8 +152,8 @@ def longest_sigma(batch: SplatBatch) -> Float64:
 def visible_order(batch: SplatBatch, view: View, *, cells: Cut | None = None, along: Float64 | None = None) -> UInt32:
     """Return the splats that can touch the image, back to front: uint32 [k].
 
-    cells: the splats' cells, to sort them as boxes, and not by depth. along: float64 [3], the world direction along
-    which depths are measured if it is not the view's.
+    cells: the splats' cells, by which they are sorted as boxes; None to sort them by depth. along: float64 [3], the
+        world direction along which depths are measured; None for the view's direction.
     """
     depths, is_visible = np.empty(len(batch), np.float32), np.empty(len(batch), np.bool_)
     kernels().cull_splats(
@@ -167,7 +170,7 @@ def visible_order(batch: SplatBatch, view: View, *, cells: Cut | None = None, al
 
 
 def blended_orders(batch: SplatBatch, view: View, blending: OrderBlending) -> list[tuple[float, UInt32]]:
-    """Return the orders by depth that are blended, with their weights, so that no view causes a jump."""
+    """Return the orders by depth that are blended for a view, with their weights."""
     return [
         (weight, visible_order(batch, view, along=direction))
         for weight, direction in sort_directions(blending, view.forward)

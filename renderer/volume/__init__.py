@@ -1,14 +1,16 @@
-"""A scalar volume and its place in the world.
+"""Define a scalar volume and its place in the world.
 
 In: voxels [z, y, x] and an affine. Out: `Volume`, read-only. Voxels of large files stay in their file
 (`MappedFile`) and are read when they are used.
 
-- `volume.py`: the voxels and their affine; spacing, centre and corners in the world.
-- `channel.py`: what a file tells of one of its components; `label.py`: of the voxels with one value.
-- `mask.py`: where another volume shows one.
-- `mapped_file.py`: voxels that stay in their file; `truncation_guard.py`: files that become shorter meanwhile.
-- `connected_parts.py`: the connected parts of a grid of cells.
-- `arrays.py`: names for types of arrays, for all rooms; what blocks of arrays reduce to.
+- `volume.py`: the voxels with their affine, and lengths and places in the world
+- `channel.py`: the description of a component in a file
+- `label.py`: the description of a label in a file
+- `mask.py`: a mask, prepared for kernels
+- `mapped_file.py`: voxels that stay in their file, and checks that it is unchanged
+- `truncation_guard.py`: a guard against mapped files that become shorter
+- `connected_parts.py`: the connected parts of a grid of cells
+- `arrays.py`: names for types of arrays, for all rooms, and reductions of blocks of arrays
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Names for types of arrays, by their elements, with shapes in the text; and what blocks of arrays reduce to."""
+"""Name the types of arrays by their elements, and reduce blocks of arrays. Docstrings give the shapes of arrays."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ UInt64 = npt.NDArray[np.uint64]
 
 
 def reduce_blocks(reduction: np.ufunc, array: Array, sizes: npt.ArrayLike) -> Array:
-    """Return what blocks of a size, or of one along each axis, reduce to; those at the end may be smaller."""
+    """Return an array in which each block of another array is reduced to one element.
+
+    sizes: the size of blocks, or a size for each axis. The last blocks along an axis may be smaller.
+    """
     for axis, size in enumerate(np.broadcast_to(sizes, array.ndim).tolist()):
         array = reduction.reduceat(array, np.arange(0, array.shape[axis], size), axis)
     return array

@@ -1,4 +1,4 @@
-"""A component of a file with several, as the file describes it."""
+"""Define a component of a file that has several, as the file describes it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Channel:
-    """A description of one component of a file; all of it may be unknown.
+    """A description of one component of a file. Every field may be unknown.
 
-    name: printable. color: in [0, 1]. window: the values that are shown as black and as full colour.
-    is_light: whether it is light of its own, as of fluorescence, and not a part of a colour or of a vector; known of a
-        Volume.
+    name: the component's name, printable. color: in [0, 1]. window: the values that are shown as black and as full
+        colour.
+    is_light: whether the component is light of its own, such as a fluorescence, and not a part of a colour or of a
+        vector; None only before a Volume is made.
     """
 
     name: str = ""

@@ -8,14 +8,14 @@ from renderer.volume.arrays import Bools, Int64
 
 
 def label_parts(cells: Bools) -> Int64:
-    """Return a number for each part of [z, y, x] that is connected along the axes, int64 [z, y, x].
+    """Return the number of the part of each cell: int64 [z, y, x]. Parts are connected along the axes.
 
-    It is the lowest flat index of its cells, and -1 elsewhere.
+    The number of a part is the lowest flat index of its cells. It is -1 outside of all parts. cells: [z, y, x].
     """
     places = np.arange(cells.size).reshape(cells.shape)
     begins = cells.copy()
     begins[..., 1:] &= ~cells[..., :-1]
-    runs = np.maximum.accumulate(np.where(begins, places, 0), axis=2)  # along x, by their first cells
+    runs = np.maximum.accumulate(np.where(begins, places, 0), axis=2)  # the first cell of each run along x
     pairs = [np.empty((2, 0), np.int64)]
     for axis in range(2):
         run, are_in, begin = (np.moveaxis(each, axis, 0) for each in (runs, cells, begins))
@@ -32,7 +32,7 @@ def label_parts(cells: Bools) -> Int64:
 
 
 def grow(cells: Bools, distance: int) -> Bools:
-    """Return the cells and all within a distance along the axes."""
+    """Return the cells with all cells that are within a distance along each axis: bool [z, y, x]."""
     grown = np.pad(cells, distance)
     for axis in range(3):
         grown = np.asarray(np.lib.stride_tricks.sliding_window_view(grown, 2 * distance + 1, axis).any(axis=-1))

@@ -1,4 +1,4 @@
-"""A label of a volume of labels, as a file describes it."""
+"""Define a label of a volume of labels, as a file describes it."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Label:
-    """A description of the voxels with one value; all but the value may be unknown.
+    """A description of the voxels with one value. Every field but the value may be unknown.
 
-    name: as the file has it, not yet printable. color, opacity: in [0, 1].
+    name: the name in the file, which may be unprintable. color, opacity: in [0, 1].
     """
 
     value: int

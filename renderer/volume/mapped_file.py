@@ -1,9 +1,9 @@
 """Map the voxels of large files into memory, where they are read page by page when they are used.
 
-The system drops such pages when memory is short, so a volume may be larger than memory. In return the file must not
-change: reading a page beyond the end of a shortened file kills the process (SIGBUS), unless the process reads zeros
-there (`truncation_guard.py`). So readers call `MappedFile.require_unchanged` before they read, and
-again before they use what they read.
+The system drops such pages when memory is short, so a volume may be larger than memory. In return, the file must not
+change: reading a page beyond the end of a shortened file kills the process (SIGBUS), unless zeros are mapped there
+(`truncation_guard.py`). So callers call `MappedFile.require_unchanged` before they read voxels, and again before they
+use these.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ import numpy as np
 from renderer.errors import InputError
 from renderer.volume.arrays import Array
 
-# Passes over a whole volume read this many bytes at a time, in whole planes.
+# The bytes that a pass over a whole volume reads at a time, in whole planes.
 _SLAB_BYTES = 16 << 20
 
+# The hint of errors about changed files.
 _HINT = "large volumes are read from their files while they are drawn: start again, and do not change this file"
 
 
@@ -28,8 +29,8 @@ _HINT = "large volumes are read from their files while they are drawn: start aga
 class MappedFile:
     """A file that voxels are mapped from, and its state when it was opened.
 
-    path: absolute. state: device and inode, which identify the file, whatever its name; its size; the time of its last
-    change.
+    path: its absolute path. state: its device and inode, which identify it under any name; its size; the time of its
+        last change.
     """
 
     path: Path
@@ -79,8 +80,10 @@ def backing_file(values: Array) -> MappedFile | None:
 
 
 def iter_slabs(values: Array, source: MappedFile | None, num_bytes: int = _SLAB_BYTES) -> Iterator[Array]:
-    """Yield the values [z, y, x] a few planes at a time, and check before each slab and at the end that their file
-    is unchanged."""
+    """Yield the values [z, y, x] as slabs of a few planes.
+
+    Raises InputError if the file of the values was changed, which is checked before each slab and at the end.
+    """
     num = max(1, num_bytes // values[0].nbytes)
     for first in range(0, len(values), num):
         if source is not None:

@@ -1,4 +1,4 @@
-"""Prepare a mask, a volume of the labels 0 and 1, for kernels: which points of another volume it shows."""
+"""Prepare a mask, a volume of the labels 0 and 1, for kernels that ask which points of another volume it shows."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ import numpy as np
 from renderer.kernels import MaskGrid, kernels
 from renderer.volume.arrays import Bools, Float64, Int64, UInt8, reduce_blocks
 
-# Voxels along each side of the blocks in which a mask is searched.
+# The number of voxels along each side of the blocks in which a mask is searched.
 _BLOCK = 8
 
 
 def make_mask_grid(voxels: UInt8, mask_from_world: Float64, world_from_index: Float64) -> MaskGrid:
-    """Return the grid of a mask, of which voxels are 0 and 1, for a volume with this affine, float64 [4, 4]."""
+    """Return the grid of a mask for another volume.
+
+    voxels: the voxels of the mask, 0 and 1. mask_from_world: float64 [4, 4], the inverse of the mask's affine.
+    world_from_index: float64 [4, 4], the affine of the other volume.
+    """
     _, rows, columns = voxels.shape
     padded, planes = np.pad(voxels, ((0, 0), (1, 1), (1, 1)), mode="edge"), np.zeros(voxels.shape, np.uint16)
     for bit in range(9):
@@ -22,16 +26,17 @@ def make_mask_grid(voxels: UInt8, mask_from_world: Float64, world_from_index: Fl
 
 
 def shown_voxels(grid: MaskGrid, shape: tuple[int, ...]) -> UInt8:
-    """Return which voxels of the other volume, [z, y, x], have their centres in a mask, uint8 of this shape."""
+    """Return which voxels of another volume have their centres in a mask: uint8 [z, y, x]. shape: its shape."""
     out = np.empty(shape, np.uint8)
     kernels().mark_voxels(mask=grid, out=out)
     return out
 
 
 def meet_mask(voxels: UInt8, from_index: Float64, lows: Float64, highs: Float64) -> tuple[Bools, Bools]:
-    """Return which boxes may meet a mask, and which are certainly inside of it, bool [n] each.
+    """Return which boxes may meet a mask, and which are certainly inside of it: bool [n] each.
 
-    from_index: as in MaskGrid. lows, highs: the lowest and highest corners of boxes (x, y, z), float64 [n, 3].
+    voxels: the voxels of the mask. from_index: as in MaskGrid. lows, highs: float64 [n, 3], the lowest and highest
+        corners (x, y, z) of boxes.
     """
     middles, halves = (lows + highs) / 2, (highs - lows) / 2
     middles = middles @ from_index[:, :3].T + from_index[:, 3]
@@ -44,7 +49,7 @@ def meet_mask(voxels: UInt8, from_index: Float64, lows: Float64, highs: Float64)
 
 
 def _num_blocks(are_marked: Bools, low: Int64, high: Int64) -> Int64:
-    """Return the number of blocks with a marked voxel in half-open ranges of blocks (z, y, x), int64 [n]."""
+    """Return the number of blocks with a marked voxel in half-open ranges of blocks (z, y, x): int64 [n]."""
     blocks = reduce_blocks(np.logical_or, are_marked, _BLOCK)
     counts = np.pad(blocks.cumsum(0, np.int64).cumsum(1).cumsum(2), ((1, 0),) * 3)
     total = np.zeros(len(low), np.int64)

@@ -1,7 +1,7 @@
-"""Guards mapped volumes against files that become shorter: zeros are read, in place of a signal that kills.
+"""Guard mapped volumes against files that become shorter: zeros are read, instead of a signal that ends the process.
 
-A read beyond the end of a mapped file raises SIGBUS, in the middle of a kernel. `renderer.kernels` maps zeros there, so
-that the kernel ends; `renderer` checks the file after it has read, and raises InputError.
+A read beyond the end of a mapped file raises SIGBUS, in the middle of a kernel. `renderer.kernels` then maps zeros
+there, so that the kernel ends. `renderer` checks the file after the kernel, and raises InputError.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from renderer.volume.mapped_file import MappedFile
 
 
 def guard_mapping(file: MappedFile, values: Array) -> None:
-    """Make `values`, of any strides, read as zeros where their file has become shorter, for as long as they live.
+    """Let `values` be read as zeros wherever their file has become shorter, for as long as they live.
 
-    Does nothing on systems without such a handler.
+    It does nothing on systems without a handler for the signal. values: an array with any strides.
     """
     regions = guarded_regions()
     free = np.flatnonzero(regions[:, 1] == 0)
@@ -29,16 +29,16 @@ def guard_mapping(file: MappedFile, values: Array) -> None:
         return
     try:
         descriptor = os.open(file.path, os.O_RDONLY)
-    except OSError:  # gone, which the next check finds
+    except OSError:  # the file is gone, which the next check finds
         return
     status = os.fstat(descriptor)
-    if (status.st_dev, status.st_ino) != file.state[:2]:  # replaced, which it finds, too
+    if (status.st_dev, status.st_ino) != file.state[:2]:  # the file was replaced, which the next check finds
         os.close(descriptor)
         return
     begin, end = np.lib.array_utils.byte_bounds(values)
     region = regions[free[0]]
     region[[0, 2, 3]] = begin & -mmap.PAGESIZE, descriptor, file.state[2]
-    region[1] = -(-end // mmap.PAGESIZE) * mmap.PAGESIZE  # last: the handler uses regions with an end
+    region[1] = -(-end // mmap.PAGESIZE) * mmap.PAGESIZE  # the end is set last, as the handler uses regions with an end
     root: Any = values
     while isinstance(root, np.ndarray):
         root = root.base

@@ -1,4 +1,4 @@
-"""A scalar volume in its own dtype, and its place in the world."""
+"""Define a scalar volume in its own dtype, and its place in the world."""
 
 from __future__ import annotations
 
@@ -22,28 +22,29 @@ from renderer.volume.mask import make_mask_grid, shown_voxels
 class Volume:
     """A scalar volume: voxels and their place in the world.
 
-    values: [z, y, x], any integer or float dtype in native byte order, read-only, C-contiguous; finite, or NaN where
-        there is no data.
-    world_from_index: float64 [4, 4], affine: (x, y, z) voxel index to world; voxel centres sit at integer indices and
-        the volume covers [-1/2, n - 1/2] per axis.
+    values: [z, y, x], any integer or float dtype in native byte order, read-only, C-contiguous; finite, or NaN for
+        absent voxels.
+    world_from_index: float64 [4, 4], the affine from voxel indices (x, y, z) to the world. Voxel centres sit at integer
+        indices, and the volume covers [-1/2, n - 1/2] per axis.
     name: its name in messages.
-    fingerprint: hex digest of voxels, dtype, shape and affine: equal for equal volumes from different files.
-    source: the file that the values are mapped from; None for values in memory. Call `require_unchanged` before reading
-        values, and again before using what was read.
-    num_absent: the number of voxels without data.
+    fingerprint: the hexadecimal digest of voxels, dtype, shape and affine, which is equal for equal volumes from
+        different files.
+    source: the file from which the values are mapped; None for values in memory. Call `require_unchanged` before
+        reading values, and again before using them.
+    num_absent: the number of absent voxels.
     file_spacing: the spacing in the file, if the scene gives another; else None.
     note: a remark on how the volume was read.
     has_lengths: whether its file, or the scene, gives the lengths of a voxel.
-    channels: all components of the file that it is from; none where that has one.
-    is_labels: whether the values are numbers of labels, 0 for none, and nothing lies between two of them.
-    mask: where it is shown: a volume of labels on a grid of its own, whose number there is 1; None for everywhere.
-    labels: those that the file itself describes, by value.
-    num_times: the number of its steps in time, of which this is one, or between two. times: of each step, ascending,
-        where the file says so; in the unit `time_unit`: `s`, or empty where it is not known.
-    length_unit, value_unit: of lengths in the world and of values, such as `mm` and `HU`; empty where not known.
-    world_axes: `LPS` where the axes of the world point to the left of a body, to its back and up; else empty.
-    colors: uint8 [z, y, x, 3], read-only, of voxels that are colours; the values are then their luminance or their
-        alpha.
+    channels: all components of its file; empty for a file with one component.
+    is_labels: whether the values are numbers of labels, 0 for none, between which nothing is interpolated.
+    mask: a volume of labels on a grid of its own; the volume is shown only where its number is 1. None to show all.
+    labels: the labels that the file describes, by value.
+    num_times: the number of steps in time of the series. The volume is one of the steps, or lies between two of them.
+    times: the time of each step, ascending, if the file gives it. time_unit: `s`, or empty if it is unknown.
+    length_unit, value_unit: the units of world lengths and of values, such as `mm` and `HU`; empty if unknown.
+    world_axes: `LPS` if the axes of the world point to the left of a body, to its back and up; else empty.
+    colors: uint8 [z, y, x, 3], read-only, the colours of voxels that are colours; the values are then their luminance
+        or their alpha.
     """
 
     values: Array
@@ -73,7 +74,7 @@ class Volume:
             self.source.require_unchanged()
 
     def value_range(self) -> tuple[float, float]:
-        """Return the smallest and the largest value of data, from one pass over all values at the first call."""
+        """Return the smallest and the largest value without absent voxels. The first call passes over all values."""
         return self._value_range
 
     @cached_property
@@ -86,12 +87,12 @@ class Volume:
 
     @cached_property
     def are_absent(self) -> Bools:
-        """Return which voxels have no data, bool [z, y, x]."""
+        """Return which voxels are absent: bool [z, y, x]."""
         return np.isnan(self.values)
 
     @cached_property
     def mask_grid(self) -> MaskGrid | None:
-        """Return the mask as kernels take it, from this index space; None without one."""
+        """Return the mask as kernels take it, for this volume's index space; None without a mask."""
         if self.mask is None:
             return None
         mask_from_world = np.asarray(np.linalg.inv(self.mask.world_from_index), np.float64)
@@ -99,7 +100,7 @@ class Volume:
 
     @cached_property
     def are_shown(self) -> UInt8 | None:
-        """Return which voxels have their centres in the mask, uint8 [z, y, x]; None without one."""
+        """Return which voxels have their centres in the mask: uint8 [z, y, x]; None without a mask."""
         return None if self.mask_grid is None else shown_voxels(self.mask_grid, self.values.shape)
 
     @property
@@ -110,12 +111,12 @@ class Volume:
 
     @property
     def spacing(self) -> Float64:
-        """Return float64 [3]: world distance between neighbouring voxel centres along the index axes x, y, z."""
+        """Return the world distances between neighbouring voxel centres along the index axes x, y, z: float64 [3]."""
         return np.asarray(np.linalg.norm(self.world_from_index[:3, :3], axis=0), np.float64)
 
     @property
     def finest_spacing(self) -> float:
-        """Return the smallest spacing: the unit length of optical depths."""
+        """Return the smallest spacing, which is the unit length of optical depths."""
         return float(self.spacing.min())
 
     @property
@@ -130,12 +131,12 @@ class Volume:
 
     @property
     def centre_index(self) -> Float64:
-        """Return float64 [3]: the centre of the volume in voxel indices x, y, z."""
+        """Return the centre of the volume in voxel indices x, y, z: float64 [3]."""
         return (np.array(self.shape_xyz) - 1) / 2
 
     @property
     def centre(self) -> Float64:
-        """Return float64 [3]: world centre of the volume, to which all drawing is relative."""
+        """Return the centre of the volume in the world, to which all drawing is relative: float64 [3]."""
         return self.world_from_index[:3, :3] @ self.centre_index + self.world_from_index[:3, 3]
 
 
@@ -148,17 +149,18 @@ def make_volume(
     num_absent: int = 0,
     colors: UInt8 | None = None,
 ) -> Volume:
-    """Make a Volume around `values`, and `colors` of its voxels, which become read-only and are not copied.
+    """Make a Volume from `values` and `colors`, which become read-only and are not copied.
 
-    values: [z, y, x], native byte order, C-contiguous, an integer or float dtype; finite, but for `num_absent` NaN.
-    world_from_index: float64 [4, 4].
-    source: the file that they are mapped from, if any; raises InputError if it has changed.
+    values: [z, y, x], native byte order, C-contiguous, an integer or float dtype; finite, except for `num_absent` NaN.
+    world_from_index: float64 [4, 4]. colors: the colours of voxels, None for a volume of scalars.
+    source: the file from which the values are mapped, if any. Raises InputError if it has changed.
     """
     assert values.ndim == 3, values.shape
     assert values.flags.c_contiguous, values.strides
     assert values.dtype.isnative, values.dtype
     values.flags.writeable = False
-    placed = np.array(world_from_index, np.float64) + 0.0  # -0.0 becomes 0.0: equal affines have equal bytes
+    # Adding 0.0 turns -0.0 into 0.0, so that equal affines have equal bytes.
+    placed = np.array(world_from_index, np.float64) + 0.0
     placed.flags.writeable = False
     digest = hashlib.blake2b(f"{values.dtype.name} {values.shape}".encode(), digest_size=16)
     digest.update(placed.data.cast("B"))
@@ -171,7 +173,7 @@ def make_volume(
 
 
 def sampled_volume(volume: Volume, most: int) -> Volume:
-    """Return every n-th voxel along each axis, of which there are at most `most`; its mask stays as it is.
+    """Return a volume of every n-th voxel, with at most `most` voxels along each axis, and with the same mask.
 
     Raises InputError if the volume's file has changed.
     """
@@ -186,9 +188,9 @@ def sampled_volume(volume: Volume, most: int) -> Volume:
 
 
 def move_volume(volume: Volume, matrix: Float64) -> Volume:
-    """Return a volume whose voxels are moved by a matrix, float64 [4, 4], from world to world.
+    """Return a volume that is moved in the world by a matrix, float64 [4, 4].
 
-    Its body has the axes of the world only if none of them turns by more than 30 degrees, as in most registrations.
+    It keeps `world_axes` only if no axis turns by more than 30 degrees, as in most registrations.
     """
     placed = np.asarray(matrix @ volume.world_from_index, np.float64) + 0.0
     placed.flags.writeable = False
@@ -196,11 +198,11 @@ def move_volume(volume: Volume, matrix: Float64) -> Volume:
     turns = np.diag(matrix[:3, :3]) < math.cos(math.radians(30)) * np.linalg.norm(matrix[:3, :3], axis=0)
     axes = "" if turns.any() else volume.world_axes
     moved = replace(volume, world_from_index=placed, fingerprint=digest.hexdigest(), world_axes=axes)
-    return replace(moved, has_lengths=True)  # what places it knows them
+    return replace(moved, has_lengths=True)  # a matrix is given in world lengths, which are then known
 
 
 def joint_fingerprint(volumes: Sequence[Volume]) -> str:
-    """Return the fingerprint of several volumes in their order, or that of the only one."""
+    """Return one fingerprint for several volumes in their order. A single volume keeps its own fingerprint."""
     if len(volumes) == 1:
         return volumes[0].fingerprint
     joined = " ".join(volume.fingerprint for volume in volumes)

@@ -60,7 +60,7 @@ def still(frame: int, camera: dict[str, Any], *changes: str) -> bytes:
 
 
 def test_all_steps_over_the_film() -> None:
-    """By the nearest, framed by what is visible on any."""
+    """By the nearest, framed by the voxels that are visible on any frame."""
     pictures = film("all")
     record = told("all")
     assert record["scene"]["volume"]["time"] == {"0": 0, "6": 3}

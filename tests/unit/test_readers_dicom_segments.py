@@ -143,4 +143,4 @@ def test_labels_that_are_wrong_are_left_out(tmp_path: Path) -> None:
     path = write(tmp_path / "a.dcm", "BINARY", planes("1100", "0011"), LIVER, segment(1, "Twice"))
     volume = read(path)
     assert volume.labels == ()
-    assert volume.note is not None and "what the file says of its labels is left out: a label twice" in volume.note
+    assert volume.note is not None and "the labels in this file are left out: a label twice" in volume.note
