@@ -11,14 +11,19 @@ from renderer.scene import schema
 from renderer.scene.message_text import join_words
 from renderer.scene.schema import INVALID, TreeNode, Vector
 
-# A day.
+# The longest path, in seconds: a day.
 MAX_SECONDS = 86400.0
 
-# Degrees: float64 keeps the direction after thousands of turns to 1e-10 degrees.
+# The largest angle, in degrees: float64 keeps the direction after thousands of turns to 1e-10 degrees.
 MAX_ANGLE = 1e6
-# A view of 0 or 180 degrees shows nothing; the tangents of these half angles are 9e-6 and 1146.
-MIN_FIELD_OF_VIEW, MAX_FIELD_OF_VIEW = 0.001, 179.9
-MIN_ZOOM, MAX_ZOOM = 1e-6, 1e6
+# The narrowest view, in degrees: a view of 0 shows nothing. The tangent of its half is 9e-6.
+MIN_FIELD_OF_VIEW = 0.001
+# The widest view, in degrees: a view of 180 shows nothing. The tangent of its half is 1146.
+MAX_FIELD_OF_VIEW = 179.9
+# The smallest factor on the size of the picture.
+MIN_ZOOM = 1e-6
+# The largest factor on the size of the picture.
+MAX_ZOOM = 1e6
 
 AXES: dict[str, Vector] = {
     "x": (1.0, 0.0, 0.0),
@@ -124,7 +129,7 @@ class HoldPath(_Path):
 
 @dataclass(frozen=True)
 class FlightKey:
-    """A place of the eye, and what it looks at, in world units. roll: turns the picture clockwise about its middle.
+    """A place of the eye and of its target, in world units. roll: turns the picture clockwise about its middle.
 
     frame: of the piece, from 0 on; None where the flight passes at its speed.
     """
@@ -259,8 +264,8 @@ _TARGET = schema.word_or({"visible": "visible"}, schema.POINT_FIELD, f"{schema.P
 class CameraSpec:
     """A camera and its path, which it goes back, too, with `loop: ping-pong`.
 
-    target: None is the centre of the volume, "visible" the centre of what is visible on any frame; with `follow`, of
-        what is visible on each. distance: None fits the whole path in the frame.
+    target: None is the centre of the volume. "visible" is the centre of all voxels that are visible on any frame; with
+        `follow`, on each. distance: None fits the whole path in the frame.
     field_of_view: an orthographic camera shows `2 distance tan(field_of_view / 2)` world units of height, as a
         perspective one does at the target. near: nothing nearer to the eye plane is drawn.
     """
@@ -286,7 +291,7 @@ class CameraSpec:
 
 
 def _check_camera(node: TreeNode, given: dict[str, Any]) -> None:
-    """Check the length of the film, and that only what is found anew follows."""
+    """Check the length of the film, and that a camera that follows has a target to find on each frame."""
     path, loop = given["path"], given.get("loop")
     frames = getattr(path, "frames", INVALID)
     if isinstance(frames, int) and CameraSpec(path, loop=loop or "restart").num_frames > schema.MAX_FRAMES:

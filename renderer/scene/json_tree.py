@@ -26,7 +26,7 @@ def load_json_object(text: str, path: Path, *, kind: str) -> dict[str, Any]:
     refused: list[Problem] = []
 
     def refuse(what: str, got: str | None = None, key: str = "") -> Problem:
-        """Return what stands for a value in the data, until its path is known."""
+        """Return a problem, which stands for a value in the data until its path is known."""
         refused.append(Problem(key, what, got=got))
         return refused[-1]
 
@@ -69,7 +69,7 @@ def load_json_object(text: str, path: Path, *, kind: str) -> dict[str, Any]:
 
 
 def _problems_in(data: object) -> Iterator[Problem]:
-    """Yield what was refused, in the order of the file; not recursive, for any number of levels."""
+    """Yield the problems, in the order of the file; not recursive, for any number of levels."""
     stack: list[tuple[str, object]] = [("", data)]
     while stack:
         path, item = stack.pop()

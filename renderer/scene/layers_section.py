@@ -27,14 +27,16 @@ from renderer.scene.transfer_section import (
 )
 from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT_TRANSFER, VolumeSpec, build_volume
 
+# The largest factor on a layer's extinction.
 MAX_WEIGHT = 1e6
-# By the volume's longest side: how thick the brightest of a ramp must be for an optical depth of 1.
+# The thickness of the brightest values of a ramp that has an optical depth of 1, by the volume's longest side.
 RAMP_THICKNESS = 1 / 8
+# Hints for keys of one volume beside a list.
 _CONTRADICTS = {
     "volume": "put it into the list, or name a file by --set volumes.0.file=FILE",
     "transfer_function": "each volume in the list has its own",
 }
-# The opacity at the end of `range` of what is as thick as the unit: an optical depth of 1.
+# The opacity of a ramp at the end of `range`, for a length of one unit: an optical depth of 1.
 _RAMP_OPACITY = -math.expm1(-1.0)
 
 
@@ -47,7 +49,7 @@ class LayerSpec:
     """One volume of a scene, and how it is shown.
 
     transform: 4 x 4, row by row: moves the volume from its own place in the world, as a registration says.
-    weight: a factor on its extinction. clip: what is clipped away of it alone, besides the scene's.
+    weight: a factor on its extinction. clip: planes and boxes that clip it alone.
     color, range: if its transfer function is a ramp between two values, from nothing to an optical depth of 1 in an
         eighth of the volume's longest side.
     mask: where it is shown.
@@ -66,7 +68,7 @@ class LayerSpec:
 
     @property
     def volumes(self) -> dict[str, VolumeSpec]:
-        """Return its volume, and that of its mask if it has one, by their keys."""
+        """Return its volume, and the volume of its mask if it has one, by their keys."""
         mask = self.mask and self.mask.volume
         return {"volume": self.volume} | ({"mask": mask} if isinstance(mask, VolumeSpec) else {})
 
@@ -155,7 +157,7 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
 
 
 def take_labels(node: TreeNode, given: dict[str, Any]) -> None:
-    """Put what the key `labels` of a scene or a layer says in the place of its transfer function."""
+    """Put the labels of a scene or a layer in the place of its transfer function."""
     if "labels" in given:
         labels = given.pop("labels")
         if given.setdefault("transfer_function", labels) is not labels:
@@ -258,7 +260,10 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 
 def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tuple[TreeNode, Any]) -> None:
-    """Check that what is at `node`, which shows labels, needs no scalars between them. lit: as of `_check_colors`."""
+    """Check that the scene or the layer at `node`, which shows labels, needs no scalars between them.
+
+    lit: see `_check_colors`.
+    """
     key, (place, shading) = node.key("labels"), lit
     mode, splat = given.get("mode", ModeSpec()), given.get("splat")
     if isinstance(mode, ModeSpec) and mode.type is not INVALID and mode.is_projection:
@@ -279,7 +284,7 @@ def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tu
 
 
 def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, lit: tuple[TreeNode, Any]) -> None:
-    """Refuse what cannot be drawn of voxels that are colours. lit: the node with their shading, and this."""
+    """Refuse keys that have no effect on voxels that are colours. lit: the node with the shading, and the shading."""
     place, shading = lit
     for key in pointwise_keys(shading) if isinstance(shading, ShadingSpec) else ():
         hint = "colours are lit before they are interpolated: ambient, diffuse, occlusion and shadow remain"
@@ -291,7 +296,7 @@ def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, li
 
 
 def _placed_layers(node: TreeNode, given: Mapping[str, Any]) -> list[tuple[TreeNode, LayerSpec]]:
-    """Return the layers, of which parts may be invalid, each after its node: for a single volume that of the scene."""
+    """Return the layers, each after its node, which is the scene's own for a single volume. Parts may be invalid."""
     if "volumes" not in given:
         return [(node, _only_layer(given))]
     layers, place = given["volumes"], node.child("volumes")
@@ -313,7 +318,7 @@ def _valid_layers(volumes: object) -> Sequence[LayerSpec]:
 
 
 def take_layers(given: dict[str, Any]) -> tuple[tuple[LayerSpec, ...], SharedKeys | None]:
-    """Take the keys that say what is drawn from the sections of a scene, and return its layers.
+    """Take the keys of volumes from the sections of a scene, and return its layers.
 
     Layers of a list have the shading and the mask of the scene where they have none of their own; returns these, too.
     """

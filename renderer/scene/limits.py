@@ -29,8 +29,10 @@ MAX_SPACING_RATIO = 1e5
 MAX_OFFSET = 1e12
 # Distances of the target from the volume's centre, of the eye from the target, and of the near plane, in radii.
 MAX_DISTANCE = 1e12
-# Width of a pixel: at least this many voxels' shortest sides, at most this many radii.
-MIN_PIXEL_VOXELS, MAX_PIXEL_RADII = 1e-6, 1e12
+# Least width of a pixel, in shortest sides of a voxel.
+MIN_PIXEL_VOXELS = 1e-6
+# Largest width of a pixel, in radii.
+MAX_PIXEL_RADII = 1e12
 
 
 @dataclass(frozen=True)

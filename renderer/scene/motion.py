@@ -1,4 +1,4 @@
-"""Values that move: what a map from frames to values says at each frame.
+"""Values that move: a map from frames to values gives a value at each frame.
 
 Numbers between two keys are linear in the frame, or their logarithms are (`ratio`); vectors and lists of numbers go
 component by component, and directions on the sphere. An easing changes how far the way from one key to the next is at
@@ -28,7 +28,7 @@ EASINGS: tuple[Easing, ...] = get_args(Easing)
 MotionKind = Literal["linear", "ratio", "direction"]
 
 
-# What rounding takes from a whole number.
+# Rounding may take this much from a whole number.
 _LEAST = 1e-9
 
 
@@ -97,7 +97,7 @@ def log_rise(before: float, after: float) -> float:
         return 0.0
     if before == 0.0 or after == 0.0:  # between neighbouring frames
         return math.copysign(math.inf, after - before)
-    # The difference of almost equal values is exact, while that of their logarithms loses digits.
+    # Almost equal values have an exact difference; the difference of their logarithms loses digits.
     close = 0.5 * before < after < 2.0 * before
     return math.log1p((after - before) / before) if close else math.log(after) - math.log(before)
 
@@ -153,7 +153,7 @@ def numbers_in(value: object) -> Iterator[float]:
 
 
 def shape_of(value: object) -> object:
-    """Return what two values have in common that differ in their numbers alone."""
+    """Return the shape of a value: two values that differ in their numbers alone have the same."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return "number"
     parts = _parts(value)
@@ -203,7 +203,7 @@ class OverFrames(Generic[T]):
         return values_at(self._value, frame)
 
     def map(self, function: Callable[[T], U]) -> OverFrames[U]:
-        """Return what a function picks from the part, or makes by replacing something in it.
+        """Return a part of this part, which a function picks, or a copy in which it replaces something.
 
         The function may not calculate: values that it is given may be motions.
         """
@@ -280,7 +280,7 @@ def values_at(value: T, frame: float) -> T:
 
 
 def at_keys(function: Callable[[Any], Any], value: Any) -> Any:
-    """Return what a function makes of a value, or of one that moves at each of its keys."""
+    """Return the result of a function; of a value that moves, its results at the keys."""
     if not isinstance(value, Motion):
         return function(value)
     values = tuple(map(function, value.values))
@@ -288,7 +288,7 @@ def at_keys(function: Callable[[Any], Any], value: Any) -> Any:
 
 
 def moving_result(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what a function makes of arguments, some of which may move; it is affine in each of them."""
+    """Return the result of a function, which is affine in each of its arguments; some of them may move."""
     found = list(motions_in(arguments))
     if not found:
         return function(*arguments)

@@ -63,7 +63,7 @@ def _film_time(tree: object) -> schema.FilmTime:
 
 
 def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
-    """Return the scene in a tree; of no use where there are problems."""
+    """Return the scene in a tree; it is of no use if there are problems."""
     tree, problems = node.value if isinstance(node.value, Mapping) else {}, node.problems
     required = _required_keys(tree)
     given = schema.read_fields(node, SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
@@ -104,7 +104,7 @@ def _required_keys(tree: Mapping[str, object]) -> list[str]:
     return [*of_volumes, "camera", "output"]
 
 
-# Keys that users put at the top level, and where they belong, or what they are called now.
+# Hints for keys that users put at the top level: where they belong, or their names today.
 _MISPLACED_KEY_HINTS = {
     key: f"did you mean {place}.{key}?"
     for place, keys in {

@@ -31,7 +31,7 @@ def scene_to_dict(scene: FilmScene) -> dict[str, Any]:
 
 
 def moving_values(scene: FilmScene, frame: int) -> dict[str, object]:
-    """Return what moves in a scene as it is at a frame: plain data by dotted keys."""
+    """Return the values that move in a scene, as they are at a frame: plain data by dotted keys."""
 
     def differences(film: object, now: object, path: str) -> Iterator[tuple[str, object]]:
         if isinstance(film, list) and isinstance(now, list) and len(film) == len(now):
@@ -47,7 +47,7 @@ def moving_values(scene: FilmScene, frame: int) -> dict[str, object]:
 
 
 def without_sources(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a scene as plain data without what says where its voxels come from, and which part of them is used."""
+    """Return a scene as plain data without the keys of its volumes that name voxels and choose a part of them."""
 
     def own(entry: Mapping[str, Any]) -> dict[str, Any]:
         mask = _without(entry.get("mask", {}), VOLUME_TABLE)

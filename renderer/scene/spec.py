@@ -39,7 +39,7 @@ Blend = Literal["mix", "add"]
 
 @dataclass(frozen=True)
 class PyramidSpec:
-    """A choice of what a node averages, and of the precision in which it is stored."""
+    """A choice of the quantity that a node averages, and of the precision in which it is stored."""
 
     average: Literal["extinction", "opacity"] = "extinction"
     precision: Literal["half", "single"] = "half"
@@ -78,7 +78,7 @@ AnyScene = TypeVar("AnyScene", bound="FilmScene")
 
 
 class FilmScene(ABC):
-    """A scene over all frames of its film. It has what cannot move; `at` a frame it is a `Scene`, which has all else.
+    """A scene over all frames of its film. It has the sections that cannot move; a `Scene`, `at` a frame, has all.
 
     A `Scene` is the scene of a film in which nothing moves. Backgrounds in `output` may move, as their type says. So
     may the tolerance or the budget in `error`, which is a schedule of the whole film, also in a `Scene`.
@@ -100,7 +100,7 @@ class FilmScene(ABC):
     def changed(self: AnyScene, edit: Callable[..., Scene], *others: FilmScene) -> AnyScene:
         """Return a scene with other sections.
 
-        edit: takes a scene, and those of `others`, and returns the scene with something replaced in it. It may not
+        edit: takes the sections of this scene and of `others`, and replaces something in the first. It may not
             calculate: values that it is given may be motions.
         """
         sections = edit(self._sections, *(other._sections for other in others))
@@ -123,7 +123,7 @@ class FilmScene(ABC):
         return self._sections.camera.num_frames
 
     def map(self, function: Callable[[Scene], U]) -> OverFrames[U]:
-        """Return what a function picks from the scene, as `OverFrames.map` does."""
+        """Return a part of the scene over all frames, which a function picks, as `OverFrames.map` does."""
         return OverFrames(function(self._sections))
 
     @property
@@ -156,7 +156,7 @@ class FilmScene(ABC):
 
     @property
     def primitive_name(self) -> str:
-        """Return the name of what is drawn, in the singular, for messages."""
+        """Return the name of a primitive, in the singular, for messages."""
         return self._sections.splat.primitive_name
 
     @property
@@ -166,7 +166,7 @@ class FilmScene(ABC):
 
     @property
     def import_notes(self) -> list[str]:
-        """Return sentences on what an imported transfer function has that is not drawn."""
+        """Return sentences on the features of imported transfer functions that are not drawn."""
         notes = []
         for layer in self._sections.layers:
             imported = layer.transfer_function.imported
@@ -237,7 +237,7 @@ class Scene(FilmScene):
         return {"version": VERSION} | {key: found[key] for key in SECTIONS if key in found}
 
     def _written_layers(self) -> dict[str, object]:
-        """Return the keys that say what is drawn, and their values."""
+        """Return the keys of volumes and their values."""
         if self.shared is not None:
             return {**vars(self.shared), "volumes": tuple(map(self.shared.taken_from, self.layers))}
         (layer,) = self.layers

@@ -19,10 +19,11 @@ from renderer.scene.motion import EASINGS, Motion, MotionKind, moving, shape_of
 
 T = TypeVar("T")
 
+# The most frames of a film.
 MAX_FRAMES = 10**6
 # About the most frames at which a motion of several numbers is checked.
 _MOST_BETWEEN = 100
-# More mistakes in one map are of one kind.
+# The most mistakes in one map that are told: more are likely of one kind.
 _MOST_PROBLEMS = 20
 
 _FRAME = re.compile(r"-?\d{1,9}|\d{1,9}(\.\d{0,9})?s", re.ASCII)
@@ -54,7 +55,7 @@ class TreeNode:
     """A value, its dotted path, and the list of the problems in the whole tree.
 
     base: the folder that files in the tree are relative to. is_key: problems concern the last key of the path, not its
-    value. expected: what the value should be. words: texts that are allowed in place of such a value.
+    value. expected: describes a right value. words: texts that are allowed in place of such a value.
     film: None where nothing may move.
     """
 
@@ -90,9 +91,9 @@ class TreeNode:
 
 @dataclass(frozen=True)
 class FieldType(Generic[T]):
-    """A type of value: what is expected, in words that follow "expected:", and a function that reads it.
+    """A type of value: a function that reads it, and the words that follow "expected:" in messages.
 
-    empty_hint: a hint for a key without a value. motion: how values move; None for those that cannot.
+    empty_hint: a hint for a key without a value. motion: how values move; None if they cannot.
     table: the types of the keys, of a mapping or of a list of mappings.
     """
 
@@ -135,7 +136,7 @@ FieldTable = Mapping[str, FieldType[Any]]
 
 
 def still(field: FieldType[T]) -> FieldType[T]:
-    """Return a type of which nothing can move."""
+    """Return a type of the same values, no part of which can move."""
     return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None, table=None)
 
 
@@ -147,7 +148,7 @@ def _may_be_frame(key: object) -> bool:
 
 
 def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
-    """Return what a map from frames to values of a type says: of one frame, or the motion."""
+    """Return the motion of a map from frames to values of a type, or its value at the frame that is read."""
     assert isinstance(node.value, Mapping) and field.motion is not None
     known = film.motions.get((node.path, id(field)))
     if known is not None and film.at is not None:
@@ -185,7 +186,7 @@ def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
 
 
 def _check_between_keys(field: FieldType[Any], node: TreeNode, motion: Motion[Any]) -> None:
-    """Check what a list or a matrix is on the way from one key to the next, such as one that has no inverse."""
+    """Check a list or a matrix on its way from one key to the next, where a matrix may have no inverse."""
     if any(True for part in motion.values[0] if not isinstance(part, (int, float, tuple))):
         return
     first, last = motion.frames[0], motion.frames[-1]

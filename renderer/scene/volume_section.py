@@ -45,12 +45,13 @@ _ALIASES = {
     **{f">{name[0]}{size}": f"{name} with byte order big" for name, size in ITEM_SIZES.items()},
 }
 
-# 2**16 voxels along an axis and 2**36 (4096 cubed) in total keep all indices and byte counts within 64 bits, with room
-# for node numbers. Any volume that fits in memory is accepted.
+# The most voxels along an axis. With MAX_VOXELS it keeps all indices and byte counts within 64 bits, with room for node
+# numbers.
 MAX_AXIS = 2**16
+# The most voxels of a volume, 4096 cubed. Any volume that fits in memory is accepted.
 MAX_VOXELS = 2**36
 
-# Of a matrix whose largest entry is 1.
+# The least determinant of a transform that can be inverted, if its largest entry is 1.
 _MIN_DETERMINANT = 1e-9
 
 
@@ -223,7 +224,7 @@ class VolumeSpec:
 
     time: the number of a step, from 0 on, or `auto`, for all steps in the course of the film. interpolate: `time` is a
         float, and a mixture of two steps lies between them; else it is an int.
-    unit: of lengths in the world, in place of what the file says.
+    unit: of lengths in the world, in place of the file's.
     """
 
     source: FileSource | RawSource | ProceduralSource | ArraySource
@@ -241,7 +242,7 @@ class VolumeSpec:
         return self.component in ("color", "color_alpha")
 
     def written(self) -> dict[str, object]:
-        """Return its keys and their values: those of its file, or the key of another source, and its own."""
+        """Return its keys and their values: the keys of its file, or the key of another source, and its own."""
         own = {key: value for key, value in vars(self).items() if key != "source"}
         own |= {"crop": at_keys(_by_axis, self.crop), "interpolate": self.interpolate or None}
         source = self.source

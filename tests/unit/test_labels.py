@@ -153,6 +153,10 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
     assert of_all.shared == SharedKeys(mask=of_all.layers[1].mask) and of_all.layers[0].mask != of_all.layers[1].mask
     with pytest.raises(SceneError, match=r"mask\.name: no volume of this name"):
         scene(labels={}, mask={"name": "organs"})
+    with pytest.raises(SceneError, match=r"volumes\.1\.name: no name"):
+        scene(one, {**two, "name": 3}, mask={"name": "organs"})
+    with pytest.raises(SceneError, match=r"mask\.show: not a list"):
+        scene(one, two, mask={"name": "organs", "show": 1})
     with pytest.raises(SceneError, match=r"volumes\.0\.mask\.show\.0: no such label"):
         resolve_scene(scene({**one, "mask": {"name": "organs", "show": ["nix"]}}, two), read_volume)
 

@@ -181,6 +181,10 @@ SECTIONS = {
         volume=VolumeSpec(FileSource(HERE, SPACING, (HERE, HERE)), "auto"),
         mask=MaskSpec(VolumeSpec(FileSource(HERE, steps=(HERE,)), 0))),
     "channels": PLAIN.with_layers(volume=VolumeSpec(FileSource(HERE), component="all"), transfer_function=OPEN_LOOK),
+    "channels of one look": PLAIN.with_layers(
+        volume=VolumeSpec(FileSource(HERE), component="all"),
+        transfer_function=TransferSpec(
+            (ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0), ControlPoint(1.0, (1.0, 1.0, 1.0), 1.0)))),
     "collection": PLAIN.with_layers(
         volume=VolumeSpec(
             FileSource(COLLECTION.with_name("tiff_files.py"), None, COLLECTED, (0.5, 2.5), COLLECTION),
