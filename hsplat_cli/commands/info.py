@@ -5,17 +5,24 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
-from operator import itemgetter
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from hsplat_cli.commands.shared_options import FILE
-from hsplat_cli.scenes import expand_volumes, read_with_options, transfer_lines, volume_options, volume_spec
+from hsplat_cli.scenes import (
+    ReadingOptions,
+    expand_volumes,
+    read_with_options,
+    transfer_lines,
+    volume_options,
+    volume_spec,
+)
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import InputError
 from renderer.scene import FileSource, VolumeSpec, counted, load_scene, parse_yaml
@@ -23,8 +30,8 @@ from renderer.system import join_lines, printable
 
 if TYPE_CHECKING:
     from renderer.statistics import Statistics
-    from renderer.suggest import Suggestion
-    from renderer.volume import Float64, Volume
+    from renderer.suggest import ShownLayer, Suggestion
+    from renderer.volume import Channel, Float64, Volume
 
 # Width of the histogram, in characters.
 _COLUMNS = 64
@@ -40,11 +47,74 @@ _BLOCKS = " ▁▂▃▄▅▆▇█"
 _ASCII = " .:|#"
 
 
+@dataclass(frozen=True)
+class _TimeFacts:
+    """The steps of a volume in time: their number, the first and the last time, and the first and the last file."""
+
+    steps: int
+    first_last: list[float]
+    unit: str
+    files: list[str]
+
+
+@dataclass(frozen=True)
+class _LabelFacts:
+    """A label that is shown. volume: in cubic world units. share: of the picture."""
+
+    value: float
+    name: str
+    voxels: int
+    volume: float
+    share: float
+
+
+@dataclass(frozen=True)
+class _VolumeFacts:
+    """All facts about a volume, which are printed as text or as JSON."""
+
+    name: str
+    note: str | None
+    channels: Sequence[Channel]
+    shape: Sequence[int]
+    dtype: str
+    bytes: int
+    stays_in_file: bool
+    without_data: int
+    spacing: list[float]
+    replaced_spacing: list[float] | None
+    length_unit: str
+    world_axes: str
+    value_unit: str
+    world_size: list[float]
+    origin: list[float]
+    direction: str
+    direction_matrix: list[list[float]]
+    minimum: float
+    maximum: float
+    mean: float
+    percentiles: dict[str, float]
+    fingerprint: str
+    histogram: dict[str, list[float]]
+    far_values: list[dict[str, float]]
+    visible: Sequence[ShownLayer]
+    label_table: list[_LabelFacts]
+    kind: str
+    reason: str
+    transfer: dict[str, object]
+    time: _TimeFacts | None
+
+    def to_json(self) -> dict[str, object]:
+        """Return the facts as plain data, with the sections of the transfer function between them."""
+        found = asdict(self)
+        time, transfer = found.pop("time"), found.pop("transfer")
+        return {**found, **transfer, "time": time}
+
+
 @click.command()
 @click.argument("volume", type=FILE)
 @volume_options()
 @click.option("--json", "as_json", is_flag=True, help="Print the same as JSON.")
-def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
+def info(*, volume: Path, as_json: bool, reading: ReadingOptions) -> None:
     """Describe a volume: shape, place, values and histogram.
 
     VOLUME is a file, or a folder of slices. The last part of the output suggests a transfer function to paste into
@@ -53,7 +123,7 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     """
     from renderer.suggest import Wish, read_in_colors, suggest_read
 
-    if reading["component"] == "all":
+    if reading.component == "all":
         raise InputError("this describes one component", where="--component all", hint="leave it out: all are listed")
     reporter = Reporter()
     inside = expand_volumes([str(volume)])[0] if volume.is_dir() else []
@@ -73,9 +143,9 @@ def info(*, volume: Path, as_json: bool, **reading: Any) -> None:
     first = read_with_options(spec, reporter)
     spec, read, statistics = read_in_colors(spec, first, partial(read_with_options, reporter=Reporter(is_quiet=True)))
     suggestion = suggest_read(spec, read, statistics, Wish()).suggestion
-    facts = _facts(read, statistics, suggestion) | {"time": _time_facts(read, spec)}
+    facts = _facts(read, statistics, suggestion, _time_facts(read, spec))
     text_lines = [*_fact_lines(facts, _histogram_marks()), *_suggestion_lines(suggestion, facts)]
-    reporter.result(join_lines(json.dumps(facts, indent=2).splitlines() if as_json else text_lines))
+    reporter.result(join_lines(json.dumps(facts.to_json(), indent=2).splitlines() if as_json else text_lines))
 
 
 def _row(name: str, volume: VolumeSpec) -> dict[str, str]:
@@ -94,76 +164,72 @@ def _row(name: str, volume: VolumeSpec) -> dict[str, str]:
     return row | ({"steps": _time_text(time)} if time else {})
 
 
-def _time_facts(volume: Volume, spec: VolumeSpec) -> dict[str, Any] | None:
-    """Return the number of steps in time, their first and last time and file; None for a single step."""
+def _time_facts(volume: Volume, spec: VolumeSpec) -> _TimeFacts | None:
+    """Return the facts about steps in time; None for a single step."""
     if volume.num_times == 1:
         return None
     steps = getattr(spec.source, "steps", ())
-    return {
-        "steps": volume.num_times,
-        "first_last": list(volume.times[:: volume.num_times - 1]),
-        "unit": volume.time_unit,
-        "files": [str(steps[0]), str(steps[-1])] if steps else [],
-    }
+    files = [str(steps[0]), str(steps[-1])] if steps else []
+    return _TimeFacts(volume.num_times, list(volume.times[:: volume.num_times - 1]), volume.time_unit, files)
 
 
-def _time_text(time: dict[str, Any]) -> str:
+def _time_text(time: _TimeFacts) -> str:
     """Return `30 steps, 0 to 58 s, a_00.nrrd to a_29.nrrd`, without the parts that are not known."""
-    moments = f"{_numbers(time['first_last'], ' to ')} {time['unit']}".strip()
-    files = " to ".join(printable(Path(file).name) for file in time["files"])
-    return ", ".join(filter(None, (counted(time["steps"], "step"), moments, files)))
+    moments = f"{_numbers(time.first_last, ' to ')} {time.unit}".strip()
+    files = " to ".join(printable(Path(file).name) for file in time.files)
+    return ", ".join(filter(None, (counted(time.steps, "step"), moments, files)))
 
 
-def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion) -> dict[str, Any]:
-    """Return all facts about a volume, which are printed as text or as JSON."""
+def _facts(volume: Volume, statistics: Statistics, suggestion: Suggestion, time: _TimeFacts | None) -> _VolumeFacts:
+    """Return all facts about a volume."""
     from renderer.statistics import rebin
 
     counts, edges = rebin(statistics, _COLUMNS)
     axes = volume.world_from_index[:3, :3]
     spacing = volume.spacing
-    return {
-        "name": volume.name,
-        "note": volume.note,
-        "channels": [asdict(channel) for channel in volume.channels],
-        "shape": list(volume.shape_xyz),
-        "dtype": volume.values.dtype.name,
-        "bytes": volume.values.nbytes,
-        "stays_in_file": volume.source is not None,
-        "without_data": volume.num_absent,
-        "spacing": spacing.tolist(),
-        "replaced_spacing": volume.file_spacing and list(volume.file_spacing),
-        "length_unit": volume.length_unit,
-        "world_axes": volume.world_axes,
-        "value_unit": volume.value_unit,
-        "world_size": (spacing * volume.shape_xyz).tolist(),
-        "origin": volume.world_from_index[:3, 3].tolist(),
-        "direction": describe_direction(axes),
-        "direction_matrix": (axes / spacing).tolist(),
-        "minimum": statistics.minimum,
-        "maximum": statistics.maximum,
-        "mean": statistics.mean,
-        "percentiles": {f"{percent:g}": value for percent, value in statistics.percentiles.items()},
-        "fingerprint": volume.fingerprint,
-        "histogram": {"counts": counts.tolist(), "edges": edges.tolist()},
-        "far_values": [
+    return _VolumeFacts(
+        name=volume.name,
+        note=volume.note,
+        channels=volume.channels,
+        shape=list(volume.shape_xyz),
+        dtype=volume.values.dtype.name,
+        bytes=volume.values.nbytes,
+        stays_in_file=volume.source is not None,
+        without_data=volume.num_absent,
+        spacing=spacing.tolist(),
+        replaced_spacing=volume.file_spacing and list(volume.file_spacing),
+        length_unit=volume.length_unit,
+        world_axes=volume.world_axes,
+        value_unit=volume.value_unit,
+        world_size=(spacing * volume.shape_xyz).tolist(),
+        origin=volume.world_from_index[:3, 3].tolist(),
+        direction=describe_direction(axes),
+        direction_matrix=(axes / spacing).tolist(),
+        minimum=statistics.minimum,
+        maximum=statistics.maximum,
+        mean=statistics.mean,
+        percentiles={f"{percent:g}": value for percent, value in statistics.percentiles.items()},
+        fingerprint=volume.fingerprint,
+        histogram={"counts": counts.tolist(), "edges": edges.tolist()},
+        far_values=[
             {"value": outlier.value, "last": outlier.last, "voxels": outlier.num}
             for outlier in statistics.outliers[: len(suggestion.outlier_notes)]
         ],
-        "visible": [] if suggestion.transfer.labels else [asdict(shown) for shown in suggestion.visible],
-        "label_table": _label_table(volume, suggestion) if suggestion.transfer.labels else [],
-        "kind": suggestion.kind,
-        "reason": suggestion.reason,
-        **parse_yaml("\n".join(transfer_lines(suggestion.transfer))).data,
-    }
+        visible=[] if suggestion.transfer.labels else suggestion.visible,
+        label_table=_label_table(volume, suggestion) if suggestion.transfer.labels else [],
+        kind=suggestion.kind,
+        reason=suggestion.reason,
+        transfer=parse_yaml("\n".join(transfer_lines(suggestion.transfer))).data,
+        time=time,
+    )
 
 
-def _label_table(volume: Volume, suggestion: Suggestion) -> list[dict[str, Any]]:
-    """Return a row for each label that is shown, with its volume in cubic world units."""
+def _label_table(volume: Volume, suggestion: Suggestion) -> list[_LabelFacts]:
+    """Return the facts about each label that is shown."""
     rows = []
     for shown in suggestion.visible:
         voxels = round(shown.voxels * volume.values.size)
-        row = {"value": shown.ranges[0][0], "name": shown.name, "voxels": voxels}
-        rows.append(row | {"volume": voxels * volume.voxel_volume, "share": shown.share})
+        rows.append(_LabelFacts(shown.ranges[0][0], shown.name, voxels, voxels * volume.voxel_volume, shown.share))
     return rows
 
 
@@ -201,54 +267,54 @@ def _memory_text(num_bytes: int) -> str:
     return f"{num_bytes / 2**20:.1f} MiB" if num_bytes >= 2**20 else counted(num_bytes, "byte")
 
 
-def _numbers(values: list[float], between: str = ", ") -> str:
+def _numbers(values: Sequence[float], between: str = ", ") -> str:
     return between.join(_number(round(value, 9)) for value in values)
 
 
-def _fact_lines(facts: dict[str, Any], marks: str) -> list[str]:
-    file_spacing = facts["replaced_spacing"]
+def _fact_lines(facts: _VolumeFacts, marks: str) -> list[str]:
+    file_spacing = facts.replaced_spacing
     replaced = "" if file_spacing is None else f", in place of {_numbers(file_spacing, ' x ')}"
-    length, value = (f" {unit}" * bool(unit) for unit in (facts["length_unit"], facts["value_unit"]))
-    low, high, mean = (_number(facts[key]) for key in ("minimum", "maximum", "mean"))
-    matrix = [] if facts["direction"].startswith("axis-aligned") else facts["direction_matrix"]
+    length, value = (f" {unit}" * bool(unit) for unit in (facts.length_unit, facts.value_unit))
+    low, high, mean = map(_number, (facts.minimum, facts.maximum, facts.mean))
+    matrix = [] if facts.direction.startswith("axis-aligned") else facts.direction_matrix
     return [
-        facts["name"],
-        f"  shape        {_numbers(facts['shape'], ' x ')} voxels (x, y, z)",
-        f"  type         {facts['dtype']}, {_memory_text(facts['bytes'])}"
-        + (", which stay in the file" if facts["stays_in_file"] else " in memory"),
-        f"  spacing      {_numbers(facts['spacing'], ' x ')}{length}{replaced}",
-        f"  world size   {_numbers(facts['world_size'], ' x ')}{length}",
-        f"  origin       {_numbers(facts['origin'])} (centre of the first voxel)",
-        f"  direction    {facts['direction']}",
+        facts.name,
+        f"  shape        {_numbers(facts.shape, ' x ')} voxels (x, y, z)",
+        f"  type         {facts.dtype}, {_memory_text(facts.bytes)}"
+        + (", which stay in the file" if facts.stays_in_file else " in memory"),
+        f"  spacing      {_numbers(facts.spacing, ' x ')}{length}{replaced}",
+        f"  world size   {_numbers(facts.world_size, ' x ')}{length}",
+        f"  origin       {_numbers(facts.origin)} (centre of the first voxel)",
+        f"  direction    {facts.direction}",
         *(f"               [{'  '.join(f'{value:8.5f}' for value in row)}]" for row in matrix),
-        *(["  world axes   to the left, to the back and up in a body (LPS)"] if facts["world_axes"] else []),
-        *([f"  time         {_time_text(facts['time'])}"] if facts["time"] else []),
+        *(["  world axes   to the left, to the back and up in a body (LPS)"] if facts.world_axes else []),
+        *([f"  time         {_time_text(facts.time)}"] if facts.time else []),
         f"  values       {low} to {high}{value}, mean {mean}",
-        "  percentiles  " + "   ".join(f"{p}%: {_number(value)}" for p, value in facts["percentiles"].items()),
-        f"  fingerprint  {facts['fingerprint']}",
-        *(f"{'' if k else '  channels':<14} {_channel(k, each)}" for k, each in enumerate(facts["channels"])),
+        "  percentiles  " + "   ".join(f"{p}%: {_number(value)}" for p, value in facts.percentiles.items()),
+        f"  fingerprint  {facts.fingerprint}",
+        *(f"{'' if k else '  channels':<14} {_channel(k, each)}" for k, each in enumerate(facts.channels)),
         "",
         "  voxels by value, logarithmic",
         *_histogram(facts, marks),
     ]
 
 
-def _channel(number: int, channel: dict[str, Any]) -> str:
+def _channel(number: int, channel: Channel) -> str:
     """Return the number of a component, and the name, colour and window that its file states."""
-    color = channel["color"] and "#" + "".join(f"{round(255 * part):02x}" for part in channel["color"])
-    window = channel["window"] and _numbers(channel["window"], " to ")
-    return " ".join(filter(None, (f"{number}:", printable(channel["name"]), color, window)))
+    color = channel.color and "#" + "".join(f"{round(255 * part):02x}" for part in channel.color)
+    window = channel.window and _numbers(channel.window, " to ")
+    return " ".join(filter(None, (f"{number}:", printable(channel.name), color, window)))
 
 
-def _suggestion_lines(suggestion: Suggestion, facts: dict[str, Any]) -> Iterator[str]:
+def _suggestion_lines(suggestion: Suggestion, facts: _VolumeFacts) -> Iterator[str]:
     from renderer.statistics import format_percent
 
     yield ""
     yield f"  looks like   {suggestion.kind}: {suggestion.reason}"
     yield from (f"               {note}" for note in suggestion.outlier_notes)
-    if facts["label_table"]:
-        yield from ("", "  labels", *_label_lines(facts["label_table"], math.prod(facts["shape"])))
-    for k, shown in enumerate(() if facts["label_table"] else suggestion.visible):
+    if facts.label_table:
+        yield from ("", "  labels", *_label_lines(facts.label_table, math.prod(facts.shape)))
+    for k, shown in enumerate(() if facts.label_table else suggestion.visible):
         voxels, share = (f"{format_percent(part)} of the" for part in (shown.voxels, shown.share))
         values = " and ".join(f"{_number(low)} to {_number(high)}" for low, high in shown.ranges)
         hidden = ", hidden" * (shown.share < _HIDDEN < shown.voxels)
@@ -257,16 +323,16 @@ def _suggestion_lines(suggestion: Suggestion, facts: dict[str, Any]) -> Iterator
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
 
 
-def _label_lines(table: list[dict[str, Any]], num_voxels: int) -> Iterator[str]:
+def _label_lines(table: list[_LabelFacts], num_voxels: int) -> Iterator[str]:
     """Yield a line for each label; if there are more than _MAX_LABELS, for the largest ones."""
     from renderer.statistics import format_percent
 
-    is_long, is_named = len(table) > _MAX_LABELS, any(label["name"] for label in table)
+    is_long, is_named = len(table) > _MAX_LABELS, any(label.name for label in table)
     rows = [["label", "name", "voxels", "volume", "picture"]]
-    for label in sorted(table, key=itemgetter("voxels"), reverse=True)[:_MAX_LABELS] if is_long else table:
-        hidden = ", hidden" * (label["share"] < _HIDDEN < label["voxels"] / num_voxels)
-        amounts = [str(label["voxels"]), _number(label["volume"]), f"{format_percent(label['share'])}{hidden}"]
-        rows.append([str(label["value"]), label["name"], *amounts])
+    for label in sorted(table, key=attrgetter("voxels"), reverse=True)[:_MAX_LABELS] if is_long else table:
+        hidden = ", hidden" * (label.share < _HIDDEN < label.voxels / num_voxels)
+        amounts = [str(label.voxels), _number(label.volume), f"{format_percent(label.share)}{hidden}"]
+        rows.append([str(label.value), label.name, *amounts])
     shown = rows if is_named else [[row[0], *row[2:]] for row in rows]
     yield from (f"    {line}" for line in format_table(shown, {0, 1 + is_named, 2 + is_named}).split("\n"))
     yield from [f"    and {len(table) - _MAX_LABELS} more"] * is_long
@@ -281,11 +347,11 @@ def _histogram_marks() -> str:
     return _BLOCKS
 
 
-def _histogram(facts: dict[str, Any], marks: str) -> list[str]:
+def _histogram(facts: _VolumeFacts, marks: str) -> list[str]:
     """Return the lines of a histogram of `log1p(count)`, with counts at the left of its bars and values below them."""
     import numpy as np
 
-    counts = np.array(facts["histogram"]["counts"])
+    counts = np.array(facts.histogram["counts"])
     fullest = int(counts.max())
     steps = len(marks) - 1
     heights = np.ceil(np.log1p(counts) / np.log1p(fullest) * _ROWS * steps).astype(int)
@@ -296,7 +362,7 @@ def _histogram(facts: dict[str, Any], marks: str) -> list[str]:
         label = {_ROWS - 1: str(fullest), 0: "1"}.get(row, "")
         bars = "".join(marks[level] for level in np.clip(heights - row * steps, 0, steps))
         lines.append(f"    {label:>{margin}} {bars}".rstrip())
-    low, high, width = facts["minimum"], facts["maximum"], len(heights)
+    low, high, width = facts.minimum, facts.maximum, len(heights)
     left, middle = (_number(low), _number(low / 2 + high / 2)) if high > low else ("", "")
     third = width // 3
     lines.append(f"{'':{margin + 5}}{left:<{third}}{middle:^{width - 2 * third}}{_number(high):>{third}}")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import click
 
 from hsplat_cli.commands.shared_options import FILE
 from hsplat_cli.scenes import (
+    ReadingOptions,
     SceneRequest,
     base_name,
     film_options,
@@ -35,15 +35,14 @@ from renderer.system import num_cores
 @click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @film_options
 @volume_options()
-def init(*, volume: Path, output: Path | None, force: bool, **options: Any) -> None:
+def init(*, volume: Path, output: Path | None, force: bool, film: FilmOptions, reading: ReadingOptions) -> None:
     """Write a scene file for a volume, to start from.
 
     VOLUME is a file, or a folder of slices. The scene is a turntable with a transfer function that suits the values;
     it goes to the standard output: hsplat init scan.nrrd > scene.yaml
     """
     reporter = Reporter()
-    film = FilmOptions.of(options)
-    spec = volume_spec(volume, options)
+    spec = volume_spec(volume, reading)
     if output is not None:  # before the volume is read, which may take long
         _require_output(output, force=force)
         volumes = filter(None, (spec, film.under))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -53,12 +52,15 @@ def measure(
     request: SceneRequest,
     *,
     output: Path | None,
+    tolerances: str | None,
+    footprints: str | None,
+    measures: str | None,
+    corrections: str,
     repeats: int,
     truth_tolerance: float,
     thorough: bool,
     want: str | None,
     reporter: Reporter,
-    **sweep_options: Any,
 ) -> None:
     """Measure the cost and the accuracy of a scene.
 
@@ -66,7 +68,9 @@ def measure(
     """
     given = load_job(request, "nothing")
     job, numbers = given.scene.changed(_without_annotation), given.frames  # lines are no error
-    sweep = parse_sweep(job.at(0), **sweep_options)
+    sweep = parse_sweep(
+        job.at(0), tolerances=tolerances, footprints=footprints, measures=measures, corrections=corrections
+    )
     if want is not None:
         # Imported here to keep --help fast.
         from hsplat_cli.measure import print_tolerance

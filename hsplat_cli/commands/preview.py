@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import signal
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
 import click
 
 from hsplat_cli.commands.shared_options import FILE, quiet_option, require_none_of
 from hsplat_cli.scenes import (
+    ReadingOptions,
     SceneRequest,
     base_name,
     film_options,
@@ -27,6 +27,8 @@ from renderer.suggest import FilmOptions
 from renderer.system import interrupted_status
 
 _CTRL_C_STATUS = 128 + signal.SIGINT
+# Options that a scene refuses.
+_FOR_VOLUMES = [field.name for cls in (FilmOptions, ReadingOptions) for field in fields(cls)]
 _PAGE = "Write to this page.  [default: NAME.html in the current folder]"
 
 
@@ -40,7 +42,18 @@ _PAGE = "Write to this page.  [default: NAME.html in the current folder]"
 @film_options
 @volume_options()
 @quiet_option()
-def preview(*, source: Path, page: Path | None, watches: bool, serve: bool, reporter: Reporter, **options: Any) -> None:
+def preview(
+    *,
+    source: Path,
+    page: Path | None,
+    overrides: tuple[str, ...],
+    volume: Path | None,
+    watches: bool,
+    serve: bool,
+    film: FilmOptions,
+    reading: ReadingOptions,
+    reporter: Reporter,
+) -> None:
     """Show a scene or a volume on one page, before its film is made.
 
     SCENE is a YAML file, or the JSON file beside a film; VOLUME a file, or a folder of slices, whose scene is
@@ -48,10 +61,10 @@ def preview(*, source: Path, page: Path | None, watches: bool, serve: bool, repo
     slices, and variants with the lines that make them; it needs no network. For a VOLUME, the other options are as for
     turntable. With --watch the page shows one picture of a SCENE, coarse at once and then finer, until Ctrl-C.
     """
-    request = SceneRequest(source, options.pop("overrides"), options.pop("volume"))
+    request = SceneRequest(source, overrides, volume)
     if source.suffix.lower() in (".yaml", ".yml", ".json"):
         name = base_name(source.with_suffix(""))
-        require_none_of(options, "--set changes a value of a scene")
+        require_none_of(_FOR_VOLUMES, "--set changes a value of a scene")
         if watches or serve:
             _watch(request, page or Path(f"{name}.html"), serve=serve, reporter=reporter)
             return
@@ -59,8 +72,8 @@ def preview(*, source: Path, page: Path | None, watches: bool, serve: bool, repo
         if watches or serve:
             raise InputError("this is for a scene", where="--watch", got=f"the volume {source}")
         name = base_name(source)
-        spec, scene = volume_spec(source, options), Path(f"{name}.yaml")
-        text, _ = suggest_scene(spec, FilmOptions.of(options), reporter, scene=scene, output=Path(f"{name}.mp4"))
+        spec, scene = volume_spec(source, reading), Path(f"{name}.yaml")
+        text, _ = suggest_scene(spec, film, reporter, scene=scene, output=Path(f"{name}.mp4"))
         request = replace(request, path=scene, content=text.encode())
     job, page = load_job(request, "nothing"), page or Path(f"{name}.html")
     # Imported here to keep --help fast.

@@ -31,8 +31,7 @@ def render(
     progressive: bool,
     time_limit: str | None,
     best_effort: bool,
-    scheduler: str | None,
-    memory: int | None,
+    executor: ExecutorSpec,
     force: bool,
     reporter: Reporter,
 ) -> None:
@@ -41,13 +40,12 @@ def render(
     SCENE is a YAML file. A JSON file beside the output records how it was made; given in place of SCENE, it makes the
     same film again.
     """
-    require_scheduler(scheduler)
+    require_scheduler(executor.scheduler)
     job = load_job(replace(request, output=output), "passes" if progressive else "film")
     limit = None if time_limit is None else parse_duration(time_limit, where="--time-limit")
     if limit is not None and not progressive:
         raise InputError("of no use without --progressive", where="--time-limit", hint="error.seconds limits a frame")
-    executor = ExecutorSpec(scheduler, memory)
-    require_untimed(scheduler, job.scene, progressive=progressive)
+    require_untimed(executor.scheduler, job.scene, progressive=progressive)
     # Imported here to keep --help fast.
     from hsplat_cli.executors import open_executor
     from renderer.job import Refinement, make_film, one_pass

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
 
 import click
 from click.core import ParameterSource
 
 from hsplat_cli.commands.shared_options import FILE, quiet_option, require_none_of
 from hsplat_cli.executors import ExecutorSpec, executor_options, require_scheduler
-from hsplat_cli.scenes import SharedLook, expand_volumes, film_options, name_volumes, volume_options, volume_spec
+from hsplat_cli.scenes import (
+    ReadingOptions,
+    SharedLook,
+    expand_volumes,
+    film_options,
+    name_volumes,
+    volume_options,
+    volume_spec,
+)
 from hsplat_cli.terminal import OutputPath, Reporter
 from hsplat_cli.turntable import FilmRequest, Gallery, make_film, print_film_record, require_harmless, run_batch
 from renderer.errors import InputError
@@ -57,12 +65,12 @@ def turntable(
     kind: str,
     look: Path | None,
     reference: Path | None,
-    scheduler: str | None,
-    memory: int | None,
+    film: FilmOptions,
+    reading: ReadingOptions,
+    executor: ExecutorSpec,
     force: bool,
     reporter: Reporter,
     name: str | None,
-    **options: Any,
 ) -> None:
     """Render turntables of volumes without a scene file.
 
@@ -75,26 +83,26 @@ def turntable(
     true). With --match its values belong to a reference volume, and are shifted and scaled to each volume by comparing
     histograms.
     """
-    require_scheduler(scheduler)
-    if options["background"] == "transparent" and not FORMATS[f".{kind}"].has_alpha:
+    require_scheduler(executor.scheduler)
+    if film.background == "transparent" and not FORMATS[f".{kind}"].has_alpha:
         hint = f"--format {', '.join(suffix[1:] for suffix, each in FORMATS.items() if each.has_alpha)}"
         raise InputError(f"a transparent background in .{kind}", where="--background", expected="a color", hint=hint)
-    film, numbered = FilmOptions.of(options), "/{frame:04}" * FORMATS[f".{kind}"].is_frames
+    numbered = "/{frame:04}" * FORMATS[f".{kind}"].is_frames
     shared = _shared_look(look, reference)
     chosen = {"format": kind} if shared is None else {"scene": look, "match": reference}
     if shared is not None:
         film = FilmOptions(shared.scene.num_frames)
-    arguments = [*_as_arguments(_given(options) | chosen | {"force": force}), f"--output={folder}"]
+    arguments = [*_as_arguments(_given() | chosen | {"force": force}), f"--output={folder}"]
     named = _named_volumes(volumes, name, reporter)
-    how = [*_as_arguments({"quiet": reporter.is_quiet, "scheduler": scheduler, "memory": memory})]
+    how = [*_as_arguments({"quiet": reporter.is_quiet, **asdict(executor)})]
     problems = {volume: list[InputError]() for volume in named.values()}
     requests = [
         FilmRequest(
-            volume=volume_spec(volume, options, problems[volume]),
+            volume=volume_spec(volume, reading, problems[volume]),
             film=film,
             scene=folder / f"{film_name}.yaml",
             output=shared.outputs(folder, film_name).file if shared else folder / f"{film_name}{numbered}.{kind}",
-            executor=ExecutorSpec(scheduler, memory),
+            executor=executor,
             force=force,
             command=shlex.join(["hsplat", "turntable", *arguments, "--", str(volume)]),
             look=shared,
@@ -119,17 +127,19 @@ def _shared_look(look: Path | None, reference: Path | None) -> SharedLook | None
         raise InputError("needs --scene", where=f"--match {reference}", hint=hint)
     if look is None:
         return None
-    require_none_of(["kind", *FilmOptions.__dataclass_fields__], "the scene says it: change it there")
+    require_none_of(["kind", *(field.name for field in fields(FilmOptions))], "the scene says it: change it there")
     return SharedLook.load(look, reference)
 
 
-def _given(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options that are on the command line."""
-    source = click.get_current_context().get_parameter_source
-    return {name: value for name, value in options.items() if source(name) is ParameterSource.COMMANDLINE}
+def _given() -> dict[str, object]:
+    """Return the options on films and on reading that are on the command line, in its order."""
+    context = click.get_current_context()
+    names = {field.name for cls in (FilmOptions, ReadingOptions) for field in fields(cls)}
+    given = {name for name in names if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
+    return {name: value for name, value in context.params.items() if name in given}
 
 
-def _as_arguments(options: Mapping[str, Any]) -> Iterator[str]:
+def _as_arguments(options: Mapping[str, object]) -> Iterator[str]:
     """Yield parsed options as arguments: `frames=30` becomes `--frames=30`; None and False are left out."""
     for name, value in options.items():
         flag = "--" + name.replace("_", "-")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -139,7 +139,7 @@ def _prepare_report(path: Path | None, job: FilmJob) -> None:
     require_writable(path)
 
 
-def _write_report(path: Path | None, facts: dict[str, Any], reporter: Reporter) -> None:
+def _write_report(path: Path | None, facts: dict[str, object], reporter: Reporter) -> None:
     content = f"{json.dumps(facts, indent=2, allow_nan=False)}\n".encode()
     if path == _STDOUT:
         reporter.content(content)
@@ -149,7 +149,7 @@ def _write_report(path: Path | None, facts: dict[str, Any], reporter: Reporter) 
         write_staged(path, content)
 
 
-def _facts(job: FilmJob, original: FinishedFilm, problems: Sequence[Problem]) -> dict[str, Any]:
+def _facts(job: FilmJob, original: FinishedFilm, problems: Sequence[Problem]) -> dict[str, object]:
     """Return the facts that are known without the volume, as plain data."""
     return {
         "passes": not problems,
@@ -163,11 +163,11 @@ def _facts(job: FilmJob, original: FinishedFilm, problems: Sequence[Problem]) ->
     }
 
 
-def _measured_facts(files: FilesCheck, pictures: PicturesCheck) -> dict[str, Any]:
+def _measured_facts(files: FilesCheck, pictures: PicturesCheck) -> dict[str, object]:
     from renderer.record import record_to_json
 
     measured = pictures.measured
-    facts: dict[str, Any] = {"notes": [*files.notes, *pictures.notes]}
+    facts: dict[str, object] = {"notes": [*files.notes, *pictures.notes]}
     if measured is not None:
         facts |= {"accuracy": record_to_json(measured.accuracy), "is_precise": measured.is_precise}
         facts |= {"measured_frames": measured.num_frames}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import click
 
-from hsplat_cli.terminal import option_group, parse_bytes
+from hsplat_cli.terminal import packed_options, parse_bytes
 from renderer.errors import InputError, require_package
 from renderer.scene import FilmScene, TimeBudget, format_value
 
@@ -33,7 +33,10 @@ memory_option = click.option(
     callback=lambda _context, _option, text: None if text is None else parse_bytes(text, where="--memory"),
     help="Use at most this much of a machine's memory for bricks, such as 2GB; half of the free memory by default.",
 )
-executor_options = option_group(
+# Hands an ExecutorSpec to the command, as its parameter `executor`.
+executor_options = packed_options(
+    "executor",
+    ExecutorSpec,
     click.option(
         "--scheduler", metavar="ADDRESS", help="Draw on the Dask cluster of this scheduler, tcp://node7:8786."
     ),

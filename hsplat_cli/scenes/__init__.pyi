@@ -12,6 +12,7 @@ from .scene_text import (
 )
 from .shared_look import SharedLook as SharedLook
 from .volume_arguments import (
+    ReadingOptions as ReadingOptions,
     film_options as film_options,
     read_with_options as read_with_options,
     volume_options as volume_options,

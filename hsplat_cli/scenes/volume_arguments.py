@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import click
 
-from hsplat_cli.terminal import Command, Reporter, option_group
+from hsplat_cli.terminal import Command, Reporter, packed_options
 from renderer.errors import InputError, Problem, SceneError
 from renderer.readers import UnknownFormatError
 from renderer.scene import (
@@ -92,9 +92,26 @@ def _keyed(
     )
 
 
-def volume_options() -> Callable[[Command], Command]:
-    """Declare --time, --component, --dataset, --spacing, --nodata, and the options of a headerless file."""
-    return option_group(
+@dataclass(frozen=True)
+class ReadingOptions:
+    """A choice of the options on reading a volume: keys of `volume` in a scene, and of `raw` for a headerless file."""
+
+    time: int | None = None
+    component: int | Literal["all", "color", "color_alpha"] | None = None
+    dataset: str | None = None
+    nodata: Literal["auto", "none"] | tuple[float, ...] = "auto"
+    spacing: tuple[float, float, float] | None = None
+    shape: tuple[int, int, int] | None = None
+    dtype: str | None = None
+    byte_order: Literal["little", "big"] | None = None
+    offset: int | None = None
+
+
+def volume_options() -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Declare the options on reading a volume, which the command gets as its parameter `reading`."""
+    return packed_options(
+        "reading",
+        ReadingOptions,
         _keyed("--time", SUBSET_INDEX_FIELD, "N", "Read this one of several time steps, from 0.  [default: the first]"),
         _keyed(
             "--component",
@@ -137,8 +154,10 @@ _SIZES: _ListText = {"split": _split_size, "example": "640x480"}
 _RATE = _OUTPUT["frames_per_second"]
 _AXIS_HELP = "Turn around this axis, which is upright in the picture."
 
-# Declares the options of FilmOptions.
-film_options = option_group(
+# Declares the options of a turntable, which the command gets as its parameter `film`.
+film_options = packed_options(
+    "film",
+    FilmOptions,
     _keyed("--frames", _PATH["frames"], "N", "Frames of the whole turn.", default=_DEFAULT.frames),
     _keyed("--size", _OUTPUT["size"], "SIZE", "Pixels of a frame: 512, or 640x480.", **_SIZES, default="512"),
     _keyed(
@@ -165,24 +184,25 @@ film_options = option_group(
 )
 
 
-def volume_spec(volume: Path, options: Mapping[str, Any], problems: list[InputError] | None = None) -> VolumeSpec:
-    """Return the volume that the options of `volume_options` describe.
+def volume_spec(volume: Path, options: ReadingOptions, problems: list[InputError] | None = None) -> VolumeSpec:
+    """Return the volume that the options describe.
 
-    options: their values, by name. problems: gets the error about a damaged file that lists steps in time; without it
-    the error is raised. Raises InputError where only one of --shape and --dtype is given, or another option needs them.
+    problems: gets the error about a damaged file that lists steps in time; without it the error is raised. Raises
+    InputError where only one of --shape and --dtype is given, or another option needs them.
     """
-    shape, dtype, spacing = options["shape"], options["dtype"], options["spacing"]
-    time, component = options["time"], options["component"]
+    shape, dtype, spacing = options.shape, options.dtype, options.spacing
+    time, component = options.time, options.component
     if (shape is None) != (dtype is None):
         raise InputError(
             "a headerless file needs both --shape and --dtype", got="--shape" if shape is not None else "--dtype"
         )
-    given = {name: options[name] for name in ("byte_order", "offset") if options[name] is not None}
-    if shape is not None:
+    layout = {"byte_order": options.byte_order, "offset": options.offset}
+    given: dict[str, Any] = {name: value for name, value in layout.items() if value is not None}
+    if shape is not None and dtype is not None:
         given |= {"spacing": spacing} if spacing is not None else {}
-        if options["dataset"] is not None:
-            raise InputError("a headerless file has no datasets", where="--dataset", got=options["dataset"])
-        return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nodata=options["nodata"])
+        if options.dataset is not None:
+            raise InputError("a headerless file has no datasets", where="--dataset", got=options.dataset)
+        return VolumeSpec(RawSource(volume, shape, dtype, **given), time, component, nodata=options.nodata)
     if given:
         name, value = next(iter(given.items()))
         raise InputError(
@@ -200,7 +220,7 @@ def volume_spec(volume: Path, options: Mapping[str, Any], problems: list[InputEr
         problems.append(error)
         source = FileSource(volume)
     source = replace(source, spacing=spacing)
-    return VolumeSpec(source, time, component, nodata=options["nodata"], dataset=options["dataset"])
+    return VolumeSpec(source, time, component, nodata=options.nodata, dataset=options.dataset)
 
 
 def read_with_options(volume: VolumeSpec, reporter: Reporter, *, in_time: bool = False) -> Volume:

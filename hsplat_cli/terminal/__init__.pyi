@@ -3,6 +3,7 @@ from .arguments import (
     OutputPath as OutputPath,
     is_one_frame as is_one_frame,
     option_group as option_group,
+    packed_options as packed_options,
     parse_bytes as parse_bytes,
     parse_duration as parse_duration,
     parse_frames as parse_frames,

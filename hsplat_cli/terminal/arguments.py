@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
 from typing import TypeVar
 
@@ -16,6 +17,7 @@ from renderer.scene import TILDE_HINT, format_value, has_unexpanded_tilde
 
 # A command while it is declared: a function, or the click command made of it.
 Command = TypeVar("Command", bound="Callable[..., object] | click.Command")
+_Function = Callable[..., None]
 _NUMBER = r"(\d+(?:\.\d*)?)"
 _FRACTION_ONLY_IN_LAST_PART = r"(?!.*\..*[hms].)"
 _PARTS = f"(?=.)(?:{_NUMBER}h)?(?:{_NUMBER}m)?(?:{_NUMBER}s)?"
@@ -32,6 +34,26 @@ def option_group(*options: Callable[[Command], Command]) -> Callable[[Command], 
         for option in reversed(options):
             command = option(command)
         return command
+
+    return declare
+
+
+def packed_options(
+    name: str, cls: Callable[..., object], *options: Callable[[_Function], _Function]
+) -> Callable[[_Function], _Function]:
+    """Return a decorator that declares click options, and hands their values to the command as one object.
+
+    name: the command's parameter for the object. cls: its class, whose parameters have the names of the options.
+    """
+    names = inspect.signature(cls).parameters
+
+    def declare(command: _Function) -> _Function:
+        @wraps(command)
+        def with_object(*arguments: object, **values: object) -> None:
+            packed = cls(**{each: values.pop(each) for each in names})
+            command(*arguments, **{name: packed}, **values)
+
+        return option_group(*options)(with_object)
 
     return declare
 

@@ -119,7 +119,7 @@ def _by_scene(records: Sequence[Any]) -> dict[str, FilmEntry]:
     return {record["scene"]: record for record in records if _is_record(record)}
 
 
-def _is_record(record: Any) -> bool:
+def _is_record(record: object) -> bool:
     """Return whether a record can be written again, and the keys that are used are as they were written."""
     try:
         is_writable = is_shallow(record, _MOST_LEVELS) and bool(json.dumps(record, allow_nan=False))
@@ -160,6 +160,6 @@ def _row(folder: Path, record: FilmEntry, keys: Iterable[str]) -> list[str]:
     return [str(shown.get(key, "-")) for key in keys]
 
 
-def short_number(value: Any) -> str:
+def short_number(value: object) -> str:
     """Return a number of a record with one decimal; empty for anything else."""
     return f"{value:.1f}" if isinstance(value, (int, float)) and abs(value) < _TOO_LARGE else ""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hsplat_cli.turntable.manifest import FINISHED, FilmEntry
 from renderer.film import data_digest
@@ -18,7 +18,7 @@ from renderer.system import package_versions, sources_digest
 if TYPE_CHECKING:
     from hsplat_cli.turntable.one_film import FilmRequest
 
-_Marks = list[tuple[Any, ...]]
+_Marks = list[tuple[object, ...]]
 
 
 def marks_of(files: Iterable[Path]) -> _Marks:
@@ -40,7 +40,7 @@ def made_by(request: FilmRequest, inputs: _Marks) -> str:
 
 
 @functools.cache
-def _program() -> list[Any]:
+def _program() -> list[object]:
     return [package_versions(), sources_digest(), sources_digest("hsplat_cli")]
 
 

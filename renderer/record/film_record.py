@@ -104,11 +104,11 @@ class FrameAccuracy:
     """A record of how exact a frame is, by exact rays through some of its pixels."""
 
     psnr: Annotated[float, _DECIBELS, "In decibels, of the picture after rounding; 200 where no ray saw an error."]
-    interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more."]
-    rays: Annotated[int, _COUNT, "The rays."]
-    variance: Annotated[float, _AMOUNT, "Of the rays' squared errors, each weighted by the chance of its pixel."]
-    largest: Annotated[float, _AMOUNT, "The largest of these."]
-    largest_error: Annotated[float, _AMOUNT, "The largest error seen of a channel, in [0, 1]."]
+    interval: Annotated[Range, _INTERVAL, "The true value lies between these in 95 % of cases or more."]
+    rays: Annotated[int, _COUNT, "Their number."]
+    variance: Annotated[float, _AMOUNT, "The variance of the squared errors, weighted by the chances of pixels."]
+    largest: Annotated[float, _AMOUNT, "The largest weighted squared error."]
+    largest_error: Annotated[float, _AMOUNT, "The largest error of a channel, in [0, 1]."]
 
 
 @dataclass(frozen=True)
@@ -118,18 +118,16 @@ class FrameRecord:
     frame: Annotated[int, _FRAME_NUMBER, "Its number on the camera's path."]
     tolerance: Annotated[float, _AMOUNT, "The tolerance of its cut."]
     cells: Annotated[int, _COUNT, "The cells of the cut, each a brick or a splat."]
-    primitives: Annotated[int, _COUNT, "Those cells that the view can show, which are drawn."]
-    seconds: Annotated[Amounts, _AMOUNTS, "The time of each step; `encode` is to write and encode the picture."]
+    primitives: Annotated[int, _COUNT, "The cells that the view can show and that are drawn."]
+    seconds: Annotated[Amounts, _AMOUNTS, "The time of each step; `encode` includes writing."]
     digest: Annotated[str | None, DIGEST_FIELD, "The digest of its file."] = None
-    digests: Annotated[Mapping[str, str] | None, _DIGESTS, "Those of its pictures for other outputs."] = None
+    digests: Annotated[Mapping[str, str] | None, _DIGESTS, "Digests of its pictures for other outputs."] = None
     predicted_seconds: Annotated[float | None, _AMOUNT, "The time predicted for it, on a budget of time."] = None
-    device: Annotated[str | None, "What drew it, where that was on a cluster."] = None
+    device: Annotated[str | None, "The device of its worker, on a cluster."] = None
     blank: Annotated[bool, "True where nothing of the volume shows."] = False
-    values: Annotated[Mapping[str, Any] | None, _DATA, "The values of what moves, by their keys in the scene."] = None
-    accuracy: Annotated[FrameAccuracy | None, "How exact its picture is, where rays have measured it."] = None
-    visible: Annotated[
-        tuple[float, ...], _SHARES, "What each of the film's ranges of scalars adds to its mean opacity."
-    ] = ()
+    values: Annotated[Mapping[str, Any] | None, _DATA, "The values that move, by their keys in the scene."] = None
+    accuracy: Annotated[FrameAccuracy | None, "The accuracy of its picture, by exact rays."] = None
+    visible: Annotated[tuple[float, ...], _SHARES, "The parts of its mean opacity that ranges of scalars add."] = ()
 
     def digest_of(self, kind: PictureKind) -> str | None:
         """Return the digest of its picture of a kind; of one that is not recorded, that of the first."""
@@ -183,15 +181,15 @@ class VolumeRecord:
     fingerprint: Annotated[str, DIGEST_FIELD, "The digest of its voxels and their place in the world."]
     dtype: Annotated[str, "The type of its voxels."]
     shape: Annotated[tuple[int, int, int], _SHAPE, "Its voxels along x, y and z."]
-    world_from_index: Annotated[tuple[tuple[float, ...], ...], _MATRIX, "From voxel indices to the world, 4 x 4."]
-    unit: Annotated[str, "Of lengths in the world, where it is known."] = ""
+    world_from_index: Annotated[tuple[tuple[float, ...], ...], _MATRIX, "From voxel indices to the world."]
+    unit: Annotated[str, "The unit of lengths in the world."] = ""
 
 
 @dataclass(frozen=True)
 class CameraRecord:
     """A record of where the camera was."""
 
-    target: Annotated[tuple[float, ...], _VECTOR, "The world position that it looks at."]
+    target: Annotated[tuple[float, ...], _VECTOR, "The position in the world that it looks at."]
     distance: Annotated[float, _AMOUNT, "From the eye to the target, in world units."]
 
 
@@ -208,7 +206,7 @@ class PyramidRecord:
 class MeasuredRecord:
     """A record of the search for the tolerance of an accuracy."""
 
-    metric: Annotated[str, "What was measured: `psnr` or `rmse`."]
+    metric: Annotated[str, "`psnr` or `rmse`."]
     frame: Annotated[int, _FRAME_NUMBER, "The probe frame with the worst value."]
     probes: Annotated[tuple[Annotated[int, _FRAME_NUMBER], ...], "All probe frames."]
     worst: Annotated[float | None, _AMOUNT, "The worst value; left out for the PSNR of equal pictures."] = None
@@ -221,11 +219,11 @@ class ScheduleRecord:
     requested: Annotated[ErrorSpec, ERROR_SECTION, "The accuracy, as a section `error` of a scene."]
     tolerance: Annotated[Range, _RANGE, "The smallest and the largest tolerance of a frame."]
     cells: Annotated[Range, _RANGE, "The smallest and the largest number of cells of a frame."]
-    met: Annotated[bool, "Whether what was requested was reached."]
+    met: Annotated[bool, "Whether the film reaches the requested accuracy."]
     reproducible: Annotated[bool, "False where the tolerances depend on the speed of the machine."]
-    shortfall: Annotated[str | None, "What was not reached."] = None
+    shortfall: Annotated[str | None, "The goal that was missed, and by how much."] = None
     measured: Annotated[MeasuredRecord | None, "The search for an accuracy."] = None
-    made_from: Annotated[str | None, "The sidecar of the film that this one was made again from."] = None
+    made_from: Annotated[str | None, "The sidecar that the film was made again from."] = None
 
 
 @dataclass(frozen=True)
@@ -234,42 +232,42 @@ class WorstFrame:
 
     frame: Annotated[int, _FRAME_NUMBER, "Its number."]
     psnr: Annotated[float, _DECIBELS, "In decibels."]
-    interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more."]
+    interval: Annotated[Range, _INTERVAL, "The true value lies between these in 95 % of cases or more."]
 
 
 @dataclass(frozen=True)
 class FileAccuracy:
     """A record of what an encoder has kept of the frames."""
 
-    psnr: Annotated[float, _DECIBELS, "In decibels, of the film as it is decoded, from the exact pictures."]
-    psnr_of_encoding: Annotated[float, _DECIBELS, "The same from the frames as they were drawn."]
-    frames: Annotated[int, _COUNT, "The frames that were decoded and compared, the first ones."]
+    psnr: Annotated[float, _DECIBELS, "In decibels, of the decoded film against the exact pictures."]
+    psnr_of_encoding: Annotated[float, _DECIBELS, "The same compared with the frames as they were drawn."]
+    frames: Annotated[int, _COUNT, "The number of frames compared, from the first on."]
 
 
 @dataclass(frozen=True)
 class FilmAccuracy:
     """A record of how exact the frames of a film are together, by their rays."""
 
-    psnr: Annotated[float, _DECIBELS, "In decibels, of their mean squared error."]
-    interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more."]
+    psnr: Annotated[float, _DECIBELS, "In decibels, of the mean squared error of all frames."]
+    interval: Annotated[Range, _INTERVAL, "The true value lies between these in 95 % of cases or more."]
     rays: Annotated[int, _COUNT, "The rays through all frames."]
     worst: Annotated[WorstFrame, "The least exact frame."]
-    largest_error: Annotated[float, _AMOUNT, "The largest error seen of a channel, in [0, 1]."]
-    method: Annotated[str, "How the pixels of the rays were chosen."]
-    seed: Annotated[int, _COUNT, "Of their choice, beside the number of the frame."]
-    file: Annotated[FileAccuracy | None, "What a film in one file keeps of them; PNG files keep all."] = None
+    largest_error: Annotated[float, _AMOUNT, "The largest error of a channel, in [0, 1]."]
+    method: Annotated[str, "The way in which pixels are chosen."]
+    seed: Annotated[int, _COUNT, "The seed of the choice of pixels."]
+    file: Annotated[FileAccuracy | None, "The accuracy of a film in one file; PNG files have the frames'."] = None
 
 
 @dataclass(frozen=True)
 class VisibleRange:
     """A record of what the scalars of a range show of all that is visible."""
 
-    share: Annotated[float, _AMOUNT, "The sum of transmittance times opacity; the shares of all ranges add up to 1."]
+    share: Annotated[float, _AMOUNT, "Its share of the sum of transmittance times opacity."]
     opacity: Annotated[float, _AMOUNT, "Its largest opacity, per unit of the transfer function."]
     low: Annotated[float | None, _COORDINATE, "Its smallest scalar; left out where there is none."] = None
     high: Annotated[float | None, _COORDINATE, "The scalar at which it ends; left out where there is none."] = None
-    name: Annotated[str | None, "Of labels: which they are; their values lie between the two."] = None
-    layer: Annotated[int | None, _COUNT, "Of several volumes, which one, from 0."] = None
+    name: Annotated[str | None, "The labels with these values."] = None
+    layer: Annotated[int | None, _COUNT, "The number of the volume, from 0, if there are several."] = None
 
 
 @dataclass(frozen=True)
@@ -280,7 +278,7 @@ class OutputRecord:
     frames: Annotated[int, _COUNT, "Its frames."]
     digest: Annotated[str | None, DIGEST_FIELD, "The digest of a film in one file."] = None
     psnr_of_encoding: Annotated[
-        float | None, _DECIBELS, "In decibels, of its first frames as they are decoded from those as they were drawn."
+        float | None, _DECIBELS, "In decibels, of its first decoded frames against the drawn ones."
     ] = None
 
 
@@ -291,7 +289,7 @@ class FilmVisibility:
     coverage: Annotated[float, _AMOUNT, "The mean opacity of the pictures."]
     ranges: Annotated[
         tuple[VisibleRange, ...],
-        "Between control points of the transfer function, at most 12, or 48 of labels; several volumes share these.",
+        "At most 12 ranges between control points of all transfer functions, or 48 of labels.",
     ]
 
 
@@ -310,10 +308,10 @@ class PassRecord:
 
     tolerance: Annotated[Range, _RANGE, "The smallest and the largest tolerance of a frame."]
     cells: Annotated[Range, _RANGE, "The smallest and the largest number of cells of a frame."]
-    predicted_seconds: Annotated[float, _AMOUNT, "The time that was predicted for it."]
-    seconds: Annotated[float, _AMOUNT, "The time that it took."]
-    after_seconds: Annotated[float, _AMOUNT, "When it was finished, from the start of the job."]
-    difference: Annotated[DifferenceRecord | None, "From the pass before."] = None
+    predicted_seconds: Annotated[float, _AMOUNT, "Its predicted time."]
+    seconds: Annotated[float, _AMOUNT, "Its time."]
+    after_seconds: Annotated[float, _AMOUNT, "The time from the start of the job to its end."]
+    difference: Annotated[DifferenceRecord | None, "The difference from the pass before."] = None
 
 
 @dataclass(frozen=True)
@@ -323,7 +321,7 @@ class PartRecord:
     sidecar: Annotated[str, "The sidecar of the part, relative to this one."]
     frames: Annotated[Range, _RANGE, "The first and the last frame that was taken."]
     num_frames: Annotated[int, _COUNT, "The number of frames that were taken."]
-    seconds: Annotated[Amounts, _AMOUNTS, "What the part took."]
+    seconds: Annotated[Amounts, _AMOUNTS, "The time of each step of the part."]
     measured: Annotated[MeasuredRecord | None, "The search for an accuracy."] = None
 
 
@@ -331,8 +329,8 @@ class PartRecord:
 class BrickMemoryRecord:
     """A record of the memory of bricks, on which no byte of a picture depends."""
 
-    needed: Annotated[int, _COUNT, "Bytes of all visible bricks: where they exceed the limit, some are made again."]
-    limit: Annotated[int, _COUNT, "The most bytes that bricks could take, by `--memory` or by what was free."]
+    needed: Annotated[int, _COUNT, "The bytes of all visible bricks; beyond the limit, bricks are made again."]
+    limit: Annotated[int, _COUNT, "The most bytes that bricks may take."]
 
 
 @dataclass(frozen=True)
@@ -340,7 +338,7 @@ class FilmFingerprint:
     """A fingerprint of a film: what it depends on, besides the numbers of its frames."""
 
     frames_digest: Annotated[str, DIGEST_FIELD, "The digest of `depends_on`."]
-    encoding: Annotated[Mapping[str, Any], _DATA, "How the frames were encoded."]
+    encoding: Annotated[Mapping[str, Any], _DATA, "Formats, frame rate, quality and codec of the files."]
     depends_on: Annotated[Mapping[str, Any], _DATA, "Scene, voxels, versions and device that the frames depend on."]
 
 
@@ -351,19 +349,19 @@ class FilmRecord:
     scene: Annotated[
         Mapping[str, Any],
         _SCENE,
-        "A scene that draws the same frames, with every default; its files are relative to the sidecar.",
+        "A scene that draws the same frames, with every default.",
     ]
     volume: Annotated[VolumeRecord, "The volume; of several, the first, with the digest of all their fingerprints."]
     camera: Annotated[CameraRecord, "The camera."]
     pyramid: Annotated[PyramidRecord, "The pyramid."]
-    device: Annotated[str, "What drew the frames: device and driver of OpenGL for splats, the processor for bricks."]
+    device: Annotated[str, "OpenGL's device and driver for splats, the processor for bricks."]
     versions: Annotated[Mapping[str, str], _TEXTS, "Versions of Python, hsplat and the packages that bytes depend on."]
     schedule: Annotated[ScheduleRecord, "The accuracy."]
-    notes: Annotated[tuple[str, ...], "What the user should know."]
+    notes: Annotated[tuple[str, ...], "Notes for the user."]
     seconds: Annotated[Amounts, _AMOUNTS, "The time of each step of the whole film."]
     frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "The frames, ascending."]
-    accuracy: Annotated[FilmAccuracy | None, "How exact the frames are, where rays have measured all of them."] = None
-    visibility: Annotated[FilmVisibility | None, "Which scalars the pictures show, where rays have told."] = None
+    accuracy: Annotated[FilmAccuracy | None, "The accuracy of all frames together, by exact rays."] = None
+    visibility: Annotated[FilmVisibility | None, "The scalars that the pictures show, by the same rays."] = None
     volumes: Annotated[tuple[VolumeRecord, ...], "Each volume, of several."] = ()
     memory: Annotated[BrickMemoryRecord | None, "The memory of bricks, where one process drew."] = None
     passes: Annotated[tuple[PassRecord, ...], "Passes of a progressive film."] = ()

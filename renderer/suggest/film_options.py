@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from renderer.scene import OutputSpec, VolumeSpec, file_source
 
@@ -36,8 +34,3 @@ class FilmOptions:
     def under(self) -> VolumeSpec | None:
         """Return the volume underneath."""
         return None if self.over is None else VolumeSpec(file_source(self.over))
-
-    @classmethod
-    def of(cls, options: Mapping[str, Any]) -> FilmOptions:
-        """Return the options among all options of a command, by their names."""
-        return cls(**{field.name: options[field.name] for field in fields(cls) if field.name in options})

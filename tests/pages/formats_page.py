@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
 import textwrap
 from pathlib import Path
 
@@ -12,13 +13,14 @@ from renderer.readers import FormatTable
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
 _HEAD = """\
-# What files say of their voxels
+# Fields of volume files
 
-Beside numbers, files state how these are to be understood: a scale, a direction, values that are no data, the names of
-labels. Of each format hsplat applies the fields that are listed first, and names those of the table in a note, as the
-standard of the format does. `tests/pages/formats_page.py` makes this page from the tables of the readers.
+Beside numbers, files state their scale, directions, values that are no data, the names of labels. hsplat applies the
+fields that are listed first, and names the others in a note.
+`tests/pages/formats_page.py` makes this page from the tables of the readers.
 """
 _LINE_LENGTH = 120
+_ARTICLE = re.compile("^(the|an?) ")
 
 
 def format_tables() -> list[FormatTable]:
@@ -35,22 +37,22 @@ def formats_page() -> str:
 
 
 def _section(table: FormatTable) -> str:
-    """Return the section of a format: a list of the fields that are applied, and a table of the others."""
-    applied, named = (_by_meaning(table, is_applied=is_applied) for is_applied in (True, False))
-    listed = ", ".join(f"{fields} ({about})" for about, fields in applied.items())
-    lines = [f"## {table.format}", "", *textwrap.wrap(f"{listed}.", _LINE_LENGTH, break_on_hyphens=False), ""]
-    if named:
-        rows = [f"| {fields} | {about} |" for about, fields in named.items()]
-        lines += ["| named | states |", "|---|---|", *rows, ""]
+    """Return the section of a format: a list of the fields that are applied, and a list of the others."""
+    lines = [f"## {table.format}", ""]
+    for title, is_applied in (("Applied", True), ("Named", False)):
+        found = _by_meaning(table, is_applied=is_applied)
+        if found:
+            listed = ", ".join(f"{fields} ({about})" for about, fields in found.items())
+            lines += [*textwrap.wrap(f"{title}: {listed}.", _LINE_LENGTH, break_on_hyphens=False), ""]
     return "\n".join(lines)
 
 
 def _by_meaning(table: FormatTable, *, is_applied: bool) -> dict[str, str]:
-    """Return the names of the fields that state the same, by the noun phrase for it."""
+    """Return the names of the fields that state the same, by the noun for it."""
     found: dict[str, list[str]] = {}
     for each in table.statements:
         if each.is_applied == is_applied:
-            found.setdefault(each.about, []).append(f"`{each.field}`")
+            found.setdefault(_ARTICLE.sub("", each.about), []).append(f"`{each.field}`")
     return {about: ", ".join(fields) for about, fields in found.items()}
 
 

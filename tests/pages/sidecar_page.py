@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
@@ -15,14 +16,27 @@ _HEAD = """\
 ## Keys
 
 This section is made from `renderer/record/film_record.py` by `tests/pages/sidecar_page.py`. A key in italics may be
-left out.
+left out. A number without a range is from 0 to 1e+100, a whole number is 0 or more. A mapping or list *below* has a
+section.
 """
+# Short words for the values that most keys have.
+_SHORT = {
+    "a number from 0 to 1e+100": "number",
+    "a whole number of at least 0": "whole number",
+    "a whole number from 0 to 999999": "whole number to 999999",
+    "a number from -200 to 200": "decibels from -200 to 200",
+    "a mapping with ": "mapping with ",
+    "a list of numbers": "numbers",
+    "a list": "list",
+    "a mapping": "mapping",
+    "a number": "number, also below 0",
+}
 
 
 def sidecar_page() -> str:
-    """Return the content of docs/sidecar.md: its text, with the tables of keys as the last section."""
+    """Return the content of docs/sidecar.md: its text, with the lists of keys as the last section."""
     text, _, _ = PAGE.read_text("utf-8").partition(_HEAD.splitlines()[0] + "\n")
-    return "\n".join([text + _HEAD, *("\n".join(_table(cls, paths)) for cls, paths in _records().items())])
+    return "\n".join([text + _HEAD, *("\n".join(_list(cls, paths)) for cls, paths in _records().items())])
 
 
 def _records() -> dict[Any, list[str]]:
@@ -43,19 +57,24 @@ def _sections_in(kind: Any) -> list[Any]:
     return [each for each in (kind, *get_args(kind)) if getattr(each, "__module__", "") == FilmRecord.__module__]
 
 
-def _table(cls: Any, paths: list[str]) -> Iterator[str]:
+def _list(cls: Any, paths: list[str]) -> Iterator[str]:
     yield f"### {' and '.join(paths) or 'The file'}"
     yield ""
-    yield "| key | value | meaning |"
-    yield "|---|---|---|"
     hints, types = get_type_hints(cls, include_extras=True), schema.field_table(cls)
     for field in dataclasses.fields(cls):
         kind, meaning, read = hints[field.name].__origin__, hints[field.name].__metadata__[-1], types[field.name]
-        value = ("a list of mappings" if "a list" in read.expected else "a mapping") + ", see below"
+        below = "list below" if "a list" in read.expected else "mapping below"
         is_optional = field.default is not dataclasses.MISSING and not field.default
         name = f"*`{field.name}`*" if is_optional else f"`{field.name}`"
-        yield f"| {name} | {value if _sections_in(kind) else read.expected} | {meaning} |"
+        entry = f"- {name} ({below if _sections_in(kind) else _short(read.expected)}): {meaning}"
+        yield from textwrap.wrap(entry, 120, subsequent_indent="  ", break_on_hyphens=False)
     yield ""
+
+
+def _short(expected: str) -> str:
+    """Return the value of a key in short words."""
+    found = next((each for each in _SHORT if expected.startswith(each)), "")
+    return _SHORT.get(found, "") + expected.removeprefix(found)
 
 
 if __name__ == "__main__":

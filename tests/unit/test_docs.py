@@ -113,7 +113,7 @@ def _mappings_in(tree: object) -> Iterator[dict[str, object]]:
 
 def test_the_table_of_figures_has_the_limits_of_every_level() -> None:
     text = (ROOT / GOLDEN_FRAMES).read_text("utf-8")
-    (table,) = re.findall(r"(?m)^\| figure \| what it is .*\n(?:\|.*\n)+", text)
+    (table,) = re.findall(r"(?m)^\| figure \| meaning .*\n(?:\|.*\n)+", text)
     header, _, *lines = ([cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines())
     assert header[2:] == [f"`{level}`" for level in STRICTNESSES]
     assert [line[0] for line in lines] == [f"`{name}`" for name in COMPARISON_METRICS]

@@ -9,7 +9,7 @@ import ssl
 import warnings
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hsplat_cli.executors.drawing_options import ADDRESSES
 from renderer.errors import InputError
@@ -77,7 +77,7 @@ def _require_scheduler(address: str) -> None:
         raise fails(_NO_SCHEDULER, got=f"a {kind}")
 
 
-def _connection_settings(address: str) -> dict[str, Any]:
+def _connection_settings(address: str) -> dict[str, object]:
     """Return the arguments of connections by Dask's configuration.
 
     Raises InputError where its certificates cannot be read, are missing for TLS, or are required and not used.
@@ -87,7 +87,7 @@ def _connection_settings(address: str) -> dict[str, Any]:
     security = Security()
     fails = partial(InputError, where=f"--scheduler {address}", expected=_CERTIFICATES, hint=_TLS_HINT)
     try:
-        settings: dict[str, Any] = security.get_connection_args("client")
+        settings: dict[str, object] = security.get_connection_args("client")
     except OSError as error:
         files = dict.fromkeys([security.tls_ca_file, security.tls_client_cert, security.tls_client_key])
         reason = "no certificate, or no key that fits" if isinstance(error, ssl.SSLError) else error.strerror
@@ -103,7 +103,7 @@ def _connection_settings(address: str) -> dict[str, Any]:
     return settings
 
 
-async def _kind_of_server(address: str, settings: dict[str, Any]) -> str:
+async def _kind_of_server(address: str, settings: dict[str, object]) -> str:
     """Return the kind of Dask server at an address: `Scheduler`, `Worker` or `Nanny`."""
     from distributed.comm import connect
     from distributed.core import send_recv
