@@ -19,7 +19,7 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
 - `nodata.py`: the search for voxels without data
 - `units.py`: the units of lengths and values, and the axes of the world
 - `steps_in_time.py`: the number and the times of steps
-- `recent_images.py`: a cache of the steps of DICOM
+- `recent_images.py`: a cache of the images that were read last
 - `voxel_colors.py`: components joined into colours
 - `segments.py`: overlapping segments joined into labels, and the segments of 3D Slicer
 - `procedural.py`: volumes from formulas
