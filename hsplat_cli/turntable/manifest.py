@@ -16,7 +16,7 @@ from typing import Any
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import HsplatError, OutputLockedError, RenderError
 from renderer.film import lock_slots, write_staged
-from renderer.scene import counted, found_path, is_shallow, read_json_object
+from renderer.scene import counted, found_path, is_plain_data, read_json_object
 
 FilmEntry = dict[str, Any]
 
@@ -122,7 +122,7 @@ def _by_scene(records: Sequence[Any]) -> dict[str, FilmEntry]:
 def _is_record(record: Any) -> bool:
     """Return whether a record can be written again, and the keys that are used are as they were written."""
     try:
-        is_writable = is_shallow(record, _MOST_LEVELS) and bool(json.dumps(record, allow_nan=False))
+        is_writable = is_plain_data(record, _MOST_LEVELS) and bool(json.dumps(record, allow_nan=False))
     except ValueError:  # infinities
         return False
     if not (is_writable and isinstance(record, dict) and all(isinstance(record.get(key), str) for key in _TEXT_KEYS)):

@@ -3,8 +3,9 @@
 In: frames that are drawn and measured, or the sidecar of a film. Out: records, their JSON and their words; whether a
 film is up to date, reached the accuracy that was requested, and is what its sidecar says.
 
-- `film_record.py`: the records of films and frames, to JSON and back; `record_making.py`: makes them, with notes;
-  `rounding.py`: rounds their numbers; `sidecar.py`: reads and writes the file.
+- `record_file.py`: reads and writes files of records, of any kind; `field_types.py`: the types of their fields.
+- `film_record.py`: the records of films and frames; `record_making.py`: makes them, with notes; `rounding.py`: rounds
+  their numbers; `sidecar.py`: the file of a film's record.
 - `accuracy_records.py`: how exact frames and films are, in records and words; `visibility_records.py`: which scalars
   they show; `goals.py`: whether a film has the accuracy that was requested.
 - `citation.py`: how a film was made, in words for a paper, and BibTeX.

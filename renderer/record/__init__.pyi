@@ -5,8 +5,24 @@ from .accuracy_records import (
     with_encoding_loss as with_encoding_loss,
 )
 from .citation import bibtex as bibtex, methods_text as methods_text
-from .film_record import (
+from .field_types import (
+    COUNT_FIELD as COUNT_FIELD,
+    DATA_FIELD as DATA_FIELD,
+    DECIBELS_FIELD as DECIBELS_FIELD,
     DIGEST_FIELD as DIGEST_FIELD,
+    FRAME_FIELD as FRAME_FIELD,
+    INTERVAL_FIELD as INTERVAL_FIELD,
+    LINE_FIELD as LINE_FIELD,
+    LINE_TEXT as LINE_TEXT,
+    LINES_FIELD as LINES_FIELD,
+    SHAPE_FIELD as SHAPE_FIELD,
+    frames_field as frames_field,
+    is_line as is_line,
+    number_field as number_field,
+    open_record_field as open_record_field,
+    read_record as read_record,
+)
+from .film_record import (
     BrickMemoryRecord as BrickMemoryRecord,
     DifferenceRecord as DifferenceRecord,
     FilmAccuracy as FilmAccuracy,
@@ -23,7 +39,6 @@ from .film_record import (
     late_frame_problems as late_frame_problems,
     min_max as min_max,
     read_frame_record as read_frame_record,
-    record_to_json as record_to_json,
 )
 from .fingerprint import (
     describe_differences as describe_differences,
@@ -42,6 +57,7 @@ from .goals import (
 )
 from .own_files import naming_mark as naming_mark, require_own_files as require_own_files
 from .picture_files import FrameFile as FrameFile, picture_problems as picture_problems
+from .record_file import RecordFile as RecordFile, record_to_json as record_to_json
 from .record_making import (
     device_notes as device_notes,
     make_film_record as make_film_record,
@@ -55,7 +71,7 @@ from .rounding import (
     round_seconds as round_seconds,
     round_share as round_share,
 )
-from .sidecar import parse_film_record as parse_film_record, write_sidecar as write_sidecar
+from .sidecar import SIDECAR as SIDECAR, parse_film_record as parse_film_record
 from .verification import (
     FilesCheck as FilesCheck,
     PicturesCheck as PicturesCheck,

@@ -9,17 +9,16 @@ from typing import Any
 
 from renderer.errors import InputError, SceneError
 from renderer.film import file_matches_digest, film_path_of_sidecar, frame_matches_digest, frame_path
-from renderer.record.film_record import FilmFingerprint, FilmRecord, record_from_json
+from renderer.record.film_record import FilmFingerprint, FilmRecord
 from renderer.record.fingerprint import describe_differences, describe_mismatch
+from renderer.record.sidecar import SIDECAR
 from renderer.scene import (
     CAMERA_FIELD,
     FRAME_FIELD,
-    MAX_SIDECAR_BYTES,
     FilmScene,
     OutputFile,
     OutputSpec,
     first_output,
-    read_json_object,
     schema,
     tolerance_at,
 )
@@ -147,11 +146,16 @@ def find_finished_film(sidecar: Path, note: Callable[[str], object]) -> Finished
 
     note: takes a sentence on why a record cannot be used.
     """
-    data = read_json_object(sidecar, MAX_SIDECAR_BYTES)
     try:
-        record = None if data is None else record_from_json(data, sidecar)
-    except SceneError as error:
-        first = error.problems[0]
-        note(f"{sidecar} is not a record that can be used: {first.path}: {first.what}")
+        record = SIDECAR.find(sidecar)
+    except InputError as error:
+        note(f"{sidecar} is not a record that can be used: {_first_problem(error)}")
         return None
     return None if record is None or record.fingerprint is None else FinishedFilm(sidecar, record)
+
+
+def _first_problem(error: InputError) -> str:
+    if not isinstance(error, SceneError):
+        return error.what
+    first = error.problems[0]
+    return f"{first.path}: {first.what}"
