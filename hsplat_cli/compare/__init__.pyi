@@ -25,15 +25,14 @@ from .comparison_html import (
 from .file_pairs import open_pairs as open_pairs
 from .frame_difference import WINDOW_PX as WINDOW_PX
 from .golden.provenance import (
-    MAX_PROVENANCE_BYTES as MAX_PROVENANCE_BYTES,
+    PROVENANCE as PROVENANCE,
     PROVENANCE_FILE as PROVENANCE_FILE,
     Golden as Golden,
+    GoldenOrigin as GoldenOrigin,
+    GoldenVolume as GoldenVolume,
     Provenance as Provenance,
-    describe_changes as describe_changes,
     golden_file_name as golden_file_name,
     origin_from_record as origin_from_record,
-    provenance_bytes as provenance_bytes,
-    read_provenance as read_provenance,
 )
 from .golden.update import GoldenUpdate as GoldenUpdate, describe_update as describe_update, plan_update as plan_update
 from .outcome import (

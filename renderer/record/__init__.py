@@ -9,8 +9,9 @@ film is up to date, reached the accuracy that was requested, and is what its sid
 - `accuracy_records.py`: how exact frames and films are, in records and words; `visibility_records.py`: which scalars
   they show; `goals.py`: whether a film has the accuracy that was requested.
 - `citation.py`: how a film was made, in words for a paper, and BibTeX.
-- `fingerprint.py`: all that frames depend on; `finished_film.py`: a film that is made, and whether it is up to date;
-  `picture_files.py`: whether its pictures are unchanged; `own_files.py`: whether files are its own.
+- `up_to_date.py`: whether something that was made is up to date, and why not; `fingerprint.py`: all that a film depends
+  on; `finished_film.py`: a film that is made; `picture_files.py`: whether its pictures are unchanged; `own_files.py`:
+  whether files are its own.
 - `verification.py`: whether a finished film is what its sidecar says; `verified_accuracy.py`: by exact rays.
 """
 

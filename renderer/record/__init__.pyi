@@ -40,13 +40,7 @@ from .film_record import (
     min_max as min_max,
     read_frame_record as read_frame_record,
 )
-from .fingerprint import (
-    describe_differences as describe_differences,
-    describe_mismatch as describe_mismatch,
-    differences as differences,
-    film_fingerprint as film_fingerprint,
-    fingerprint_of as fingerprint_of,
-)
+from .fingerprint import film_fingerprint as film_fingerprint, fingerprint_of as fingerprint_of
 from .finished_film import FinishedFilm as FinishedFilm, find_finished_film as find_finished_film
 from .goals import (
     BEST_EFFORT_HINT as BEST_EFFORT_HINT,
@@ -72,6 +66,15 @@ from .rounding import (
     round_share as round_share,
 )
 from .sidecar import SIDECAR as SIDECAR, parse_film_record as parse_film_record
+from .up_to_date import (
+    Fingerprint as Fingerprint,
+    MadeFile as MadeFile,
+    describe_differences as describe_differences,
+    describe_mismatch as describe_mismatch,
+    differences as differences,
+    file_states as file_states,
+    program_versions as program_versions,
+)
 from .verification import (
     FilesCheck as FilesCheck,
     PicturesCheck as PicturesCheck,

@@ -31,6 +31,7 @@ from renderer.record.field_types import (
     frames_field,
     read_record,
 )
+from renderer.record.up_to_date import Fingerprint
 from renderer.scene import ERROR_SECTION, ErrorSpec, PictureKind, check_frame_in_path, schema
 
 _MAPPINGS = schema.sequence_field(schema.MAPPING_FIELD, "a list of mappings")
@@ -291,6 +292,11 @@ class FilmFingerprint:
     depends_on: Annotated[
         Mapping[str, Any], DATA_FIELD, "Scene, voxels, versions and device that the frames depend on."
     ]
+
+    @property
+    def of_frames(self) -> Fingerprint:
+        """Return the fingerprint of the frames, however they are encoded."""
+        return Fingerprint(self.frames_digest, self.depends_on)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from renderer.errors import InputError, SceneError
-from renderer.film import file_matches_digest, film_path_of_sidecar, frame_matches_digest, frame_path
+from renderer.film import film_path_of_sidecar, frame_path
 from renderer.record.film_record import FilmFingerprint, FilmRecord
-from renderer.record.fingerprint import describe_differences, describe_mismatch
 from renderer.record.sidecar import SIDECAR
+from renderer.record.up_to_date import MadeFile, describe_differences
 from renderer.scene import (
     CAMERA_FIELD,
     FRAME_FIELD,
@@ -116,8 +116,8 @@ class FinishedFilm:
         own = self.record.fingerprint
         if own is None:
             return "one pass would not have made it"
-        if own.frames_digest != fingerprint.frames_digest:
-            return describe_mismatch(own.depends_on, fingerprint.depends_on)
+        if change := own.of_frames.change(fingerprint.of_frames):
+            return change
         if own.encoding != fingerprint.encoding or [*self.record.numbers] != [*frames]:
             return describe_differences(own.encoding, fingerprint.encoding) or "it has other frames"
         return ""
@@ -128,17 +128,18 @@ class FinishedFilm:
         if len(digests) != len(output.files):
             return output.file
         for each, digest in zip(output.files, digests, strict=True):
-            if not (self._has_frames(each) if each.is_frames else file_matches_digest(each.file, digest)):
+            if not all(made.is_unchanged for made in self._made_files(each, digest)):
                 return each.file
         return None
 
-    def _has_frames(self, output: OutputFile) -> bool:
-        """Return whether the files of an output's frames are those that were written."""
-        return all(
-            frame_matches_digest(frame_path(output.file, each.frame), each.digest_of(output.kind), output.kind)
-            for each in self.record.frames
-            if output.shows(each.frame)
-        )
+    def _made_files(self, output: OutputFile, digest: str | None) -> Iterator[MadeFile]:
+        """Yield the files of an output. digest: of a film in one file."""
+        if not output.is_frames:
+            yield MadeFile(output.file, digest)
+            return
+        for frame in self.record.frames:
+            if output.shows(frame.frame):
+                yield MadeFile(frame_path(output.file, frame.frame), frame.digest_of(output.kind), output.kind)
 
 
 def find_finished_film(sidecar: Path, note: Callable[[str], object]) -> FinishedFilm | None:

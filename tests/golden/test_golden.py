@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from golden_cases import CASES, FOLDER, FRAMES, Case
 
-from hsplat_cli.compare import read_provenance
+from hsplat_cli.compare import PROVENANCE, PROVENANCE_FILE
 from renderer.draw import BrickRasterizer, SplatRasterizer
 
 FAILED = FOLDER / "failed"
@@ -25,7 +25,7 @@ MATCHING = [case for case in CASES if case.golden_changes is None]
 
 def compared(case: Case, rasterizer: SplatRasterizer, folder: Path) -> dict[str, Any]:
     """Compare a case; return the command's JSON, and write `page.html` in the folder."""
-    is_same = read_provenance(case.folder).origin["device"] in (rasterizer.device, BrickRasterizer.device)
+    is_same = PROVENANCE.read(case.folder / PROVENANCE_FILE).device in (rasterizer.device, BrickRasterizer.device)
     options = ["--level", "same-machine" if is_same else "cross-driver", "--quiet"]
     options += ["--json", str(folder / "result.json"), "--html", str(folder / "page.html")]
     code = case.compare(folder, *options)

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from hsplat_cli.compare import Golden, GoldenOptions, GoldenUpdate, Provenance, describe_update, plan_update
+from hsplat_cli.compare import (
+    Golden,
+    GoldenOptions,
+    GoldenOrigin,
+    GoldenUpdate,
+    GoldenVolume,
+    Provenance,
+    describe_update,
+    plan_update,
+)
 from renderer.film import Pixels, bytes_digest, encode_png, file_digest
 
 DIGEST = "0" * 32
-ORIGIN: dict[str, Any] = {"volume": {"name": "a"}, "device": "x", "scene": {"tolerance": 0.1}, "versions": {}}
+ORIGIN = GoldenOrigin(GoldenVolume("a", DIGEST, (4, 4, 4), "uint8"), "x", {"tolerance": 0.1}, {})
 GREY: Pixels = np.full((16, 20, 3), 100, np.uint8)
 
 
@@ -33,7 +41,7 @@ class Desk:
     """A folder of goldens, all GREY, and rendered pictures."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.before = folder / "goldens", Provenance(ORIGIN, ())
+        self.folder, self.before = folder / "goldens", Provenance(**vars(ORIGIN), frames=())
         self._drawn = folder / "drawn"
         self.folder.mkdir()
         self._drawn.mkdir()
@@ -44,7 +52,7 @@ class Desk:
             content = encode_png(GREY)
             (self.folder / f"frame-{frame:04}.png").write_bytes(content)
             goldens.append(Golden(frame, f"frame-{frame:04}.png", bytes_digest(content)))
-        self.before = replace(self.before, goldens=tuple(goldens))
+        self.before = replace(self.before, frames=tuple(goldens))
 
     def plan(self, *pictures: Pixels, tolerance: float = 0.1) -> GoldenUpdate:
         """Plan to give the folder these pictures, of frames from 0 on."""
@@ -52,9 +60,9 @@ class Desk:
         for frame, picture in enumerate(pictures):
             (self._drawn / f"{frame}.png").write_bytes(encode_png(picture))
         files = {frame: self._drawn / f"{frame}.png" for frame in names}
-        before = self.before if self.before.goldens else None
+        before = self.before if self.before.frames else None
         return plan_update(
-            GoldenOptions(self.folder), before, names, files, {**ORIGIN, "scene": {"tolerance": tolerance}}
+            GoldenOptions(self.folder), before, names, files, replace(ORIGIN, scene={"tolerance": tolerance})
         )
 
 
@@ -68,36 +76,36 @@ def test_changes_are_listed_worst_first(desk: Desk) -> None:
     plan = desk.plan(lighter(1), GREY, lighter(9), lighter(9, 9))
     assert [change.name for change in plan.changes] == ["frame-0003.png", "frame-0002.png", "frame-0000.png"]
     assert [change.figures["largest"] for change in plan.changes] == [9, 9, 1]
-    kept = [ours == theirs for ours, theirs in zip(plan.after.goldens, desk.before.goldens, strict=True)]
+    kept = [ours == theirs for ours, theirs in zip(plan.after.frames, desk.before.frames, strict=True)]
     assert kept == [False, True, False, False]
 
 
 def test_other_bytes_of_equal_pixels_are_kept_and_listed(desk: Desk) -> None:
     desk.keep(0)
-    desk.before = replace(desk.before, goldens=(replace(desk.before.goldens[0], digest=DIGEST),))
+    desk.before = replace(desk.before, frames=(replace(desk.before.frames[0], digest=DIGEST),))
     plan = desk.plan(GREY)
     assert plan.changes_anything and plan.changes == []
     assert list(describe_update(plan)) == [
         "no pixel of 1 frame changes",
         "golden.json changes: the files differ from those it lists",
     ]
-    assert plan.after.goldens == (Golden(0, "frame-0000.png", file_digest(desk.folder / "frame-0000.png")),)
+    assert plan.after.frames == (Golden(0, "frame-0000.png", file_digest(desk.folder / "frame-0000.png")),)
 
 
 def test_another_driver_or_version_alone_is_no_change(desk: Desk) -> None:
     desk.keep(0)
-    desk.before = replace(desk.before, origin={**ORIGIN, "device": "y", "versions": {"numpy": "1"}})
+    desk.before = replace(desk.before, device="y", versions={"numpy": "1"})
     assert not desk.plan(GREY).changes_anything
     plan = desk.plan(lighter(1))
     assert plan.changes_anything
-    assert plan.after.origin == ORIGIN
+    assert replace(plan.after, frames=()) == Provenance(**vars(ORIGIN), frames=())
 
 
 def test_another_scene_of_equal_pixels_is_a_change(desk: Desk) -> None:
     desk.keep(0)
     plan = desk.plan(GREY, tolerance=0.2)
     assert plan.changes_anything and plan.changes == []
-    assert plan.after.origin["scene"] == {"tolerance": 0.2}
+    assert plan.after.scene == {"tolerance": 0.2}
 
 
 def test_an_unrequested_golden_without_a_file_is_no_longer_listed(desk: Desk) -> None:
@@ -105,7 +113,7 @@ def test_an_unrequested_golden_without_a_file_is_no_longer_listed(desk: Desk) ->
     (desk.folder / "frame-0005.png").unlink()
     plan = desk.plan(GREY)
     assert plan.changes_anything
-    assert [golden.frame for golden in plan.after.goldens] == [0]
+    assert [golden.frame for golden in plan.after.frames] == [0]
 
 
 def test_frames_that_cannot_be_compared_are_listed_first(desk: Desk) -> None:

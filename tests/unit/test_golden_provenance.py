@@ -15,16 +15,13 @@ import numpy as np
 import pytest
 
 from hsplat_cli.compare import (
-    MAX_PROVENANCE_BYTES,
+    PROVENANCE,
     PROVENANCE_FILE,
     Golden,
     Provenance,
-    describe_changes,
     golden_file_name,
     origin_from_record,
     parse_date,
-    provenance_bytes,
-    read_provenance,
 )
 from renderer.errors import InputError
 from renderer.record import FilmFingerprint, VolumeRecord
@@ -42,20 +39,23 @@ RECORD: Any = SimpleNamespace(  # the part of one that the origin is taken from
     fingerprint=FilmFingerprint(DIGEST, {}, DEPENDS_ON),
 )
 ORIGIN = origin_from_record(RECORD)
-WRITTEN = Provenance(ORIGIN, (Golden(0, "frame-0000.png", DIGEST, "today"), Golden(7, "frame-0007.png", DIGEST)))
+WRITTEN = Provenance(
+    **vars(ORIGIN),
+    frames=(Golden(0, "frame-0000.png", DIGEST, "today"), Golden(7, "frame-0007.png", DIGEST)),
+)
 
 
 @pytest.mark.parametrize("date", [None, "am Samstag, \u00e4hm"])
 def test_what_is_written_is_read_again(tmp_path: Path, date: str | None) -> None:
-    written = replace(WRITTEN, goldens=(replace(WRITTEN.goldens[0], date=date), WRITTEN.goldens[1]))
-    content = provenance_bytes(written)
+    written = replace(WRITTEN, frames=(replace(WRITTEN.frames[0], date=date), WRITTEN.frames[1]))
+    content = PROVENANCE.content(written)
     (tmp_path / PROVENANCE_FILE).write_bytes(content)
-    assert read_provenance(tmp_path) == written
-    assert provenance_bytes(read_provenance(tmp_path)) == content
+    assert PROVENANCE.read(tmp_path / PROVENANCE_FILE) == written
+    assert PROVENANCE.content(PROVENANCE.read(tmp_path / PROVENANCE_FILE)) == content
 
 
 def test_each_golden_has_its_own_line() -> None:
-    lines = provenance_bytes(WRITTEN).decode().splitlines()
+    lines = PROVENANCE.content(WRITTEN).decode().splitlines()
     assert lines[-5:] == [
         '  "frames": [',
         f'    {{"frame": 0, "file": "frame-0000.png", "digest": "{DIGEST}", "date": "today"}},',
@@ -68,18 +68,18 @@ def test_each_golden_has_its_own_line() -> None:
 def test_the_origin_has_no_paths() -> None:
     raw = copy.deepcopy(RECORD)
     raw.scene["volume"] = {"raw": {"file": "/scans/a.raw", "shape": [8, 8, 4]}, "nodata": "auto"}
-    assert ORIGIN["volume"]["name"] == "engine.nhdr"
-    assert ORIGIN["scene"]["volume"] == {"crop": None, "nodata": "auto"}
-    assert origin_from_record(raw)["scene"]["volume"] == {"raw": {"shape": [8, 8, 4]}, "nodata": "auto"}
-    assert b"scans" not in provenance_bytes(replace(WRITTEN, origin=origin_from_record(raw)))
+    assert ORIGIN.volume.name == "engine.nhdr"
+    assert ORIGIN.scene["volume"] == {"crop": None, "nodata": "auto"}
+    assert origin_from_record(raw).scene["volume"] == {"raw": {"shape": [8, 8, 4]}, "nodata": "auto"}
+    assert b"scans" not in PROVENANCE.content(replace(WRITTEN, **vars(origin_from_record(raw))))
 
 
 @pytest.mark.parametrize("name", ["a\nb.npy", "\udcff.npy", "x" * 300])
 def test_any_name_of_a_volume_can_be_recorded(name: str, tmp_path: Path) -> None:
     record = copy.deepcopy(RECORD)
     record.volume = replace(RECORD.volume, name=name)
-    (tmp_path / PROVENANCE_FILE).write_bytes(provenance_bytes(replace(WRITTEN, origin=origin_from_record(record))))
-    assert read_provenance(tmp_path).origin["volume"]["name"].isprintable()
+    (tmp_path / PROVENANCE_FILE).write_bytes(PROVENANCE.content(replace(WRITTEN, **vars(origin_from_record(record)))))
+    assert PROVENANCE.read(tmp_path / PROVENANCE_FILE).volume.name.isprintable()
 
 
 def test_file_names_are_in_the_order_of_frames() -> None:
@@ -87,13 +87,11 @@ def test_file_names_are_in_the_order_of_frames() -> None:
 
 
 def test_changes_of_the_origin_are_described() -> None:
-    now = copy.deepcopy(ORIGIN)
-    assert describe_changes(ORIGIN, now) == ""
-    now["volume"]["name"] = "moved.nhdr"
-    assert describe_changes(ORIGIN, now) == ""
-    now["scene"]["error"]["tolerance"], now["device"] = 0.2, "another"
-    assert describe_changes(ORIGIN, now) == f"device was '{ORIGIN['device']}'; scene.error.tolerance was 0.1"
-    assert describe_changes(ORIGIN, now, "scene") == "scene.error.tolerance was 0.1"
+    moved = replace(ORIGIN, volume=replace(ORIGIN.volume, name="moved.nhdr"))
+    assert ORIGIN.changes(ORIGIN) == ORIGIN.changes(moved) == ""
+    now = replace(moved, scene={**ORIGIN.scene, "error": {"tolerance": 0.2}}, device="another")
+    assert ORIGIN.changes(now) == f"device was '{ORIGIN.device}'; scene.error.tolerance was 0.1"
+    assert ORIGIN.changes(now, "scene") == "scene.error.tolerance was 0.1"
 
 
 FORGED: list[Callable[[dict[str, Any]], Any]] = [
@@ -113,49 +111,49 @@ FORGED: list[Callable[[dict[str, Any]], Any]] = [
 
 @pytest.mark.parametrize("forge", FORGED)
 def test_forged_content_is_refused(forge: Callable[[dict[str, Any]], Any], tmp_path: Path) -> None:
-    data = json.loads(provenance_bytes(WRITTEN))
+    data = json.loads(PROVENANCE.content(WRITTEN))
     forge(data)
     (tmp_path / PROVENANCE_FILE).write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        read_provenance(tmp_path)
+        PROVENANCE.read(tmp_path / PROVENANCE_FILE)
     assert str(caught.value).startswith(f"{tmp_path / PROVENANCE_FILE}: ")
     assert all(line.isprintable() for line in str(caught.value).splitlines())
 
 
 def test_damage_never_leads_to_the_wrong_file(tmp_path: Path) -> None:
     """A file that is cut off is refused; one with a wrong byte is refused, or its content is still consistent."""
-    content = provenance_bytes(WRITTEN)
+    content = PROVENANCE.content(WRITTEN)
     generator = np.random.default_rng(1)
     for position in range(len(content)):
         if position < len(content) - len("}\n"):
             (tmp_path / PROVENANCE_FILE).write_bytes(content[:position])
             with pytest.raises(InputError):
-                read_provenance(tmp_path)
+                PROVENANCE.read(tmp_path / PROVENANCE_FILE)
         changed = bytearray(content)
         changed[position] = generator.integers(256)
         (tmp_path / PROVENANCE_FILE).write_bytes(changed)
         with contextlib.suppress(InputError):
-            found = read_provenance(tmp_path)
-            assert [golden.file for golden in found.goldens] == [
-                f"frame-{golden.frame:04}.png" for golden in found.goldens
+            found = PROVENANCE.read(tmp_path / PROVENANCE_FILE)
+            assert [golden.file for golden in found.frames] == [
+                f"frame-{golden.frame:04}.png" for golden in found.frames
             ]
 
 
-def test_a_file_that_is_too_large_and_a_folder_are_not_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hsplat_cli.compare.golden.provenance.MAX_PROVENANCE_BYTES", 1000)
+def test_a_file_that_is_too_large_and_a_folder_are_not_parsed(tmp_path: Path) -> None:
+    small = replace(PROVENANCE, max_bytes=1000)
     (tmp_path / PROVENANCE_FILE).write_bytes(b"{" + b" " * 1000)
     with pytest.raises(InputError, match=f"too large for a {PROVENANCE_FILE}\n  expected: at most 1000 bytes"):
-        read_provenance(tmp_path)
+        small.read(tmp_path / PROVENANCE_FILE)
     (tmp_path / PROVENANCE_FILE).unlink()
     (tmp_path / PROVENANCE_FILE).mkdir()
     with pytest.raises(InputError, match="not a file"):
-        read_provenance(tmp_path)
+        small.read(tmp_path / PROVENANCE_FILE)
 
 
 def test_a_million_goldens_fit() -> None:
     longest = Golden(999_999, golden_file_name(999_999, 1_000_000), DIGEST)
-    one, two = (len(provenance_bytes(replace(WRITTEN, goldens=(longest,) * num))) for num in (1, 2))
-    assert one + 1_000_000 * (two - one) < MAX_PROVENANCE_BYTES
+    one, two = (len(PROVENANCE.content(replace(WRITTEN, frames=(longest,) * num))) for num in (1, 2))
+    assert one + 1_000_000 * (two - one) < PROVENANCE.max_bytes
 
 
 @pytest.mark.parametrize("text", ["", "\x1b[31m", "x" * 201])
