@@ -67,6 +67,7 @@ from .rounding import (
 )
 from .sidecar import SIDECAR as SIDECAR, parse_film_record as parse_film_record
 from .up_to_date import (
+    FileStates as FileStates,
     Fingerprint as Fingerprint,
     MadeFile as MadeFile,
     describe_differences as describe_differences,

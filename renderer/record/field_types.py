@@ -112,11 +112,15 @@ def open_record_field(cls: Callable[..., T]) -> schema.FieldType[T]:
     names = schema.field_table(cls)
 
     def parse(node: schema.TreeNode) -> Any:
-        data = DATA_FIELD.parse(node)
-        if data is schema.INVALID:
-            return data
-        record: Any = known.read(replace(node, value={key: data[key] for key in data if key in names}))
-        return replace(record, **{FURTHER_KEYS: {key: data[key] for key in data if key not in names}})
+        if not isinstance(node.value, dict):
+            return node.reject("not a mapping")
+        further = DATA_FIELD.parse(
+            replace(node, value={key: node.value[key] for key in node.value if key not in names})
+        )
+        if further is schema.INVALID:
+            return further
+        record: Any = known.read(replace(node, value={key: node.value[key] for key in node.value if key in names}))
+        return replace(record, **{FURTHER_KEYS: further})
 
     return schema.FieldType("a mapping", parse)
 

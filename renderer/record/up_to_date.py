@@ -15,6 +15,9 @@ from renderer.film import data_digest, file_matches_digest, frame_matches_digest
 from renderer.scene import PictureKind, first_few, format_value, join_keys
 from renderer.system import package_versions, sources_digest
 
+# The name of each file, with its size and its times; without them where the file is missing.
+FileStates = list[tuple[str, tuple[int, ...]]]
+
 
 @dataclass(frozen=True)
 class Fingerprint:
@@ -58,10 +61,10 @@ def program_versions() -> dict[str, Any]:
     return {"versions": package_versions(), "sources": sources_digest()}
 
 
-def file_states(files: Iterable[Path]) -> list[tuple[str, tuple[int, ...]]]:
-    """Return the size and the times of each file, none where it is missing.
+def file_states(files: Iterable[Path]) -> FileStates:
+    """Return the states of files, which are known without reading the files.
 
-    They change with the content of the file, as nobody can set the time of its last change.
+    A state changes with the content of the file: nobody can set the time of its last change.
     """
     return [(str(file), _state(file)) for file in files]
 

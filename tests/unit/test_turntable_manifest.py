@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,24 @@ import pytest
 from commands import environment, other_process
 
 from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable import MANIFEST_FILE, FilmRequest, marked_scene, update_manifest, write_scene
+from hsplat_cli.turntable import (
+    FILM_ENTRY_FIELD,
+    MANIFEST,
+    MANIFEST_FILE,
+    FilmRequest,
+    marked_scene,
+    update_manifest,
+    write_scene,
+)
 from renderer.errors import InputError, RenderError
+from renderer.record import read_record, record_to_json
 from renderer.scene import FileSource, VolumeSpec
 from renderer.suggest import FilmOptions
 
 
 def update(folder: Path, records: list[dict[str, Any]], *lock_timeout_s: float) -> None:
-    update_manifest(folder, records, Reporter(), *lock_timeout_s)
+    entries = [read_record(FILM_ENTRY_FIELD, each) for each in records]
+    update_manifest(folder, [each for each in entries if each is not None], Reporter(), *lock_timeout_s)
 
 
 def record(name: str, status: str = "done", **more: Any) -> dict[str, Any]:
@@ -76,12 +87,11 @@ WRITER = """
 import sys
 from pathlib import Path
 from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable import update_manifest
+from hsplat_cli.turntable import FilmEntry, update_manifest
 for number in range(10):
     name = f"{sys.argv[2]}-{number}"
     (Path(sys.argv[1]) / f"{name}.yaml").touch()
-    record = {"volume": name, "scene": f"{name}.yaml", "film": name, "status": "done"}
-    update_manifest(Path(sys.argv[1]), [record], Reporter())
+    update_manifest(Path(sys.argv[1]), [FilmEntry(name, f"{name}.yaml", name, "done")], Reporter())
 """
 
 
@@ -166,7 +176,7 @@ def test_other_things_of_this_name(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     (tmp_path / MANIFEST_FILE).unlink()
     update(tmp_path, [record("b")])
     (tmp_path / "b.yaml").touch()
-    monkeypatch.setattr("hsplat_cli.turntable.manifest._MAX_BYTES", 50)
+    monkeypatch.setattr("hsplat_cli.turntable.manifest.MANIFEST", replace(MANIFEST, max_bytes=50))
     update(tmp_path, [record("a")])
     assert films(tmp_path) == [record("a")]
     (tmp_path / "folder" / MANIFEST_FILE).mkdir(parents=True)
@@ -204,7 +214,7 @@ def test_a_film_is_done_until_its_scene_changes(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     write(order(tmp_path), "one")
     assert films(folder)[0]["status"] == "begun"
-    update(folder, [order(tmp_path).record("done") | {"frames": 3}])
+    update(folder, [record_to_json(order(tmp_path).entry("done")) | {"frames": 3}])
     done = films(folder)
     write(order(tmp_path), "one")
     assert films(folder) == done
