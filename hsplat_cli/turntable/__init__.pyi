@@ -6,7 +6,7 @@ from .one_film import make_film as make_film, print_film_record as print_film_re
 # isort: split
 # For tests alone: steps and constants that no other room uses.
 from .manifest import (
-    FILM_ENTRY_FIELD as FILM_ENTRY_FIELD,
+    FILM_ENTRY as FILM_ENTRY,
     MANIFEST as MANIFEST,
     MANIFEST_FILE as MANIFEST_FILE,
     FilmEntry as FilmEntry,

@@ -22,7 +22,7 @@ from hsplat_cli.turntable.gallery import Gallery
 from hsplat_cli.turntable.manifest import FilmEntry
 from renderer.errors import InputError, RenderError
 from renderer.film import require_writable
-from renderer.record import file_states, read_record, round_seconds
+from renderer.record import field_types as types, file_states, round_seconds
 from renderer.scene import counted
 from renderer.system import ChildProcesses, describe_exit, join_lines
 
@@ -95,7 +95,7 @@ def _make_in_process(request: FilmRequest, arguments: Sequence[str], reporter: R
                 process.wait(_TERMINATE_TIMEOUT_S)
             raise
     with suppress(ValueError):
-        film = read_record(manifest.FILM_ENTRY_FIELD, json.loads(output.strip().rpartition(b"\n")[2]))
+        film = types.read_record(manifest.FILM_ENTRY, json.loads(output.strip().rpartition(b"\n")[2]))
         if film is not None:
             return film
     # The process ended before it could print an entry.

@@ -28,10 +28,10 @@ _FOLDER_FILES = (MANIFEST_FILE, LOCK_FILE, PAGE_FILE, CONTACT_FILE)
 
 @dataclass(frozen=True)
 class FilmRequest:
-    """A film to make. scene: the file for its scene. look: whose it has, unless one is suggested.
+    """A film to make. scene: the file for its scene. look: of another scene, unless one is suggested.
 
-    force: an edited scene may be overwritten, and finished frames are drawn again. command: what makes this film alone.
-    problem: why there is no film, where that is known before the volume is read.
+    force: an edited scene may be overwritten, and finished frames are drawn again. command: makes this film alone.
+    problem: the reason for no film, where it is known before the volume is read.
     """
 
     volume: VolumeSpec

@@ -17,16 +17,7 @@ from typing import Annotated, Any, Final, Literal
 from hsplat_cli.terminal import Reporter, format_table
 from renderer.errors import HsplatError, InputError, OutputLockedError, RenderError
 from renderer.film import lock_slots
-from renderer.record import (
-    COUNT_FIELD,
-    DECIBELS_FIELD,
-    INTERVAL_FIELD,
-    RecordFile,
-    number_field,
-    open_record_field,
-    read_record,
-    record_to_json,
-)
+from renderer.record import RecordFile, field_types as types, record_to_json
 from renderer.scene import counted, found_path, schema
 
 MANIFEST_FILE = "turntable.json"
@@ -69,9 +60,9 @@ _MAX_SECONDS = 1e9
 # The most bytes of the file; an entry has about 500.
 _MAX_BYTES = 2**26
 
-_SECONDS_FIELD = number_field(f"a number from 0 to {_MAX_SECONDS:g}", (int, float), 0, _MAX_SECONDS)
-_EXIT_CODE_FIELD = number_field("an exit code", (int,), -255, 255)
-_NAME_FIELD = schema.text_field("a name without a folder", "not a name", lambda name: os.path.basename(name) == name)
+_SECONDS = types.number(f"a number from 0 to {_MAX_SECONDS:g}", (int, float), 0, _MAX_SECONDS)
+_EXIT_CODE = types.number("an exit code", (int,), -255, 255)
+_NAME = schema.text_field("a name without a folder", "not a name", lambda name: os.path.basename(name) == name)
 
 
 @dataclass(frozen=True)
@@ -86,45 +77,45 @@ class FilmEntry:
     """
 
     volume: str
-    scene: Annotated[str, _NAME_FIELD]
+    scene: Annotated[str, _NAME]
     film: str
     status: Status
     made_by: str | None = None
-    psnr: Annotated[float | None, DECIBELS_FIELD] = None
-    psnr_interval: Annotated[tuple[float, float] | None, INTERVAL_FIELD] = None
-    file_psnr: Annotated[float | None, DECIBELS_FIELD] = None
+    psnr: Annotated[float | None, types.DECIBELS] = None
+    psnr_interval: Annotated[tuple[float, float] | None, types.INTERVAL] = None
+    file_psnr: Annotated[float | None, types.DECIBELS] = None
     kind: str | None = None
     reason: str | None = None
     values: str | None = None
     seen: str | None = None
     hidden: str | None = None
     notes: tuple[str, ...] | None = None
-    frames: Annotated[int | None, COUNT_FIELD] = None
-    primitives: Annotated[int | None, COUNT_FIELD] = None
-    seconds: Annotated[float | None, _SECONDS_FIELD] = None
-    exit_code: Annotated[int | None, _EXIT_CODE_FIELD] = None
+    frames: Annotated[int | None, types.COUNT] = None
+    primitives: Annotated[int | None, types.COUNT] = None
+    seconds: Annotated[float | None, _SECONDS] = None
+    exit_code: Annotated[int | None, _EXIT_CODE] = None
     error: str | None = None
     command: str | None = None
     further: Mapping[str, Any] = field(default_factory=dict)
 
 
-FILM_ENTRY_FIELD = open_record_field(FilmEntry)
+FILM_ENTRY = types.open_record(FilmEntry)
 
 
 def _parse_films(node: schema.TreeNode) -> Any:
     if not isinstance(node.value, list):
         return node.reject("not a list")
-    return tuple(read_record(FILM_ENTRY_FIELD, each) for each in node.value)
+    return tuple(types.read_record(FILM_ENTRY, each) for each in node.value)
 
 
-_FILMS_FIELD: schema.FieldType[tuple[FilmEntry | None, ...]] = schema.FieldType("a list of films", _parse_films)
+_FILMS: schema.FieldType[tuple[FilmEntry | None, ...]] = schema.FieldType("a list of films", _parse_films)
 
 
 @dataclass(frozen=True)
 class _Manifest:
     """The content of turntable.json. films: None in place of an entry that is damaged, or of another version."""
 
-    films: Annotated[tuple[FilmEntry | None, ...], _FILMS_FIELD] = ()
+    films: Annotated[tuple[FilmEntry | None, ...], _FILMS] = ()
     further: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -133,7 +124,7 @@ class _Manifest:
         return {each.scene: each for each in self.films if each is not None}
 
 
-MANIFEST = RecordFile(open_record_field(_Manifest), MANIFEST_FILE, _MAX_BYTES)
+MANIFEST = RecordFile(types.open_record(_Manifest), MANIFEST_FILE, _MAX_BYTES)
 
 
 def update_manifest(
@@ -141,7 +132,7 @@ def update_manifest(
 ) -> None:
     """Write entries of films to turntable.json, in place of the former entries of their scenes.
 
-    Other entries stay, except those of films whose scenes, or whose volumes where no film could be made, are gone.
+    Other entries stay while their scene exists, or their volume where no film could be made.
     Entries of films that were not started, or were interrupted before that, change nothing.
 
     lock_timeout_s: how long to wait for other processes, on all machines. Raises InputError and RenderError.

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 
 
 def make_film(request: FilmRequest, reporter: Reporter) -> FilmEntry:
-    """Make the film, record in turntable.json what became of it, and return that record. Raises HsplatError.
+    """Make the film, and return its entry, which turntable.json gets in any case. Raises HsplatError.
 
-    A failure leaves no folder, and no record, where there was no folder before.
+    A failure leaves no folder, and no entry, where there was no folder before.
     """
     folder = request.scene.parent
     missing_folders = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
@@ -172,7 +172,7 @@ class _TurntableEvents(FilmEvents):
 def write_scene(request: FilmRequest, content: bytes, reporter: Reporter) -> None:
     """Write the scene's file, and record that its film is started, unless the file has this content.
 
-    Raises InputError where the file is a scene that somebody edited, or that of another volume, unless with `force`.
+    Raises InputError where the file is an edited scene, or the scene of another volume, unless with `force`.
     """
     if not _require_replaceable(request, content):
         update_manifest(request.scene.parent, [request.entry(manifest.STARTED)], reporter)
@@ -197,7 +197,7 @@ def _require_replaceable(request: FilmRequest, content: bytes) -> bool:
         raise InputError(
             "a film of another volume has this name",
             where=str(scene),
-            got=f"that of {os.path.relpath(os.path.join(os.path.realpath(scene.parent), volume))}",
+            got=f"the scene of {os.path.relpath(os.path.join(os.path.realpath(scene.parent), volume))}",
             hint="give this one another --output, or both to one command, which gives them different names; "
             "--force overwrites it",
         )
@@ -209,7 +209,7 @@ _MARK = b'; of "'
 
 
 def marked_scene(text: str, volume_path: str) -> bytes:
-    """Return a scene with a last line that shows whose it is, and that nobody has edited it."""
+    """Return a scene with a last line that names its volume, and shows that nobody has edited it."""
     volume = json.dumps(volume_path)
     marked = f"{text}\n# `hsplat turntable` replaces this file while nobody has changed it; of {volume}: "
     return f"{marked}{bytes_digest(marked.encode())}\n".encode()

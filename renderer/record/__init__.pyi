@@ -1,3 +1,4 @@
+from . import field_types as field_types
 from .accuracy_records import (
     accuracy_text as accuracy_text,
     film_accuracy as film_accuracy,
@@ -5,23 +6,6 @@ from .accuracy_records import (
     with_encoding_loss as with_encoding_loss,
 )
 from .citation import bibtex as bibtex, methods_text as methods_text
-from .field_types import (
-    COUNT_FIELD as COUNT_FIELD,
-    DATA_FIELD as DATA_FIELD,
-    DECIBELS_FIELD as DECIBELS_FIELD,
-    DIGEST_FIELD as DIGEST_FIELD,
-    FRAME_FIELD as FRAME_FIELD,
-    INTERVAL_FIELD as INTERVAL_FIELD,
-    LINE_FIELD as LINE_FIELD,
-    LINE_TEXT as LINE_TEXT,
-    LINES_FIELD as LINES_FIELD,
-    SHAPE_FIELD as SHAPE_FIELD,
-    frames_field as frames_field,
-    is_line as is_line,
-    number_field as number_field,
-    open_record_field as open_record_field,
-    read_record as read_record,
-)
 from .film_record import (
     BrickMemoryRecord as BrickMemoryRecord,
     DifferenceRecord as DifferenceRecord,

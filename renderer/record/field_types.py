@@ -45,7 +45,7 @@ OfFrame = TypeVar("OfFrame", bound=_OfFrame)
 # Numbers and text
 
 
-def number_field(expected: str, kinds: tuple[type, ...], least: float, most: float) -> schema.FieldType[Any]:
+def number(expected: str, kinds: tuple[type, ...], least: float, most: float) -> schema.FieldType[Any]:
     """Return the type of a number of these Python types, from `least` to `most`."""
 
     def parse(node: schema.TreeNode) -> Any:
@@ -63,25 +63,23 @@ def is_line(text: str) -> bool:
 
 
 LINE_TEXT = f"one line of at most {_MAX_LINE_LENGTH} characters"
-LINE_FIELD = schema.text_field(LINE_TEXT, "not a line of text", is_line)
-LINES_FIELD = schema.mapping_field(LINE_FIELD)
-DIGEST_FIELD = schema.text_field("32 hexadecimal digits", "not a digest", _DIGEST.fullmatch)
-DIGESTS_FIELD = schema.mapping_field(DIGEST_FIELD)
-TEXTS_FIELD = schema.mapping_field(schema.TEXT_FIELD)
-AMOUNT_FIELD = number_field(f"a number from 0 to {_MAX_AMOUNT:g}", (int, float), 0, _MAX_AMOUNT)
-AMOUNTS_FIELD = schema.mapping_field(AMOUNT_FIELD)
-COORDINATE_FIELD = number_field("a number", (int, float), -_MAX_AMOUNT, _MAX_AMOUNT)
-DECIBELS_FIELD = number_field(f"a number from -{MOST_DB:g} to {MOST_DB:g}", (int, float), -MOST_DB, MOST_DB)
-COUNT_FIELD = number_field("a whole number of at least 0", (int,), 0, _MAX_COUNT)
-FRAME_FIELD = number_field(f"a whole number from 0 to {MAX_FRAMES - 1}", (int,), 0, MAX_FRAMES - 1)
-RANGE_FIELD = schema.sequence_field(AMOUNT_FIELD, "[smallest, largest]", count=2)
-INTERVAL_FIELD = schema.sequence_field(DECIBELS_FIELD, "[low, high]", count=2)
-SHARES_FIELD = schema.sequence_field(AMOUNT_FIELD, "a list of numbers", may_be_empty=True)
-VECTOR_FIELD = schema.sequence_field(COORDINATE_FIELD, "[x, y, z]", count=3)
-SHAPE_FIELD = schema.sequence_field(COUNT_FIELD, "[x, y, z]", count=3)
-MATRIX_FIELD = schema.sequence_field(
-    schema.sequence_field(COORDINATE_FIELD, "four numbers", count=4), "a 4 x 4 matrix", count=4
-)
+LINE = schema.text_field(LINE_TEXT, "not a line of text", is_line)
+LINES = schema.mapping_field(LINE)
+DIGEST = schema.text_field("32 hexadecimal digits", "not a digest", _DIGEST.fullmatch)
+DIGESTS = schema.mapping_field(DIGEST)
+TEXTS = schema.mapping_field(schema.TEXT_FIELD)
+AMOUNT = number(f"a number from 0 to {_MAX_AMOUNT:g}", (int, float), 0, _MAX_AMOUNT)
+AMOUNTS = schema.mapping_field(AMOUNT)
+COORDINATE = number("a number", (int, float), -_MAX_AMOUNT, _MAX_AMOUNT)
+DECIBELS = number(f"a number from -{MOST_DB:g} to {MOST_DB:g}", (int, float), -MOST_DB, MOST_DB)
+COUNT = number("a whole number of at least 0", (int,), 0, _MAX_COUNT)
+FRAME = number(f"a whole number from 0 to {MAX_FRAMES - 1}", (int,), 0, MAX_FRAMES - 1)
+RANGE = schema.sequence_field(AMOUNT, "[smallest, largest]", count=2)
+INTERVAL = schema.sequence_field(DECIBELS, "[low, high]", count=2)
+SHARES = schema.sequence_field(AMOUNT, "a list of numbers", may_be_empty=True)
+VECTOR = schema.sequence_field(COORDINATE, "[x, y, z]", count=3)
+SHAPE = schema.sequence_field(COUNT, "[x, y, z]", count=3)
+MATRIX = schema.sequence_field(schema.sequence_field(COORDINATE, "four numbers", count=4), "a 4 x 4 matrix", count=4)
 
 
 # Data that is copied as it is
@@ -93,7 +91,7 @@ def _parse_data(node: schema.TreeNode) -> Any:
     return node.reject("too many levels", got="", expected=f"at most {_MOST_LEVELS}")
 
 
-DATA_FIELD: schema.FieldType[Any] = schema.FieldType("a mapping", _parse_data)
+DATA: schema.FieldType[Any] = schema.FieldType("a mapping", _parse_data)
 
 
 # Records
@@ -106,7 +104,7 @@ def read_record(field: schema.FieldType[T], value: object) -> T | None:
     return None if problems else record
 
 
-def open_record_field(cls: Callable[..., T]) -> schema.FieldType[T]:
+def open_record(cls: Callable[..., T]) -> schema.FieldType[T]:
     """Return the type of a record that may have keys of other programs, which its field `further` keeps."""
     known = schema.dataclass_field(cls)
     names = schema.field_table(cls)
@@ -114,9 +112,7 @@ def open_record_field(cls: Callable[..., T]) -> schema.FieldType[T]:
     def parse(node: schema.TreeNode) -> Any:
         if not isinstance(node.value, dict):
             return node.reject("not a mapping")
-        further = DATA_FIELD.parse(
-            replace(node, value={key: node.value[key] for key in node.value if key not in names})
-        )
+        further = DATA.parse(replace(node, value={key: node.value[key] for key in node.value if key not in names}))
         if further is schema.INVALID:
             return further
         record: Any = known.read(replace(node, value={key: node.value[key] for key in node.value if key in names}))
@@ -125,7 +121,7 @@ def open_record_field(cls: Callable[..., T]) -> schema.FieldType[T]:
     return schema.FieldType("a mapping", parse)
 
 
-def frames_field(frame: schema.FieldType[OfFrame], expected: str) -> schema.FieldType[tuple[OfFrame, ...]]:
+def frames(frame: schema.FieldType[OfFrame], expected: str) -> schema.FieldType[tuple[OfFrame, ...]]:
     """Return the type of a list of one or more records of frames, in the order of their numbers.
 
     Only the first wrong record is reported: others may have the same mistake.

@@ -11,26 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from renderer.errors import Problem
-from renderer.record.field_types import (
-    AMOUNT_FIELD,
-    AMOUNTS_FIELD,
-    COORDINATE_FIELD,
-    COUNT_FIELD,
-    DATA_FIELD,
-    DECIBELS_FIELD,
-    DIGEST_FIELD,
-    DIGESTS_FIELD,
-    FRAME_FIELD,
-    INTERVAL_FIELD,
-    MATRIX_FIELD,
-    RANGE_FIELD,
-    SHAPE_FIELD,
-    SHARES_FIELD,
-    TEXTS_FIELD,
-    VECTOR_FIELD,
-    frames_field,
-    read_record,
-)
+from renderer.record import field_types as types
 from renderer.record.up_to_date import Fingerprint
 from renderer.scene import ERROR_SECTION, ErrorSpec, PictureKind, check_frame_in_path, schema
 
@@ -39,7 +20,7 @@ _MAPPINGS = schema.sequence_field(schema.MAPPING_FIELD, "a list of mappings")
 
 def _parse_scene(node: schema.TreeNode) -> Any:
     """Parse a recorded scene, which is checked where it is used; paths are taken from these sections anywhere."""
-    scene = DATA_FIELD.parse(node)
+    scene = types.DATA.parse(node)
     if scene is schema.INVALID:
         return scene
     of_volumes = {"volumes": _MAPPINGS} if "volumes" in scene else {"volume": schema.MAPPING_FIELD}
@@ -65,38 +46,36 @@ Amounts = Mapping[str, float]
 class FrameAccuracy:
     """A record of how exact a frame is, by exact rays through some of its pixels."""
 
-    psnr: Annotated[float, DECIBELS_FIELD, "In decibels, of the picture after rounding; 200 where no ray saw an error."]
-    interval: Annotated[Range, INTERVAL_FIELD, "Between these it lies in 95 % of cases, or more."]
-    rays: Annotated[int, COUNT_FIELD, "The rays."]
-    variance: Annotated[float, AMOUNT_FIELD, "Of the rays' squared errors, each weighted by the chance of its pixel."]
-    largest: Annotated[float, AMOUNT_FIELD, "The largest of these."]
-    largest_error: Annotated[float, AMOUNT_FIELD, "The largest error seen of a channel, in [0, 1]."]
+    psnr: Annotated[float, types.DECIBELS, "In decibels, of the picture after rounding; 200 where no ray saw an error."]
+    interval: Annotated[Range, types.INTERVAL, "Between these it lies in 95 % of cases, or more."]
+    rays: Annotated[int, types.COUNT, "The rays."]
+    variance: Annotated[float, types.AMOUNT, "Of the rays' squared errors, each weighted by the chance of its pixel."]
+    largest: Annotated[float, types.AMOUNT, "The largest of these."]
+    largest_error: Annotated[float, types.AMOUNT, "The largest error seen of a channel, in [0, 1]."]
 
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """A record of one frame: what was drawn, and what it cost."""
+    """A record of one frame: its cut and its cost."""
 
-    frame: Annotated[int, FRAME_FIELD, "Its number on the camera's path."]
-    tolerance: Annotated[float, AMOUNT_FIELD, "The tolerance of its cut."]
-    cells: Annotated[int, COUNT_FIELD, "The cells of the cut, each a brick or a splat."]
-    primitives: Annotated[int, COUNT_FIELD, "Those cells that the view can show, which are drawn."]
-    seconds: Annotated[Amounts, AMOUNTS_FIELD, "The time of each step; `encode` is to write and encode the picture."]
-    digest: Annotated[str | None, DIGEST_FIELD, "The digest of its file."] = None
-    digests: Annotated[Mapping[str, str] | None, DIGESTS_FIELD, "Those of its pictures for other outputs."] = None
-    predicted_seconds: Annotated[float | None, AMOUNT_FIELD, "The time predicted for it, on a budget of time."] = None
-    device: Annotated[str | None, "What drew it, where that was on a cluster."] = None
+    frame: Annotated[int, types.FRAME, "Its number on the camera's path."]
+    tolerance: Annotated[float, types.AMOUNT, "The tolerance of its cut."]
+    cells: Annotated[int, types.COUNT, "The cells of the cut, each a brick or a splat."]
+    primitives: Annotated[int, types.COUNT, "The cells that the view can show, which are drawn."]
+    seconds: Annotated[Amounts, types.AMOUNTS, "The time of each step; `encode` is to write and encode the picture."]
+    digest: Annotated[str | None, types.DIGEST, "The digest of its file."] = None
+    digests: Annotated[Mapping[str, str] | None, types.DIGESTS, "The digests of its pictures for other outputs."] = None
+    predicted_seconds: Annotated[float | None, types.AMOUNT, "The time predicted for it, on a budget of time."] = None
+    device: Annotated[str | None, "The device that drew it, on a cluster."] = None
     blank: Annotated[bool, "True where nothing of the volume shows."] = False
-    values: Annotated[Mapping[str, Any] | None, DATA_FIELD, "The values of what moves, by their keys in the scene."] = (
-        None
-    )
+    values: Annotated[Mapping[str, Any] | None, types.DATA, "The values that move, by their keys in the scene."] = None
     accuracy: Annotated[FrameAccuracy | None, "How exact its picture is, where rays have measured it."] = None
     visible: Annotated[
-        tuple[float, ...], SHARES_FIELD, "What each of the film's ranges of scalars adds to its mean opacity."
+        tuple[float, ...], types.SHARES, "The share of each of the film's ranges of scalars in its mean opacity."
     ] = ()
 
     def digest_of(self, kind: PictureKind) -> str | None:
-        """Return the digest of its picture of a kind; of one that is not recorded, that of the first."""
+        """Return the digest of its picture of a kind, or else of its first picture."""
         return (self.digests or {}).get(kind.name, self.digest)
 
     @property
@@ -106,12 +85,12 @@ class FrameRecord:
 
 
 _FRAME = schema.dataclass_field(FrameRecord)
-_FRAMES = frames_field(_FRAME, "a list of one or more records of frames")
+_FRAMES = types.frames(_FRAME, "a list of one or more records of frames")
 
 
 def read_frame_record(value: object) -> FrameRecord | None:
     """Return the record of a frame in plain data; None where it is none."""
-    return read_record(_FRAME, value)
+    return types.read_record(_FRAME, value)
 
 
 # Parts of a film's record
@@ -122,10 +101,10 @@ class VolumeRecord:
     """A record of the volume that was drawn."""
 
     name: Annotated[str, "The name of its file, or of its formula."]
-    fingerprint: Annotated[str, DIGEST_FIELD, "The digest of its voxels and their place in the world."]
+    fingerprint: Annotated[str, types.DIGEST, "The digest of its voxels and their place in the world."]
     dtype: Annotated[str, "The type of its voxels."]
-    shape: Annotated[tuple[int, int, int], SHAPE_FIELD, "Its voxels along x, y and z."]
-    world_from_index: Annotated[tuple[tuple[float, ...], ...], MATRIX_FIELD, "From voxel indices to the world, 4 x 4."]
+    shape: Annotated[tuple[int, int, int], types.SHAPE, "Its voxels along x, y and z."]
+    world_from_index: Annotated[tuple[tuple[float, ...], ...], types.MATRIX, "From voxel indices to the world, 4 x 4."]
     unit: Annotated[str, "Of lengths in the world, where it is known."] = ""
 
 
@@ -133,27 +112,27 @@ class VolumeRecord:
 class CameraRecord:
     """A record of where the camera was."""
 
-    target: Annotated[tuple[float, ...], VECTOR_FIELD, "The world position that it looks at."]
-    distance: Annotated[float, AMOUNT_FIELD, "From the eye to the target, in world units."]
+    target: Annotated[tuple[float, ...], types.VECTOR, "The world position that it looks at."]
+    distance: Annotated[float, types.AMOUNT, "From the eye to the target, in world units."]
 
 
 @dataclass(frozen=True)
 class PyramidRecord:
     """A record of the pyramid of averages and errors."""
 
-    levels: Annotated[int, COUNT_FIELD, "Its levels above the voxels."]
-    bytes: Annotated[int, COUNT_FIELD, "Its memory."]
-    finest_level_drawn: Annotated[int, COUNT_FIELD, "The level of the smallest cells that could be drawn."]
+    levels: Annotated[int, types.COUNT, "Its levels above the voxels."]
+    bytes: Annotated[int, types.COUNT, "Its memory."]
+    finest_level_drawn: Annotated[int, types.COUNT, "The level of the smallest cells that could be drawn."]
 
 
 @dataclass(frozen=True)
 class MeasuredRecord:
     """A record of the search for the tolerance of an accuracy."""
 
-    metric: Annotated[str, "What was measured: `psnr` or `rmse`."]
-    frame: Annotated[int, FRAME_FIELD, "The probe frame with the worst value."]
-    probes: Annotated[tuple[Annotated[int, FRAME_FIELD], ...], "All probe frames."]
-    worst: Annotated[float | None, AMOUNT_FIELD, "The worst value; left out for the PSNR of equal pictures."] = None
+    metric: Annotated[str, "The metric: `psnr` or `rmse`."]
+    frame: Annotated[int, types.FRAME, "The probe frame with the worst value."]
+    probes: Annotated[tuple[Annotated[int, types.FRAME], ...], "All probe frames."]
+    worst: Annotated[float | None, types.AMOUNT, "The worst value; left out for the PSNR of equal pictures."] = None
 
 
 @dataclass(frozen=True)
@@ -161,11 +140,11 @@ class ScheduleRecord:
     """A record of the accuracy that was requested and reached."""
 
     requested: Annotated[ErrorSpec, ERROR_SECTION, "The accuracy, as a section `error` of a scene."]
-    tolerance: Annotated[Range, RANGE_FIELD, "The smallest and the largest tolerance of a frame."]
-    cells: Annotated[Range, RANGE_FIELD, "The smallest and the largest number of cells of a frame."]
-    met: Annotated[bool, "Whether what was requested was reached."]
+    tolerance: Annotated[Range, types.RANGE, "The smallest and the largest tolerance of a frame."]
+    cells: Annotated[Range, types.RANGE, "The smallest and the largest number of cells of a frame."]
+    met: Annotated[bool, "Whether the requested accuracy was reached."]
     reproducible: Annotated[bool, "False where the tolerances depend on the speed of the machine."]
-    shortfall: Annotated[str | None, "What was not reached."] = None
+    shortfall: Annotated[str | None, "The part of the request that was not reached."] = None
     measured: Annotated[MeasuredRecord | None, "The search for an accuracy."] = None
     made_from: Annotated[str | None, "The sidecar of the film that this one was made again from."] = None
 
@@ -174,46 +153,48 @@ class ScheduleRecord:
 class WorstFrame:
     """A record of the frame that is the least exact by its own rays."""
 
-    frame: Annotated[int, FRAME_FIELD, "Its number."]
-    psnr: Annotated[float, DECIBELS_FIELD, "In decibels."]
-    interval: Annotated[Range, INTERVAL_FIELD, "Between these it lies in 95 % of cases, or more."]
+    frame: Annotated[int, types.FRAME, "Its number."]
+    psnr: Annotated[float, types.DECIBELS, "In decibels."]
+    interval: Annotated[Range, types.INTERVAL, "Between these it lies in 95 % of cases, or more."]
 
 
 @dataclass(frozen=True)
 class FileAccuracy:
-    """A record of what an encoder has kept of the frames."""
+    """A record of the accuracy that is left after encoding."""
 
-    psnr: Annotated[float, DECIBELS_FIELD, "In decibels, of the film as it is decoded, from the exact pictures."]
-    psnr_of_encoding: Annotated[float, DECIBELS_FIELD, "The same from the frames as they were drawn."]
-    frames: Annotated[int, COUNT_FIELD, "The frames that were decoded and compared, the first ones."]
+    psnr: Annotated[float, types.DECIBELS, "In decibels, of the film as it is decoded, from the exact pictures."]
+    psnr_of_encoding: Annotated[float, types.DECIBELS, "The same from the frames as they were drawn."]
+    frames: Annotated[int, types.COUNT, "The frames that were decoded and compared, the first ones."]
 
 
 @dataclass(frozen=True)
 class FilmAccuracy:
     """A record of how exact the frames of a film are together, by their rays."""
 
-    psnr: Annotated[float, DECIBELS_FIELD, "In decibels, of their mean squared error."]
-    interval: Annotated[Range, INTERVAL_FIELD, "Between these it lies in 95 % of cases, or more."]
-    rays: Annotated[int, COUNT_FIELD, "The rays through all frames."]
+    psnr: Annotated[float, types.DECIBELS, "In decibels, of their mean squared error."]
+    interval: Annotated[Range, types.INTERVAL, "Between these it lies in 95 % of cases, or more."]
+    rays: Annotated[int, types.COUNT, "The rays through all frames."]
     worst: Annotated[WorstFrame, "The least exact frame."]
-    largest_error: Annotated[float, AMOUNT_FIELD, "The largest error seen of a channel, in [0, 1]."]
+    largest_error: Annotated[float, types.AMOUNT, "The largest error seen of a channel, in [0, 1]."]
     method: Annotated[str, "How the pixels of the rays were chosen."]
-    seed: Annotated[int, COUNT_FIELD, "Of their choice, beside the number of the frame."]
-    file: Annotated[FileAccuracy | None, "What a film in one file keeps of them; PNG files keep all."] = None
+    seed: Annotated[int, types.COUNT, "Of their choice, beside the number of the frame."]
+    file: Annotated[
+        FileAccuracy | None, "The accuracy after encoding, of a film in one file; PNG files lose nothing."
+    ] = None
 
 
 @dataclass(frozen=True)
 class VisibleRange:
-    """A record of what the scalars of a range show of all that is visible."""
+    """A record of the share that a range of scalars has of everything visible."""
 
     share: Annotated[
-        float, AMOUNT_FIELD, "The sum of transmittance times opacity; the shares of all ranges add up to 1."
+        float, types.AMOUNT, "The sum of transmittance times opacity; the shares of all ranges add up to 1."
     ]
-    opacity: Annotated[float, AMOUNT_FIELD, "Its largest opacity, per unit of the transfer function."]
-    low: Annotated[float | None, COORDINATE_FIELD, "Its smallest scalar; left out where there is none."] = None
-    high: Annotated[float | None, COORDINATE_FIELD, "The scalar at which it ends; left out where there is none."] = None
+    opacity: Annotated[float, types.AMOUNT, "Its largest opacity, per unit of the transfer function."]
+    low: Annotated[float | None, types.COORDINATE, "Its smallest scalar; left out where there is none."] = None
+    high: Annotated[float | None, types.COORDINATE, "The scalar at which it ends; left out where there is none."] = None
     name: Annotated[str | None, "Of labels: which they are; their values lie between the two."] = None
-    layer: Annotated[int | None, COUNT_FIELD, "Of several volumes, which one, from 0."] = None
+    layer: Annotated[int | None, types.COUNT, "Of several volumes, which one, from 0."] = None
 
 
 @dataclass(frozen=True)
@@ -221,12 +202,12 @@ class OutputRecord:
     """A record of a further file of the same drawing."""
 
     file: Annotated[str, "Its name, or the template of its frames, relative to the sidecar."]
-    frames: Annotated[int, COUNT_FIELD, "Its frames."]
-    digest: Annotated[str | None, DIGEST_FIELD, "The digest of a film in one file."] = None
+    frames: Annotated[int, types.COUNT, "Its frames."]
+    digest: Annotated[str | None, types.DIGEST, "The digest of a film in one file."] = None
     psnr_of_encoding: Annotated[
         float | None,
-        DECIBELS_FIELD,
-        "In decibels, of its first frames as they are decoded from those as they were drawn.",
+        types.DECIBELS,
+        "In decibels, of its first frames after decoding, compared with the drawn ones.",
     ] = None
 
 
@@ -234,7 +215,7 @@ class OutputRecord:
 class FilmVisibility:
     """A record of which scalars the pictures of a film show: its visibility histogram, by the rays of its accuracy."""
 
-    coverage: Annotated[float, AMOUNT_FIELD, "The mean opacity of the pictures."]
+    coverage: Annotated[float, types.AMOUNT, "The mean opacity of the pictures."]
     ranges: Annotated[
         tuple[VisibleRange, ...],
         "Between control points of the transfer function, at most 12, or 48 of labels; several volumes share these.",
@@ -245,20 +226,20 @@ class FilmVisibility:
 class DifferenceRecord:
     """A record of how much a pass changed."""
 
-    rmse: Annotated[float, AMOUNT_FIELD, "The root mean square change of pixels and channels in [0, 1]."]
-    frames: Annotated[int, COUNT_FIELD, "The frames that were compared."]
-    psnr_db: Annotated[float | None, COORDINATE_FIELD, "The same in decibels; left out where nothing changed."] = None
+    rmse: Annotated[float, types.AMOUNT, "The root mean square change of pixels and channels in [0, 1]."]
+    frames: Annotated[int, types.COUNT, "The frames that were compared."]
+    psnr_db: Annotated[float | None, types.COORDINATE, "The same in decibels; left out where nothing changed."] = None
 
 
 @dataclass(frozen=True)
 class PassRecord:
     """A record of one pass of a progressive film."""
 
-    tolerance: Annotated[Range, RANGE_FIELD, "The smallest and the largest tolerance of a frame."]
-    cells: Annotated[Range, RANGE_FIELD, "The smallest and the largest number of cells of a frame."]
-    predicted_seconds: Annotated[float, AMOUNT_FIELD, "The time that was predicted for it."]
-    seconds: Annotated[float, AMOUNT_FIELD, "The time that it took."]
-    after_seconds: Annotated[float, AMOUNT_FIELD, "When it was finished, from the start of the job."]
+    tolerance: Annotated[Range, types.RANGE, "The smallest and the largest tolerance of a frame."]
+    cells: Annotated[Range, types.RANGE, "The smallest and the largest number of cells of a frame."]
+    predicted_seconds: Annotated[float, types.AMOUNT, "The time that was predicted for it."]
+    seconds: Annotated[float, types.AMOUNT, "The time that it took."]
+    after_seconds: Annotated[float, types.AMOUNT, "When it was finished, from the start of the job."]
     difference: Annotated[DifferenceRecord | None, "From the pass before."] = None
 
 
@@ -267,9 +248,9 @@ class PartRecord:
     """A record of a part that a film was assembled from."""
 
     sidecar: Annotated[str, "The sidecar of the part, relative to this one."]
-    frames: Annotated[Range, RANGE_FIELD, "The first and the last frame that was taken."]
-    num_frames: Annotated[int, COUNT_FIELD, "The number of frames that were taken."]
-    seconds: Annotated[Amounts, AMOUNTS_FIELD, "What the part took."]
+    frames: Annotated[Range, types.RANGE, "The first and the last frame that was taken."]
+    num_frames: Annotated[int, types.COUNT, "The number of frames that were taken."]
+    seconds: Annotated[Amounts, types.AMOUNTS, "The time of each step of the part."]
     measured: Annotated[MeasuredRecord | None, "The search for an accuracy."] = None
 
 
@@ -278,19 +259,19 @@ class BrickMemoryRecord:
     """A record of the memory of bricks, on which no byte of a picture depends."""
 
     needed: Annotated[
-        int, COUNT_FIELD, "Bytes of all visible bricks: where they exceed the limit, some are made again."
+        int, types.COUNT, "Bytes of all visible bricks: where they exceed the limit, some are made again."
     ]
-    limit: Annotated[int, COUNT_FIELD, "The most bytes that bricks could take, by `--memory` or by what was free."]
+    limit: Annotated[int, types.COUNT, "The most bytes that bricks could take, by `--memory` or by the free memory."]
 
 
 @dataclass(frozen=True)
 class FilmFingerprint:
-    """A fingerprint of a film: what it depends on, besides the numbers of its frames."""
+    """A fingerprint of a film: all that it depends on, besides the numbers of its frames."""
 
-    frames_digest: Annotated[str, DIGEST_FIELD, "The digest of `depends_on`."]
-    encoding: Annotated[Mapping[str, Any], DATA_FIELD, "How the frames were encoded."]
+    frames_digest: Annotated[str, types.DIGEST, "The digest of `depends_on`."]
+    encoding: Annotated[Mapping[str, Any], types.DATA, "How the frames were encoded."]
     depends_on: Annotated[
-        Mapping[str, Any], DATA_FIELD, "Scene, voxels, versions and device that the frames depend on."
+        Mapping[str, Any], types.DATA, "Scene, voxels, versions and device that the frames depend on."
     ]
 
     @property
@@ -301,7 +282,7 @@ class FilmFingerprint:
 
 @dataclass(frozen=True, kw_only=True)
 class FilmRecord:
-    """A record of how a film was made, and what it cost: the content of its sidecar."""
+    """A record of the making of a film, and its cost: the content of the sidecar."""
 
     scene: Annotated[
         Mapping[str, Any],
@@ -311,13 +292,15 @@ class FilmRecord:
     volume: Annotated[VolumeRecord, "The volume; of several, the first, with the digest of all their fingerprints."]
     camera: Annotated[CameraRecord, "The camera."]
     pyramid: Annotated[PyramidRecord, "The pyramid."]
-    device: Annotated[str, "What drew the frames: device and driver of OpenGL for splats, the processor for bricks."]
+    device: Annotated[
+        str, "The device that drew the frames: OpenGL's with its driver for splats, the processor for bricks."
+    ]
     versions: Annotated[
-        Mapping[str, str], TEXTS_FIELD, "Versions of Python, hsplat and the packages that bytes depend on."
+        Mapping[str, str], types.TEXTS, "Versions of Python, hsplat and the packages that bytes depend on."
     ]
     schedule: Annotated[ScheduleRecord, "The accuracy."]
-    notes: Annotated[tuple[str, ...], "What the user should know."]
-    seconds: Annotated[Amounts, AMOUNTS_FIELD, "The time of each step of the whole film."]
+    notes: Annotated[tuple[str, ...], "Notes for the user."]
+    seconds: Annotated[Amounts, types.AMOUNTS, "The time of each step of the whole film."]
     accuracy: Annotated[FilmAccuracy | None, "How exact the frames are, where rays have measured all of them."] = None
     visibility: Annotated[FilmVisibility | None, "Which scalars the pictures show, where rays have told."] = None
     volumes: Annotated[tuple[VolumeRecord, ...], "Each volume, of several."] = ()
@@ -325,7 +308,7 @@ class FilmRecord:
     passes: Annotated[tuple[PassRecord, ...], "Passes of a progressive film."] = ()
     parts: Annotated[tuple[PartRecord, ...], "Parts of an assembled film."] = ()
     fingerprint: Annotated[FilmFingerprint | None, "Left out where one pass would not have made this film."] = None
-    digest: Annotated[str | None, DIGEST_FIELD, "The digest of a film in one file."] = None
+    digest: Annotated[str | None, types.DIGEST, "The digest of a film in one file."] = None
     outputs: Annotated[tuple[OutputRecord, ...], "Further files of the same drawing."] = ()
     # The frames, of which there are many, come last in the file.
     frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "The frames, ascending."]

@@ -24,7 +24,7 @@ from renderer.scene import (
     without_sources,
 )
 
-# These keys say what is in the frames; others say how they become a film, and what is told of it.
+# The keys of an output that change the frames; others are about the encoding and the name of the film.
 _DRAWN_KEYS = ("size", "background")
 _NOT_ENCODED = ("file",)
 

@@ -70,7 +70,7 @@ class FinishedFilm:
         )
 
     def require_volumes(self, fingerprint: str, names: Sequence[str]) -> None:
-        """Raise InputError unless volumes of these names, with this joint fingerprint, are those that it shows."""
+        """Raise InputError unless it shows the volumes of these names, which have this joint fingerprint."""
         if fingerprint != self.record.volume.fingerprint:
             raise InputError(
                 "the film was made from another volume",
@@ -86,7 +86,7 @@ class FinishedFilm:
         return self.record.schedule.met and "total" in self.record.seconds
 
     def is_up_to_date(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> bool:
-        """Return whether it is the film that is requested, and its files are those that were written."""
+        """Return whether it is the requested film, and its files are unchanged."""
         return not self._change(fingerprint, frames) and self.is_complete and self._changed_file(output) is None
 
     def why_stale(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> str:

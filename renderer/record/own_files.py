@@ -1,6 +1,6 @@
-"""Know which files a film has made, so that it replaces no other one that has their names.
+"""Tell which files a film has made, so that it replaces no other file of the same name.
 
-The first output may be that of another film, of which a note tells. A further output may belong to a film that is still
+The first output may belong to another film, and a note says so. A further output may belong to a film that is still
 wanted, and nobody named the sidecar.
 """
 

@@ -36,7 +36,7 @@ class Fingerprint:
         return cls(data_digest(data), data)
 
     def change(self, now: Fingerprint) -> str:
-        """Return the difference of what is made now from what has this fingerprint, in words; empty without any."""
+        """Return how this recorded fingerprint differs from the one of now, in words; empty where it does not."""
         return "" if self.digest == now.digest else describe_mismatch(self.depends_on, now.depends_on)
 
 

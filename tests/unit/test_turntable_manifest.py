@@ -15,7 +15,7 @@ from commands import environment, other_process
 
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import (
-    FILM_ENTRY_FIELD,
+    FILM_ENTRY,
     MANIFEST,
     MANIFEST_FILE,
     FilmRequest,
@@ -24,13 +24,13 @@ from hsplat_cli.turntable import (
     write_scene,
 )
 from renderer.errors import InputError, RenderError
-from renderer.record import read_record, record_to_json
+from renderer.record import field_types, record_to_json
 from renderer.scene import FileSource, VolumeSpec
 from renderer.suggest import FilmOptions
 
 
 def update(folder: Path, records: list[dict[str, Any]], *lock_timeout_s: float) -> None:
-    entries = [read_record(FILM_ENTRY_FIELD, each) for each in records]
+    entries = [field_types.read_record(FILM_ENTRY, each) for each in records]
     update_manifest(folder, [each for each in entries if each is not None], Reporter(), *lock_timeout_s)
 
 
@@ -159,8 +159,10 @@ def test_damaged_records_are_dropped_and_others_stay(tmp_path: Path, capsys: pyt
         record("e", more=deep),
     ]
     odd = [record("a") | {"scene": scene} for scene in ("\ud800.yaml", "a\0.yaml", "..", "", "/", "a" * 300)]
-    (tmp_path / MANIFEST_FILE).write_text(json.dumps({"films": [good, *broken, *odd]}), encoding="utf-8")
+    content = {"made": ["by hand"], "films": [good, *broken, *odd]}
+    (tmp_path / MANIFEST_FILE).write_text(json.dumps(content), encoding="utf-8")
     update(tmp_path, [record("z")])
+    assert json.loads((tmp_path / MANIFEST_FILE).read_bytes())["made"] == ["by hand"]
     found = films(tmp_path)
     assert (found[0], found[-1]) == (good, record("z"))
     assert all(each in odd for each in found[1:-1])

@@ -13,21 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from renderer.errors import InputError
-from renderer.record import (
-    DATA_FIELD,
-    DIGEST_FIELD,
-    FRAME_FIELD,
-    LINE_FIELD,
-    LINE_TEXT,
-    LINES_FIELD,
-    SHAPE_FIELD,
-    FilmRecord,
-    RecordFile,
-    describe_differences,
-    frames_field,
-    is_line,
-    record_to_json,
-)
+from renderer.record import FilmRecord, RecordFile, describe_differences, field_types as types, record_to_json
 from renderer.scene import format_value, schema, short_text
 
 PROVENANCE_FILE = "golden.json"
@@ -43,20 +29,20 @@ GOLDEN_FILE = re.compile(r"frame-([0-9]{4,9})\.png")
 class Golden:
     """A golden frame. digest: of its file, from `renderer.film.file_digest`. date: given by the user."""
 
-    frame: Annotated[int, FRAME_FIELD]
-    file: Annotated[str, LINE_FIELD]
-    digest: Annotated[str, DIGEST_FIELD]
-    date: Annotated[str | None, LINE_FIELD] = None
+    frame: Annotated[int, types.FRAME]
+    file: Annotated[str, types.LINE]
+    digest: Annotated[str, types.DIGEST]
+    date: Annotated[str | None, types.LINE] = None
 
 
 @dataclass(frozen=True)
 class GoldenVolume:
     """The volume that goldens show. fingerprint: of its voxels."""
 
-    name: Annotated[str, LINE_FIELD]
-    fingerprint: Annotated[str, DIGEST_FIELD]
-    shape: Annotated[tuple[int, int, int], SHAPE_FIELD]
-    dtype: Annotated[str, LINE_FIELD]
+    name: Annotated[str, types.LINE]
+    fingerprint: Annotated[str, types.DIGEST]
+    shape: Annotated[tuple[int, int, int], types.SHAPE]
+    dtype: Annotated[str, types.LINE]
 
 
 @dataclass(frozen=True)
@@ -67,9 +53,9 @@ class GoldenOrigin:
     """
 
     volume: GoldenVolume
-    device: Annotated[str, LINE_FIELD]
-    scene: Annotated[Mapping[str, Any], DATA_FIELD]
-    versions: Annotated[Mapping[str, str], LINES_FIELD]
+    device: Annotated[str, types.LINE]
+    scene: Annotated[Mapping[str, Any], types.DATA]
+    versions: Annotated[Mapping[str, str], types.LINES]
 
     def changes(self, now: GoldenOrigin, *parts: str) -> str:
         """Return the first few changes of another origin, or of some parts of it: `scene.error.tolerance was 0.1`.
@@ -92,7 +78,7 @@ def _check_golden(node: schema.TreeNode, given: dict[str, Any]) -> None:
             node.child("file", given["file"]).reject("not the file of this frame", expected=expected)
 
 
-_FRAMES = frames_field(
+_FRAMES = types.frames(
     schema.dataclass_field(Golden, _check_golden), "a list of one or more frames, each with frame, file and digest"
 )
 
@@ -149,7 +135,7 @@ def _without(mapping: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 def parse_date(text: str | None) -> str | None:
     """Check the value of `--date`, any text of one line. Raises InputError."""
-    if text is not None and not is_line(text):
-        expected = f"{LINE_TEXT}, such as 2026-11-21"
+    if text is not None and not types.is_line(text):
+        expected = f"{types.LINE_TEXT}, such as 2026-11-21"
         raise InputError("not a date that can be recorded", where="--date", got=format_value(text), expected=expected)
     return text

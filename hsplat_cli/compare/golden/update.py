@@ -1,4 +1,4 @@
-"""Write goldens: the first ones, or new ones after the user has seen what changes.
+"""Write goldens: the first ones, or new ones after the user has seen the changes.
 
 All files change together at the end, in an order that survives a kill at any moment: removed goldens first, then
 golden.json, then the new goldens. After a kill golden.json may list a missing or outdated golden, which the next update
@@ -46,8 +46,8 @@ _MAX_NAMES = 5
 class GoldenOptions:
     """A choice of the options of `hsplat golden`.
 
-    frames: None for those that are golden already, or for all frames at first. date: of changed pictures; the others
-    keep theirs. prune: removes goldens of other frames.
+    frames: None for the frames that are golden already, or for all frames at first.
+    date: of changed pictures; the others keep their dates. prune: removes goldens of other frames.
     """
 
     folder: Path
