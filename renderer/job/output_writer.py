@@ -26,6 +26,7 @@ from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
 from renderer.record import (
+    SIDECAR,
     FilmFingerprint,
     FilmRecord,
     FrameRecord,
@@ -33,7 +34,6 @@ from renderer.record import (
     naming_mark,
     require_own_files,
     with_encoding_loss,
-    write_sidecar,
 )
 from renderer.scene import OutputFile, OutputSpec, relative_path, with_files
 from renderer.system import overlap
@@ -148,7 +148,7 @@ class OutputWriter:
         digest = digests.get(self.spec.file)
         record = replace(record, fingerprint=fingerprint, accuracy=accuracy, digest=digest, outputs=outputs)
         record = _relative_to(self.sidecar.parent, record)
-        write_sidecar(self.sidecar, record, self.folder)
+        SIDECAR.write(self.sidecar, record, self.folder)
         self.remove_mark()
         return record
 

@@ -48,7 +48,7 @@ def _version(record: FilmRecord) -> str:
 
 
 def methods_text(record: FilmRecord, sidecar: Path) -> str:
-    """Return a paragraph on what was drawn, how, and how exact the file is, as far as that was measured.
+    """Return a paragraph on the volume, the method and the measured accuracy of a film.
 
     Raises SceneError for a record whose scene has mistakes.
     """
@@ -101,7 +101,7 @@ def _drawing_sentence(record: FilmRecord, given: Mapping[str, Any]) -> str:
 
 
 def _light_sentence(shadings: list[Any]) -> str:
-    """Return what lights the scene or any of its volumes, or what moves to do so."""
+    """Return the light of the scene or of one of its volumes, or the motion of a light."""
     words = [word for key, word in _LIGHT.items() if any(getattr(each, key) not in (None, 0) for each in shadings)]
     return f"There was {join_words(['Lambertian shading', *words], 'and') if shadings else 'no shading'}."
 

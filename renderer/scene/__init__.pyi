@@ -55,7 +55,7 @@ from .input_file import (
     read_json_object as read_json_object,
     require_file as require_file,
 )
-from .json_tree import is_shallow as is_shallow, load_json_object as load_json_object
+from .json_tree import is_plain_data as is_plain_data, load_json_object as load_json_object
 from .labels_section import (
     MAX_LABEL as MAX_LABEL,
     MAX_LABELS as MAX_LABELS,

@@ -81,7 +81,9 @@ def _problems_in(data: object) -> Iterator[Problem]:
             stack += [(join_keys(path, index), value) for index, value in reversed(list(enumerate(item)))]
 
 
-def is_shallow(value: object, num_levels: int) -> bool:
-    """Return whether plain data has at most this number of levels, as data that is copied unchecked must."""
+def is_plain_data(value: object, num_levels: int) -> bool:
+    """Return whether data can be copied to another JSON file: of at most so many levels, and with finite numbers."""
+    if isinstance(value, float):
+        return math.isfinite(value)
     items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return num_levels >= 0 and all(is_shallow(item, num_levels - 1) for item in items)
+    return num_levels >= 0 and all(is_plain_data(item, num_levels - 1) for item in items)

@@ -305,7 +305,7 @@ def _field_type(hint: Any) -> FieldType[Any] | None:
 
 def required_keys(cls: Any) -> list[str]:
     """Return the names of a dataclass's fields that have no default."""
-    return [field.name for field in fields(cls) if field.default is MISSING]
+    return [each.name for each in fields(cls) if each.default is MISSING and each.default_factory is MISSING]
 
 
 def _mapping_with(table: FieldTable, required: Collection[str]) -> str:

@@ -76,6 +76,10 @@ class TreeNode:
         """Return the node of the key `key` itself; `value` is the key to check, None for problems with its presence."""
         return replace(self.child(key, value), is_key=True)
 
+    def expecting(self, expected: str) -> TreeNode:
+        """Return the node of the same value, of which a type expects this; it is made for each value that is read."""
+        return TreeNode(self.value, self.path, self.problems, self.base, self.is_key, expected, self.words, self.film)
+
     def reject(self, what: str, **parts: str | None) -> Any:
         """Add a problem with this value or key, and return INVALID.
 
@@ -124,11 +128,11 @@ class FieldType(Generic[T]):
 
     def parse(self, node: TreeNode) -> T:
         """Return the checked value, which is not None, or INVALID."""
-        return self.parser(replace(node, expected=self.expected))
+        return self.parser(node.expecting(self.expected))
 
     def reject(self, node: TreeNode, what: str, **parts: str | None) -> T:
         """Add a problem with a value that is not of this type, as `TreeNode.reject` does, and return INVALID."""
-        invalid: T = replace(node, expected=self.expected).reject(what, **parts)
+        invalid: T = node.expecting(self.expected).reject(what, **parts)
         return invalid
 
 

@@ -55,6 +55,7 @@ def test_right_content_is_read(job: FilmJob, tmp_path: Path) -> None:
 FORGED: list[Callable[[dict[str, Any]], Any]] = [
     lambda data: data.clear(), lambda data: data["frames"][0].update(date=""),
     lambda data: data["frames"][0].update(date="two\nlines"), lambda data: data.update(scene=[]),
+    lambda data: data.update(scene={"a": json.loads(20 * "[" + 20 * "]")}),
     lambda data: data.update(versions={"numpy": 2}), lambda data: data["volume"].update(fingerprint=DIGEST.upper()),
     lambda data: data["volume"].update(shape=[1, 2]), lambda data: data["volume"].update(shape=[1, 2, -3]),
     lambda data: data.update(frames={}), lambda data: data["frames"].append(data["frames"][-1]),
