@@ -28,6 +28,5 @@ from .isolation import call_reader as call_reader, read_isolated as read_isolate
 from .nrrd import read_nrrd as read_nrrd
 from .procedural import procedural_values as procedural_values
 from .recent_images import ImageRequest as ImageRequest, RecentImages as RecentImages
-from .sniff import find_format as find_format
 from .statements import FormatTable as FormatTable, Statement as Statement
 from .volume_reading import crop_image as crop_image

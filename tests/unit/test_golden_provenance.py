@@ -88,12 +88,10 @@ def test_damaged_content_is_refused_or_read(job: FilmJob, tmp_path: Path) -> Non
         why_refused(job, tmp_path, bytes(changed))
 
 
-def test_a_file_that_is_too_large_and_a_folder_are_not_parsed(
-    job: FilmJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("hsplat_cli.compare.golden.provenance.MAX_PROVENANCE_BYTES", 1000)
-    message = why_refused(job, tmp_path, b"{" + b" " * 1000)
-    assert "too large for a golden.json\n  expected: at most 1000 bytes" in message
+def test_a_file_that_is_too_large_and_a_folder_are_not_parsed(job: FilmJob, tmp_path: Path) -> None:
+    with (tmp_path / "golden.json").open("wb") as file:
+        file.truncate(2**27 + 1)
+    assert f"too large for a golden.json\n  expected: at most {2**27} bytes" in why_refused(job, tmp_path)
     (tmp_path / "golden.json").unlink()
     (tmp_path / "golden.json").mkdir()
     assert "not a file" in why_refused(job, tmp_path)
