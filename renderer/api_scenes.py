@@ -67,7 +67,7 @@ def make_scene(
     given = {name: _plain(value) for name, value in options.items() if value is not None}
     is_new, array = not isinstance(source, FilmScene), None
     if isinstance(source, FilmScene):
-        tree, array = scene_to_dict(source), source.at(0).volume.source
+        tree, array = scene_to_dict(source), source.at(0).layers[0].volume.source
     elif isinstance(source, (str, os.PathLike)):
         tree = _turntable() | {"volume": {"file": os.fspath(source)}}
     else:
@@ -79,19 +79,28 @@ def make_scene(
     wish = _wish(given.get("transfer_function"))
     scene = _parse(_with_options(tree, given), is_single_frame=is_single_frame)
     if isinstance(array, ArraySource):
-        stand_in = scene.at(0).volume.source
+        stand_in = scene.at(0).layers[0].volume.source
         assert isinstance(stand_in, ProceduralSource)
         placed = replace(array, spacing=stand_in.spacing)
-        scene = scene.changed(lambda each: replace(each, volume=replace(each.volume, source=placed)))
+        scene = scene.changed(lambda each: _with_source(each, placed))
     # Plain data do not record the origin of a transfer function.
     if isinstance(source, FilmScene) and "transfer_function" not in given:
-        scene = scene.changed(_with_transfer_function, source)
+        scene = scene.changed(_with_transfer_functions, source)
     suggests = wish is not None or (is_new and "transfer_function" not in given)
     return resolve_scene(_with_suggestion(scene, wish) if suggests else scene, read_volume)
 
 
-def _with_transfer_function(scene: Scene, other: Scene) -> Scene:
-    return replace(scene, transfer_function=other.transfer_function)
+def _with_source(scene: Scene, source: ArraySource) -> Scene:
+    """Return a scene whose first volume has another source."""
+    first, *others = scene.layers
+    first = replace(first, volume=replace(first.volume, source=source))
+    return replace(scene, layers=(first, *others))
+
+
+def _with_transfer_functions(scene: Scene, other: Scene) -> Scene:
+    pairs = zip(scene.layers, other.layers, strict=True)
+    layers = (replace(layer, transfer_function=same.transfer_function) for layer, same in pairs)
+    return replace(scene, layers=tuple(layers))
 
 
 def _wish(transfer_function: Any) -> Wish | None:
@@ -217,7 +226,7 @@ def _with_suggestion(scene: FilmScene, wish: Wish | None) -> FilmScene:
     """Return the scene with the suggestions for its volume."""
     from renderer.suggest import suggest_for
 
-    found = suggest_for(scene.at(0).volume, read_volume, wish=wish or Wish())
+    found = suggest_for(scene.at(0).layers[0].volume, read_volume, wish=wish or Wish())
     return scene.changed(found.applied_to)
 
 

@@ -7,17 +7,16 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from hsplat_cli.compare.file_pairs import read_pairs
 from hsplat_cli.compare.golden.provenance import (
     GOLDEN_FILE,
+    PROVENANCE,
     PROVENANCE_FILE,
     Golden,
+    GoldenOrigin,
     Provenance,
-    describe_changes,
     origin_from_record,
-    read_provenance,
 )
 from hsplat_cli.compare.outcome import Pairs
 from hsplat_cli.compare.picture_file import MAX_PIXELS, is_picture
@@ -25,9 +24,9 @@ from hsplat_cli.compare.rules import Rules
 from hsplat_cli.scenes import SceneRequest, load_job
 from hsplat_cli.terminal import FilmEvents, Reporter, parse_frames
 from renderer.errors import InputError, RenderError
-from renderer.film import file_matches_digest, frame_path
+from renderer.film import frame_path
 from renderer.job import FilmJob
-from renderer.record import FilmRecord
+from renderer.record import FilmRecord, MadeFile
 from renderer.scene import MetricTarget, TimeBudget, counted, first_few, schedule_to_dict
 
 _TEMPLATE = Path("frame-{frame}.png")
@@ -115,7 +114,7 @@ def open_scene_pairs(request: SceneRequest, folder: Path, rules: Rules, reporter
     """
     provenance, unlisted = _read_folder(folder)
     job = load_reproducible_job(request)
-    goldens = _select_goldens(provenance.goldens, request.frames, job, folder)
+    goldens = _select_goldens(provenance.frames, request.frames, job, folder)
     drawable = frozenset(job.frames)
     numbers = [golden.frame for golden in goldens if golden.frame in drawable]
     if not numbers:
@@ -128,11 +127,11 @@ def open_scene_pairs(request: SceneRequest, folder: Path, rules: Rules, reporter
     names = [golden.file for golden in goldens]
     rules.require_frames(names)  # before rendering
     with rendered_frames(job, numbers, reporter) as (files, record):
-        before, now = provenance.origin, origin_from_record(record)
-        notes = [*_origin_notes(before, now), *_file_notes(folder, goldens, unlisted), *record.notes]
+        now = origin_from_record(record)
+        notes = [*_origin_notes(provenance, now), *_file_notes(folder, goldens, unlisted), *record.notes]
         kept = {golden.file: path for golden in goldens if (path := folder / golden.file).exists()}
         drawn = {golden.file: files[golden.frame] for golden in goldens if golden.frame in files}
-        yield Pairs(names, read_pairs(names, kept, drawn, are_recorded=True), notes, _facts(before, now))
+        yield Pairs(names, read_pairs(names, kept, drawn, are_recorded=True), notes, _facts(provenance, now))
 
 
 def _read_folder(folder: Path) -> tuple[Provenance, Sequence[str]]:
@@ -155,8 +154,8 @@ def _read_folder(folder: Path) -> tuple[Provenance, Sequence[str]]:
             got=counted(len(names), "PNG file"),
             hint=f"{hint}; a folder of frames is compared with another folder",
         )
-    provenance = read_provenance(folder)
-    unlisted = sorted(names - {golden.file for golden in provenance.goldens})
+    provenance = PROVENANCE.read(folder / PROVENANCE_FILE)
+    unlisted = sorted(names - {golden.file for golden in provenance.frames})
     lost = list(filter(GOLDEN_FILE.fullmatch, unlisted))
     if lost:
         raise InputError(
@@ -185,19 +184,19 @@ def _select_goldens(goldens: Sequence[Golden], frames: str | None, job: FilmJob,
     return picked
 
 
-def _origin_notes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    if before["volume"]["fingerprint"] != now["volume"]["fingerprint"]:
+def _origin_notes(before: GoldenOrigin, now: GoldenOrigin) -> Iterator[str]:
+    if before.volume.fingerprint != now.volume.fingerprint:
         yield f"another volume: {_volume(now)}; the goldens show {_volume(before)}"
-    scene = describe_changes(before, now, "scene")
-    if scene:
-        yield f"the scene has changed since the goldens were rendered: {scene}"
+    change = before.changes(now, "scene")
+    if change:
+        yield f"the scene has changed since the goldens were rendered: {change}"
 
 
 def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]) -> Iterator[str]:
     """Yield notes on missing and changed goldens, and on other pictures."""
     gone = [golden.file for golden in goldens if not (folder / golden.file).exists()]
-    kept = [golden for golden in goldens if golden.file not in gone]
-    changed = [golden.file for golden in kept if not file_matches_digest(folder / golden.file, golden.digest)]
+    made = [MadeFile(folder / golden.file, golden.digest) for golden in goldens if golden.file not in gone]
+    changed = [each.path.name for each in made if not each.is_unchanged]
     if gone:
         yield f"missing goldens that {PROVENANCE_FILE} lists: {first_few(gone)}"
     if changed:
@@ -206,14 +205,14 @@ def _file_notes(folder: Path, goldens: Sequence[Golden], unlisted: Sequence[str]
         yield f"not compared, because {PROVENANCE_FILE} does not list them: {first_few(unlisted)}"
 
 
-def _facts(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+def _facts(before: GoldenOrigin, now: GoldenOrigin) -> dict[str, tuple[str, str]]:
     """Return the device, the volume and the versions of common packages, each (at the goldens' time, now)."""
-    common = before["versions"].keys() & now["versions"]
-    versions = {name: (before["versions"][name], now["versions"][name]) for name in sorted(common)}
-    return {"device": (before["device"], now["device"]), "volume": (_volume(before), _volume(now)), **versions}
+    common = before.versions.keys() & now.versions
+    versions = {name: (before.versions[name], now.versions[name]) for name in sorted(common)}
+    return {"device": (before.device, now.device), "volume": (_volume(before), _volume(now)), **versions}
 
 
-def _volume(origin: Mapping[str, Any]) -> str:
-    volume = origin["volume"]
-    shape = " x ".join(map(str, volume["shape"]))
-    return f"{volume['name']}, {shape} {volume['dtype']}, fingerprint {volume['fingerprint'][:_SHOWN_DIGITS]}"
+def _volume(origin: GoldenOrigin) -> str:
+    volume = origin.volume
+    shape = " x ".join(map(str, volume.shape))
+    return f"{volume.name}, {shape} {volume.dtype}, fingerprint {volume.fingerprint[:_SHOWN_DIGITS]}"

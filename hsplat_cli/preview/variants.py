@@ -55,17 +55,15 @@ def variants(
 def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float) -> Shot:
     """Draw the scene with all extinctions times a factor. unit: of a transfer function with the same effect."""
     caption = f"opacity × {factor:g}"
-    if scene.volumes:
-        weights = [f"  - weight: {factor * layer.weight:.6g}" for layer in scene.volumes]
-        lines = "\n".join(["volumes:", *weights])
-    else:
-        section = "transfer_function" if scene.transfer_function.labels is None else "labels"
-        lines = f"{section}:\n  unit: {unit:.6g}"
-        if scene.needs_opengl:
-            denser = replace(scene, transfer_function=replace(scene.transfer_function, unit=unit))
-            return studio.shoot(denser, frame, caption, lines)
     layers = tuple(replace(layer, weight=factor * layer.weight) for layer in scene.layers)
-    return studio.shoot(replace(scene, volumes=layers), frame, caption, lines)
+    if scene.has_list:
+        lines = "\n".join(["volumes:", *(f"  - weight: {layer.weight:.6g}" for layer in layers)])
+    else:
+        ((key, transfer),) = scene.layers[0].look.items()
+        lines = f"{key}:\n  unit: {unit:.6g}"
+        if scene.needs_opengl:
+            layers = scene.with_layers(transfer_function=replace(transfer, unit=unit)).layers
+    return studio.shoot(replace(scene, layers=layers), frame, caption, lines)
 
 
 def draw_tolerances(studio: Studio, job: FilmJob, frame: int, side: int, prepared_s: float) -> list[Shot]:
@@ -95,14 +93,14 @@ def suggest_looks(stage: Stage) -> Looks:
     """Suggest looks of a stage's only volume, by the presets that suit its values, from some of its voxels."""
     scene, (layer, *others) = stage.scene, stage.layers
     is_plain = not (others or scene.needs_opengl or scene.mode.is_projection or layer.volume.is_labels)
-    if not is_plain or scene.volume.has_colors or layer.volume.mask is not None:
+    if not is_plain or layer.spec.volume.has_colors or layer.volume.mask is not None:
         return []
     volume = sampled_volume(layer.volume, _MOST_LOOKED_AT)
     statistics = compute_statistics(volume.values)
     if statistics.minimum == statistics.maximum:
         return []
     words = _PRESETS if hounsfield_zero(statistics) is None else _CT_PRESETS
-    return [(word, suggest_read(scene.volume, volume, statistics, Wish(preset=word))) for word in words]
+    return [(word, suggest_read(layer.spec.volume, volume, statistics, Wish(preset=word))) for word in words]
 
 
 def _look(

@@ -263,7 +263,7 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
         yield from _label_lines(mapping)
         return
     if isinstance(mapping, ColormapSpec):
-        yield f"  colormap: {yaml_string(mapping.name)}"
+        yield f"  colormap: {yaml_string(mapping.colormap)}"
         yield f"  range: {_list(mapping.range)}"
         if mapping.scale is not None:
             yield _with_comment(f"  scale: {mapping.scale}", "even steps of the logarithm; or linear")
@@ -271,7 +271,7 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
         yield from (f"    - {_list(pair)}" for pair in mapping.opacity)
         return
     yield "  points:"
-    for k, point in enumerate(mapping):
+    for k, point in enumerate(transfer.points):
         value, color, opacity = format_value(point.value), _hex_color(point.color), format_value(point.opacity)
         note = f"  # {notes[k]}" if k < len(notes) and notes[k] else ""
         yield f'    - {{value: {value}, color: "{color}", opacity: {opacity}}}{note}'

@@ -100,13 +100,14 @@ class SharedLook:
             yield Problem("camera.path", "a flight cannot frame other volumes", "", expected, hint)
         if self.reference is None:
             return
-        transfer, place = first.transfer_function, "volumes.0." if self.scene.has_list else ""
+        transfer, place = first.transfer_function, partial(self.scene.layer_key, 0)
+        has_gradients = first.shading is not None and isinstance(first.shading.gradient_opacity, tuple)
         has_several = first.volume.component == "all" or len(_own_entries(self._editor.tree.data)) > 1
         refused = {
-            f"{place}labels": transfer.labels is not None,
-            f"{place}transfer_function.relative": transfer.relative,
-            f"{place or 'volume.'}component": first.volume.has_colors or has_several,
-            "shading.gradient_opacity": first.shading is not None and isinstance(first.shading.gradient_opacity, tuple),
+            place("labels"): transfer.labels is not None,
+            f"{place('transfer_function')}.relative": transfer.relative,
+            place("component"): first.volume.has_colors or has_several,
+            f"{place('shading')}.gradient_opacity": has_gradients,
             "mode": scene.mode.type == "attenuation",
         }
         for key in filter(refused.__getitem__, refused):

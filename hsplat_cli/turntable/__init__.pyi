@@ -1,15 +1,15 @@
 from .batch import run_batch as run_batch
+from .film_request import FilmRequest as FilmRequest, require_harmless as require_harmless
 from .gallery import Gallery as Gallery
-from .one_film import (
-    FilmRequest as FilmRequest,
-    make_film as make_film,
-    print_film_record as print_film_record,
-    require_harmless as require_harmless,
-)
+from .one_film import make_film as make_film, print_film_record as print_film_record
 
 # isort: split
 # For tests alone: steps and constants that no other room uses.
 from .manifest import (
+    FILM_ENTRY as FILM_ENTRY,
+    MANIFEST as MANIFEST,
+    MANIFEST_FILE as MANIFEST_FILE,
+    FilmEntry as FilmEntry,
     locked_manifest as locked_manifest,
     update_manifest as update_manifest,
 )

@@ -11,18 +11,18 @@ import subprocess
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from hsplat_cli.scenes import volume_file
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable import manifest
+from hsplat_cli.turntable.film_request import FilmRequest
 from hsplat_cli.turntable.gallery import Gallery
 from hsplat_cli.turntable.manifest import FilmEntry
-from hsplat_cli.turntable.one_film import FilmRequest
-from hsplat_cli.turntable.up_to_date import up_to_date_record
 from renderer.errors import InputError, RenderError
 from renderer.film import require_writable
-from renderer.record import round_seconds
+from renderer.record import field_types as types, file_states, round_seconds
 from renderer.scene import counted
 from renderer.system import ChildProcesses, describe_exit, join_lines
 
@@ -38,40 +38,51 @@ def run_batch(requests: Sequence[FilmRequest], arguments: Sequence[str], folder:
     wrong inputs and locked outputs were the only reasons of failures, and RenderError if a film failed otherwise.
     """
     require_writable(folder / manifest.MANIFEST_FILE)
-    records: list[FilmEntry] = []
+    films: list[FilmEntry] = []
     gallery, earlier = Gallery(folder, reporter), manifest.read_films(folder)
     try:
         for number, request in enumerate(requests, start=1):
             reporter.status(f"[{number}/{len(requests)}] {volume_file(request.volume)}")
-            if (known := up_to_date_record(request, earlier)) is not None:
+            known = earlier.get(request.scene.name)
+            if known is not None and _is_up_to_date(known, request):
                 reporter.status(f"{request.output} is up to date; --force draws it again")
-                records.append(known)
+                films.append(known)
                 continue
-            records.append(_make_in_process(request, arguments, reporter))
-            if records[-1]["status"] != manifest.FINISHED:
-                reporter.warning(join_lines(records[-1]["error"].splitlines()))
+            film = _make_in_process(request, arguments, reporter)
+            films.append(film)
+            if film.error is not None:
+                reporter.warning(join_lines(film.error.splitlines()))
             gallery.grow()
     finally:
-        remaining = requests[len(records) :]
-        statuses = [manifest.INTERRUPTED, *[manifest.NOT_STARTED] * len(remaining)]
-        rows = [request.record(status) for request, status in zip(remaining, statuses, strict=False)]
-        reporter.result(manifest.manifest_table(folder, [*records, *rows]))
-        # Each update removes the records of films whose scene and volume are gone.
-        missing = [record for record in records if not manifest.has_volume(folder, record)]
+        remaining = requests[len(films) :]
+        rows = [
+            request.entry(manifest.NOT_STARTED if number else manifest.INTERRUPTED)
+            for number, request in enumerate(remaining)
+        ]
+        reporter.result(manifest.manifest_table(folder, [*films, *rows]))
+        # Each update removes the entries of films whose scene and volume are gone.
+        missing = [film for film in films if not manifest.has_volume(folder, film)]
         manifest.try_to_update(folder, missing, reporter)
     gallery.finish()
-    exit_codes = [record.get("exit_code") for record in records if record["status"] != manifest.FINISHED]
+    exit_codes = [film.exit_code for film in films if film.status != manifest.FINISHED]
     if exit_codes:
         error = InputError if set(exit_codes) == {2} else RenderError
         raise error(
-            f"{len(exit_codes)} of {counted(len(records), 'film')} could not be made",
+            f"{len(exit_codes)} of {counted(len(films), 'film')} could not be made",
             where=str(folder),
             hint=f"the same command{' without --force' * requests[0].force} makes only the missing films",
         )
 
 
+def _is_up_to_date(film: FilmEntry, request: FilmRequest) -> bool:
+    """Return whether a film is up to date by the states of files alone, without a process that reads the voxels."""
+    if request.force or film.made_by is None or film.status != manifest.FINISHED:
+        return False
+    return film.made_by == request.fingerprint(file_states(request.input_files())).digest
+
+
 def _make_in_process(request: FilmRequest, arguments: Sequence[str], reporter: Reporter) -> FilmEntry:
-    """Make a film in another process; return its record, or a record of the failure."""
+    """Make a film in another process; return its entry, or one of the failure."""
     start = time.perf_counter()
     of_film = [f"--name={request.scene.stem}", "--", str(volume_file(request.volume))]
     with ChildProcesses() as child_processes:
@@ -84,17 +95,17 @@ def _make_in_process(request: FilmRequest, arguments: Sequence[str], reporter: R
                 process.wait(_TERMINATE_TIMEOUT_S)
             raise
     with suppress(ValueError):
-        record = json.loads(output.strip().rpartition(b"\n")[2])
-        if isinstance(record, dict):
-            return record
-    # The process ended before it could print a record.
+        film = types.read_record(manifest.FILM_ENTRY, json.loads(output.strip().rpartition(b"\n")[2]))
+        if film is not None:
+            return film
+    # The process ended before it could print an entry.
     error = RenderError(
         "the process that made this film ended early",
         where=str(volume_file(request.volume)),
         got=describe_exit(process.returncode),
         hint="where memory runs out the system sends this signal" if process.returncode == -signal.SIGKILL else None,
     )
-    seconds = {"seconds": round_seconds(time.perf_counter() - start)}
-    record = request.failure_record(error) | {"exit_code": process.returncode} | seconds
-    manifest.try_to_update(request.scene.parent, [record], reporter)
-    return record
+    seconds = round_seconds(time.perf_counter() - start)
+    failure = replace(request.failure(error), exit_code=process.returncode, seconds=seconds)
+    manifest.try_to_update(request.scene.parent, [failure], reporter)
+    return failure

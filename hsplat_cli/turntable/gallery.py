@@ -14,13 +14,13 @@ from urllib.parse import quote
 
 from hsplat_cli.terminal import Reporter
 from hsplat_cli.turntable.manifest import (
+    DECIMAL_KEYS,
     FINISHED,
     LOCK_TIMEOUT_S,
-    NUMBER_KEYS,
     FilmEntry,
+    decimal_text,
     locked_manifest,
     read_films,
-    short_number,
 )
 from renderer.errors import HsplatError
 from renderer.film import frame_path, write_staged
@@ -33,7 +33,7 @@ CONTACT_FILE = "contact.png"
 _SHARE = 0.05
 # Most posters of older films that are made at each writing of a running batch.
 _MAX_POSTERS = 100
-# Entries of a record that the page shows as text.
+# Keys of an entry that the page shows as text.
 _TEXTS = ("status", "kind", "values", "hidden", "error", "command")
 
 
@@ -67,7 +67,7 @@ class Gallery:
             require_own_page(folder / PAGE_FILE)
             problems = _make_posters(folder, films.values(), max_posters)  # slow, so before the lock is taken
             with locked_manifest(folder, self._reporter, LOCK_TIMEOUT_S):
-                shown = [_shown(folder, record, problems) for record in read_films(folder).values()]
+                shown = [_shown(folder, film, problems) for film in read_films(folder).values()]
                 page = render_page("gallery.html", title=f"Films in {folder.resolve().name}", films=shown)
                 write_staged(folder / PAGE_FILE, page.encode(errors="backslashreplace"), is_durable=False)
             names = [str(film["name"]) for film in shown if film["poster"]]
@@ -87,7 +87,7 @@ def _make_posters(folder: Path, films: Iterable[FilmEntry], limit: int | None) -
     """Make up to `limit` missing posters; return the problems of films that cannot have one, by their scenes."""
     from hsplat_cli.turntable.posters import is_poster_of, make_poster
 
-    found = ((record["scene"], _film_file(folder, record)) for record in films)
+    found = ((each.scene, _film_file(folder, each)) for each in films)
     files = [(scene, film, poster_file(folder, Path(scene).stem)) for scene, film in found if film is not None]
     problems = {}
     for scene, film, poster in [each for each in files if not is_poster_of(*each[1:])][:limit]:
@@ -98,27 +98,27 @@ def _make_posters(folder: Path, films: Iterable[FilmEntry], limit: int | None) -
     return problems
 
 
-def _film_file(folder: Path, record: FilmEntry) -> Path | None:
+def _film_file(folder: Path, entry: FilmEntry) -> Path | None:
     """Return a film, or the file of its first frame; None if it is not finished, or is not a film in the folder."""
-    film = frame_path(Path(record["film"]), 0)
+    film = frame_path(Path(entry.film), 0)
     is_inside = not film.is_absolute() and ".." not in film.parts
-    is_film = record["status"] == FINISHED and is_inside and output_suffix(film) in FORMATS
+    is_film = entry.status == FINISHED and is_inside and output_suffix(film) in FORMATS
     return folder / film if is_film and os.path.isfile(folder / film) else None
 
 
-def _shown(folder: Path, record: FilmEntry, problems: Mapping[str, str]) -> dict[str, object]:
+def _shown(folder: Path, entry: FilmEntry, problems: Mapping[str, str]) -> dict[str, object]:
     """Return the values of a film for the page: texts and numbers, and references to the film and its poster."""
     from hsplat_cli.turntable.posters import is_poster_of
 
-    name, film, notes = Path(record["scene"]).stem, _film_file(folder, record), record.get("notes")
+    name, film = Path(entry.scene).stem, _film_file(folder, entry)
     poster = poster_file(folder, name)
     has_poster = film is not None and is_poster_of(film, poster)
-    problem = "there is no film" if film is None and record["status"] == FINISHED else problems.get(record["scene"])
+    problem = "there is no film" if film is None and entry.status == FINISHED else problems.get(entry.scene)
     return {
         "name": name,
         "film": film and quote(os.fsencode(film.relative_to(folder))),
         "poster": has_poster and quote(os.fsencode(poster.relative_to(folder))),
-        "notes": [str(each) for each in (problem, *(notes if isinstance(notes, list) else ())) if each],
-        **{key: value if isinstance(value := record.get(key), str) else "" for key in _TEXTS},
-        **{key: short_number(record.get(key)) for key in NUMBER_KEYS},
+        "notes": [each for each in (problem, *(entry.notes or ())) if each],
+        **{key: getattr(entry, key) or "" for key in _TEXTS},
+        **{key: decimal_text(getattr(entry, key)) for key in DECIMAL_KEYS},
     }

@@ -1,83 +1,165 @@
-"""Record what became of each volume: a table for the terminal, and turntable.json for programs.
+"""Record the result for each volume: a table for the terminal, and turntable.json for programs.
 
 turntable.json lists all films of its folder, whichever commands made them, one after the other or at the same time.
+Anybody may have edited it: entries that are damaged are passed over.
 """
 
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Final, Literal
 
 from hsplat_cli.terminal import Reporter, format_table
-from renderer.errors import HsplatError, OutputLockedError, RenderError
-from renderer.film import lock_slots, write_staged
-from renderer.scene import counted, found_path, is_shallow, read_json_object
-
-FilmEntry = dict[str, Any]
+from renderer.errors import HsplatError, InputError, OutputLockedError, RenderError
+from renderer.film import lock_slots
+from renderer.record import RecordFile, field_types as types, record_to_json
+from renderer.scene import counted, found_path, schema
 
 MANIFEST_FILE = "turntable.json"
 LOCK_FILE = f".{MANIFEST_FILE}.lock"
-STARTED, FINISHED, FAILED, INTERRUPTED = "begun", "done", "failed", "interrupted"
-# Nothing of the film was touched. Shown in the table only: turntable.json keeps the record of the film before.
-NOT_STARTED = "not begun"
 
-# A process holds the lock for milliseconds. One that holds it longer than this is stopped, or its disk is gone.
+Status = Literal["begun", "done", "failed", "interrupted", "not begun"]
+STARTED: Final = "begun"
+FINISHED: Final = "done"
+FAILED: Final = "failed"
+INTERRUPTED: Final = "interrupted"
+# No file of the film was touched. The table alone shows this status: turntable.json keeps the entry of the film before.
+NOT_STARTED: Final = "not begun"
+
+# The longest time for which a process waits for the lock. A process holds it for milliseconds; one that holds it longer
+# than this is stopped, or its disk is gone.
 LOCK_TIMEOUT_S = 60.0
+# The longest wait where there is another error to report.
 _SHORT_LOCK_TIMEOUT_S = 1.0
-_NOTICE_DELAY_S, _POLL_INTERVAL_S = 2.0, 0.02
+# The time of waiting after which it is reported.
+_NOTICE_DELAY_S = 2.0
+# The time between two attempts to take the lock.
+_POLL_INTERVAL_S = 0.02
 
-# Titles of columns, and the keys of records.
-_COLUMNS = {name: name for name in ("volume", "status", "kind", "frames", "primitives", "seconds")}
-# The column of faults of pictures is left out where no film has any.
-_COLUMNS |= {"file PSNR": "file_psnr", "frames PSNR": "psnr", "seen": "seen", "film": "film"}
+# The titles of the columns of the table, and the keys of entries.
+_COLUMNS = {
+    **{name: name for name in ("volume", "status", "kind", "frames", "primitives", "seconds")},
+    "file PSNR": "file_psnr",
+    "frames PSNR": "psnr",
+    # This column of faults of pictures is left out where no film has any.
+    "seen": "seen",
+    "film": "film",
+}
+# The keys of the columns that are aligned to the right.
 _NUMBER_COLUMNS = ("frames", "primitives", "seconds", "file_psnr", "psnr")
-NUMBER_KEYS, _TOO_LARGE = ("psnr", "file_psnr", "seconds"), 1e9
+# The keys of numbers that are shown with one decimal.
+DECIMAL_KEYS = ("psnr", "file_psnr", "seconds")
 
-_TEXT_KEYS = ("volume", "scene", "film", "status")  # that each record has
-# More levels than a record of a film has.
-_MOST_LEVELS = 10
-_MAX_BYTES = 2**26  # some 500 bytes a film
+# The longest time of a film, in seconds: thirty years.
+_MAX_SECONDS = 1e9
+# The most bytes of the file; an entry has about 500.
+_MAX_BYTES = 2**26
+
+_SECONDS = types.number(f"a number from 0 to {_MAX_SECONDS:g}", (int, float), 0, _MAX_SECONDS)
+_EXIT_CODE = types.number("an exit code", (int,), -255, 255)
+_NAME = schema.text_field("a name without a folder", "not a name", lambda name: os.path.basename(name) == name)
+
+
+@dataclass(frozen=True)
+class FilmEntry:
+    """An entry of turntable.json: a volume, and the result for it. Paths are relative to the folder.
+
+    made_by: the digest of the fingerprint of a finished film, by which the next command sees that it is up to date.
+    psnr, file_psnr: of the frames and of the film, in decibels. kind: of data, or the look. reason: for this kind.
+    values: that the film shows. seen: faults of its pictures. hidden: values that are hardly seen.
+    primitives: of a frame, in the mean. seconds: of the whole job. command: makes this film alone.
+    further: keys that other programs have added.
+    """
+
+    volume: str
+    scene: Annotated[str, _NAME]
+    film: str
+    status: Status
+    made_by: str | None = None
+    psnr: Annotated[float | None, types.DECIBELS] = None
+    psnr_interval: Annotated[tuple[float, float] | None, types.INTERVAL] = None
+    file_psnr: Annotated[float | None, types.DECIBELS] = None
+    kind: str | None = None
+    reason: str | None = None
+    values: str | None = None
+    seen: str | None = None
+    hidden: str | None = None
+    notes: tuple[str, ...] | None = None
+    frames: Annotated[int | None, types.COUNT] = None
+    primitives: Annotated[int | None, types.COUNT] = None
+    seconds: Annotated[float | None, _SECONDS] = None
+    exit_code: Annotated[int | None, _EXIT_CODE] = None
+    error: str | None = None
+    command: str | None = None
+    further: Mapping[str, Any] = field(default_factory=dict)
+
+
+FILM_ENTRY = types.open_record(FilmEntry)
+
+
+def _parse_films(node: schema.TreeNode) -> Any:
+    if not isinstance(node.value, list):
+        return node.reject("not a list")
+    return tuple(types.read_record(FILM_ENTRY, each) for each in node.value)
+
+
+_FILMS: schema.FieldType[tuple[FilmEntry | None, ...]] = schema.FieldType("a list of films", _parse_films)
+
+
+@dataclass(frozen=True)
+class _Manifest:
+    """The content of turntable.json. films: None in place of an entry that is damaged, or of another version."""
+
+    films: Annotated[tuple[FilmEntry | None, ...], _FILMS] = ()
+    further: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def by_scene(self) -> dict[str, FilmEntry]:
+        """Return the undamaged entries by the names of their scenes."""
+        return {each.scene: each for each in self.films if each is not None}
+
+
+MANIFEST = RecordFile(types.open_record(_Manifest), MANIFEST_FILE, _MAX_BYTES)
 
 
 def update_manifest(
-    folder: Path, records: Sequence[FilmEntry], reporter: Reporter, lock_timeout_s: float = LOCK_TIMEOUT_S
+    folder: Path, entries: Sequence[FilmEntry], reporter: Reporter, lock_timeout_s: float = LOCK_TIMEOUT_S
 ) -> None:
-    """Write records of films to turntable.json, `{"films": [...]}`, in place of the former records of their scenes.
+    """Write entries of films to turntable.json, in place of the former entries of their scenes.
 
-    Other records stay, except those of films whose scenes, or whose volumes where no film could be made, are gone.
-    Records of films that were not started, or were interrupted before that, change nothing.
+    Other entries stay while their scene exists, or their volume where no film could be made.
+    Entries of films that were not started, or were interrupted before that, change nothing.
 
     lock_timeout_s: how long to wait for other processes, on all machines. Raises InputError and RenderError.
     """
     with locked_manifest(folder, reporter, lock_timeout_s):
-        stored = _stored_records(folder)
-        films = _by_scene(stored)
+        stored = _read(folder)
+        films = stored.by_scene
+        begun = {name for name, film in films.items() if film.status == STARTED}
         changed = {
-            record["scene"]: record
-            for record in records
-            if record["status"] != NOT_STARTED
-            and (record["status"] != INTERRUPTED or films.get(record["scene"], {}).get("status") == STARTED)
+            each.scene: each
+            for each in entries
+            if each.status != NOT_STARTED and (each.status != INTERRUPTED or each.scene in begun)
         }
         if not changed:
             return
-        if num_left_out := sum(not _is_record(record) for record in stored):
+        if num_left_out := stored.films.count(None):
             left_out = f"{counted(num_left_out, 'record')} left out: damaged, or of another version of hsplat"
             reporter.warning(f"{folder / MANIFEST_FILE}: {left_out}")
-        kept = {name: record for name, record in films.items() if name in changed or _is_current(folder, record)}
-        # In ASCII even names with bytes that are no UTF-8 have a form.
-        content = json.dumps({"films": list((kept | changed).values())}, indent=2, allow_nan=False)
-        write_staged(folder / MANIFEST_FILE, f"{content}\n".encode())
+        kept = {name: film for name, film in films.items() if name in changed or _is_current(folder, film)}
+        updated = replace(stored, films=tuple((kept | changed).values()))
+        MANIFEST.write(folder / MANIFEST_FILE, updated)
 
 
-def try_to_update(folder: Path, records: Sequence[FilmEntry], reporter: Reporter) -> None:
-    """Write records where there is another error to report: wait for a moment only, and raise nothing."""
+def try_to_update(folder: Path, entries: Sequence[FilmEntry], reporter: Reporter) -> None:
+    """Write entries where there is another error to report: wait for a moment only, and raise nothing."""
     with contextlib.suppress(HsplatError):
-        update_manifest(folder, records, reporter, _SHORT_LOCK_TIMEOUT_S)
+        update_manifest(folder, entries, reporter, _SHORT_LOCK_TIMEOUT_S)
 
 
 @contextlib.contextmanager
@@ -103,63 +185,45 @@ def locked_manifest(folder: Path, reporter: Reporter, timeout_s: float) -> Itera
 
 
 def read_films(folder: Path) -> dict[str, FilmEntry]:
-    """Return the undamaged records by the names of their scenes; none where the file is something else.
-
-    Their paths are relative to the folder.
-    """
-    return _by_scene(_stored_records(folder))
+    """Return the undamaged entries by the names of their scenes; none where the file is no turntable.json."""
+    return _read(folder).by_scene
 
 
-def _stored_records(folder: Path) -> list[Any]:
-    films = (read_json_object(folder / MANIFEST_FILE, _MAX_BYTES) or {}).get("films")
-    return films if isinstance(films, list) else []
+def _read(folder: Path) -> _Manifest:
+    with contextlib.suppress(InputError):
+        return MANIFEST.find(folder / MANIFEST_FILE) or _Manifest()
+    return _Manifest()
 
 
-def _by_scene(records: Sequence[Any]) -> dict[str, FilmEntry]:
-    return {record["scene"]: record for record in records if _is_record(record)}
-
-
-def _is_record(record: object) -> bool:
-    """Return whether a record can be written again, and the keys that are used are as they were written."""
-    try:
-        is_writable = is_shallow(record, _MOST_LEVELS) and bool(json.dumps(record, allow_nan=False))
-    except ValueError:  # infinities
-        return False
-    if not (is_writable and isinstance(record, dict) and all(isinstance(record.get(key), str) for key in _TEXT_KEYS)):
-        return False
-    name: str = record["scene"]
-    return os.path.basename(name) == name
-
-
-def _is_current(folder: Path, record: FilmEntry) -> bool:
-    """Return whether the scene of a record still exists, or its volume where no film could be made."""
-    if os.path.exists(folder / record["scene"]):  # no error for impossible names
+def _is_current(folder: Path, film: FilmEntry) -> bool:
+    """Return whether the scene of an entry still exists, or its volume where no film could be made."""
+    if os.path.exists(folder / film.scene):  # no error for impossible names
         return True
-    return record["status"] == FAILED and has_volume(folder, record)
+    return film.status == FAILED and has_volume(folder, film)
 
 
-def has_volume(folder: Path, record: FilmEntry) -> bool:
-    """Return whether the volume of a record still exists."""
-    return os.path.exists(found_path(record["volume"], folder))
+def has_volume(folder: Path, film: FilmEntry) -> bool:
+    """Return whether the volume of an entry still exists."""
+    return os.path.exists(found_path(film.volume, folder))
 
 
-def manifest_table(folder: Path, records: Sequence[FilmEntry]) -> str:
+def manifest_table(folder: Path, films: Sequence[FilmEntry]) -> str:
     """Return a line for each volume, in columns; for a film that failed with the first line of the error."""
-    has_seen = any(record.get("seen") for record in records)
+    has_seen = any(film.seen for film in films)
     columns = {title: key for title, key in _COLUMNS.items() if has_seen or key != "seen"}
-    rows = [_row(folder, record, columns.values()) for record in records]
+    rows = [_row(folder, film, columns.values()) for film in films]
     numbers = [number for number, key in enumerate(columns.values()) if key in _NUMBER_COLUMNS]
     return format_table([list(columns), *rows], right_aligned=numbers)
 
 
-def _row(folder: Path, record: FilmEntry, keys: Iterable[str]) -> list[str]:
-    shown = record | {key: short_number(record.get(key)) or "-" for key in NUMBER_KEYS}
-    shown |= {key: os.path.normpath(folder / record[key]) for key in ("volume", "film")}
-    if record["status"] != FINISHED:
-        shown["film"] = record.get("error", "-").splitlines()[0]
+def _row(folder: Path, film: FilmEntry, keys: Iterable[str]) -> list[str]:
+    shown = record_to_json(film) | {key: decimal_text(getattr(film, key)) or "-" for key in DECIMAL_KEYS}
+    shown |= {"volume": os.path.normpath(folder / film.volume), "film": os.path.normpath(folder / film.film)}
+    if film.status != FINISHED:
+        shown["film"] = (film.error or "-").splitlines()[0]
     return [str(shown.get(key, "-")) for key in keys]
 
 
-def short_number(value: object) -> str:
-    """Return a number of a record with one decimal; empty for anything else."""
-    return f"{value:.1f}" if isinstance(value, (int, float)) and abs(value) < _TOO_LARGE else ""
+def decimal_text(value: float | None) -> str:
+    """Return a number with one decimal; empty where there is none."""
+    return "" if value is None else f"{value:.1f}"

@@ -17,7 +17,7 @@ premultiplied RGBA without a background. Each footprint has its rasteriser.
 
 `bricks/` draws bricks on several threads, by kernels (`march.cpp`, `mixture.cpp`, `extremum.cpp`):
 
-- `bricks/brick_rasterizer.py`: the rasteriser.
+- `bricks/brick_rasterizer.py`: the rasteriser; it shares the memory for bricks among layers.
 - `bricks/brick_cache.py`: keeps the texels of bricks.
 - `bricks/grid.py`: divides the picture into tiles, and finds the bricks over each.
 - `bricks/bands.py`: joins tiles whose bricks have room at once.

@@ -132,7 +132,7 @@ def _clip_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Prob
     for layer, (spec, volume) in enumerate(zip(scene.film_layers, volumes, strict=True)):
         for number, clip in _still_clips(spec.map(lambda each: each.clip)):
             if _leaves_nothing(clip, volume):
-                yield _clip_problem(f"volumes.{layer}.clip.{number}", volume)
+                yield _clip_problem(f"{scene.layer_key(layer, 'clip')}.{number}", volume)
 
 
 def _still_clips(clips: OverFrames[tuple[ClipSpec, ...]]) -> Iterator[tuple[int, ClipSpec]]:
@@ -208,8 +208,7 @@ def _other_points(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]
     for frame in _sampled(scene, _MOST_SAMPLED_LAYERS)[1:] if scene.moves else ():
         sampled = scene.at(frame)
         if maker.digests_of(sampled, tolerance) != known:  # shading is dropped, as it makes no cell visible
-            dark = tuple(replace(layer, shading=None) for layer in sampled.volumes)
-            sampled = replace(sampled, shading=None, volumes=dark)
+            sampled = sampled.with_layers(shading=None)
         yield points_in_frame(sampled, maker.layers_of(sampled, tolerance))
 
 

@@ -188,16 +188,19 @@ def read_film_volumes(scene: FilmScene) -> FilmVolumes:
 
     Raises InputError for files that cannot be read, and for steps that differ in shape or kind.
     """
-    first = [*StageMaker(1, any_tolerance=False).volumes_of(scene.at(0))]
+    maker = StageMaker(1, any_tolerance=False)
+    first = [*maker.volumes_of(scene.at(0))]
     volumes = (volume for layer in scene.film_layers for volume in _volumes_of(layer))
     moving = dict.fromkeys(volume for volume in volumes if volume.moves)
     digest, known = hashlib.blake2b(joint_fingerprint(first).encode(), digest_size=16), dict[VolumeSpec, str]()
     for volume in moving:
         digest.update(repr(volume.motions).encode())
         spec = volume.at(0)
-        one = read_volume(spec)
+        first_step = maker.read[spec, None, None]
         for step in _steps_of(volume):
-            known[step] = read_volume(step, like=one if step.crop == spec.crop else None).fingerprint
+            like = first_step if step.crop == spec.crop else None
+            read = maker.read.get((step, None, None)) or read_volume(step, like=like)
+            known[step] = read.fingerprint
             digest.update(known[step].encode())
     return FilmVolumes(first, digest.hexdigest() if moving else joint_fingerprint(first), known)
 

@@ -1,8 +1,8 @@
-"""Keep the finished frames of an unfinished film: each a file a kind of pictures, with a JSON record beside them.
+"""Keep the finished frames of an unfinished film: a file for each kind of picture, with a JSON record beside them.
 
-A record is written after its picture has its final name, so that a job may be killed at any moment: a frame without a
-record, or whose file does not match its record, is drawn again. Every frame has its own record, so that jobs which draw
-different frames of one film share nothing.
+A record is written after its pictures have their final names, so that a job may be killed at any moment: a frame
+without a record, or with a file that does not match its record, is drawn again. Every frame has its own record, so that
+jobs that draw different frames of one film share nothing.
 """
 
 from __future__ import annotations
@@ -13,24 +13,29 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from renderer.film import Picture, bytes_digest, frame_matches_digest, frame_path, write_staged
 from renderer.job.executor import DrawnFrame
 from renderer.record import FilmFingerprint, FrameRecord, read_frame_record, record_to_json
 from renderer.scene import OutputSpec, PictureKind, read_json_object
 
+# The name of a checkpoint file: the number of the frame, the number of the kind of picture, and the suffix. The first
+# kind has no number, nor has the record.
 _FILE_PATTERN = re.compile(r"([0-9]{6,9})\.(?:[0-9]{1,3}\.)?(json|png|exr)")
+# The name of a file with the data of a fingerprint: all data that frames depend on.
 _FINGERPRINT_PATTERN = re.compile(r"fingerprint-[0-9a-f]{32}\.json")
+# The digest of a fingerprint.
 _DIGEST_PATTERN = re.compile(r"[0-9a-f]{32}")
-_MAX_JSON_BYTES = 2**26  # of a record or a fingerprint; some kilobytes are usual
+# The most bytes of the JSON of a record or a fingerprint. Some kilobytes are usual.
+_MAX_JSON_BYTES = 2**26
 
 
 class FrameStore:
-    """A store of finished frames, which keeps no others: those of parts, or none at all.
+    """A store of finished frames that does not keep new ones: it has the frames of parts, or no frames.
 
-    records: of the finished frames, by number. file: returns where a frame's picture of a kind is.
-    is_output: the pictures are the files of the first output, so that no film is written of them.
+    records: the records of the finished frames, by number.
+    file: returns the file of a frame's picture of a kind, both by their numbers.
+    is_output: whether the pictures are the files of the first output, which then need not be written.
     """
 
     is_output = False
@@ -42,12 +47,12 @@ class FrameStore:
         self.records = dict(records)
 
     def finished_frame(self, number: int) -> DrawnFrame:
-        """Return a finished frame, whose pictures are read on demand."""
+        """Return a finished frame. Its pictures are read on demand."""
         kinds = self._output.kinds_at(number)
         return DrawnFrame(self.records[number], {kind: Picture(file=self._file(number, kind)) for kind in kinds})
 
     def save(self, frame: DrawnFrame) -> FrameRecord:
-        """Return the record of a frame that was drawn, with the digests of pictures that will have a file."""
+        """Return the record of a drawn frame, with the digests of the pictures that become files of an output."""
         kinds = self._output.kinds
         in_files = {kinds.index(each.kind) for each in self._output.files if each.is_frames}
         return _with_digests(frame, kinds, in_files)
@@ -57,20 +62,21 @@ class FrameCheckpoint(FrameStore):
     """A store that keeps the finished frames of an output, for the only job that works on them.
 
     folder: the folder of the unfinished film; it exists.
-    fingerprint: what the frames depend on. Frames with another one are removed.
+    fingerprint: the fingerprint of the film. Frames with another fingerprint are removed.
 
-    records: by frame number, of the frames whose files match them; each has the `digest` of its file.
-    former: what frames with another fingerprint depended on; empty if that is no longer known, None without such
-        frames. num_outdated: their number.
+    records: the records of the frames whose files match them, by number. Each has the `digest` of its file.
+    former: the data of the other fingerprint of removed frames; empty if it is no longer known, None if no frame was
+        removed.
+    num_outdated: the number of removed frames.
     """
 
     def __init__(self, folder: Path, output: OutputSpec, numbers: Sequence[int], fingerprint: FilmFingerprint) -> None:
         super().__init__(output, {}, self._picture_path)
         self._folder, self._numbers = folder, frozenset(numbers)
         self._fingerprint = fingerprint
-        self.former: Mapping[str, Any] | None = None
+        self.former: Mapping[str, object] | None = None
         self.num_outdated = 0
-        # Frames in files are those of the output.
+        # The pictures of an output of numbered frames have their final names at once.
         self.is_output = output.is_frames
         for number in numbers:
             self._find(number)
@@ -93,7 +99,7 @@ class FrameCheckpoint(FrameStore):
                 path.unlink(missing_ok=True)
 
     def adopt_records(self, records: Iterable[FrameRecord]) -> None:
-        """Add records from elsewhere, with the same fingerprint, of frames whose files exist and match."""
+        """Add records of a film with the same fingerprint, as far as the files of their frames exist and match them."""
         kinds = self._output.kinds
         for record in records:
             if record.frame in self._numbers and all(
@@ -103,7 +109,7 @@ class FrameCheckpoint(FrameStore):
                 self.records[record.frame] = record
 
     def save(self, frame: DrawnFrame) -> FrameRecord:
-        """Write a frame's pictures, then its record. Return the record with their digests."""
+        """Write the pictures of a frame, then its record. Return the record with the digests of the pictures."""
         number, record = frame.record.frame, _with_digests(frame, self._output.kinds, frame.pictures)
         for kind, picture in frame.pictures.items():
             self._write(self._picture_path(number, kind), picture.content)
@@ -117,7 +123,8 @@ class FrameCheckpoint(FrameStore):
         return record
 
     def _write(self, path: Path, content: bytes) -> None:
-        # No frame waits for the disk: one that a power failure damages does not match its record, and is drawn again.
+        # A job does not wait until the disk has a frame. A frame that a power failure damages does not match its
+        # record, and is drawn again.
         write_staged(path, content, self._folder, is_durable=False)
 
     def _picture_path(self, number: int, kind: int) -> Path:
@@ -133,9 +140,10 @@ class FrameCheckpoint(FrameStore):
 def remove_checkpoint_frames(
     folder: Path, output: OutputSpec, numbers: Iterable[int], *, of: FilmFingerprint | None = None
 ) -> None:
-    """Remove these frames from a folder; for an output in one file, all frames. The output's own files stay.
+    """Remove these frames from the folder of an unfinished film. The files of the output stay.
 
-    Other frames of an output with numbered files may be those of another job. of: frames of other fingerprints stay.
+    All frames of a film in one file are removed. Of numbered frames only these, since another job may draw the others.
+    of: only frames with this fingerprint are removed.
     """
     own = frozenset(numbers) if output.is_numbered else None
 
@@ -147,7 +155,7 @@ def remove_checkpoint_frames(
         found = _read_frame(folder / f"{number}.json")
         return found is None or found[0] == of.frames_digest
 
-    with contextlib.suppress(OSError):  # the folder has vanished: nothing is left
+    with contextlib.suppress(OSError):  # the folder has vanished, and nothing is left
         files = [(path, name[1]) for path in folder.iterdir() if (name := _FILE_PATTERN.fullmatch(path.name))]
         unwanted = set(filter(is_unwanted, {number for _, number in files}))
         for path, number in files:
@@ -160,19 +168,19 @@ def remove_checkpoint_frames(
 
 
 def _with_digests(frame: DrawnFrame, kinds: Sequence[PictureKind], numbers: Collection[int]) -> FrameRecord:
-    """Return the record of a frame with the digests of its pictures of the kinds with these numbers."""
+    """Return the record of a frame with the digests of its pictures of some kinds. numbers: of these kinds."""
     found = {kind: bytes_digest(picture.content) for kind, picture in frame.pictures.items() if kind in numbers}
     others = {kinds[kind].name: digest for kind, digest in found.items() if kind}
     return replace(frame.record, digest=found.get(0), digests=others or None)
 
 
 def _fingerprint_path(folder: Path, fingerprint_digest: str) -> Path:
-    """Return the path of what frames depend on, written once for all frames because it may be long."""
+    """Return the file for the data of a fingerprint. They may be long, so all frames share one file."""
     return folder / f"fingerprint-{fingerprint_digest}.json"
 
 
 def _read_frame(path: Path) -> tuple[str, FrameRecord] | None:
-    """Return the digest of the fingerprint and the record of a frame, if the file is complete."""
+    """Return the digest of the fingerprint and the record of a frame; None if the file is missing or incomplete."""
     data = read_json_object(path, _MAX_JSON_BYTES) or {}
     digest, record = data.get("fingerprint"), read_frame_record(data.get("record"))
     if record is None or record.digest is None or not isinstance(digest, str):

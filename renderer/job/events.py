@@ -1,4 +1,4 @@
-"""Define the listeners to a film job: a function, a bar in a notebook, or a listener of your own."""
+"""Define the listeners to a film job: a function, a progress bar in a notebook, or a subclass of `JobEvents`."""
 
 from __future__ import annotations
 
@@ -11,64 +11,65 @@ from renderer.job.forecast import Forecast
 if TYPE_CHECKING:
     from renderer.record import FrameRecord
 
-# Takes the number of finished frames, and the number of all frames that are drawn.
+# A function that takes the number of finished frames, and the number of all frames of the pass.
 OnProgress = Callable[[int, int], object]
 
 
 class JobEvents:
-    """A listener to a film job, whose methods do nothing: a listener of your own overrides some of them.
+    """A listener to a film job. Its methods do nothing; a subclass overrides some of them.
 
-    The command line prints the news, a notebook shows them, and a test counts them. An error that a method raises ends
-    the job as an interrupt does: the frames that are finished are kept, and the same job resumes there.
+    The command line prints the events, a notebook shows them, and a test counts them. An error in a method ends the job
+    as an interrupt does: the finished frames are kept, and the same job resumes there.
     """
 
     def locked(self) -> None:
         """Take note that the output is locked until the film is made; it may be up to date."""
 
     def prepared(self) -> None:
-        """Take note that the volume is read and the film is not up to date: the work begins."""
+        """Take note that the volume is read, that the film is not up to date, and that drawing begins."""
 
     def started(self, label: str, num_frames: int) -> None:
-        """Take note that a pass begins. label: the film, or its pass.
+        """Take note that a pass begins.
 
-        num_frames: the frames to draw; those to write, where all of them are finished.
+        label: the name of the film, or of its pass. num_frames: the number of frames to draw; the number of frames to
+        write, if all are already drawn.
         """
 
     def frame_finished(self, record: FrameRecord) -> None:
-        """Take note that one of these frames is stored, and in the film."""
+        """Take note that one of these frames is stored, and is in the film."""
 
     def predicted(self, forecast: Forecast) -> None:
-        """Take note of the cost of a long pass if all its frames are like the first ones."""
+        """Take note of the predicted cost of a long pass. Its first frames stand for all."""
 
     def pass_finished(self, summary: str) -> None:
-        """Take note that a pass is a whole film. summary: its accuracy, its size and its time."""
+        """Take note that a pass is finished, and is a whole film. summary: its accuracy, its size and its time."""
 
     def volume_noted(self, text: str) -> None:
-        """Take a remark on how the volume was read, as any other note."""
+        """Take a remark on how the volume was read. It is a note like any other unless this is overridden."""
         self.note(text)
 
     def note(self, text: str) -> None:
-        """Take a sentence about the work."""
+        """Take a sentence about the film."""
 
 
 class ProgressEvents(JobEvents):
-    """A listener that counts the frames of a pass, and calls a function after each."""
+    """A listener that counts the frames of a pass, and calls a function after each frame."""
 
     def __init__(self, on_progress: OnProgress) -> None:
         self._on_progress, self._num_finished, self._num_frames = on_progress, 0, 0
 
     def started(self, label: str, num_frames: int) -> None:
-        """Count from 0."""
+        """Start counting at 0."""
         self._num_finished, self._num_frames = 0, num_frames
 
     def frame_finished(self, record: FrameRecord) -> None:
-        """Count a frame."""
+        """Count the frame, and call the function."""
         self._num_finished += 1
         self._on_progress(self._num_finished, self._num_frames)
 
 
 class NotebookBar:
-    """A progress bar below a notebook's cell; it shows nothing elsewhere."""
+    """A progress bar below the cell of a notebook. It shows nothing elsewhere."""
 
     def __init__(self) -> None:
         ipython: Any = sys.modules.get("IPython")
@@ -77,7 +78,7 @@ class NotebookBar:
         self._bar: Any = None
 
     def __call__(self, num_finished: int, num_frames: int) -> None:
-        """Show how many of the frames are finished."""
+        """Show the share of the finished frames."""
         if self._ipython is None:
             return
         if self._bar is None:

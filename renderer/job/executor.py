@@ -24,23 +24,24 @@ if TYPE_CHECKING:
     from renderer.accuracy import FrameProber
 
 
-# The steps of a frame after its drawing, while the next frame is drawn.
+# The names of the steps that finish a drawn frame, while the next frame is drawn.
 FINISHING_STEPS = ("probe", "pictures")
 
 
 @dataclass(frozen=True)
 class DrawnFrame:
-    """A frame that is drawn: its record, with its accuracy, and its pictures by the numbers of their kinds."""
+    """A drawn frame: its record, with its accuracy, and its pictures by the numbers of their kinds."""
 
     record: FrameRecord
     pictures: Mapping[int, Picture]
 
 
 class Executor(Protocol):
-    """A way to draw frames: this process, or a cluster.
+    """A way to draw frames: by this process, or by a cluster.
 
-    device: the name of the device that draws, on which the bytes depend; where machines may differ, records of frames
-    have their own. brick_memory: as of a Rasterizer; None where other processes draw.
+    device: the name of the device that draws; the bytes depend on it. On a cluster, whose machines may differ, the
+        record of each frame names its own device.
+    brick_memory: the memory of bricks, as of a Rasterizer; None if other processes draw.
     rasterizer: draws trial frames in this process.
     """
 
@@ -58,18 +59,18 @@ class Executor(Protocol):
         """Return notes for the user on the drawing so far."""
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
-        """Yield these frames, in this order; may be closed before its end."""
+        """Draw these frames, and yield them in this order. The generator may be closed before its end."""
 
 
 @dataclass(frozen=True)
 class LocalExecutor:
-    """An executor that draws in this process, one frame after the other, each with all threads."""
+    """An executor that draws in this process: one frame after the other, each with all threads."""
 
     rasterizer: Rasterizer
 
     @property
     def device(self) -> str:
-        """Return device and driver of OpenGL for splats, and the processor for bricks."""
+        """Return the device and the driver of OpenGL for splats, and the processor for bricks."""
         return self.rasterizer.device
 
     @property
@@ -83,11 +84,11 @@ class LocalExecutor:
         return self.rasterizer.notes
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
-        """Yield these frames, in this order; may be closed before its end."""
+        """Draw these frames, and yield them in this order. The generator may be closed before its end."""
         # Imported here: the ray integral takes a while to load.
         from renderer.accuracy import open_prober
 
-        # On a time budget the whole time of a frame counts, so that no part of it overlaps with the next frame.
+        # On a time budget the whole time of a frame counts, so no part of it may overlap with the next frame.
         return draw_frames(
             plan.stage,
             numbers,
@@ -100,9 +101,9 @@ class LocalExecutor:
 
 @contextlib.contextmanager
 def open_local_executor(scene: FilmScene, memory: MemoryShare | None = None) -> Iterator[LocalExecutor]:
-    """Open an executor of this process for a scene. Raises RenderError where it needs OpenGL and there is none.
+    """Open an executor of this process for a scene. Raises RenderError if it needs OpenGL and there is none.
 
-    memory: as of `open_rasterizer`.
+    memory: the memory for bricks, as of `open_rasterizer`.
     """
     with open_rasterizer(scene, memory) as rasterizer:
         yield LocalExecutor(rasterizer)
@@ -117,10 +118,10 @@ def draw_frames(
     *,
     is_overlapped: bool = True,
 ) -> Generator[DrawnFrame, None, None]:
-    """Draw these frames in this process, one after the other.
+    """Draw these frames in this process, one after the other. Other parameters are as of `render_frames`.
 
-    prober: measures their accuracy. is_overlapped: a frame gets its accuracy and its pictures while the next one is
-    drawn. Other parameters are those of `render_frames`.
+    prober: measures their accuracy. is_overlapped: whether a frame is measured, and its pictures are made, while the
+    next frame is drawn.
     """
     finisher = _FrameFinisher(stage, prober)
     frames = render_frames(stage, numbers, rasterizer, clock=time.perf_counter, controller=controller)
@@ -128,13 +129,13 @@ def draw_frames(
 
 
 class _FrameFinisher:
-    """Measures the accuracy of frames that are drawn, then makes their pictures, over which annotation may be drawn."""
+    """Measures the accuracy of drawn frames, and then makes their pictures, perhaps with annotation over them."""
 
     def __init__(self, film: FilmStage, prober: FrameProber | None) -> None:
         self._film, self._prober, self._maker = film, prober, PictureMaker(film)
 
     def finish(self, frame: Frame) -> DrawnFrame:
-        """Return the frame with its accuracy and all its pictures."""
+        """Return the frame with its accuracy and all of its pictures."""
         record, watch = make_frame_record(frame, self._film), Stopwatch(time.perf_counter)
         if self._prober is not None:
             self._prober = self._prober.on(frame.stage)

@@ -11,21 +11,23 @@ from renderer.film import WrittenFiles, film_files, require_no_input, sidecar_pa
 from renderer.job.inputs import require_no_new_slices, scene_files
 from renderer.scene import ErrorSpec, FilmScene, is_same_file
 
-if TYPE_CHECKING:  # records take a while to load, and the job of a scene needs none before it draws
+if TYPE_CHECKING:  # records take a while to load, and the job of a scene needs no record before it draws
     from renderer.record import FinishedFilm
 
 
-# The results of an original film that a job is to have again: its frames and their measured accuracy, its frames alone,
-# or none, where the scene was changed.
+# The results of the original film that a job is to have again: the frames and their measured accuracy, the frames
+# alone, or nothing, since the scene was changed.
 Repeats = Literal["film", "frames", "nothing"]
 
 
 @dataclass(frozen=True)
 class FilmJob:
-    """A film to make: a scene, and the frames to draw of it.
+    """A film to make: a scene, and the frames of it that are drawn.
 
-    frames: their numbers, ascending. requested: the accuracy, as the section `error` of a scene.
-    original: the film that is made again, if any. path: the scene file or the sidecar that was read, if any.
+    frames: the numbers of the frames, ascending.
+    requested: the accuracy that is requested, as the section `error` of a scene.
+    original: the film that is made again, if any.
+    path: the scene file or the sidecar that was read, if any.
     repeats: the results of the original that are expected again.
     """
 
@@ -42,7 +44,7 @@ class FilmJob:
         return sidecar_path(self.scene, self.frames)
 
     def input_files(self) -> Iterator[Path]:
-        """Yield the files that the job reads: its own, and those that the scene names."""
+        """Yield the files that the job reads: the scene file, and the files that the scene names."""
         if self.path is not None:
             yield self.path
         yield from scene_files(self.scene)
@@ -53,9 +55,9 @@ class FilmJob:
         return film_files(self.scene.output, self.frames, self.sidecar)
 
     def require_harmless(self) -> None:
-        """Raise InputError where a file that the job writes would harm another one, as `WrittenFiles` says.
+        """Raise InputError if a file that the job writes would harm another file, by the rules of `WrittenFiles`.
 
-        The sidecar that a film is made again from may be rewritten.
+        If a film is made again from its own sidecar, this sidecar may be replaced.
         """
         written = self.written_files
         if self.original is not None and is_same_file(self.original.path, self.sidecar):

@@ -1,7 +1,7 @@
 """Make a film: from a job and an executor to the film and its record.
 
-This is the only film job. It locks the output, looks whether the film is up to date, prepares the stage, has the frames
-drawn, in one pass or several, and writes the film and its sidecar, all of it resumable at any moment.
+This is the only film job. It locks the output, finds out whether the film is up to date, prepares the stage, has the
+frames drawn in one pass or several, and writes the film and its sidecar. It may be killed at any moment, and resumes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from renderer.accuracy import NOTHING, Glance, finer_than_kept, look_ahead
 from renderer.annotation import annotation_notes, require_annotation
@@ -46,8 +45,9 @@ from renderer.record import (
 from renderer.scene import FilmScene, TimeBudget, accuracy_of, counted, tolerance_at
 from renderer.system import deferrable_interrupts, num_cores
 
-# The seconds from which on a pass is long: its cost is told when its first frames are drawn.
+# The fewest predicted seconds of a long pass, of which the listener is told the cost.
 _LONG_S = 60.0
+
 OpenExecutor = Callable[[FilmScene], AbstractContextManager[Executor]]
 Passes = Callable[["FilmInProgress"], "JobResult"]
 
@@ -57,9 +57,10 @@ class JobResult:
     """The result of a film job: a film that is made, or was up to date.
 
     file: the film, or the template of its frames, by its name in the job.
-    summary: of the film and its cost, in a line; empty for a film that was up to date.
-    volume_note: of the reader of the volume. shortfall: the error for an accuracy that was not reached.
-    glances: the faults of its pictures; not known of a film that was up to date.
+    summary: a line on the film and its cost; empty for a film that was up to date.
+    volume_note: the note of the reader of the first volume.
+    shortfall: the error for an accuracy that was not reached.
+    glances: the faults of its pictures; none for a film that was up to date, whose pictures were not looked at.
     """
 
     film: FinishedFilm
@@ -75,16 +76,17 @@ def make_film(
 ) -> JobResult:
     """Lock the output and make the film, or return the film that is up to date.
 
-    open_executor: opens what draws a scene. passes: draws and writes the film, by `one_pass` or several that refine.
-    resumes: frames that an earlier job finished are kept; else all are drawn again.
+    open_executor: opens the executor for a scene.
+    passes: draws and writes the film: `one_pass`, or a `Refinement`.
+    resumes: whether frames that an earlier job finished are kept. If not, all frames are drawn again.
     Raises OutputLockedError if another job is writing the output, InputError and RenderError if it cannot be written,
-    and InputError if it is one of the job's inputs; HsplatError, and KeyboardInterrupt.
+    InputError if it is one of the job's inputs, any other HsplatError, and KeyboardInterrupt.
     """
     job.require_harmless()
     with open_output(job.scene.output, job.frames, job.sidecar, resumes=resumes) as output:
         events.locked()
         start = time.perf_counter()
-        # What can fail early is tried before a voxel is read: the output, the encoder, OpenGL or the cluster.
+        # The output, the encoder, OpenGL and the cluster are tried before a voxel is read: they fail early.
         with open_executor(job.scene) as executor:
             before_reading = time.perf_counter()
             volumes = read_film_volumes(job.scene)
@@ -118,7 +120,7 @@ def make_film(
 
 
 def forecast_film(job: FilmJob, open_executor: OpenExecutor, events: JobEvents) -> Forecast:
-    """Predict what a film costs here, by drawing some of its frames; nothing is written. Raises as `make_film`."""
+    """Predict the cost of a film here by drawing some of its frames. Nothing is written. Raises as `make_film`."""
     start = time.perf_counter()
     require_encoder(job.scene.output)
     with open_executor(job.scene) as executor, open_job_stage(job, read_film_volumes(job.scene)) as stage:
@@ -131,7 +133,7 @@ def _kept_film(
     output: OutputWriter, existing: FinishedFilm, fingerprint: FilmFingerprint, note: str | None, events: JobEvents
 ) -> JobResult:
     """Return the film that is up to date."""
-    # Left by a job that was killed when its film was complete.
+    # A job that was killed when its film was complete has left them.
     remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
     output.remove_mark()
     events.note(f"{output.spec.file} is up to date; --force draws it again")
@@ -141,8 +143,8 @@ def _kept_film(
 def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJob, FilmFingerprint]:
     """Return the job and its fingerprint.
 
-    A film that is made again meets what the original was requested to meet only if the fingerprints agree. Otherwise
-    nobody has measured it, and it counts as requested at the tolerances in the sidecar.
+    A film that is made again meets the request of its original only if the fingerprints agree. If they differ, nobody
+    has measured the new film, and it counts as requested at the tolerances in the sidecar.
     """
     fingerprint = film_fingerprint(job.scene, job.requested, of_volumes, device)
     if job.original is None or job.original.frames_digest == fingerprint.frames_digest:
@@ -152,11 +154,16 @@ def _with_fingerprint(job: FilmJob, of_volumes: str, device: str) -> tuple[FilmJ
 
 
 def open_job_stage(job: FilmJob, volumes: FilmVolumes) -> FilmStage:
-    """Prepare the stage. Raises InputError unless the volumes are those of the original, if there is one."""
+    """Prepare the stage. Raises InputError if there is an original, and it shows other volumes."""
     if job.original is not None:
         job.original.require_volumes(volumes.fingerprint, [volume.name for volume in volumes.first])
-    options: dict[str, Any] = {"clock": time.perf_counter, "num_threads": num_cores()}
-    return prepare_stage(job.scene, volumes=volumes.first, known=volumes.known, **options)
+    return prepare_stage(
+        job.scene,
+        clock=time.perf_counter,
+        num_threads=num_cores(),
+        volumes=volumes.first,
+        known=volumes.known,
+    )
 
 
 # Passes
@@ -166,9 +173,10 @@ def open_job_stage(job: FilmJob, volumes: FilmVolumes) -> FilmStage:
 class FilmInProgress:
     """A film that is being made.
 
-    start: when the job began, by `perf_counter`. existing: the film that is there, if it may be used.
-    glances: the faults of its pictures.
-    resumes: frames that an earlier job finished are kept.
+    start: the time by `perf_counter` at which the job began.
+    existing: the film that the output already has, if it may be used.
+    glances: the faults of the pictures.
+    resumes: whether frames that an earlier job finished are kept.
     """
 
     job: FilmJob
@@ -183,7 +191,7 @@ class FilmInProgress:
     resumes: bool
 
     def plan(self, estimator: LODCostEstimator, on_step: Callable[[], None] = lambda: None) -> FilmPlan:
-        """Find the tolerances for what the scene requests; parameters are those of `make_plan`."""
+        """Find the tolerances for the goal of the scene. The parameters are as of `make_plan`."""
         return make_plan(estimator, self.output.frames, lambda: self.executor.rasterizer, self.events, on_step)
 
     def write_frames(
@@ -194,9 +202,9 @@ class FilmInProgress:
         defer_interrupts: Callable[[], None],
         on_step: Callable[[], None] = lambda: None,
     ) -> list[FrameRecord]:
-        """Write the film, and draw the frames that the store lacks; the rest is as in `OutputWriter.write_frames`.
+        """Draw the frames that the store lacks, and write the film. The rest is as in `OutputWriter.write_frames`.
 
-        on_step: called between two frames; what it raises ends the drawing.
+        on_step: called between two frames; an error that it raises ends the drawing.
         """
 
         def draw() -> Iterator[DrawnFrame]:
@@ -204,12 +212,12 @@ class FilmInProgress:
             for num, frame in enumerate(drawing):
                 yield frame
                 on_step()
-                start = start or time.perf_counter()  # after the first one, which loads what others share
+                start = start or time.perf_counter()  # after the first frame, which also loads the data of all
                 if num == NUM_NEIGHBOURS and isinstance(self.executor, LocalExecutor):
                     self._tell_cost(len(missing) * (time.perf_counter() - start) / num)
 
         missing = [number for number in self.output.frames if number not in store.records]
-        # On a time budget each frame is stored before the next one is drawn: both count.
+        # On a time budget each frame is stored before the next one is drawn, since the storing counts, too.
         is_overlapped = not plan.is_timing_dependent
         with contextlib.closing(self.executor.draw(plan, missing)) as drawing:
             return self.output.write_frames(
@@ -217,9 +225,9 @@ class FilmInProgress:
             )
 
     def _tell_cost(self, seconds: float) -> None:
-        """Tell what a pass costs, if that is long. seconds: to draw and store its frames."""
+        """Tell the listener the cost of a long pass. seconds: the predicted time to draw and store its frames."""
         if seconds >= _LONG_S:
-            first = self.output.first_pictures  # one frame is still being stored
+            first = self.output.first_pictures  # without the last frame, which is still being stored
             known = [(each, first[each.file][:NUM_NEIGHBOURS]) for each in self.output.shown if each.file in first]
             sizes = {each.file: film_cost(each, pictures, self.output.frames)[1] for each, pictures in known}
             self.events.predicted(Forecast(seconds, sizes))
@@ -227,11 +235,11 @@ class FilmInProgress:
     def finish(
         self, plan: FilmPlan, frames: Sequence[FrameRecord], *, num_resumed: int = 0, passes: Sequence[PassRecord] = ()
     ) -> JobResult:
-        """Write the sidecar of the film of these frames. num_resumed: how many of them earlier jobs drew.
+        """Write the sidecar of the film of these frames. num_resumed: the number of frames that earlier jobs drew.
 
-        The sidecar has the fingerprint, by which the next job sees that the film is up to date, unless a single pass
-        would not have made this film: a coarser pass, or one whose tolerances depend on the clock though no time budget
-        was requested.
+        The next job knows by the fingerprint in the sidecar that the film is up to date. A film that a single pass
+        would not have made has no fingerprint: a coarser pass, and a pass with tolerances that depend on the clock
+        though no time budget was requested.
         """
         scene, requested, devices = self.stage.scene, self.job.requested, self._devices(frames)
         shortfall = find_shortfall(plan, scene, requested, frames)
@@ -263,14 +271,14 @@ class FilmInProgress:
         return JobResult(film, self.output.spec.file, summary, note, shortfall, self.glances)
 
     def _notes(self) -> Iterator[str]:
-        """Yield notes for the user on the output, the annotation, the pictures and their drawing."""
+        """Yield notes for the user on the output, the annotation, the pictures and the drawing."""
         yield from film_notes(self.output.spec)
         yield from annotation_notes(self.stage)
-        yield from (each.note for each in self.glances if each.word != NOTHING)  # the frames tell more of nothing
+        yield from (each.note for each in self.glances if each.word != NOTHING)  # the records of frames tell more
         yield from self.executor.notes
 
     def _notes_on_original(self, devices: Sequence[str]) -> Iterator[str]:
-        """Yield notes on a film that is made again: on an accuracy that it missed, and on other versions."""
+        """Yield notes on a film that is made again: on an accuracy that the original missed, and on other versions."""
         if self.job.original is None:
             return
         if self.job.repeats == "film":
@@ -279,13 +287,13 @@ class FilmInProgress:
             yield from version_notes(self.job.original, " and ".join(devices))
 
     def _devices(self, frames: Sequence[FrameRecord]) -> Sequence[str]:
-        """Return the devices that drew the frames: those of their records, and for all others the executor's device."""
+        """Return the devices that drew the frames. A frame without a device in its record was drawn by the executor."""
         elsewhere = [frame.device for frame in frames if frame.device is not None]
         return list(dict.fromkeys(elsewhere + [self.executor.device] * (len(elsewhere) < len(frames))))
 
 
 def one_pass(film: FilmInProgress) -> JobResult:
-    """Draw the film as the scene requests it, and write it. Frames are kept from when they are finished until then."""
+    """Draw the film as the scene requests it, and write it. Until then, its finished frames are kept."""
     plan, output = film.plan(LODCostEstimator(film.stage)), film.output
     if not film.resumes:
         remove_checkpoint_frames(output.folder, output.spec, output.frames)
@@ -303,10 +311,10 @@ def one_pass(film: FilmInProgress) -> JobResult:
 
 
 def _resume_checkpoint(film: FilmInProgress, plan: FilmPlan) -> FrameCheckpoint:
-    """Return the job's finished frames that equal what would be drawn; tell which, and why others do not.
+    """Return the finished frames that the job would draw alike; tell their number, and why others are drawn again.
 
-    The sidecar of another film stays until this film has its own, even while frames of this film replace its frames:
-    this film may be made from it, and its digests expose the mixture.
+    The sidecar of another film stays until this film has its own, even while the frames of this film replace the other
+    ones: this film may be made from that sidecar, and the digests in it expose the mixture.
     """
     output, events, fingerprint, existing = film.output, film.events, film.fingerprint, film.existing
     checkpoint = FrameCheckpoint(output.folder, output.spec, output.frames, fingerprint)
@@ -328,18 +336,18 @@ def _resume_checkpoint(film: FilmInProgress, plan: FilmPlan) -> FrameCheckpoint:
 
 
 def _matches_plan(plan: FilmPlan, record: FrameRecord) -> bool:
-    """Return whether a finished frame has the tolerance that it would have now; with a time budget it may have any."""
+    """Return whether a finished frame has the tolerance of the plan. On a time budget it may have any."""
     if plan.is_timing_dependent:
         return record.predicted_seconds is not None
     return record.tolerance == tolerance_at(plan.stage.scene.error, record.frame)
 
 
 def _tell_resumable(film: FilmInProgress, checkpoint: FrameCheckpoint) -> None:
-    """Tell, when the work ends early, which frames are kept and which command resumes."""
+    """Tell, when the work ends early, how many frames are kept, and which command resumes."""
     file, output = film.output.spec.file, film.output
     if checkpoint.records and output.folder.is_dir():
         command = "the same command" + " without --force" * (not film.resumes)
-        if not film.resumes and not output.spec.is_frames and file.exists():  # it may be up to date
+        if not film.resumes and not output.spec.is_frames and file.exists():  # and may be up to date
             command += f", once {file} is removed,"
         film.events.note(f"{_finished_text(film, checkpoint)} kept; {command} resumes there")
 

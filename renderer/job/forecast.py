@@ -1,4 +1,4 @@
-"""Say what a film costs, in seconds and in bytes, before it is made."""
+"""State the cost of a film, in seconds and in bytes, before it is made."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # they load numpy, which a listener does not need
+if TYPE_CHECKING:  # these rooms load numpy, and a listener does not need it
     from renderer.accuracy import Glance
     from renderer.draw import BrickMemory
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """A prediction of what a film costs: seconds, and the bytes of each output by its file.
+    """A prediction of the cost of a film: seconds, and the bytes of each output by its file.
 
-    glances: the faults of its pictures, where these were looked at. brick_memory: as of an Executor.
+    glances: the faults of its pictures, if these were looked at. brick_memory: the memory of bricks, as of an Executor.
     """
 
     seconds: float
@@ -30,7 +30,7 @@ class Forecast:
         return f"{self.seconds:.2g} s" if self.seconds < 99.5 else f"{self.seconds / 60:.0f} min"
 
     def bytes_text(self, files: Collection[Path]) -> str:
-        """Return `35 kB`, `2.1 MB` or `850 MB`, for some files together."""
+        """Return `35 kB`, `2.1 MB` or `850 MB`, the sum of some files."""
         kilobytes = sum(self.num_bytes.get(file, 0.0) for file in files) / 1e3
         number, unit = (kilobytes, "kB") if kilobytes < 99.5 else (kilobytes / 1e3, "MB")
         return f"{number:.2g} {unit}" if number < 99.5 else f"{number:.0f} {unit}"

@@ -1,4 +1,4 @@
-"""Find the files that a job reads."""
+"""Find the files that a job reads, so that no output replaces or joins them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from renderer.scene import ArraySource, FileSource, FilmScene, OutputFile, Proce
 
 
 def scene_files(scene: FilmScene) -> Iterator[Path]:
-    """Yield the files that a scene names: of imported transfer functions, of its volumes, and of its annotation."""
+    """Yield the files that a scene names: of annotation, imported transfer functions, volumes, and names of labels."""
     first = scene.at(0)
     yield from first.annotation.files
     for layer in first.layers:
@@ -29,7 +29,7 @@ def scene_files(scene: FilmScene) -> Iterator[Path]:
 
 
 def volume_files(volume: VolumeSpec) -> Iterator[Path]:
-    """Yield the known files of a volume, with the data files of a header and the slices of a folder, of all steps."""
+    """Yield the files of all steps of a volume, with the data files of a header and the slices of a folder."""
     source = volume.source
     if isinstance(source, ProceduralSource):
         return
@@ -54,7 +54,7 @@ def volume_files(volume: VolumeSpec) -> Iterator[Path]:
 
 
 def require_no_new_slices(outputs: Iterable[OutputFile], scene: FilmScene) -> None:
-    """Raise InputError if an output's pictures would be slices of a volume that is a folder of pictures."""
+    """Raise InputError if the pictures of an output would become slices of a volume that is a folder of pictures."""
     pictures = [each for each in outputs if each.is_frames]
     if not pictures:
         return
@@ -72,7 +72,7 @@ def require_no_new_slices(outputs: Iterable[OutputFile], scene: FilmScene) -> No
 
 
 def _picture_folders(scene: FilmScene) -> Iterator[Path]:
-    """Yield the folders whose pictures are the slices of a volume or a mask."""
+    """Yield the folders of pictures that are the slices of a volume or a mask."""
     from renderer.readers import find_volume
 
     sources = [volume.source for layer in scene.at(0).layers for volume in layer.volumes.values()]
@@ -85,7 +85,7 @@ def _picture_folders(scene: FilmScene) -> Iterator[Path]:
 
 
 def _slices(folder: Path) -> Iterator[Path]:
-    """Yield the slices directly in a folder; a film may lie among them."""
+    """Yield the slices directly in a folder. Other files, such as a film, may lie among them."""
     from renderer.readers import TIFF_SUFFIXES
 
     entries = list(folder_files(folder))
@@ -98,11 +98,11 @@ def _may_be_dicom(path: Path) -> bool:
 
     with contextlib.suppress(InputError, OSError):
         return is_dicom(path)
-    return True  # it cannot be read, which its reader reports
+    return True  # it cannot be read, and its reader reports this
 
 
 def _files_of_volume_inside(folder: Path) -> Iterator[Path]:
-    """Yield the files of the only volume below a folder that is not one itself, or its pictures if these are."""
+    """Yield the files of the only volume below a folder; the pictures in the folder, if they are its slices."""
     from renderer.readers import find_volume, slices_of_pictures
 
     with contextlib.suppress(InputError, OSError):  # its reader reports it
@@ -114,9 +114,10 @@ def _files_of_volume_inside(folder: Path) -> Iterator[Path]:
 
 
 def expand_pattern(name: str) -> list[Path]:
-    """Return what a pattern such as `scans/**/*.nrrd` matches, sorted; a file that exists, or another name, as it is.
+    """Return the sorted files that match a pattern such as `scans/**/*.nrrd`.
 
-    Raises InputError for a pattern that matches nothing.
+    The name of a file that exists, and any name that is no pattern, is returned as it is. Raises InputError for a
+    pattern without a match.
     """
     if Path(name).exists() or not glob.has_magic(name):
         return [Path(name)]
@@ -128,7 +129,7 @@ def expand_pattern(name: str) -> list[Path]:
 
 
 def header_data_files(header: Path) -> list[Path]:
-    """Return the resolved files that hold the voxels of a header, itself perhaps among them; [] for any other file."""
+    """Return the resolved files with the voxels of a header, perhaps the header itself; no files for any other file."""
     found, voxels = _header_and_voxel_files(header)
     return [file.resolve() for file in voxels] if found == header else []
 

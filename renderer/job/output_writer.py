@@ -1,4 +1,4 @@
-"""Write a film to its output, which the job has locked: frames, the film of them, and the sidecar."""
+"""Write a film to the output that its job has locked: its frames, the encoded files, and the sidecar."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from renderer.job.checkpoint import FrameStore
 from renderer.job.events import JobEvents
 from renderer.job.executor import DrawnFrame
 from renderer.record import (
+    SIDECAR,
     FilmFingerprint,
     FilmRecord,
     FrameRecord,
@@ -33,15 +34,14 @@ from renderer.record import (
     naming_mark,
     require_own_files,
     with_encoding_loss,
-    write_sidecar,
 )
 from renderer.scene import OutputFile, OutputSpec, relative_path, with_files
 from renderer.system import overlap
 
-# The most frames that are decoded from a finished file and compared with the drawn ones. To decode a whole film takes a
-# tenth of the time of its encoding.
+# The most frames that are decoded from a finished file and compared with the drawn frames. Decoding a whole film takes
+# a tenth of the time of its encoding.
 _MAX_COMPARED = 8
-# The most bytes of pictures that are kept for that.
+# The most bytes of pictures that are kept for this comparison.
 _MAX_COMPARED_BYTES = 2**26
 
 
@@ -49,8 +49,9 @@ _MAX_COMPARED_BYTES = 2**26
 class OutputWriter:
     """A writer of a film to an output that its job has locked.
 
-    frames: their numbers, ascending. folder: for unfinished work.
-    first_pictures: of each file that was written last, to compare with the pictures that the film keeps of them.
+    frames: the numbers of the frames, ascending.
+    folder: the folder for unfinished work.
+    first_pictures: the first pictures of each file that was written last. They are compared with the decoded file.
     """
 
     spec: OutputSpec
@@ -69,18 +70,19 @@ class OutputWriter:
         *,
         is_overlapped: bool,
     ) -> list[FrameRecord]:
-        """Make the film of the frames that the store has and of the drawn ones, and return their records.
+        """Write the frames of a store and newly drawn frames to all files, and return the records of all frames.
 
         drawn: yields the frames that the store lacks, in their order; they are saved there.
-        label: of the film or its pass, for the listener.
+        label: the name of the film, or of its pass, for the listener.
         defer_interrupts: called before files get their final names.
-        is_overlapped: a frame is stored while the next one is drawn. Else its time counts for its frame.
+        is_overlapped: whether a frame is stored while the next one is drawn. If not, the time counts for the frame.
         """
         missing = frozenset(self.frames).difference(store.records)
-        # Where no frame is missing, the progress is that of writing them.
+        # If no frame is missing, the listener hears of the frames that are written.
         shown = missing or frozenset(self.frames)
         events.started(label, len(shown))
-        files = self.shown[1:] if store.is_output else self.shown  # where the store's pictures are the first
+        # The pictures of the store may already be the files of the first output.
+        files = self.shown[1:] if store.is_output else self.shown
 
         def before_rename() -> None:
             defer_interrupts()
@@ -99,7 +101,7 @@ class OutputWriter:
             write = partial(self._write_and_remember, write_to_films)
             keep = partial(_store_frame, store=store, write=write, missing=missing)
             stored = overlap(frames(), keep) if is_overlapped else (keep(frame) for frame in frames())
-            # However the block ends, a frame that was drawn is stored before.
+            # However the block ends, each drawn frame is stored before.
             with contextlib.closing(stored):
                 for record in stored:
                     records.append(record)
@@ -109,7 +111,7 @@ class OutputWriter:
 
     @property
     def shown(self) -> list[OutputFile]:
-        """Return the files that have any of the frames."""
+        """Return the files of the output that have at least one of the frames."""
         return self.spec.shown(self.frames)
 
     def _write_and_remember(self, write: WriteFrame, number: int, pictures: Mapping[int, Picture]) -> None:
@@ -122,10 +124,11 @@ class OutputWriter:
                 first.append(pictures[kinds.index(each.kind)])
 
     def write_record(self, record: FilmRecord, fingerprint: FilmFingerprint | None) -> FilmRecord:
-        """Write the sidecar of a film, and return its record, in which files are relative to the sidecar.
+        """Write the sidecar of a film. Return its record, in which paths are relative to the sidecar.
 
-        fingerprint: of a film that is up to date from now on; None for one that the next job makes again. With it the
-        record has the digests of films in one file, too; frames in files have digests in their records.
+        fingerprint: the fingerprint of a film that is up to date from now on; None for a film that the next job makes
+        again. With a fingerprint, the record has the digest of each film in one file. The records of numbered frames
+        have digests in any case.
         """
         films, accuracy = [each for each in self.shown if not each.is_frames], record.accuracy
         digests = {} if fingerprint is None else {each.file: _digest(each.file) for each in films}
@@ -145,12 +148,12 @@ class OutputWriter:
         digest = digests.get(self.spec.file)
         record = replace(record, fingerprint=fingerprint, accuracy=accuracy, digest=digest, outputs=outputs)
         record = _relative_to(self.sidecar.parent, record)
-        write_sidecar(self.sidecar, record, self.folder)
+        SIDECAR.write(self.sidecar, record, self.folder)
         self.remove_mark()
         return record
 
     def remove_mark(self) -> None:
-        """Take note that the sidecar describes the files that there are."""
+        """Remove the mark of a film whose files are newer than its sidecar: now the sidecar describes them."""
         with translate_os_errors(self.sidecar):
             naming_mark(self.spec, self.sidecar).unlink(missing_ok=True)
 
@@ -161,9 +164,9 @@ class OutputWriter:
 
 @contextlib.contextmanager
 def open_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path, *, resumes: bool) -> Iterator[OutputWriter]:
-    """Lock an output for a writer; raises as `renderer.film.locked_output`, and where its encoder is missing.
+    """Lock an output, and return its writer. Raises as `renderer.film.locked_output`, and if its encoder is missing.
 
-    resumes: raises InputError where files that the film has not made have the names of its files.
+    resumes: whether files that this film has not made are kept: raises InputError where such a file is in the way.
     """
     with locked_output(spec, frames, sidecar) as folder:
         if resumes:
@@ -173,7 +176,7 @@ def open_output(spec: OutputSpec, frames: Sequence[int], sidecar: Path, *, resum
 
 
 def _relative_to(folder: Path, record: FilmRecord) -> FilmRecord:
-    """Return a record in which the names of files are relative to a folder."""
+    """Return a record in which the paths of files are relative to a folder."""
     return replace(
         record,
         scene=with_files(record.scene, lambda _, file: relative_path(file, folder)),
@@ -188,7 +191,7 @@ def _digest(file: Path) -> str:
 
 
 def _next_frame(drawn: Iterator[DrawnFrame], number: int) -> DrawnFrame:
-    """Return the next frame that was drawn. Raises RenderError where it is not this one."""
+    """Return the next drawn frame. Raises RenderError if it does not have this number."""
     frame = next(drawn, None)
     if frame is None or frame.record.frame != number:
         got = "no frame" if frame is None else f"frame {frame.record.frame}"
@@ -199,14 +202,14 @@ def _next_frame(drawn: Iterator[DrawnFrame], number: int) -> DrawnFrame:
 
 
 def _store_frame(frame: DrawnFrame, *, store: FrameStore, write: WriteFrame, missing: Collection[int]) -> FrameRecord:
-    """Save a frame that was drawn, and write it to the film; return its record with the time of that.
+    """Save a drawn frame, write it to the film, and return its record with the time for both.
 
-    missing: the frames that the store lacks.
+    missing: the numbers of the frames that the store lacks. Other frames come from the store, and are only written.
     """
     before = time.perf_counter()
     is_new = frame.record.frame in missing
     record = store.save(frame) if is_new else frame.record
     write(record.frame, frame.pictures)
-    if store.is_output and not is_new:  # its picture is where it belongs
+    if store.is_output and not is_new:  # its first picture was already in its file
         return record
     return replace(record, seconds={**record.seconds, "encode": time.perf_counter() - before})

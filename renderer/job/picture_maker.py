@@ -1,4 +1,4 @@
-"""Make the pictures of a frame that the outputs of a film need."""
+"""Make all pictures of a frame that the outputs of a film need."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from renderer.frame import FilmStage, Frame
 
 
 class PictureMaker:
-    """A maker of the pictures of a film's frames, with their annotation. film: its stage."""
+    """A maker of the pictures of the frames of a film, with their annotation. film: the stage of the film."""
 
     def __init__(self, film: FilmStage) -> None:
         self._output, self._annotation = film.scene.output, FilmAnnotation(film)
 
     def pictures(self, frame: Frame, psnr: float | None) -> dict[int, Picture]:
-        """Return the pictures of a frame by the numbers of their kinds, for all files that show the frame.
+        """Return the pictures of a frame for all files that show it, by the numbers of their kinds.
 
-        They are reduced, annotated, over their backgrounds, and rounded. psnr: in decibels, of the frame, where it was
-        measured.
+        A picture is reduced to its size, annotated, put over its background, and rounded, in this order.
+        psnr: the measured accuracy of the frame, in decibels; None if it was not measured.
         """
         spec, kinds = frame.stage.scene.annotation, self._output.kinds
         radiance, found = frame.radiance_with_lines(), dict[int, Picture]()

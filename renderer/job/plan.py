@@ -33,21 +33,22 @@ from renderer.record import (
 from renderer.scene import ErrorSpec, FilmScene, MetricTarget, SplatBudget, TimeBudget, value_at, with_tolerances
 from renderer.system import num_cores
 
-if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not need it
+if TYPE_CHECKING:  # the ray integral takes a while to load, and most films do not search for an accuracy
     from renderer.accuracy import FoundTolerances, Trial
 
-# The part of a frame's time that a trial drawing takes at most: it tells enough about the whole.
+# The most time of a trial drawing, as a fraction of the least time budget of a frame. A longer trial tells no more.
 _MAX_TRIAL_FRACTION = 0.3
 
 
 @dataclass(frozen=True)
 class FilmPlan:
-    """A plan that gives each frame its tolerance, by its controller; the scene of its stage has no accuracy as a goal.
+    """A plan of a film: its controller gives each frame its tolerance.
 
-    shortfall: the goal that cannot be reached; the film is then drawn as well as possible.
-    is_unfinished: finer passes follow.
-    is_timing_dependent: its tolerances depend on the speed of the machine.
-    found: the result of the search for an accuracy.
+    stage: the stage to draw. If its scene had an accuracy or cells as a goal, it has the tolerances that were found.
+    shortfall: the error for a goal that cannot be reached; the film is then drawn as well as possible.
+    is_unfinished: whether finer passes follow.
+    is_timing_dependent: whether the tolerances depend on the speed of the machine.
+    found: the result of the search for an accuracy, if there was one.
     """
 
     stage: FilmStage
@@ -65,10 +66,10 @@ def make_plan(
     events: JobEvents,
     on_step: Callable[[], None] = lambda: None,
 ) -> FilmPlan:
-    """Resolve the goal of the stage's scene, if it has one, and tell each trial.
+    """Find the tolerances for the goal of the scene, if it has one. Each trial of a search is told to the listener.
 
-    rasterizer: returns what draws trial frames; called for goals of accuracy and of time.
-    on_step: called before each trial drawing; what it raises ends the search.
+    rasterizer: opens the rasterizer for trial frames; called for goals of accuracy and of time.
+    on_step: called before each trial drawing; an error that it raises ends the search.
     """
     stage = estimator.stage
     goal = stage.scene.error.goal
@@ -91,7 +92,7 @@ def _plan_time(
     rasterizer: Rasterizer,
     on_step: Callable[[], None],
 ) -> FilmPlan:
-    """Learn the costs of drawing, and prepare the first frame before its time begins."""
+    """Measure the costs of drawing, and prepare the first frame before its time begins."""
     least, clock = min(value_at(goal.value, frame) for frame in frames), time.perf_counter
     calibrate_costs(estimator, frames[0], _MAX_TRIAL_FRACTION * least, rasterizer, clock=clock, on_step=on_step)
     controller = BudgetController(estimator, lambda frame: value_at(goal.value, frame))
@@ -108,7 +109,7 @@ def search_tolerances(
     events: JobEvents,
     on_step: Callable[[], None],
 ) -> FoundTolerances:
-    """Search for the coarsest tolerances with this accuracy by exact rays; parameters as in `make_plan`."""
+    """Search, by exact rays, for the coarsest tolerances with this accuracy. Parameters are as in `make_plan`."""
     from renderer.accuracy import ExactRays, find_tolerances
 
     def tell(trial: Trial) -> None:
@@ -116,13 +117,13 @@ def search_tolerances(
         events.note(trial.text(want, stage.scene.primitive_name))
 
     rays = ExactRays(stage, want, num_threads=num_cores())
-    # Films of splats have one tolerance: a new cut for each frame would take longer than to draw it.
+    # Films of splats have one tolerance: a new cut for each frame would take longer than its drawing.
     is_constant, clock = stage.scene.needs_opengl, time.perf_counter
     return find_tolerances(stage, frames, rays, rasterizer, is_constant=is_constant, clock=clock, on_trial=tell)
 
 
 def _plan_accuracy(stage: FilmStage, goal: MetricTarget, found: FoundTolerances) -> FilmPlan:
-    """Plan the tolerances that were found; 0 if none is good enough."""
+    """Return the plan with the tolerances that were found; they are 0 if no tolerance reaches the accuracy."""
     shortfall = None
     if not found.is_reachable:
         where, hint = f"error.{goal.metric}", f"the film is drawn at tolerance 0, and {BEST_EFFORT_HINT}"
@@ -134,9 +135,9 @@ def _plan_accuracy(stage: FilmStage, goal: MetricTarget, found: FoundTolerances)
 def find_shortfall(
     plan: FilmPlan, scene: FilmScene, requested: ErrorSpec, frames: Sequence[FrameRecord]
 ) -> RenderError | None:
-    """Return the error for a film that does not have the accuracy that was requested, or None.
+    """Return the error for a film without the requested accuracy; None if it has it.
 
-    scene: with its goal, which the plan's scene lacks.
+    scene: the scene with its goal. The scene of the plan has tolerances in its place.
     """
     if plan.is_unfinished:
         return not_refined(scene.output.file.name, requested, frames)
@@ -146,7 +147,7 @@ def find_shortfall(
 def schedule_record(
     plan: FilmPlan, job: FilmJob, frames: Sequence[FrameRecord], shortfall: RenderError | None
 ) -> ScheduleRecord:
-    """Return the record of the accuracy; the measurement of an original holds while the same is requested."""
+    """Return the record of the accuracy: the original's, if the film is made again with the same request."""
     schedule = ScheduleRecord(
         job.requested,
         min_max([frame.tolerance for frame in frames]),
@@ -169,5 +170,6 @@ def _measured_record(plan: FilmPlan) -> MeasuredRecord | None:
     found = plan.found
     if found is None:
         return None
-    worst = found.worst.value if isfinite(found.worst.value) else None  # the PSNR of equal pictures is infinite
+    # The PSNR of equal pictures is infinite.
+    worst = found.worst.value if isfinite(found.worst.value) else None
     return MeasuredRecord(found.want.metric, found.worst.frame, found.tried, worst)

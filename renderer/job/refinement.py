@@ -1,8 +1,8 @@
 """Plan the passes of a film that refines while time remains: complete films, each more exact than the one before.
 
-The first pass has few cells and is finished soon. Its frames and some trial frames show what drawing costs here; each
-following pass takes 8 times as long, and the last one is what the scene requests. So all passes together take little
-longer than the last one alone.
+The first pass has few cells and is finished soon. Its frames and some trial frames show the cost of drawing here. Each
+following pass takes 8 times as long, and the last one has the accuracy that the scene requests. So all passes together
+take little longer than the last one alone.
 """
 
 from __future__ import annotations
@@ -46,42 +46,43 @@ from renderer.scene import (
 )
 from renderer.system import deferrable_interrupts
 
-# The time of a frame of the first pass, by the time of the first picture that shows anything. With few cells the pixels
-# cost most, so the first pass can have many more cells.
+# The time of a frame of the first pass, as a multiple of the time of the first picture that shows anything. With few
+# cells the pixels cost most, so a first pass that takes a little longer has many more cells.
 _FIRST_PASS_FACTOR = 1.3
-# The time of each pass, by the time of the pass before.
+# The time of each pass, as a multiple of the time of the pass before.
 _PASS_FACTOR = 8.0
-# The least such factor with which a pass is worth its time.
+# The least multiple of the time of the pass before with which a pass is worth its time.
 _MIN_PASS_FACTOR = 3.0
-# The most time of trial frames, which show the cost of more cells, by the time of a frame of the last pass.
+# The most time of the trial frames that show the cost of more cells, as a fraction of the time of a frame of the last
+# pass.
 _TRIAL_FRACTION = 0.1
-# The same in seconds.
+# The most time of these trial frames, in seconds.
 _MAX_TRIAL_S = 0.5
-# The fraction of the remaining time that a pass may be predicted to take.
+# The most predicted time of a pass, as a fraction of the remaining time.
 _SAFE_FRACTION = 0.9
-# The frames from which the time of a pass is predicted.
+# The number of frames from which the time of a pass is predicted.
 _NUM_SAMPLED_FRAMES = 3
-# The most bytes of pictures of the pass before that are kept for comparison.
+# The most bytes of the pictures of a pass that are kept, to compare them with the pictures of the next pass.
 _MAX_COMPARED_BYTES = 2**26
 
 
 class DeadlineReached(Exception):  # noqa: N818  no error
-    """A signal that the deadline is reached, and the pass is given up."""
+    """A signal that the deadline is reached and the pass is given up."""
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """A way to make a film in passes: each is a complete film that replaces the one before, and no frames are kept.
+    """A way to make a film in passes. Each is a complete film and replaces the one before; no frames are kept.
 
-    time_limit: seconds from the start of the job; the first pass is drawn in any case.
-    best_effort: an interrupt after the first pass is no error.
+    time_limit: the seconds from the start of the job to the deadline. The first pass is drawn in any case.
+    best_effort: whether an interrupt after the first pass is no error.
     """
 
     time_limit: float = math.inf
     best_effort: bool = False
 
     def __call__(self, film: FilmInProgress) -> JobResult:
-        """Draw pass after pass, until one is what the scene requests or the time is up."""
+        """Draw pass after pass, until one has the accuracy that the scene requests, or the time is up."""
         refiner, output = Refiner(film, film.start + self.time_limit), film.output
         try:
             for each in refiner.plan_passes():
@@ -107,7 +108,7 @@ class Pass(NamedTuple):
 
 
 class _Work(NamedTuple):
-    """An estimate of a frame's work, to draw and to sort it. size: as in Primitive."""
+    """An estimate of the work of a frame: the seconds to draw it and to sort it. size: the size, as of a Primitive."""
 
     typical_seconds: float
     order_seconds: float
@@ -115,9 +116,9 @@ class _Work(NamedTuple):
 
 
 class Refiner:
-    """A planner of passes, each from what the frames of the passes before took.
+    """A planner of passes, which plans each pass by the times of the frames before it.
 
-    deadline: by `perf_counter`. passes: the records of the passes so far. made: the film of the last one.
+    deadline: the time by `perf_counter`. passes: the records of the passes so far. made: the film of the last pass.
     """
 
     def __init__(self, film: FilmInProgress, deadline: float) -> None:
@@ -129,13 +130,13 @@ class Refiner:
         self.made: JobResult | None = None
 
     def plan_passes(self) -> Iterator[Pass]:
-        """Yield the passes, each planned when the one before it is finished, as many as there is time for.
+        """Yield as many passes as there is time for. Each is planned when the one before it is finished.
 
         Raises DeadlineReached.
         """
         primitive = self._estimator.primitive
         initial_tolerance = primitive.tolerance_for_size(primitive.initial_size)
-        for _ in range(2):  # the loops may be compiled in the first, whose time is not that of drawing
+        for _ in range(2):  # the first time includes the loading of the kernels
             initial = self._estimator.make_draw_list(self._frames[0], initial_tolerance, _stopwatch())
         first = _FIRST_PASS_FACTOR * self._estimator.predict(initial)
         if self._may_skip_first_pass(first):
@@ -169,13 +170,13 @@ class Refiner:
             raise DeadlineReached
 
     def make_pass(self, each: Pass) -> None:
-        """Draw and write the film of a pass, and tell what it has. Raises DeadlineReached."""
+        """Draw and write the film of a pass, and tell the listener its summary. Raises DeadlineReached."""
         film, start = self._film, time.perf_counter()
         label = f"{film.output.spec.file.name}, pass {len(self.passes) + 1}"
         with deferrable_interrupts() as defer_interrupts:
             frames = film.write_frames(each.plan, self._store, label, defer_interrupts, self.require_time)
             self._record_pass(each, start, frames)
-            # An interrupt that was deferred ends the block: the film is kept before.
+            # A deferred interrupt ends the block, so the film is kept before.
             self.made = film.finish(each.plan, frames, passes=self.passes)
             film.events.pass_finished(self._summary(frames))
 
@@ -209,7 +210,8 @@ class Refiner:
     def _may_skip_first_pass(self, first: float) -> bool:
         """Return whether the last pass may have so few cells that a first pass of `first` seconds a frame is useless.
 
-        Decided without the cut of the last pass, which may take long. A search for an accuracy always takes long.
+        The decision does without the cut of the last pass, which may take long to make. A search for an accuracy always
+        takes long.
         """
         goal, frames = self._error.goal, self._frames
         if isinstance(goal, MetricTarget):
@@ -253,7 +255,7 @@ class Refiner:
         return statistics.fmean(self._estimator.seconds(each.typical_seconds, each.order_seconds) for each in work)
 
     def _calibrate_costs(self, work: Sequence[_Work]) -> None:
-        """Measure what more cells cost, where the last pass has many more than the first, and more than one frame."""
+        """Measure the cost of more cells, if the film has several frames, and its last pass many more cells."""
         growth, first = self._estimator.primitive.size_ratio, self.passes[-1]
         first_size = growth * self._estimator.primitive.lod_size(first.tolerance[0], int(first.cells[1]))
         if len(self._frames) == 1 or max(each.size for each in work) < growth * first_size:
@@ -269,7 +271,7 @@ class Refiner:
         )
 
     def _pass_within(self, seconds: float, finest: ErrorSpec) -> Pass:
-        """Return a pass whose frames take these seconds, none finer than this accuracy."""
+        """Return a pass with frames that take these seconds and have no finer tolerance than this accuracy."""
         goal, stage = self._error.goal, self._estimator.stage
         if isinstance(goal, TimeBudget):
             budgets = {frame: min(seconds, value_at(goal.value, frame)) for frame in self._frames}
@@ -287,7 +289,10 @@ class Refiner:
 
 
 def _next_frame_seconds(before: float, last: float) -> float:
-    """Return the seconds a frame of the pass after one: `last` divided by 8 as often as that pass is worth it."""
+    """Return the seconds of a frame of the next pass: `last`, divided by 8 as often as the next pass is worth its time.
+
+    before: the seconds of a frame of the pass before. last: the seconds of a frame of the last pass.
+    """
     wanted = last
     while wanted / _PASS_FACTOR >= _MIN_PASS_FACTOR * before:
         wanted /= _PASS_FACTOR
@@ -299,7 +304,7 @@ def _stopwatch() -> Stopwatch:
 
 
 class ComparedFrames(FrameStore):
-    """A store that keeps no frames, and compares some with those of the pass before, spread over the film."""
+    """A store that keeps no frames, and compares some of them, spread over the film, with the pass before."""
 
     def __init__(self, output: OutputSpec, frames: Sequence[int]) -> None:
         super().__init__(output, {}, lambda _number, _kind: output.file)
@@ -309,7 +314,7 @@ class ComparedFrames(FrameStore):
         self._squares: list[float] = []
 
     def save(self, frame: DrawnFrame) -> FrameRecord:
-        """Compare a frame that was drawn with that of the pass before, and return its record."""
+        """Compare a drawn frame with the same frame of the pass before, and return its record."""
         number, image = frame.record.frame, over_black(frame.pictures[0].pixels).astype(np.float32)
         if number in self._before:
             change = image - self._before[number]

@@ -26,13 +26,13 @@ from renderer.scene import FilmScene, OutputFile
 from renderer.system import overlap
 from renderer.volume import Float64
 
-# The frames that are drawn at each place along the path. One follows upon another as in the film: it costs less than
-# the first one, and encoders of video need a few frames to show the bytes that one more frame adds.
+# The number of frames that are drawn at each place along the path. They follow upon each other as in the film: a frame
+# after another costs less than the first, and encoders of video need a few frames to show the bytes that one more adds.
 NUM_NEIGHBOURS = 3
 
 
 class Trial(NamedTuple):
-    """Some frames of a film that are drawn to predict it, one after the other. num: of frames like them."""
+    """Some successive frames that are drawn to predict a film. num: the number of its frames that they stand for."""
 
     frames: Sequence[int]
     num: int
@@ -41,9 +41,9 @@ class Trial(NamedTuple):
 def forecast_frames(
     stage: FilmStage, executor: Executor, frames: Sequence[int], start: float, events: JobEvents, num_places: int = 3
 ) -> Forecast:
-    """Predict the cost of a film of these frames, by drawing some of them.
+    """Predict the cost of a film of these frames by drawing some of them.
 
-    start: of the work, by `perf_counter`. num_places: as of `choose_trials`.
+    start: the time by `perf_counter` at which the work began. num_places: as of `choose_trials`.
     """
     trials = choose_trials(stage.scene, frames, num_places)
     numbers = [number for trial in trials for number in trial.frames]
@@ -68,7 +68,7 @@ def forecast_frames(
                 if shown := [pictures[number][kind] for number in trial.frames if each.shows(number)]:
                     costs.setdefault(each.file, []).append((len(shown), trial.num, *film_cost(each, shown, frames)))
     sizes = dict[Path, float]()
-    for file, found in costs.items():  # a film is predicted by the trials of which it shows most
+    for file, found in costs.items():  # a file is predicted by the trials of which it shows the most frames
         rows = np.array([row for row in found if row[0] == max(found)[0]])
         encoding, sizes[file] = np.average(rows[:, 2:], axis=0, weights=rows[:, 1]).tolist()
         seconds += encoding
@@ -76,7 +76,7 @@ def forecast_frames(
 
 
 def _encode_pictures(frame: DrawnFrame) -> DrawnFrame:
-    """Return the frame with pictures that are encoded as the checkpoint stores them, and the time of that."""
+    """Return the frame with pictures that are encoded as in a checkpoint, and with the time of this encoding."""
     start = time.perf_counter()
     for picture in frame.pictures.values():
         _ = picture.content
@@ -85,17 +85,17 @@ def _encode_pictures(frame: DrawnFrame) -> DrawnFrame:
 
 
 def _longest_stage(record: FrameRecord) -> float:
-    """Return the seconds that one more frame like this one takes: its drawing, finishing and encoding overlap."""
+    """Return the seconds of one more frame like this one: of its longest stage, since the stages overlap."""
     finishing = sum(record.seconds.get(step, 0.0) for step in FINISHING_STEPS)
     encoding = record.seconds["encode"]
     return max(record.total_seconds - finishing - encoding, finishing, encoding)
 
 
 def choose_trials(scene: FilmScene, frames: Sequence[int], num_places: int = 3) -> list[Trial]:
-    """Return trials along the path of a film: of frames for which a layer is made again, of others, and for some files.
+    """Return trials of a film: of frames with a new layer, of frames without one, and of files that skip frames.
 
-    num_places: along the path, at each of which there are trials, one or more. Of files that leave frames out, the
-    first ones that they show are drawn, too.
+    num_places: the number of places along the path with trials, at least one. Of a file that skips frames, the first
+    frames that it shows are drawn, too.
     """
     runs = [run for number in range(len(scene.film_layers)) for run in frames_of_new_layers(scene, number)]
     anew = {frame for first, last in runs for frame in range(first, last + 1)}
@@ -114,7 +114,7 @@ def choose_trials(scene: FilmScene, frames: Sequence[int], num_places: int = 3) 
 
 
 def film_cost(output: OutputFile, pictures: Sequence[Picture], frames: Sequence[int]) -> Float64:
-    """Return the seconds and the bytes that encoding a film of these frames takes, if all are like these pictures."""
+    """Return the seconds to encode a film of these frames, and its bytes, if all frames are like these pictures."""
     one, several = np.array([_encode(output, pictures[:1]), _encode(output, pictures)])
     following = one if len(pictures) == 1 else np.maximum(several - one, 0.0) / (len(pictures) - 1)
     total: Float64 = one + (sum(map(output.shows, frames)) - 1) * following
@@ -122,7 +122,7 @@ def film_cost(output: OutputFile, pictures: Sequence[Picture], frames: Sequence[
 
 
 def _encode(output: OutputFile, pictures: Sequence[Picture]) -> tuple[float, float]:
-    """Write a film of these pictures alone, and return the seconds and the bytes that it takes."""
+    """Write a film of these pictures alone, and return the seconds and the bytes of it."""
     start = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="hsplat-") as folder:
         film = replace(output, file=Path(folder) / output.file.name, every=1, frame=None)

@@ -14,11 +14,12 @@ Sizes are checked before memory is taken, and all compressed voxels with a check
 - `voxel_limits.py`: checks of sizes and types
 - `scaled_values.py`: values of stored numbers
 - `file_errors.py`: errors for files that cannot be read
-- `statements.py`: tables of the fields that change how voxels are understood, and the note on unapplied ones
+- `statements.py`: the type of the tables of fields that change how voxels are understood, and the note on unapplied
+  fields; the reader of each format has its table, `STATEMENTS`
 - `nodata.py`: the search for voxels without data
 - `units.py`: the units of lengths and values, and the axes of the world
 - `steps_in_time.py`: the number and the times of steps
-- `recent_images.py`: a cache of the steps of DICOM
+- `recent_images.py`: a cache of the images that were read last
 - `voxel_colors.py`: components joined into colours
 - `segments.py`: overlapping segments joined into labels, and the segments of 3D Slicer
 - `procedural.py`: volumes from formulas

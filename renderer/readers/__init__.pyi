@@ -27,6 +27,6 @@ from .image import Image as Image
 from .isolation import call_reader as call_reader, read_isolated as read_isolated
 from .nrrd import read_nrrd as read_nrrd
 from .procedural import procedural_values as procedural_values
-from .recent_images import RecentImages as RecentImages
+from .recent_images import ImageRequest as ImageRequest, RecentImages as RecentImages
 from .statements import FormatTable as FormatTable, Statement as Statement
 from .volume_reading import crop_image as crop_image

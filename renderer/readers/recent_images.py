@@ -1,44 +1,74 @@
-"""Keep the images that were read last, so that a repeated request for a step in time does not decode it again."""
+"""Keep the images that were read last, so that a volume or a step in time that is needed again is not decoded again."""
 
 from __future__ import annotations
 
 import os
 import threading
 from collections.abc import Callable, Hashable
+from dataclasses import dataclass
 from pathlib import Path
 
 from renderer.readers.image import Image
+from renderer.volume import backing_file
 
 # The name, inode number, size and modification time of each file.
 FileMarks = tuple[tuple[str, int, int, int], ...]
 
 
-class RecentImages:
-    """A cache of images under the arguments of their reader, which threads may share.
+@dataclass(frozen=True)
+class ImageRequest:
+    """A request for an image of a file.
 
-    most_bytes: the most bytes of the voxels of all images. The least recently used image is dropped first, and an image
-    with more bytes than that is not kept.
+    source: the volume that the file belongs to, perhaps as one of many steps in time.
+    choice: the file, and the arguments of its reader.
+    marks: of all files that the image depends on; they change when a file changes.
     """
 
-    def __init__(self, most_bytes: int) -> None:
+    source: Hashable
+    choice: Hashable
+    marks: tuple[FileMarks, ...]
+
+
+class RecentImages:
+    """A cache of images, which threads may share.
+
+    A new image takes the place of images of other sources, the least recently used one first. It never takes the place
+    of an image of its own source: a film asks for all its steps several times, in the same order, and each step would
+    be dropped just before it is needed again. An image that finds no place is not kept, nor are voxels that stay in
+    their file, whose pages the system keeps.
+
+    most_bytes: returns the most bytes that the voxels of all images may take.
+    """
+
+    def __init__(self, most_bytes: Callable[[], float]) -> None:
         self._most_bytes = most_bytes
-        self._images: dict[Hashable, Image] = {}
+        self._images: dict[Hashable, tuple[ImageRequest, Image]] = {}
         self._lock = threading.Lock()
 
-    def get(self, key: Hashable, read: Callable[[], Image]) -> Image:
-        """Return the kept image of a key, or else read it and keep it. Its values are read-only."""
+    def get(self, request: ImageRequest, read: Callable[[], Image]) -> Image:
+        """Return the kept image of a request, or else read it and keep it. Its values are read-only."""
         with self._lock:
-            found = self._images.pop(key, None)
-            if found is not None:
-                self._images[key] = found  # now the most recently used one
-                return found
+            kept = self._images.pop(request.choice, None)
+            if kept is not None and kept[0].marks == request.marks:
+                self._images[request.choice] = request, kept[1]  # now the most recently used one
+                return kept[1]
         image = read()
         image.values.flags.writeable = False
-        with self._lock:
-            self._images[key] = image
-            while sum(each.values.nbytes for each in self._images.values()) > self._most_bytes:
-                del self._images[next(iter(self._images))]
+        if backing_file(image.values) is None:
+            with self._lock:
+                self._keep(request, image)
         return image
+
+    def _keep(self, request: ImageRequest, image: Image) -> None:
+        most_bytes = self._most_bytes()
+        others = [choice for choice, (kept, _) in self._images.items() if kept.source != request.source]
+        while others and self._num_bytes() + image.values.nbytes > most_bytes:
+            del self._images[others.pop(0)]
+        if self._num_bytes() + image.values.nbytes <= most_bytes:
+            self._images[request.choice] = request, image
+
+    def _num_bytes(self) -> int:
+        return sum(image.values.nbytes for _, image in self._images.values())
 
 
 def marks_of(path: Path) -> FileMarks:

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from renderer.readers.file_errors import errors_about, require_exists, unreadabl
 from renderer.readers.image import Image
 from renderer.readers.isolation import import_reader, read_isolated
 from renderer.readers.nodata import find_fill_values, mark_absent
-from renderer.readers.recent_images import FileMarks, RecentImages, marks_of
+from renderer.readers.recent_images import FileMarks, ImageRequest, RecentImages, marks_of
 from renderer.readers.sniff import find_format, find_volume
 from renderer.readers.steps_in_time import TimeSteps, some_steps
 from renderer.readers.units import units_of
@@ -32,14 +33,26 @@ from renderer.readers.voxel_limits import (
     stays_mapped,
 )
 from renderer.scene import ArraySource, FileSource, ProceduralSource, RawSource, VolumeSpec, short_text
+from renderer.system import free_bytes
 from renderer.volume import Array, Float64, Volume, backing_file, guard_mapping, make_volume
 
 # Reads the voxels of a volume.
 ReadVolume = Callable[[VolumeSpec], Volume]
 Ranges = Sequence[tuple[int, int]]
-# The cache of steps of DICOM. A suggested look and the film need the same steps, and reading a step parses all files of
-# its series.
-_DICOM_IMAGES = RecentImages(most_bytes=256 << 20)
+# The share of the free memory that the kept images may take. Bricks may take half of what is free beside them.
+_SHARE_OF_FREE = 1 / 8
+# The bytes that kept images may take where nobody knows how much memory is free.
+_KEPT_BYTES_IF_UNKNOWN = 256 << 20
+
+
+def _most_kept_bytes() -> float:
+    """Return the most bytes that kept images may take now."""
+    free = free_bytes()
+    return _KEPT_BYTES_IF_UNKNOWN if math.isinf(free) else _SHARE_OF_FREE * free
+
+
+# The cache of images. A suggested look, the fingerprint of a film, its framing and its drawing need the same steps.
+_RECENT_IMAGES = RecentImages(_most_kept_bytes)
 
 
 def read_volume(spec: VolumeSpec, like: Volume | None = None) -> Volume:
@@ -173,15 +186,18 @@ def _fill_values_in_time(spec: VolumeSpec, image: Image) -> tuple[float, ...]:
     if num_times == 1 or image.values.dtype.itemsize == 1 or not isinstance(source, FileSource):
         return ()
     alike = VolumeSpec(source, component=_component(spec), dataset=spec.dataset)
-    return _found_fill_values(alike, num_times, tuple(_marks(source)))
+    of_files = chain.from_iterable(map(_marks, source.steps or (source.file,)))
+    return _found_fill_values(alike, num_times, tuple(of_files))
 
 
-def _marks(source: FileSource) -> Iterator[FileMarks]:
-    """Yield the marks of the files of each step, which change when its voxels do."""
-    for path in source.steps or (source.file,):
-        yield marks_of(path)
-        if path.is_file():
-            yield from map(marks_of, header_and_voxel_files(path)[1])
+def _marks(path: Path, *, with_folder: bool = False) -> Iterator[FileMarks]:
+    """Yield the marks of a file or a folder with a volume, and of all files that its header names.
+
+    with_folder: the marks of all files beside it, in place of its own. Raises InputError for damaged headers.
+    """
+    yield marks_of(path.parent if with_folder and path.is_file() else path)
+    if path.is_file():
+        yield from map(marks_of, header_and_voxel_files(path)[1])
 
 
 @lru_cache(maxsize=16)
@@ -260,21 +276,27 @@ def _load_file(spec: VolumeSpec, path: Path, time: int | None) -> Image:
             got=f"dataset: {short_text(spec.dataset)}",
             expected="no `dataset` at all: only HDF5 and netCDF-4 files have them",
         )
-    if form in _ISOLATED:
-        choice: dict[str, Any] = {"time": time, "component": _component(spec)}
-        choice |= {"dataset": spec.dataset} if form == "hdf5" else {}
-        # Wrong lengths in the file do not matter if the scene gives a spacing.
-        has_spacing = isinstance(spec.source, FileSource) and spec.source.spacing is not None
-        read = partial(read_isolated, reader, found, has_spacing_override=has_spacing, **choice)
-        if form == "dicom":
-            folder = found if found.is_dir() else found.parent  # other files show whether a file is its whole series
-            key = (found.resolve(), time, _component(spec), has_spacing, marks_of(folder))
-            image = _DICOM_IMAGES.get(key, read)
-        else:
-            image = read()
-    else:
+    component = _component(spec)
+    # Wrong lengths in the file do not matter if the scene gives a spacing.
+    has_spacing = isinstance(spec.source, FileSource) and spec.source.spacing is not None
+    options: dict[str, Any] = {"has_spacing_override": has_spacing}
+    if form == "hdf5":
+        options["dataset"] = spec.dataset
+
+    def read() -> Image:
+        if form in _ISOLATED:
+            return read_isolated(reader, found, time=time, component=component, **options)
         with errors_about(found):
-            image = import_reader(reader)(found, time, _component(spec))
+            image = import_reader(reader)(found, time, component)
+        stays = stays_mapped(image.values.nbytes) and backing_file(image.values) is not None
+        return image if stays else replace(image, values=_native_contiguous(image.values))
+
+    marks = list[FileMarks]()
+    with suppress(InputError):  # the reader tells what is wrong with a header
+        # A large library may open any file beside the volume: the slices of its series, or the planes of OME-TIFF.
+        marks.extend(_marks(found, with_folder=form in _ISOLATED))
+    choice = (found.resolve(), time, component, has_spacing, spec.dataset)
+    image = _RECENT_IMAGES.get(ImageRequest(spec.source, choice, tuple(marks)), read)
     return replace(image, notes=(note, *image.notes))
 
 

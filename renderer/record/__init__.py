@@ -1,16 +1,18 @@
 """All that is known of a film: records of its frames and of the whole, its sidecar, and sentences about it.
 
 In: frames that are drawn and measured, or the sidecar of a film. Out: records, their JSON and their words; whether a
-film is up to date, reached the accuracy that was requested, and is what its sidecar says.
+film is up to date, reached the requested accuracy, and agrees with its sidecar.
 
-- `film_record.py`: the records of films and frames, to JSON and back; `record_making.py`: makes them, with notes;
-  `rounding.py`: rounds their numbers; `sidecar.py`: reads and writes the file.
+- `record_file.py`: reads and writes files of records, of any kind; `field_types.py`: the types of their fields.
+- `film_record.py`: the records of films and frames; `record_making.py`: makes them, with notes; `rounding.py`: rounds
+  their numbers; `sidecar.py`: the file of a film's record.
 - `accuracy_records.py`: how exact frames and films are, in records and words; `visibility_records.py`: which scalars
   they show; `goals.py`: whether a film has the accuracy that was requested.
 - `citation.py`: how a film was made, in words for a paper, and BibTeX.
-- `fingerprint.py`: all that frames depend on; `finished_film.py`: a film that is made, and whether it is up to date;
-  `picture_files.py`: whether its pictures are unchanged; `own_files.py`: whether files are its own.
-- `verification.py`: whether a finished film is what its sidecar says; `verified_accuracy.py`: by exact rays.
+- `up_to_date.py`: whether something that was made is up to date, and why not; `fingerprint.py`: all that a film depends
+  on; `finished_film.py`: a film that is made; `picture_files.py`: whether its pictures are unchanged; `own_files.py`:
+  whether files are its own.
+- `verification.py`: whether a finished film agrees with its sidecar; `verified_accuracy.py`: by exact rays.
 """
 
 import lazy_loader

@@ -1,3 +1,4 @@
+from . import field_types as field_types
 from .accuracy_records import (
     accuracy_text as accuracy_text,
     film_accuracy as film_accuracy,
@@ -6,7 +7,6 @@ from .accuracy_records import (
 )
 from .citation import bibtex as bibtex, methods_text as methods_text
 from .film_record import (
-    DIGEST_FIELD as DIGEST_FIELD,
     BrickMemoryRecord as BrickMemoryRecord,
     DifferenceRecord as DifferenceRecord,
     FilmAccuracy as FilmAccuracy,
@@ -23,15 +23,8 @@ from .film_record import (
     late_frame_problems as late_frame_problems,
     min_max as min_max,
     read_frame_record as read_frame_record,
-    record_to_json as record_to_json,
 )
-from .fingerprint import (
-    describe_differences as describe_differences,
-    describe_mismatch as describe_mismatch,
-    differences as differences,
-    film_fingerprint as film_fingerprint,
-    fingerprint_of as fingerprint_of,
-)
+from .fingerprint import film_fingerprint as film_fingerprint, fingerprint_of as fingerprint_of
 from .finished_film import FinishedFilm as FinishedFilm, find_finished_film as find_finished_film
 from .goals import (
     BEST_EFFORT_HINT as BEST_EFFORT_HINT,
@@ -42,6 +35,7 @@ from .goals import (
 )
 from .own_files import naming_mark as naming_mark, require_own_files as require_own_files
 from .picture_files import FrameFile as FrameFile, picture_problems as picture_problems
+from .record_file import RecordFile as RecordFile, record_to_json as record_to_json
 from .record_making import (
     device_notes as device_notes,
     make_film_record as make_film_record,
@@ -55,7 +49,17 @@ from .rounding import (
     round_seconds as round_seconds,
     round_share as round_share,
 )
-from .sidecar import parse_film_record as parse_film_record, write_sidecar as write_sidecar
+from .sidecar import SIDECAR as SIDECAR, parse_film_record as parse_film_record
+from .up_to_date import (
+    FileStates as FileStates,
+    Fingerprint as Fingerprint,
+    MadeFile as MadeFile,
+    describe_differences as describe_differences,
+    describe_mismatch as describe_mismatch,
+    differences as differences,
+    file_states as file_states,
+    program_versions as program_versions,
+)
 from .verification import (
     FilesCheck as FilesCheck,
     PicturesCheck as PicturesCheck,

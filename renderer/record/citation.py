@@ -13,10 +13,20 @@ from renderer.errors import Problem
 from renderer.record.accuracy_records import accuracy_text, file_accuracy_text
 from renderer.record.film_record import FilmAccuracy, FilmRecord, VolumeRecord
 from renderer.record.goals import range_text
-from renderer.scene import OutputSpec, Scene, counted, join_words, raise_problems, schedule_to_dict, schema, short_text
+from renderer.scene import (
+    SECTIONS,
+    OutputSpec,
+    Scene,
+    counted,
+    join_words,
+    raise_problems,
+    schedule_to_dict,
+    schema,
+    short_text,
+)
 
 # The sections of a scene, or of one of its volumes, that name no file which has to be there.
-_SECTIONS = {key: schema.field_table(Scene)[key] for key in ("splat", "mode", "shading", "output")}
+_SECTIONS = {key: SECTIONS[key] for key in ("splat", "mode", "shading", "output")}
 _LIGHT = {
     "specular": "highlights", "silhouette": "silhouettes", "occlusion": "ambient occlusion", "shadow": "soft shadows",
     "gradient_opacity": "opacities that depend on the gradient",
@@ -38,7 +48,7 @@ def _version(record: FilmRecord) -> str:
 
 
 def methods_text(record: FilmRecord, sidecar: Path) -> str:
-    """Return a paragraph on what was drawn, how, and how exact the file is, as far as that was measured.
+    """Return a paragraph on the volume, the method and the measured accuracy of a film.
 
     Raises SceneError for a record whose scene has mistakes.
     """
@@ -91,7 +101,7 @@ def _drawing_sentence(record: FilmRecord, given: Mapping[str, Any]) -> str:
 
 
 def _light_sentence(shadings: list[Any]) -> str:
-    """Return what lights the scene or any of its volumes, or what moves to do so."""
+    """Return the light of the scene or of one of its volumes, or the motion of a light."""
     words = [word for key, word in _LIGHT.items() if any(getattr(each, key) not in (None, 0) for each in shadings)]
     return f"There was {join_words(['Lambertian shading', *words], 'and') if shadings else 'no shading'}."
 

@@ -6,59 +6,21 @@ may have edited a sidecar: reading checks everything, and says where a mistake i
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, is_dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Annotated, Any
 
-from renderer.accuracy import MOST_DB
 from renderer.errors import Problem
-from renderer.scene import (
-    ERROR_SECTION,
-    MAX_FRAMES,
-    ErrorSpec,
-    PictureKind,
-    check_frame_in_path,
-    check_frames_ascend,
-    is_shallow,
-    raise_problems,
-    schedule_to_dict,
-    schema,
-)
+from renderer.record import field_types as types
+from renderer.record.up_to_date import Fingerprint
+from renderer.scene import ERROR_SECTION, ErrorSpec, PictureKind, check_frame_in_path, schema
 
-FORMAT = "hsplat film 2"
-
-# No measured value comes near it, and sums over all parts of a film stay finite.
-_MAX_AMOUNT = 1e100
-# More levels than any scene or fingerprint has.
-_MOST_LEVELS = 12
-_DIGEST = re.compile("[0-9a-f]{32}")
-
-
-# Types of fields. JSON has numbers, so text that spells one is refused.
-
-
-def _number(expected: str, kinds: tuple[type, ...], least: float, most: float) -> schema.FieldType[Any]:
-    def parse(node: schema.TreeNode) -> Any:
-        value: Any = node.value
-        if type(value) not in kinds:
-            return node.reject("not a whole number" if kinds == (int,) else "not a number")
-        return value if least <= value <= most else node.reject("out of range")
-
-    return schema.FieldType(expected, parse)
-
-
-def _parse_shallow(node: schema.TreeNode) -> Any:
-    """Parse data that is copied as it is."""
-    if not isinstance(node.value, dict) or is_shallow(node.value, _MOST_LEVELS):
-        return schema.MAPPING_FIELD.parse(node)
-    return node.reject("too many levels", got="", expected=f"at most {_MOST_LEVELS}")
+_MAPPINGS = schema.sequence_field(schema.MAPPING_FIELD, "a list of mappings")
 
 
 def _parse_scene(node: schema.TreeNode) -> Any:
     """Parse a recorded scene, which is checked where it is used; paths are taken from these sections anywhere."""
-    scene = _parse_shallow(node)
+    scene = types.DATA.parse(node)
     if scene is schema.INVALID:
         return scene
     of_volumes = {"volumes": _MAPPINGS} if "volumes" in scene else {"volume": schema.MAPPING_FIELD}
@@ -71,26 +33,7 @@ def _parse_scene(node: schema.TreeNode) -> Any:
     return scene
 
 
-_MAPPINGS = schema.sequence_field(schema.MAPPING_FIELD, "a list of mappings")
-
-
-DIGEST_FIELD = schema.text_field("32 hexadecimal digits", "not a digest", _DIGEST.fullmatch)
-_AMOUNT = _number(f"a number from 0 to {_MAX_AMOUNT:g}", (int, float), 0, _MAX_AMOUNT)
-_COORDINATE = _number("a number", (int, float), -_MAX_AMOUNT, _MAX_AMOUNT)
-_DECIBELS = _number(f"a number from -{MOST_DB:g} to {MOST_DB:g}", (int, float), -MOST_DB, MOST_DB)
-_COUNT = _number("a whole number of at least 0", (int,), 0, 2**63 - 1)
-_FRAME_NUMBER = _number(f"a whole number from 0 to {MAX_FRAMES - 1}", (int,), 0, MAX_FRAMES - 1)
-_DIGESTS = schema.mapping_field(DIGEST_FIELD)
-_AMOUNTS, _TEXTS = schema.mapping_field(_AMOUNT), schema.mapping_field(schema.TEXT_FIELD)
-_RANGE = schema.sequence_field(_AMOUNT, "[smallest, largest]", count=2)
-_INTERVAL = schema.sequence_field(_DECIBELS, "[low, high]", count=2)
-_SHARES = schema.sequence_field(_AMOUNT, "a list of numbers", may_be_empty=True)
-_VECTOR = schema.sequence_field(_COORDINATE, "[x, y, z]", count=3)
-_SHAPE = schema.sequence_field(_COUNT, "[x, y, z]", count=3)
-_MATRIX = schema.sequence_field(schema.sequence_field(_COORDINATE, "four numbers", count=4), "a 4 x 4 matrix", count=4)
-_DATA: schema.FieldType[Any] = schema.FieldType("a mapping", _parse_shallow)
 _SCENE: schema.FieldType[Any] = schema.FieldType("a mapping", _parse_scene)
-_FORMAT = schema.text_field(FORMAT, "another format of records", FORMAT.__eq__)
 
 Range = tuple[float, float]
 Amounts = Mapping[str, float]
@@ -103,34 +46,34 @@ Amounts = Mapping[str, float]
 class FrameAccuracy:
     """A record of how exact a frame is, by exact rays through some of its pixels."""
 
-    psnr: Annotated[float, _DECIBELS, "In decibels, of the picture after rounding; 200 where no ray saw an error."]
-    interval: Annotated[Range, _INTERVAL, "The true value lies between these in 95 % of cases or more."]
-    rays: Annotated[int, _COUNT, "Their number."]
-    variance: Annotated[float, _AMOUNT, "The variance of the squared errors, weighted by the chances of pixels."]
-    largest: Annotated[float, _AMOUNT, "The largest weighted squared error."]
-    largest_error: Annotated[float, _AMOUNT, "The largest error of a channel, in [0, 1]."]
+    psnr: Annotated[float, types.DECIBELS, "In decibels, of the picture after rounding; 200 where no ray saw an error."]
+    interval: Annotated[Range, types.INTERVAL, "The true value lies between these in 95 % of cases or more."]
+    rays: Annotated[int, types.COUNT, "Their number."]
+    variance: Annotated[float, types.AMOUNT, "The variance of the squared errors, weighted by the chances of pixels."]
+    largest: Annotated[float, types.AMOUNT, "The largest weighted squared error."]
+    largest_error: Annotated[float, types.AMOUNT, "The largest error of a channel, in [0, 1]."]
 
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """A record of one frame: what was drawn, and what it cost."""
+    """A record of one frame: its cut and its cost."""
 
-    frame: Annotated[int, _FRAME_NUMBER, "Its number on the camera's path."]
-    tolerance: Annotated[float, _AMOUNT, "The tolerance of its cut."]
-    cells: Annotated[int, _COUNT, "The cells of the cut, each a brick or a splat."]
-    primitives: Annotated[int, _COUNT, "The cells that the view can show and that are drawn."]
-    seconds: Annotated[Amounts, _AMOUNTS, "The time of each step; `encode` includes writing."]
-    digest: Annotated[str | None, DIGEST_FIELD, "The digest of its file."] = None
-    digests: Annotated[Mapping[str, str] | None, _DIGESTS, "Digests of its pictures for other outputs."] = None
-    predicted_seconds: Annotated[float | None, _AMOUNT, "The time predicted for it, on a budget of time."] = None
+    frame: Annotated[int, types.FRAME, "Its number on the camera's path."]
+    tolerance: Annotated[float, types.AMOUNT, "The tolerance of its cut."]
+    cells: Annotated[int, types.COUNT, "The cells of the cut, each a brick or a splat."]
+    primitives: Annotated[int, types.COUNT, "The cells that the view can show and that are drawn."]
+    seconds: Annotated[Amounts, types.AMOUNTS, "The time of each step; `encode` includes writing."]
+    digest: Annotated[str | None, types.DIGEST, "The digest of its file."] = None
+    digests: Annotated[Mapping[str, str] | None, types.DIGESTS, "Digests of its pictures for other outputs."] = None
+    predicted_seconds: Annotated[float | None, types.AMOUNT, "The time predicted for it, on a budget of time."] = None
     device: Annotated[str | None, "The device of its worker, on a cluster."] = None
     blank: Annotated[bool, "True where nothing of the volume shows."] = False
-    values: Annotated[Mapping[str, Any] | None, _DATA, "The values that move, by their keys in the scene."] = None
+    values: Annotated[Mapping[str, Any] | None, types.DATA, "The values that move, by their keys in the scene."] = None
     accuracy: Annotated[FrameAccuracy | None, "The accuracy of its picture, by exact rays."] = None
-    visible: Annotated[tuple[float, ...], _SHARES, "The parts of its mean opacity that ranges of scalars add."] = ()
+    visible: Annotated[tuple[float, ...], types.SHARES, "The part of each range of scalars in its mean opacity."] = ()
 
     def digest_of(self, kind: PictureKind) -> str | None:
-        """Return the digest of its picture of a kind; of one that is not recorded, that of the first."""
+        """Return the digest of its picture of a kind, or else of its first picture."""
         return (self.digests or {}).get(kind.name, self.digest)
 
     @property
@@ -140,34 +83,12 @@ class FrameRecord:
 
 
 _FRAME = schema.dataclass_field(FrameRecord)
+_FRAMES = types.frames(_FRAME, "a list of one or more records of frames")
 
 
-def read_frame_record(value: Any) -> FrameRecord | None:
+def read_frame_record(value: object) -> FrameRecord | None:
     """Return the record of a frame in plain data; None where it is none."""
-    problems: list[Problem] = []
-    record: FrameRecord = _FRAME.read(schema.TreeNode(value, "", problems))
-    return None if problems else record
-
-
-def _parse_frames(node: schema.TreeNode) -> Any:
-    """Parse the records of all frames; report the first wrong one alone: others may have the same mistake."""
-    if not isinstance(node.value, list):
-        return node.reject("not a list")
-    if not node.value:
-        return node.reject("empty", got="")
-    found: list[FrameRecord] = []
-    for index, value in enumerate(node.value):
-        child, num_problems = node.child(index, value), len(node.problems)
-        record = _FRAME.read(child)
-        if len(node.problems) > num_problems:
-            return schema.INVALID
-        if found and not check_frames_ascend(child.child("frame"), found[-1].frame, record.frame):
-            return schema.INVALID
-        found.append(record)
-    return tuple(found)
-
-
-_FRAMES: schema.FieldType[Any] = schema.FieldType("a list of one or more records of frames", _parse_frames)
+    return types.read_record(_FRAME, value)
 
 
 # Parts of a film's record
@@ -178,10 +99,10 @@ class VolumeRecord:
     """A record of the volume that was drawn."""
 
     name: Annotated[str, "The name of its file, or of its formula."]
-    fingerprint: Annotated[str, DIGEST_FIELD, "The digest of its voxels and their place in the world."]
+    fingerprint: Annotated[str, types.DIGEST, "The digest of its voxels and their place in the world."]
     dtype: Annotated[str, "The type of its voxels."]
-    shape: Annotated[tuple[int, int, int], _SHAPE, "Its voxels along x, y and z."]
-    world_from_index: Annotated[tuple[tuple[float, ...], ...], _MATRIX, "From voxel indices to the world."]
+    shape: Annotated[tuple[int, int, int], types.SHAPE, "Its voxels along x, y and z."]
+    world_from_index: Annotated[tuple[tuple[float, ...], ...], types.MATRIX, "From voxel indices to the world."]
     unit: Annotated[str, "The unit of lengths in the world."] = ""
 
 
@@ -189,17 +110,17 @@ class VolumeRecord:
 class CameraRecord:
     """A record of where the camera was."""
 
-    target: Annotated[tuple[float, ...], _VECTOR, "The position in the world that it looks at."]
-    distance: Annotated[float, _AMOUNT, "From the eye to the target, in world units."]
+    target: Annotated[tuple[float, ...], types.VECTOR, "The position in the world that it looks at."]
+    distance: Annotated[float, types.AMOUNT, "From the eye to the target, in world units."]
 
 
 @dataclass(frozen=True)
 class PyramidRecord:
     """A record of the pyramid of averages and errors."""
 
-    levels: Annotated[int, _COUNT, "Its levels above the voxels."]
-    bytes: Annotated[int, _COUNT, "Its memory."]
-    finest_level_drawn: Annotated[int, _COUNT, "The level of the smallest cells that could be drawn."]
+    levels: Annotated[int, types.COUNT, "Its levels above the voxels."]
+    bytes: Annotated[int, types.COUNT, "Its memory."]
+    finest_level_drawn: Annotated[int, types.COUNT, "The level of the smallest cells that could be drawn."]
 
 
 @dataclass(frozen=True)
@@ -207,9 +128,9 @@ class MeasuredRecord:
     """A record of the search for the tolerance of an accuracy."""
 
     metric: Annotated[str, "`psnr` or `rmse`."]
-    frame: Annotated[int, _FRAME_NUMBER, "The probe frame with the worst value."]
-    probes: Annotated[tuple[Annotated[int, _FRAME_NUMBER], ...], "All probe frames."]
-    worst: Annotated[float | None, _AMOUNT, "The worst value; left out for the PSNR of equal pictures."] = None
+    frame: Annotated[int, types.FRAME, "The probe frame with the worst value."]
+    probes: Annotated[tuple[Annotated[int, types.FRAME], ...], "All probe frames."]
+    worst: Annotated[float | None, types.AMOUNT, "The worst value; left out for the PSNR of equal pictures."] = None
 
 
 @dataclass(frozen=True)
@@ -217,8 +138,8 @@ class ScheduleRecord:
     """A record of the accuracy that was requested and reached."""
 
     requested: Annotated[ErrorSpec, ERROR_SECTION, "The accuracy, as a section `error` of a scene."]
-    tolerance: Annotated[Range, _RANGE, "The smallest and the largest tolerance of a frame."]
-    cells: Annotated[Range, _RANGE, "The smallest and the largest number of cells of a frame."]
+    tolerance: Annotated[Range, types.RANGE, "The smallest and the largest tolerance of a frame."]
+    cells: Annotated[Range, types.RANGE, "The smallest and the largest number of cells of a frame."]
     met: Annotated[bool, "Whether the film reaches the requested accuracy."]
     reproducible: Annotated[bool, "False where the tolerances depend on the speed of the machine."]
     shortfall: Annotated[str | None, "The goal that was missed, and by how much."] = None
@@ -230,44 +151,44 @@ class ScheduleRecord:
 class WorstFrame:
     """A record of the frame that is the least exact by its own rays."""
 
-    frame: Annotated[int, _FRAME_NUMBER, "Its number."]
-    psnr: Annotated[float, _DECIBELS, "In decibels."]
-    interval: Annotated[Range, _INTERVAL, "The true value lies between these in 95 % of cases or more."]
+    frame: Annotated[int, types.FRAME, "Its number."]
+    psnr: Annotated[float, types.DECIBELS, "In decibels."]
+    interval: Annotated[Range, types.INTERVAL, "The true value lies between these in 95 % of cases or more."]
 
 
 @dataclass(frozen=True)
 class FileAccuracy:
-    """A record of what an encoder has kept of the frames."""
+    """A record of the accuracy that is left after encoding."""
 
-    psnr: Annotated[float, _DECIBELS, "In decibels, of the decoded film against the exact pictures."]
-    psnr_of_encoding: Annotated[float, _DECIBELS, "The same compared with the frames as they were drawn."]
-    frames: Annotated[int, _COUNT, "The number of frames compared, from the first on."]
+    psnr: Annotated[float, types.DECIBELS, "In decibels, of the decoded film against the exact pictures."]
+    psnr_of_encoding: Annotated[float, types.DECIBELS, "The same compared with the frames as they were drawn."]
+    frames: Annotated[int, types.COUNT, "The number of frames compared, from the first on."]
 
 
 @dataclass(frozen=True)
 class FilmAccuracy:
     """A record of how exact the frames of a film are together, by their rays."""
 
-    psnr: Annotated[float, _DECIBELS, "In decibels, of the mean squared error of all frames."]
-    interval: Annotated[Range, _INTERVAL, "The true value lies between these in 95 % of cases or more."]
-    rays: Annotated[int, _COUNT, "The rays through all frames."]
+    psnr: Annotated[float, types.DECIBELS, "In decibels, of the mean squared error of all frames."]
+    interval: Annotated[Range, types.INTERVAL, "The true value lies between these in 95 % of cases or more."]
+    rays: Annotated[int, types.COUNT, "The rays through all frames."]
     worst: Annotated[WorstFrame, "The least exact frame."]
-    largest_error: Annotated[float, _AMOUNT, "The largest error of a channel, in [0, 1]."]
+    largest_error: Annotated[float, types.AMOUNT, "The largest error of a channel, in [0, 1]."]
     method: Annotated[str, "The way in which pixels are chosen."]
-    seed: Annotated[int, _COUNT, "The seed of the choice of pixels."]
+    seed: Annotated[int, types.COUNT, "The seed of the choice of pixels."]
     file: Annotated[FileAccuracy | None, "The accuracy of a film in one file; PNG files have the frames'."] = None
 
 
 @dataclass(frozen=True)
 class VisibleRange:
-    """A record of what the scalars of a range show of all that is visible."""
+    """A record of the share that a range of scalars has of everything visible."""
 
-    share: Annotated[float, _AMOUNT, "Its share of the sum of transmittance times opacity."]
-    opacity: Annotated[float, _AMOUNT, "Its largest opacity, per unit of the transfer function."]
-    low: Annotated[float | None, _COORDINATE, "Its smallest scalar; left out where there is none."] = None
-    high: Annotated[float | None, _COORDINATE, "The scalar at which it ends; left out where there is none."] = None
+    share: Annotated[float, types.AMOUNT, "Its share of the sum of transmittance times opacity."]
+    opacity: Annotated[float, types.AMOUNT, "Its largest opacity, per unit of the transfer function."]
+    low: Annotated[float | None, types.COORDINATE, "Its smallest scalar; left out where there is none."] = None
+    high: Annotated[float | None, types.COORDINATE, "The scalar at which it ends; left out where there is none."] = None
     name: Annotated[str | None, "The labels with these values."] = None
-    layer: Annotated[int | None, _COUNT, "The number of the volume, from 0, if there are several."] = None
+    layer: Annotated[int | None, types.COUNT, "The number of the volume, from 0, if there are several."] = None
 
 
 @dataclass(frozen=True)
@@ -275,10 +196,10 @@ class OutputRecord:
     """A record of a further file of the same drawing."""
 
     file: Annotated[str, "Its name, or the template of its frames, relative to the sidecar."]
-    frames: Annotated[int, _COUNT, "Its frames."]
-    digest: Annotated[str | None, DIGEST_FIELD, "The digest of a film in one file."] = None
+    frames: Annotated[int, types.COUNT, "Its frames."]
+    digest: Annotated[str | None, types.DIGEST, "The digest of a film in one file."] = None
     psnr_of_encoding: Annotated[
-        float | None, _DECIBELS, "In decibels, of its first decoded frames against the drawn ones."
+        float | None, types.DECIBELS, "In decibels, of its first decoded frames against the drawn ones."
     ] = None
 
 
@@ -286,7 +207,7 @@ class OutputRecord:
 class FilmVisibility:
     """A record of which scalars the pictures of a film show: its visibility histogram, by the rays of its accuracy."""
 
-    coverage: Annotated[float, _AMOUNT, "The mean opacity of the pictures."]
+    coverage: Annotated[float, types.AMOUNT, "The mean opacity of the pictures."]
     ranges: Annotated[
         tuple[VisibleRange, ...],
         "At most 12 ranges between control points of all transfer functions, or 48 of labels.",
@@ -297,20 +218,20 @@ class FilmVisibility:
 class DifferenceRecord:
     """A record of how much a pass changed."""
 
-    rmse: Annotated[float, _AMOUNT, "The root mean square change of pixels and channels in [0, 1]."]
-    frames: Annotated[int, _COUNT, "The frames that were compared."]
-    psnr_db: Annotated[float | None, _COORDINATE, "The same in decibels; left out where nothing changed."] = None
+    rmse: Annotated[float, types.AMOUNT, "The root mean square change of pixels and channels in [0, 1]."]
+    frames: Annotated[int, types.COUNT, "The frames that were compared."]
+    psnr_db: Annotated[float | None, types.COORDINATE, "The same in decibels; left out where nothing changed."] = None
 
 
 @dataclass(frozen=True)
 class PassRecord:
     """A record of one pass of a progressive film."""
 
-    tolerance: Annotated[Range, _RANGE, "The smallest and the largest tolerance of a frame."]
-    cells: Annotated[Range, _RANGE, "The smallest and the largest number of cells of a frame."]
-    predicted_seconds: Annotated[float, _AMOUNT, "Its predicted time."]
-    seconds: Annotated[float, _AMOUNT, "Its time."]
-    after_seconds: Annotated[float, _AMOUNT, "The time from the start of the job to its end."]
+    tolerance: Annotated[Range, types.RANGE, "The smallest and the largest tolerance of a frame."]
+    cells: Annotated[Range, types.RANGE, "The smallest and the largest number of cells of a frame."]
+    predicted_seconds: Annotated[float, types.AMOUNT, "Its predicted time."]
+    seconds: Annotated[float, types.AMOUNT, "Its time."]
+    after_seconds: Annotated[float, types.AMOUNT, "The time from the start of the job to its end."]
     difference: Annotated[DifferenceRecord | None, "The difference from the pass before."] = None
 
 
@@ -319,9 +240,9 @@ class PartRecord:
     """A record of a part that a film was assembled from."""
 
     sidecar: Annotated[str, "The sidecar of the part, relative to this one."]
-    frames: Annotated[Range, _RANGE, "The first and the last frame that was taken."]
-    num_frames: Annotated[int, _COUNT, "The number of frames that were taken."]
-    seconds: Annotated[Amounts, _AMOUNTS, "The time of each step of the part."]
+    frames: Annotated[Range, types.RANGE, "The first and the last frame that was taken."]
+    num_frames: Annotated[int, types.COUNT, "The number of frames that were taken."]
+    seconds: Annotated[Amounts, types.AMOUNTS, "The time of each step of the part."]
     measured: Annotated[MeasuredRecord | None, "The search for an accuracy."] = None
 
 
@@ -329,22 +250,27 @@ class PartRecord:
 class BrickMemoryRecord:
     """A record of the memory of bricks, on which no byte of a picture depends."""
 
-    needed: Annotated[int, _COUNT, "The bytes of all visible bricks; beyond the limit, bricks are made again."]
-    limit: Annotated[int, _COUNT, "The most bytes that bricks may take."]
+    needed: Annotated[int, types.COUNT, "The bytes of all visible bricks; beyond the limit, bricks are made again."]
+    limit: Annotated[int, types.COUNT, "The most bytes that bricks may take."]
 
 
 @dataclass(frozen=True)
 class FilmFingerprint:
-    """A fingerprint of a film: what it depends on, besides the numbers of its frames."""
+    """A fingerprint of a film: all that it depends on, besides the numbers of its frames."""
 
-    frames_digest: Annotated[str, DIGEST_FIELD, "The digest of `depends_on`."]
-    encoding: Annotated[Mapping[str, Any], _DATA, "Formats, frame rate, quality and codec of the files."]
-    depends_on: Annotated[Mapping[str, Any], _DATA, "Scene, voxels, versions and device that the frames depend on."]
+    frames_digest: Annotated[str, types.DIGEST, "The digest of `depends_on`."]
+    encoding: Annotated[Mapping[str, Any], types.DATA, "Formats, frame rate, quality and codec of the files."]
+    depends_on: Annotated[Mapping[str, Any], types.DATA, "Scene, voxels, versions and device of the frames."]
+
+    @property
+    def of_frames(self) -> Fingerprint:
+        """Return the fingerprint of the frames, however they are encoded."""
+        return Fingerprint(self.frames_digest, self.depends_on)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FilmRecord:
-    """A record of how a film was made, and what it cost: the content of its sidecar."""
+    """A record of the making of a film, and its cost: the content of the sidecar."""
 
     scene: Annotated[
         Mapping[str, Any],
@@ -355,11 +281,10 @@ class FilmRecord:
     camera: Annotated[CameraRecord, "The camera."]
     pyramid: Annotated[PyramidRecord, "The pyramid."]
     device: Annotated[str, "OpenGL's device and driver for splats, the processor for bricks."]
-    versions: Annotated[Mapping[str, str], _TEXTS, "Versions of Python, hsplat and the packages that bytes depend on."]
+    versions: Annotated[Mapping[str, str], types.TEXTS, "Versions of Python, hsplat and the packages used."]
     schedule: Annotated[ScheduleRecord, "The accuracy."]
     notes: Annotated[tuple[str, ...], "Notes for the user."]
-    seconds: Annotated[Amounts, _AMOUNTS, "The time of each step of the whole film."]
-    frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "The frames, ascending."]
+    seconds: Annotated[Amounts, types.AMOUNTS, "The time of each step of the whole film."]
     accuracy: Annotated[FilmAccuracy | None, "The accuracy of all frames together, by exact rays."] = None
     visibility: Annotated[FilmVisibility | None, "The scalars that the pictures show, by the same rays."] = None
     volumes: Annotated[tuple[VolumeRecord, ...], "Each volume, of several."] = ()
@@ -367,48 +292,15 @@ class FilmRecord:
     passes: Annotated[tuple[PassRecord, ...], "Passes of a progressive film."] = ()
     parts: Annotated[tuple[PartRecord, ...], "Parts of an assembled film."] = ()
     fingerprint: Annotated[FilmFingerprint | None, "Left out where one pass would not have made this film."] = None
-    digest: Annotated[str | None, DIGEST_FIELD, "The digest of a film in one file."] = None
+    digest: Annotated[str | None, types.DIGEST, "The digest of a film in one file."] = None
     outputs: Annotated[tuple[OutputRecord, ...], "Further files of the same drawing."] = ()
-    format: Annotated[str, _FORMAT, "The version of this format."] = FORMAT
+    # The frames, of which there are many, come last in the file.
+    frames: Annotated[tuple[FrameRecord, ...], _FRAMES, "The frames, ascending."]
 
     @property
     def numbers(self) -> tuple[int, ...]:
         """Return the numbers of the frames, ascending."""
         return tuple(record.frame for record in self.frames)
-
-
-# The frames, of which there are many, come last in the file.
-_LAST = "frames"
-_FILM = schema.dataclass_field(FilmRecord)
-
-
-# To JSON and back
-
-
-def record_to_json(record: Any) -> dict[str, Any]:
-    """Return a record as plain data for JSON; fields that have their defaults are left out, but for the format."""
-    pairs = ((field, getattr(record, field.name)) for field in fields(record))
-    found = {field.name: _plain(value) for field, value in pairs if field.default is MISSING or value != field.default}
-    if not isinstance(record, FilmRecord):
-        return found
-    frames = found.pop(_LAST)
-    return {"format": record.format, **found, _LAST: frames}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, ErrorSpec):
-        return schedule_to_dict(value)
-    if is_dataclass(value):
-        return record_to_json(value)
-    return [_plain(item) for item in value] if isinstance(value, (tuple, list)) else value
-
-
-def record_from_json(data: Mapping[str, Any], path: Path) -> FilmRecord:
-    """Return the record in plain data. Raises SceneError with everything that is wrong with it."""
-    problems: list[Problem] = []
-    record: FilmRecord = schema.read_option(_FILM, data, str(path), problems, schema.FilmTime(None, 1.0))
-    raise_problems(problems)
-    return record
 
 
 def late_frame_problems(record: FilmRecord, num_frames: int) -> list[Problem]:

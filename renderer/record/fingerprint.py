@@ -1,22 +1,20 @@
-"""Compute and compare fingerprints: digests of everything that the frames of a film depend on."""
+"""Compute the fingerprint of a film: all that its frames depend on, and how they are encoded."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from renderer.film import data_digest, file_digest
+from renderer.film import file_digest
 from renderer.record.film_record import FilmFingerprint
+from renderer.record.up_to_date import Fingerprint, program_versions
 from renderer.scene import (
     ErrorSpec,
     FilmScene,
     OutputSpec,
-    first_few,
     first_output,
-    format_value,
-    join_keys,
     outputs_of,
     scene_to_dict,
     schedule_to_dict,
@@ -25,9 +23,8 @@ from renderer.scene import (
     with_files,
     without_sources,
 )
-from renderer.system import package_versions, sources_digest
 
-# These keys say what is in the frames; others say how they become a film, and what is told of it.
+# The keys of an output that change the frames; others are about the encoding and the name of the film.
 _DRAWN_KEYS = ("size", "background")
 _NOT_ENCODED = ("file",)
 
@@ -51,11 +48,10 @@ def film_fingerprint(scene: FilmScene, requested: ErrorSpec, volume_fingerprint:
     depends_on = {
         "scene": tree | {"output": output, "error": {**schedule_to_dict(requested), **rest}} | shown,
         "volume": {"fingerprint": volume_fingerprint},
-        "versions": package_versions(),
-        "sources": sources_digest(),
+        **program_versions(),
         "device": device,
     }
-    return fingerprint_of(json.loads(json.dumps(depends_on)), scene.output)
+    return fingerprint_of(depends_on, scene.output)
 
 
 def fingerprint_of(depends_on: Mapping[str, Any], output: OutputSpec) -> FilmFingerprint:
@@ -64,28 +60,5 @@ def fingerprint_of(depends_on: Mapping[str, Any], output: OutputSpec) -> FilmFin
     first, *others = ({key: value for key, value in each.items() if key not in _NOT_ENCODED} for each in tree)
     first = {key: value for key, value in first.items() if key not in _DRAWN_KEYS}
     encoding = json.loads(json.dumps({"output": [first, *others] if others else first}))
-    return FilmFingerprint(data_digest(depends_on), encoding, depends_on)
-
-
-def describe_differences(before: Any, now: Any) -> str:
-    """Return the first few keys in which two fingerprints' data differ: `scene.error.tolerance was 0.2`."""
-    found = [f"{path} was {format_value(old)}" for path, old, _ in differences(before, now)]
-    return first_few(found, between="; ")
-
-
-def describe_mismatch(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Return why recorded data, which may be any, has another fingerprint than `now`."""
-    if not before:
-        return "its scene is not recorded"
-    return describe_differences(before, now) or "the record of its scene was changed"
-
-
-def differences(before: Any, now: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Yield the dotted paths of the values that differ, and both values: None where there is none."""
-    if isinstance(before, list) and isinstance(now, list) and any(isinstance(item, dict) for item in now):
-        before, now = dict(enumerate(before)), dict(enumerate(now))
-    if isinstance(before, dict) and isinstance(now, dict):
-        for key in dict.fromkeys([*now, *before]):
-            yield from differences(before.get(key), now.get(key), join_keys(path, key))
-    elif before != now:
-        yield path, before, now
+    of_frames = Fingerprint.of(**depends_on)
+    return FilmFingerprint(of_frames.digest, encoding, of_frames.depends_on)

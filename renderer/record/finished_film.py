@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from renderer.errors import InputError, SceneError
-from renderer.film import file_matches_digest, film_path_of_sidecar, frame_matches_digest, frame_path
-from renderer.record.film_record import FilmFingerprint, FilmRecord, record_from_json
-from renderer.record.fingerprint import describe_differences, describe_mismatch
+from renderer.film import film_path_of_sidecar, frame_path
+from renderer.record.film_record import FilmFingerprint, FilmRecord
+from renderer.record.sidecar import SIDECAR
+from renderer.record.up_to_date import MadeFile, describe_differences
 from renderer.scene import (
     CAMERA_FIELD,
     FRAME_FIELD,
-    MAX_SIDECAR_BYTES,
     FilmScene,
     OutputFile,
     OutputSpec,
     first_output,
-    read_json_object,
     schema,
     tolerance_at,
 )
@@ -71,7 +70,7 @@ class FinishedFilm:
         )
 
     def require_volumes(self, fingerprint: str, names: Sequence[str]) -> None:
-        """Raise InputError unless volumes of these names, with this joint fingerprint, are those that it shows."""
+        """Raise InputError unless it shows the volumes of these names, which have this joint fingerprint."""
         if fingerprint != self.record.volume.fingerprint:
             raise InputError(
                 "the film was made from another volume",
@@ -87,7 +86,7 @@ class FinishedFilm:
         return self.record.schedule.met and "total" in self.record.seconds
 
     def is_up_to_date(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> bool:
-        """Return whether it is the film that is requested, and its files are those that were written."""
+        """Return whether it is the requested film, and its files are unchanged."""
         return not self._change(fingerprint, frames) and self.is_complete and self._changed_file(output) is None
 
     def why_stale(self, fingerprint: FilmFingerprint, output: OutputSpec, frames: Sequence[int]) -> str:
@@ -117,8 +116,8 @@ class FinishedFilm:
         own = self.record.fingerprint
         if own is None:
             return "one pass would not have made it"
-        if own.frames_digest != fingerprint.frames_digest:
-            return describe_mismatch(own.depends_on, fingerprint.depends_on)
+        if change := own.of_frames.change(fingerprint.of_frames):
+            return change
         if own.encoding != fingerprint.encoding or [*self.record.numbers] != [*frames]:
             return describe_differences(own.encoding, fingerprint.encoding) or "it has other frames"
         return ""
@@ -129,17 +128,18 @@ class FinishedFilm:
         if len(digests) != len(output.files):
             return output.file
         for each, digest in zip(output.files, digests, strict=True):
-            if not (self._has_frames(each) if each.is_frames else file_matches_digest(each.file, digest)):
+            if not all(made.is_unchanged for made in self._made_files(each, digest)):
                 return each.file
         return None
 
-    def _has_frames(self, output: OutputFile) -> bool:
-        """Return whether the files of an output's frames are those that were written."""
-        return all(
-            frame_matches_digest(frame_path(output.file, each.frame), each.digest_of(output.kind), output.kind)
-            for each in self.record.frames
-            if output.shows(each.frame)
-        )
+    def _made_files(self, output: OutputFile, digest: str | None) -> Iterator[MadeFile]:
+        """Yield the files of an output. digest: of a film in one file."""
+        if not output.is_frames:
+            yield MadeFile(output.file, digest)
+            return
+        for frame in self.record.frames:
+            if output.shows(frame.frame):
+                yield MadeFile(frame_path(output.file, frame.frame), frame.digest_of(output.kind), output.kind)
 
 
 def find_finished_film(sidecar: Path, note: Callable[[str], object]) -> FinishedFilm | None:
@@ -147,11 +147,16 @@ def find_finished_film(sidecar: Path, note: Callable[[str], object]) -> Finished
 
     note: takes a sentence on why a record cannot be used.
     """
-    data = read_json_object(sidecar, MAX_SIDECAR_BYTES)
     try:
-        record = None if data is None else record_from_json(data, sidecar)
-    except SceneError as error:
-        first = error.problems[0]
-        note(f"{sidecar} is not a record that can be used: {first.path}: {first.what}")
+        record = SIDECAR.find(sidecar)
+    except InputError as error:
+        note(f"{sidecar} is not a record that can be used: {_first_problem(error)}")
         return None
     return None if record is None or record.fingerprint is None else FinishedFilm(sidecar, record)
+
+
+def _first_problem(error: InputError) -> str:
+    if not isinstance(error, SceneError):
+        return error.what
+    first = error.problems[0]
+    return f"{first.path}: {first.what}"

@@ -1,4 +1,4 @@
-"""Check that a film reached what its scene requested, and describe in a line what it has and what it cost."""
+"""Check that a film reached the accuracy of its scene, and describe its accuracy and cost in a line."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Know which files a film has made, so that it replaces no other one that has their names.
+"""Tell which files a film has made, so that it replaces no other file of the same name.
 
-The first output may be that of another film, of which a note tells. A further output may belong to a film that is still
+The first output may belong to another film, and a note says so. A further output may belong to a film that is still
 wanted, and nobody named the sidecar.
 """
 
@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from renderer.errors import InputError, SceneError
+from renderer.errors import InputError
 from renderer.film import film_sidecars, picture_files, unfinished_folder
 from renderer.scene import MAX_SIDECAR_BYTES, OutputFile, OutputSpec, read_json_object, relative_path
 
@@ -53,15 +54,13 @@ def naming_mark(output: OutputSpec, sidecar: Path) -> Path:
 
 def _records(output: OutputSpec, sidecar: Path) -> Iterator[FilmRecord]:
     """Yield the records of a film, the one of the sidecar first, and of its parts."""
-    from renderer.record.film_record import record_from_json
+    from renderer.record.sidecar import SIDECAR
 
     for path in dict.fromkeys([sidecar, *film_sidecars(output.file)]):
-        data = read_json_object(path, MAX_SIDECAR_BYTES)
-        try:
-            if data is not None:
-                yield record_from_json(data, path)
-        except SceneError:  # it is told where the film is looked at
-            continue
+        with suppress(InputError):  # it is reported where the film is looked at
+            record = SIDECAR.find(path)
+            if record is not None:
+                yield record
 
 
 def _has_made(record: FilmRecord, output: OutputSpec, each: OutputFile) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -130,15 +130,19 @@ def shortfall_notes(original: FinishedFilm) -> list[str]:
 
 def version_notes(original: FinishedFilm, device: str) -> list[str]:
     """Return a note if a film is made again by other versions than the original."""
-    changed = changed_tools(original, package_versions() | {"device": device, "sources": sources_digest()})
+    changed = changed_tools(original, device)
     if not changed:
         return []
     return [f"the bytes may differ from the original film, which had other versions: {'; '.join(changed)}"]
 
 
-def changed_tools(original: FinishedFilm, now: Mapping[str, str]) -> list[str]:
-    """Return `numpy 2.4.6, which was 2.0.2` for each package that had another version when a film was made."""
+def changed_tools(original: FinishedFilm, device: str | None = None) -> list[str]:
+    """Return `numpy 2.4.6, which was 2.0.2` for each package that had another version when a film was made.
+
+    device: now, if it is compared, too.
+    """
     before = original.tools
+    now = package_versions() | ({} if device is None else {"device": device}) | {"sources": sources_digest()}
     return [
         f"{name} {version}, which was {short_text(before[name])}"
         for name, version in now.items()

@@ -10,13 +10,13 @@ from renderer.errors import HsplatError, InputError, Problem
 from renderer.film import Picture, data_digest, decode_known_film, file_matches_digest, frame_path
 from renderer.frame import FilmStage
 from renderer.record.film_record import FrameRecord
-from renderer.record.fingerprint import describe_mismatch, film_fingerprint
+from renderer.record.fingerprint import film_fingerprint
 from renderer.record.finished_film import FinishedFilm
 from renderer.record.picture_files import FrameFile, picture_problems
 from renderer.record.record_making import changed_tools
+from renderer.record.up_to_date import describe_mismatch
 from renderer.record.verified_accuracy import MOST_RAYS, FreshAccuracy, RayOptions, RayProgress, measure_pictures
 from renderer.scene import ErrorSpec, FilmScene, OutputFile, OutputSpec, accuracy_of, counted
-from renderer.system import package_versions, sources_digest
 
 # The problem of a file whose pictures can be measured all the same.
 _CHANGED = "not the file that its sidecar describes"
@@ -108,7 +108,7 @@ def verify_pictures(
     # A scene that somebody has edited is expected to differ; so are the versions that drew it.
     is_unchanged = film.has_tolerances_of(scene)
     requested = film.record.schedule.requested if is_unchanged else accuracy_of(scene.error)
-    changed = changed_tools(film, package_versions() | {"sources": sources_digest()}) if is_unchanged else []
+    changed = changed_tools(film) if is_unchanged else []
     problems = [*_scene_problems(film, scene, requested)]
     if changed:  # another version may have other keys, and other defaults
         notes = [f"drawn by other versions than these: {'; '.join(changed)}"]

@@ -1,4 +1,4 @@
-"""Measure how exact the pictures of a finished film are by fresh exact rays, and find those that are not its own.
+"""Measure the accuracy of the pictures of a finished film by fresh exact rays, and find pictures of other films.
 
 Numbered frames are the pictures whose accuracy was recorded. The loss of an encoder is no mistake: a frame of an
 encoded film is judged by the usual loss of the film. docs/commands.md says which faults are found, and how often
@@ -138,7 +138,7 @@ class _Rays:
 
 
 def _film_problems(frames: Sequence[FrameRecord], found: FilmAccuracy, output: OutputFile) -> Iterator[Problem]:
-    """Yield a problem where a film is far less exact than recorded, by more than what encoding may do to it."""
+    """Yield a problem where a film is far less exact than recorded, by more than the loss of encoding."""
     recorded = film_accuracy(frames)
     if recorded is not None:
         may_lose = 0.0 if output.is_frames else _MOST_OF_ENCODING
@@ -172,7 +172,7 @@ def _least_as_recorded(frames: Sequence[FrameRecord], found: Sequence[float]) ->
 def _least_usual(frames: Sequence[FrameRecord], found: Sequence[float]) -> list[float]:
     """Return for each frame the PSNR below which it is unusual.
 
-    Its error is several times as large as usual, and it has lost several times as much as usual from what was recorded.
+    Its error is several times as large as usual, and it has lost several times as much as usual since it was recorded.
     """
     errors = [squared_error(value) for value in found]
     losses = [error - squared_error(_psnr(frame)) for frame, error in zip(frames, errors, strict=True)]

@@ -19,15 +19,15 @@ Problems = list[Problem]
 def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Problems) -> LayerSpec:
     """Return a layer in which all labels that are shown have their number, colour and name.
 
-    place: of the layer in the scene. read: reads the voxels of volumes whose labels are not known yet. problems: labels
-    that are not there are added to it. Raises InputError for volumes that are no labels, and tables that cannot
+    place: of its labels in the scene. read: reads the voxels of volumes whose labels are not known yet. problems:
+    labels that are not there are added to it. Raises InputError for volumes that are no labels, and tables that cannot
     be read.
     """
     look, labels = layer.transfer_function, layer.transfer_function.labels
-    if labels is not None and not labels.has_colors:
-        known = read_labels(OverFrames(layer.volume), read, labels)
-        look = replace(look, mapping=choose_labels(labels, known, f"{place}labels", problems))
-    return replace(layer, transfer_function=look, mask=with_numbers(layer.mask, f"{place}mask", read, problems))
+    if labels is None or labels.has_colors:
+        return layer
+    known = read_labels(OverFrames(layer.volume), read, labels)
+    return replace(layer, transfer_function=replace(look, mapping=choose_labels(labels, known, place, problems)))
 
 
 def with_numbers(mask: MaskSpec | None, place: str, read: ReadVolume, problems: Problems) -> MaskSpec | None:
@@ -44,15 +44,12 @@ def label_problems(scene: FilmScene, read: ReadVolume) -> Problems:
     Only volumes of which some are named are read. Raises InputError as `read_labels`.
     """
     problems, choices = Problems(), dict[str, tuple[OverFrames[VolumeSpec], LabelsSpec]]()
-    first = scene.at(0)
-    for number, layer in enumerate(first.layers):
-        place = f"volumes.{number}." if scene.has_list else ""
+    for number, layer in enumerate(scene.at(0).layers):
         over_frames = scene.film_layers[number]
         if (labels := layer.transfer_function.labels) is not None:
-            choices[f"{place}labels"] = over_frames.map(lambda each: each.volume), labels
+            choices[scene.layer_key(number, "labels")] = over_frames.map(lambda each: each.volume), labels
         if (mask := layer.mask) is not None and isinstance(mask.volume, VolumeSpec):
-            place = "mask" if mask == first.mask else f"{place}mask"
-            choices[place] = over_frames.map(_mask_volume), mask.labels
+            choices[scene.layer_key(number, "mask")] = over_frames.map(_mask_volume), mask.labels
     for place, (volume, labels) in choices.items():
         if labels.show or labels.hide or isinstance(labels.colors, tuple) or isinstance(labels.opacity, tuple):
             choose_labels(labels, read_labels(volume, read, labels), place, problems)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 from renderer.errors import Problem
 from renderer.readers import ReadVolume
@@ -16,6 +16,7 @@ from renderer.scene import (
     Motion,
     OverFrames,
     Scene,
+    SharedKeys,
     VolumeSpec,
     moving,
     raise_problems,
@@ -37,29 +38,34 @@ def resolve_scene(scene: AnyScene, read: ReadVolume) -> AnyScene:
 
 def _resolved(scene: Scene, read: ReadVolume) -> Scene:
     """Return the scene of `resolve_scene`. It passes motions on, and does not calculate with them."""
-    given = scene.volumes or (LayerSpec(scene.volume, scene.transfer_function),)
-    layers, problems = list[LayerSpec](), list[Problem]()
-    for number, layer in enumerate(_layer_in_time(layer, scene.num_frames, read) for layer in given):
-        if layer.volume.component == "all":
-            own = channel_layers(layer, read(replace(_first(layer.volume), component=0)), read)
-        else:
-            own = [_with_colors(layer, read) if layer.has_open_colors else layer]
-        place = f"volumes.{number}." if scene.volumes else ""
-        layers += [with_values(each, f"{place}transfer_function", read, problems) for each in own]
-    is_list = bool(scene.volumes) or scene.volume.component == "all"
-    places = [f"volumes.{number}." if is_list else "" for number in range(len(layers))]
-    named = zip(with_own_names(layers), places, strict=True)
-    found = tuple(with_labels(layer, place, read, problems) for layer, place in named)
-    mask = with_numbers(_mask_in_time(scene.mask, scene.num_frames, read), "mask", read, problems)
+    problems = list[Problem]()
+
+    @cache
+    def with_mask(mask: MaskSpec | None, place: str) -> MaskSpec | None:
+        """Return a resolved mask; that of all layers is resolved once."""
+        return with_numbers(_mask_in_time(mask, scene.num_frames, read), place, read, problems)
+
+    layers = list[LayerSpec]()
+    for number, layer in enumerate(scene.layers):
+        volume = _volume_in_time(layer.volume, scene.num_frames, read)
+        mask = with_mask(layer.mask, scene.layer_key(number, "mask"))
+        for each in _channels(replace(layer, volume=volume, mask=mask), read):
+            plain = with_values(each, scene.layer_key(number, "transfer_function"), read, problems)
+            layers.append(with_labels(plain, scene.layer_key(number, "labels"), read, problems))
+    shared = scene.shared
+    if shared is None and scene.layers[0].volume.component == "all":  # a volume becomes a list of its channels
+        shared = SharedKeys(layers[0].shading, layers[0].mask)
+    elif shared is not None:
+        shared = replace(shared, mask=with_mask(shared.mask, "mask"))
     raise_problems(problems)
-    first, volumes = found[0], found if is_list else ()
-    return replace(scene, volume=first.volume, transfer_function=first.transfer_function, volumes=volumes, mask=mask)
+    return replace(scene, layers=tuple(with_own_names(layers)), shared=shared)
 
 
-def _layer_in_time(layer: LayerSpec, num_frames: int, read: ReadVolume) -> LayerSpec:
-    """Return a layer in which `time: auto`, of its volume and of its mask, is a motion through all steps."""
-    mask = _mask_in_time(layer.mask, num_frames, read)
-    return replace(layer, volume=_volume_in_time(layer.volume, num_frames, read), mask=mask)
+def _channels(layer: LayerSpec, read: ReadVolume) -> list[LayerSpec]:
+    """Return the layers of the channels of a volume, or the layer itself, with colours for voxels that are colours."""
+    if layer.volume.component == "all":
+        return channel_layers(layer, read(replace(_first(layer.volume), component=0)), read)
+    return [_with_colors(layer, read) if layer.has_open_colors else layer]
 
 
 def _mask_in_time(mask: MaskSpec | None, num_frames: int, read: ReadVolume) -> MaskSpec | None:

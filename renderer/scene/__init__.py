@@ -1,4 +1,4 @@
-"""The scene: what to render and how, frozen and checked.
+"""The scene: a frozen and checked description of a job.
 
 In: YAML text or a parsed tree. Out: `FilmScene`, or one `SceneError` that lists every problem with its line and column.
 Its field types also check sidecars and golden records. Importing it imports no numpy, so that `hsplat check` is fast.
@@ -10,7 +10,7 @@ Its field types also check sidecars and golden records. Importing it imports no 
 - Each section's keys, types, defaults and checks are in `volume_section.py`, `transfer_section.py`,
   `camera_section.py`, `error_section.py` (with `MetricTarget`, an accuracy to reach, such as psnr=38),
   `splat_section.py`, `shading_section.py`, `mode_section.py`, `clip_section.py`, `labels_section.py` (and masks),
-  `layers_section.py` (several volumes, `LayerSpec`), `annotation_section.py` (with the formats of texts) and
+  `layers_section.py` (volumes and their looks, `LayerSpec`), `annotation_section.py` (with the formats of texts) and
   `output_section.py`.
 - `output_formats.py`: the table of all formats of pictures and films.
 - `volume_files.py`: the file of a volume, or those of its steps in time; `file_places.py`: the names of files for one

@@ -55,7 +55,7 @@ from .input_file import (
     read_json_object as read_json_object,
     require_file as require_file,
 )
-from .json_tree import is_shallow as is_shallow, load_json_object as load_json_object
+from .json_tree import is_plain_data as is_plain_data, load_json_object as load_json_object
 from .labels_section import (
     MAX_LABEL as MAX_LABEL,
     MAX_LABELS as MAX_LABELS,
@@ -65,9 +65,10 @@ from .labels_section import (
     MaskSpec as MaskSpec,
 )
 from .layers_section import (
-    OF_CHANNELS as OF_CHANNELS,
+    OPEN_LOOK as OPEN_LOOK,
     RAMP_THICKNESS as RAMP_THICKNESS,
     LayerSpec as LayerSpec,
+    SharedKeys as SharedKeys,
     ramp as ramp,
 )
 from .limits import (
@@ -152,6 +153,7 @@ from .schema import (
 )
 from .shading_section import FACE_DEPTH as FACE_DEPTH, ShadingSpec as ShadingSpec
 from .spec import (
+    SECTIONS as SECTIONS,
     AnyScene as AnyScene,
     FilmScene as FilmScene,
     PyramidSpec as PyramidSpec,
@@ -205,5 +207,4 @@ from .camera_section import (
 from .colormaps import is_colormap as is_colormap, nearest_colormap as nearest_colormap
 from .motion import EASINGS as EASINGS, MotionKind as MotionKind, values_at as values_at
 from .output_section import MAX_SIDE as MAX_SIDE
-from .scene_reading import SECTIONS as SECTIONS
 from .tree_node import read_frame as read_frame

@@ -1,4 +1,4 @@
-"""The scene's `annotation`: what is drawn over finished pictures, such as a scale bar, a legend or a title."""
+"""The scene's `annotation`: a title, a legend, a scale bar and others, which are drawn over finished pictures."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from renderer.scene.schema import INVALID, Color, TreeNode
 from renderer.scene.volume_files import file_field
 from renderer.system import printable
 
+# The most characters of a text.
 MAX_TEXT_LENGTH = 200
 
 Position = Literal["top-left", "top", "top-right", "left", "right", "bottom-left", "bottom", "bottom-right"]
@@ -91,7 +92,7 @@ class ColorBarSpec(EntrySpec):
 
 @dataclass(frozen=True, kw_only=True)
 class TimeSpec(EntrySpec):
-    """A text with numbers of the frame: `frame`, `seconds` in the film, `time` of the step, and what moves, by key."""
+    """A text with numbers: `frame`, `seconds` in the film, `time` of the step, and values that move, by their keys."""
 
     format: Annotated[str, schema.FieldType(_FORMAT_WORDS, _parse_format)] = "{seconds:.1f} s"
 
@@ -136,7 +137,7 @@ def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None =
 
 @dataclass(frozen=True)
 class AnnotationSpec:
-    """A list of what is drawn over finished pictures; entries are drawn in this order.
+    """A list of entries, which are drawn over finished pictures in this order.
 
     bounds: lines around the volume, with ticks. octree: lines along the cells that are drawn.
     font: the file of the font of all texts; None is DejaVu Sans.
@@ -174,10 +175,10 @@ class AnnotationSpec:
 ANNOTATION_SECTION = schema.dataclass_field(AnnotationSpec)
 
 
-def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int, moving: Mapping[str, Any]) -> None:
-    """Check what an annotation, whose tree is at `node`, says of the rest of the scene.
+def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int, moving: Mapping[str, object]) -> None:
+    """Check that the volumes and numbers that an annotation, whose tree is at `node`, names are in the scene.
 
-    moving: what moves in the scene, by key, as it is at a frame.
+    moving: the values that move in the scene, by their keys, as they are at a frame.
     """
     bar, time = annotation.color_bar, annotation.time
     if bar is not None and bar.layer is not None and bar.layer >= num_layers:
@@ -194,6 +195,6 @@ def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int
             place.reject("nothing of this name moves", got=f"{{{name}}}", expected=join_some(known), hint=hint)
 
 
-def moving_numbers(moving: Mapping[str, Any]) -> dict[str, float]:
-    """Return those of the values that move that are numbers, by key."""
+def moving_numbers(moving: Mapping[str, object]) -> dict[str, float]:
+    """Return the numbers among the values that move, by their keys."""
     return {key: value for key, value in moving.items() if isinstance(value, (int, float))}

@@ -11,14 +11,19 @@ from renderer.scene import schema
 from renderer.scene.message_text import join_words
 from renderer.scene.schema import INVALID, TreeNode, Vector
 
-# A day.
+# The longest path, in seconds: a day.
 MAX_SECONDS = 86400.0
 
-# Degrees: float64 keeps the direction after thousands of turns to 1e-10 degrees.
+# The largest angle, in degrees: float64 keeps the direction after thousands of turns to 1e-10 degrees.
 MAX_ANGLE = 1e6
-# A view of 0 or 180 degrees shows nothing; the tangents of these half angles are 9e-6 and 1146.
-MIN_FIELD_OF_VIEW, MAX_FIELD_OF_VIEW = 0.001, 179.9
-MIN_ZOOM, MAX_ZOOM = 1e-6, 1e6
+# The narrowest view, in degrees: a view of 0 shows nothing. The tangent of its half is 9e-6.
+MIN_FIELD_OF_VIEW = 0.001
+# The widest view, in degrees: a view of 180 shows nothing. The tangent of its half is 1146.
+MAX_FIELD_OF_VIEW = 179.9
+# The smallest factor on the size of the picture.
+MIN_ZOOM = 1e-6
+# The largest factor on the size of the picture.
+MAX_ZOOM = 1e6
 
 AXES: dict[str, Vector] = {
     "x": (1.0, 0.0, 0.0),
@@ -54,8 +59,18 @@ Angle = Annotated[float, schema.number_field(minimum=-MAX_ANGLE, maximum=MAX_ANG
 Elevation = Annotated[float, schema.number_field(minimum=-90, maximum=90)]
 
 
+class _Path:
+    """A path of a camera, or a piece of one."""
+
+    type: ClassVar[str]
+
+    def written(self) -> object:
+        """Return its keys and their values."""
+        return {"type": self.type} | vars(self)
+
+
 @dataclass(frozen=True)
-class TurntablePath:
+class TurntablePath(_Path):
     """A path around the target: azimuth `start + 360 f / frames`, constant elevation."""
 
     type: ClassVar[str] = "turntable"
@@ -66,7 +81,7 @@ class TurntablePath:
 
 
 @dataclass(frozen=True)
-class RockerPath:
+class RockerPath(_Path):
     """A path to and fro: azimuth `start + swing / 2 * sin(2 pi f / frames)`; `swing` is the whole angle swept."""
 
     type: ClassVar[str] = "rocker"
@@ -93,7 +108,7 @@ _KEYS = schema.sequence_field(
 
 
 @dataclass(frozen=True)
-class KeyframePath:
+class KeyframePath(_Path):
     """A path through keys in ascending frame order, eased between them; directions are interpolated on the sphere."""
 
     type: ClassVar[str] = "keyframes"
@@ -105,7 +120,7 @@ class KeyframePath:
 
 
 @dataclass(frozen=True)
-class HoldPath:
+class HoldPath(_Path):
     """A path that stays where the piece before it ended, or where the piece after it begins."""
 
     type: ClassVar[str] = "hold"
@@ -114,7 +129,7 @@ class HoldPath:
 
 @dataclass(frozen=True)
 class FlightKey:
-    """A place of the eye, and what it looks at, in world units. roll: turns the picture clockwise about its middle.
+    """A place of the eye and of its target, in world units. roll: turns the picture clockwise about its middle.
 
     frame: of the piece, from 0 on; None where the flight passes at its speed.
     """
@@ -138,7 +153,7 @@ _FLIGHT_KEYS = schema.sequence_field(
 
 
 @dataclass(frozen=True)
-class FlightPath:
+class FlightPath(_Path):
     """A flight of the eye along a smooth curve through keys, from where the piece before it ended.
 
     Its speed is constant: all along, or between keys that have frames. easing: `smooth` starts and ends at rest.
@@ -156,7 +171,7 @@ PathPiece = TurntablePath | RockerPath | KeyframePath | HoldPath | FlightPath
 
 
 @dataclass(frozen=True)
-class PathSequence:
+class PathSequence(_Path):
     """A path of several pieces, one after the other."""
 
     type: ClassVar[str] = "sequence"
@@ -166,6 +181,10 @@ class PathSequence:
     def frames(self) -> int:
         """Return the number of frames of all pieces."""
         return sum(piece.frames for piece in self.pieces)
+
+    def written(self) -> object:
+        """Return the list of its pieces."""
+        return self.pieces
 
 
 CameraPath = PathPiece | PathSequence
@@ -221,7 +240,7 @@ def _parse_piece(node: TreeNode) -> Any:
     return _PATHS[name](**{key: value for key, value in given.items() if key not in ("type", "seconds")})
 
 
-def _check_keys(node: TreeNode, keys: Any, num_frames: Any) -> None:
+def _check_keys(node: TreeNode, keys: object, num_frames: object) -> None:
     """Check that keyframes ascend and lie in the path."""
     frames = [getattr(key, "frame", INVALID) for key in keys] if isinstance(keys, tuple) else []
     for index, frame in enumerate(frames):
@@ -245,8 +264,8 @@ _TARGET = schema.word_or({"visible": "visible"}, schema.POINT_FIELD, f"{schema.P
 class CameraSpec:
     """A camera and its path, which it goes back, too, with `loop: ping-pong`.
 
-    target: None is the centre of the volume, "visible" the centre of what is visible on any frame; with `follow`, of
-        what is visible on each. distance: None fits the whole path in the frame.
+    target: None is the centre of the volume. "visible" is the centre of all voxels that are visible on any frame; with
+        `follow`, on each. distance: None fits the whole path in the frame.
     field_of_view: an orthographic camera shows `2 distance tan(field_of_view / 2)` world units of height, as a
         perspective one does at the target. near: nothing nearer to the eye plane is drawn.
     """
@@ -272,7 +291,7 @@ class CameraSpec:
 
 
 def _check_camera(node: TreeNode, given: dict[str, Any]) -> None:
-    """Check the length of the film, and that only what is found anew follows."""
+    """Check the length of the film, and that a camera that follows has a target to find on each frame."""
     path, loop = given["path"], given.get("loop")
     frames = getattr(path, "frames", INVALID)
     if isinstance(frames, int) and CameraSpec(path, loop=loop or "restart").num_frames > schema.MAX_FRAMES:

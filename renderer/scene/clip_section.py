@@ -12,6 +12,7 @@ from renderer.scene.message_text import format_value
 from renderer.scene.schema import TreeNode, Vector
 from renderer.scene.splat_section import SplatSpec
 
+# The most planes and boxes of a scene or a layer.
 MAX_CLIPS = 6
 
 
@@ -44,7 +45,8 @@ class ClipSpec:
     """A clip plane, or a clip box of a lowest and a highest corner; exactly one of them is given.
 
     fixed: whether it turns with the object, in world axes, or stays before the camera, in view axes (x to the right, y
-        up, z toward the viewer) whose origin is the camera's target. invert: clip away what it would keep.
+        up, z toward the viewer) whose origin is the camera's target.
+    invert: keeps the part that it would clip, and clips the other.
     """
 
     plane: PlaneSpec | None = None

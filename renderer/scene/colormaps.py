@@ -59,7 +59,7 @@ def colormap_points(name: str, count: int) -> list[tuple[float, float, float]]:
 
 
 def _in_catalogue(name: str) -> str:
-    """Return what the catalogue calls a colormap of ParaView; any other name as it is."""
+    """Return the catalogue's name of a colormap of ParaView; any other name as it is."""
     meant = _PARAVIEW.get(_base(name), name)
     is_reversed = _base(name) != _normal(name)
     return meant if meant == name or not is_reversed else _base(meant) + "_r" * (_base(meant) == meant)

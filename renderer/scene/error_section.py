@@ -19,16 +19,18 @@ MIN_TOLERANCE = 1e-300
 # Cells of this level are wider than any volume: voxel indices along an axis are int32.
 MAX_LEVEL = 30
 
-# More cells than any volume has voxels.
+# The largest budget of cells or bricks: more than any volume has voxels.
 MAX_SPLATS = 10**12
 
-# A frame takes longer than the first; the second is a day.
-MIN_SECONDS, LONGEST_S = 1e-4, 86400.0
+# The least time for a frame, in seconds: no frame takes less.
+MIN_SECONDS = 1e-4
+# The most time for a frame, in seconds: a day.
+LONGEST_S = 86400.0
 
+# The most accuracy to ask for, in decibels.
 MAX_PSNR_DB = 200.0
 
-
-# More exact rays than these take longer than a whole exact picture of usual size.
+# The most exact rays for a frame: more take longer than a whole exact picture of usual size.
 MAX_PROBES = 10**6
 _NUM_PROBES = schema.integer_field(minimum=0, maximum=MAX_PROBES)
 _PROBES = schema.word_or({"auto": None}, _NUM_PROBES, f"auto, or {_NUM_PROBES.expected}")
@@ -84,8 +86,13 @@ class ErrorSpec:
     probes: Annotated[int | None, _PROBES] = None
     goal: SplatBudget | TimeBudget | MetricTarget | None = None
 
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values: the one that sets the accuracy, and all others."""
+        others = {key: value for key, value in vars(self).items() if key not in ("tolerance", "goal")}
+        return schedule_to_dict(self) | others
 
-def schedule_to_dict(error: ErrorSpec) -> dict[str, Any]:
+
+def schedule_to_dict(error: ErrorSpec) -> dict[str, object]:
     """Return the key of the `error` section that sets the accuracy, with its value."""
     key = {SplatBudget: "splats", TimeBudget: "seconds"}.get(type(error.goal), "tolerance")
     if isinstance(error.goal, MetricTarget):

@@ -26,7 +26,7 @@ def load_json_object(text: str, path: Path, *, kind: str) -> dict[str, Any]:
     refused: list[Problem] = []
 
     def refuse(what: str, got: str | None = None, key: str = "") -> Problem:
-        """Return what stands for a value in the data, until its path is known."""
+        """Return a problem, which stands for a value in the data until its path is known."""
         refused.append(Problem(key, what, got=got))
         return refused[-1]
 
@@ -69,7 +69,7 @@ def load_json_object(text: str, path: Path, *, kind: str) -> dict[str, Any]:
 
 
 def _problems_in(data: object) -> Iterator[Problem]:
-    """Yield what was refused, in the order of the file; not recursive, for any number of levels."""
+    """Yield the problems, in the order of the file; not recursive, for any number of levels."""
     stack: list[tuple[str, object]] = [("", data)]
     while stack:
         path, item = stack.pop()
@@ -81,7 +81,9 @@ def _problems_in(data: object) -> Iterator[Problem]:
             stack += [(join_keys(path, index), value) for index, value in reversed(list(enumerate(item)))]
 
 
-def is_shallow(value: object, num_levels: int) -> bool:
-    """Return whether plain data has at most this number of levels, as data that is copied unchecked must."""
+def is_plain_data(value: object, num_levels: int) -> bool:
+    """Return whether data can be copied to another JSON file: of at most so many levels, and with finite numbers."""
+    if isinstance(value, float):
+        return math.isfinite(value)
     items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return num_levels >= 0 and all(is_shallow(item, num_levels - 1) for item in items)
+    return num_levels >= 0 and all(is_plain_data(item, num_levels - 1) for item in items)

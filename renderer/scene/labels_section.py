@@ -15,9 +15,11 @@ from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT
 
 # A label by its number or by its name.
 LabelKey = int | str
+# The most labels that a scene lists.
 MAX_LABELS = 2**16
-# Those of connectomes have 60 bits.
+# The largest label: labels of connectomes have 60 bits.
 MAX_LABEL = 2**63 - 1
+# The most characters of a label's name; a longer one is cut.
 _MAX_NAME_LENGTH = 200
 
 
@@ -38,7 +40,7 @@ class LabelsSpec:
         colour. Labels without one have the table's; without a table, too, as different ones as possible. None: as if no
         pair was given.
     opacity: of all labels, or pairs of a label and its opacity; others are opaque. None: the table's.
-    show: labels, None for all but 0, without those of `hide`.
+    show: labels; None for all but 0. hide: labels that are not shown, even if `show` has them.
     names: the file of a table, or pairs of a number and a name; None: the table in the volume's file, or beside it.
     """
 
@@ -66,6 +68,15 @@ class LabelsSpec:
         """Return the values of labels that are shown, ascending, of a choice that has numbers."""
         assert self.has_numbers
         return tuple(sorted({label for label in self.show or () if isinstance(label, int)}))
+
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values."""
+        by_label = {
+            key: dict(value) if isinstance(value, tuple) else value
+            for key, value in vars(self).items()
+            if key in ("colors", "opacity", "names")
+        }
+        return vars(self) | by_label | {"show": self.show or None, "hide": self.hide or None}
 
     @property
     def styles(self) -> tuple[LabelStyle, ...]:
@@ -144,12 +155,18 @@ def build_labels(node: TreeNode, given: dict[str, Any]) -> LabelsSpec:
 class MaskSpec:
     """A volume of labels, on a grid of its own: a layer is shown where this has one of the labels that are shown.
 
-    volume: or the name of a layer in the list of volumes, until it is known. transform: as of a layer.
+    volume: or the name of a layer, until all layers are read. transform: see LayerSpec.
     """
 
     volume: VolumeSpec | str
     labels: LabelsSpec = LabelsSpec()
     transform: tuple[tuple[float, ...], ...] | None = None
+
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values: the keys of its volume, or its name, and the keys of its labels."""
+        volume = {"name": self.volume} if isinstance(self.volume, str) else self.volume.written()
+        labels = {key: value for key, value in self.labels.written().items() if key != "colors"}
+        return volume | labels | {"transform": self.transform}
 
 
 _MASK_NAME = schema.text_field("the name of a volume in the list", "no name", str.strip)

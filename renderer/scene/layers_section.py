@@ -1,9 +1,9 @@
-"""The scene's `volumes`: several volumes in one picture, each with its own transfer function."""
+"""The layers of a scene: its only volume, or several in one picture, each with its own transfer function."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,19 +27,21 @@ from renderer.scene.transfer_section import (
 )
 from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT_TRANSFER, VolumeSpec, build_volume
 
+# The largest factor on a layer's extinction.
 MAX_WEIGHT = 1e6
-# By the volume's longest side: how thick the brightest of a ramp must be for an optical depth of 1.
+# The thickness of the brightest values of a ramp that has an optical depth of 1, by the volume's longest side.
 RAMP_THICKNESS = 1 / 8
+# Hints for keys of one volume beside a list.
 _CONTRADICTS = {
     "volume": "put it into the list, or name a file by --set volumes.0.file=FILE",
     "transfer_function": "each volume in the list has its own",
 }
-# The opacity at the end of `range` of what is as thick as the unit: an optical depth of 1.
+# The opacity of a ramp at the end of `range`, for a length of one unit: an optical depth of 1.
 _RAMP_OPACITY = -math.expm1(-1.0)
 
 
-# Stands for what each channel of a volume with `component: all` has of its own, and for what suits colours.
-OF_CHANNELS = TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0), ControlPoint(1.0, (1.0, 1.0, 1.0), 1.0)))
+# The transfer function of a volume with `component: all`, or of voxels that are colours, where the scene gives none.
+OPEN_LOOK = TransferSpec(None)
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class LayerSpec:
     """One volume of a scene, and how it is shown.
 
     transform: 4 x 4, row by row: moves the volume from its own place in the world, as a registration says.
-    weight: a factor on its extinction. clip: what is clipped away of it alone, besides the scene's.
+    weight: a factor on its extinction. clip: planes and boxes that clip it alone.
     color, range: if its transfer function is a ramp between two values, from nothing to an optical depth of 1 in an
         eighth of the volume's longest side.
     mask: where it is shown.
@@ -66,14 +68,14 @@ class LayerSpec:
 
     @property
     def volumes(self) -> dict[str, VolumeSpec]:
-        """Return its volume, and that of its mask if it has one, by their keys."""
+        """Return its volume, and the volume of its mask if it has one, by their keys."""
         mask = self.mask and self.mask.volume
         return {"volume": self.volume} | ({"mask": mask} if isinstance(mask, VolumeSpec) else {})
 
     @property
     def has_open_colors(self) -> bool:
         """Return whether its voxels are colours without a transfer function."""
-        return self.volume.has_colors and self.transfer_function == OF_CHANNELS
+        return self.volume.has_colors and self.transfer_function.is_open
 
     @property
     def depends_on_voxels(self) -> bool:
@@ -84,6 +86,35 @@ class LayerSpec:
         is_open = self.volume.component == "all" or self.transfer_function.relative or self.has_open_colors
         has_open_labels = labels is not None and not labels.has_colors
         return is_open or has_open_labels or (mask is not None and not mask.labels.has_numbers)
+
+    @property
+    def look(self) -> dict[str, TransferSpec]:
+        """Return its transfer function by its key, which is `labels` for labels; nothing if that is open."""
+        transfer = self.transfer_function
+        return {} if transfer.is_open else {"transfer_function" if transfer.labels is None else "labels": transfer}
+
+    def written(self) -> dict[str, object]:
+        """Return its keys in a list of volumes, and their values."""
+        others = ("volume", "transfer_function")
+        own = {key: value for key, value in vars(self).items() if key not in others and value not in ("", ())}
+        return self.volume.written() | (self.look if self.color is None else {}) | own
+
+
+@dataclass(frozen=True)
+class SharedKeys:
+    """The shading and the mask that a scene gives to all volumes of a list that have none of their own."""
+
+    shading: ShadingSpec | None = None
+    mask: MaskSpec | None = None
+
+    def added_to(self, layer: LayerSpec) -> LayerSpec:
+        """Return a layer with the keys that it does not have."""
+        return replace(layer, shading=layer.shading or self.shading, mask=layer.mask or self.mask)
+
+    def taken_from(self, layer: LayerSpec) -> LayerSpec:
+        """Return a layer without these keys, as the list has it."""
+        shading = None if layer.shading == self.shading else layer.shading
+        return replace(layer, shading=shading, mask=None if layer.mask == self.mask else layer.mask)
 
 
 _OWN_TABLE: schema.FieldTable = {
@@ -110,7 +141,7 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
             node.key(key).reject(f"contradicts {node.path}.{look}", expected="one of them")
         own.pop("color", None), own.pop("range", None)
     elif volume.component in WITHOUT_TRANSFER and not own.keys() & {"color", "range"}:
-        own["transfer_function"] = OF_CHANNELS
+        own["transfer_function"] = OPEN_LOOK
     elif not own.keys() & {"color", "range"}:
         expected = "transfer_function, labels, or color with range"
         node.reject("no colors and opacities", got="", expected=expected)
@@ -126,7 +157,7 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
 
 
 def take_labels(node: TreeNode, given: dict[str, Any]) -> None:
-    """Put what the key `labels` of a scene or a layer says in the place of its transfer function."""
+    """Put the labels of a scene or a layer in the place of its transfer function."""
     if "labels" in given:
         labels = given.pop("labels")
         if given.setdefault("transfer_function", labels) is not labels:
@@ -147,7 +178,7 @@ def _check_names(node: TreeNode, layers: tuple[LayerSpec, ...]) -> Any:
     """Refuse two layers of one name, and put the volumes of layers in the place of their names in masks."""
     names: dict[str, int] = {}
     for number, layer in enumerate(layers):
-        if layer.name and layer.name is not INVALID:
+        if layer.name and isinstance(layer.name, str):
             if layer.name in names:
                 place = node.child(number).child("name", layer.name)
                 place.reject("two volumes of one name", expected="a name of its own for each")
@@ -163,8 +194,7 @@ def _check_names(node: TreeNode, layers: tuple[LayerSpec, ...]) -> Any:
 
 def name_mask(node: TreeNode, given: dict[str, Any]) -> None:
     """Put a volume of the list in the place of its name in the mask of the whole scene."""
-    layers = given.get("volumes")
-    named = {each.name: each for each in layers if isinstance(each, LayerSpec)} if isinstance(layers, tuple) else {}
+    named = {each.name: each for each in _valid_layers(given.get("volumes")) if isinstance(each.name, str)}
     if "mask" in given:
         given["mask"] = _named_mask(node.child("mask"), given["mask"], named)
 
@@ -177,7 +207,8 @@ def _named_mask(node: TreeNode, mask: Any, layers: Mapping[str, LayerSpec]) -> A
         return node.child("name", mask.volume).reject("no volume of this name", expected=expected, hint=hint)
     named, labels = layers[mask.volume], mask.labels
     look = named.transfer_function
-    if labels.names is None and not labels.has_numbers and isinstance(look, TransferSpec) and look.labels is not None:
+    is_known = labels.show is INVALID or labels.has_numbers
+    if labels.names is None and not is_known and isinstance(look, TransferSpec) and look.labels is not None:
         labels = replace(labels, names=look.labels.names)
     return replace(mask, volume=named.volume, transform=named.transform, labels=labels)
 
@@ -199,7 +230,7 @@ VOLUMES_SECTION = replace(_LIST, parser=_parse_volumes)
 def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
     """Check that a scene has one volume or several, and that the optics of each fit its mode and its other sections.
 
-    node, given: the whole scene, and its sections as they were read.
+    node, given: the whole scene, and its sections as they were read, of which some may be invalid.
     """
     for key in schema.valid_keys(given, "volume", "transfer_function") if "volumes" in given else ():
         node.key(key).reject("contradicts volumes", expected="one of volume and volumes", hint=_CONTRADICTS[key])
@@ -214,7 +245,7 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
         key = "volumes" if "volumes" in given else "volume"
         node.key(key).reject("splats show one volume", got=got, expected=expected)
     check_mode(node, given)
-    for place, layer in _layers_of(node, given):
+    for place, layer in _placed_layers(node, given):
         check_shading(place.child("shading"), {**given, "shading": layer.shading})
         check_optics(place, given.get("mode", ModeSpec()), layer.transfer_function, layer.shading)
         lit = (place, layer.shading) if layer.shading is not None else (node, given.get("shading"))
@@ -229,7 +260,10 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 
 def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tuple[TreeNode, Any]) -> None:
-    """Check that what is at `node`, which shows labels, needs no scalars between them. lit: as of `_check_colors`."""
+    """Check that the scene or the layer at `node`, which shows labels, needs no scalars between them.
+
+    lit: see `_check_colors`.
+    """
     key, (place, shading) = node.key("labels"), lit
     mode, splat = given.get("mode", ModeSpec()), given.get("splat")
     if isinstance(mode, ModeSpec) and mode.type is not INVALID and mode.is_projection:
@@ -250,7 +284,7 @@ def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tu
 
 
 def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, lit: tuple[TreeNode, Any]) -> None:
-    """Refuse what cannot be drawn of voxels that are colours. lit: the node with their shading, and this."""
+    """Refuse keys that have no effect on voxels that are colours. lit: the node with the shading, and the shading."""
     place, shading = lit
     for key in pointwise_keys(shading) if isinstance(shading, ShadingSpec) else ():
         hint = "colours are lit before they are interpolated: ambient, diffuse, occlusion and shadow remain"
@@ -261,13 +295,36 @@ def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, li
         node.child("error").key("of").reject(contradicts, expected="classified")
 
 
-def _layers_of(node: TreeNode, given: Mapping[str, Any]) -> Iterator[tuple[TreeNode, LayerSpec]]:
-    """Yield the node of each layer, which is the scene's own for a single volume, and the layer, of which some may be
-    invalid."""
+def _placed_layers(node: TreeNode, given: Mapping[str, Any]) -> list[tuple[TreeNode, LayerSpec]]:
+    """Return the layers, each after its node, which is the scene's own for a single volume. Parts may be invalid."""
     if "volumes" not in given:
-        volume, transfer = given.get("volume", INVALID), given.get("transfer_function", INVALID)
-        yield node, LayerSpec(volume, transfer, given.get("shading"), mask=given.get("mask"))
-    layers = given.get("volumes")
-    for number, layer in enumerate(layers if isinstance(layers, tuple) else ()):
-        if isinstance(layer, LayerSpec) and isinstance(node.value, Mapping):
-            yield node.child("volumes").child(number, node.value["volumes"][number]), layer
+        return [(node, _only_layer(given))]
+    layers, place = given["volumes"], node.child("volumes")
+    if not isinstance(layers, tuple) or not isinstance(node.value, Mapping):
+        return []
+    written = zip(layers, node.value["volumes"], strict=True)
+    placed = ((place.child(number, entry), layer) for number, (layer, entry) in enumerate(written))
+    return [(at, layer) for at, layer in placed if isinstance(layer, LayerSpec)]
+
+
+def _only_layer(given: Mapping[str, Any]) -> LayerSpec:
+    """Return the layer of a scene of one volume. given: its sections, which name it."""
+    volume, transfer = given.get("volume", INVALID), given.get("transfer_function", INVALID)
+    return LayerSpec(volume, transfer, given.get("shading"), mask=given.get("mask"))
+
+
+def _valid_layers(volumes: object) -> Sequence[LayerSpec]:
+    return [each for each in volumes if isinstance(each, LayerSpec)] if isinstance(volumes, tuple) else ()
+
+
+def take_layers(given: dict[str, Any]) -> tuple[tuple[LayerSpec, ...], SharedKeys | None]:
+    """Take the keys of volumes from the sections of a scene, and return its layers.
+
+    Layers of a list have the shading and the mask of the scene where they have none of their own; returns these, too.
+    """
+    keys = ("volume", "transfer_function", "shading", "mask", "volumes")
+    own = {key: given.pop(key) for key in keys if key in given}
+    if "volumes" not in own:
+        return (_only_layer(own),), None
+    shared = SharedKeys(own.get("shading"), own.get("mask"))
+    return tuple(map(shared.added_to, _valid_layers(own["volumes"]))), shared

@@ -11,7 +11,7 @@ volume's centre and to half its diagonal, its *radius*, in float32, with eyes up
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -29,8 +29,10 @@ MAX_SPACING_RATIO = 1e5
 MAX_OFFSET = 1e12
 # Distances of the target from the volume's centre, of the eye from the target, and of the near plane, in radii.
 MAX_DISTANCE = 1e12
-# Width of a pixel: at least this many voxels' shortest sides, at most this many radii.
-MIN_PIXEL_VOXELS, MAX_PIXEL_RADII = 1e-6, 1e12
+# Least width of a pixel, in shortest sides of a voxel.
+MIN_PIXEL_VOXELS = 1e-6
+# Largest width of a pixel, in radii.
+MAX_PIXEL_RADII = 1e12
 
 
 @dataclass(frozen=True)
@@ -58,20 +60,25 @@ def volume_extent(volume: Volume) -> Extent:
     return _extent(volume.shape_xyz, volume.spacing.tolist(), volume.centre.tolist())
 
 
-def proportion_problems(volume: VolumeSpec, camera: CameraSpec, size: tuple[int, int]) -> Iterator[Problem]:
-    """Yield the problems that a scene alone shows: of files with a header, only those of a spacing that the scene
-    gives. `size`: of the picture."""
+def proportion_problems(
+    volume: VolumeSpec, camera: CameraSpec, size: tuple[int, int], place: Callable[[str], str]
+) -> Iterator[Problem]:
+    """Yield the problems of proportion that are known before a volume is read.
+
+    The size of a volume in a file with a header is not known: its spacing is checked if the scene gives one.
+    size: of the picture. place: returns the dotted key of a key of the volume.
+    """
     source = volume.source
     if isinstance(source, FileSource):
         if source.spacing is not None:
-            yield from _ratio_problems(max(source.spacing) / min(source.spacing), "volume.spacing")
+            yield from _ratio_problems(max(source.spacing) / min(source.spacing), place("spacing"))
         return
     crop = volume.crop or (None, None, None)
     first_end = tuple(pair or (0, num) for pair, num in zip(crop, source.shape, strict=True))
     shape = tuple(end - first for first, end in first_end)
     centre = tuple(0.5 * (first + end - 1) * side for (first, end), side in zip(first_end, source.spacing, strict=True))
     extent = _extent(shape, source.spacing, centre)
-    yield from volume_problems(extent, f"volume.{source.key}.spacing")
+    yield from volume_problems(extent, f"{place(source.key)}.spacing")
     yield from camera_problems(camera, size, extent)
 
 

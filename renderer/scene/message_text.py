@@ -9,10 +9,16 @@ from itertools import accumulate
 from renderer.errors import closest_match
 from renderer.system import printable
 
+# The most characters of a value in a message.
 _MAX_VALUE_LENGTH = 60
-_MAX_TEXT_LENGTH = 200  # a matrix with all its digits
-_MAX_KEY_LENGTH = 255  # the longest name of a file
-_MAX_WORDS, _MAX_LINE_LENGTH = 12, 300
+# The most characters of a text in a message: a matrix has as many with all its digits.
+_MAX_TEXT_LENGTH = 200
+# The most characters of a key in a message: the longest name of a file has as many.
+_MAX_KEY_LENGTH = 255
+# The most words of a list in a message.
+_MAX_WORDS = 12
+# The most characters of a list in a message.
+_MAX_LINE_LENGTH = 300
 
 
 def format_value(value: object) -> str:

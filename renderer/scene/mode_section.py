@@ -1,4 +1,4 @@
-"""The scene's `mode`: what a ray shows of the field that it passes."""
+"""The scene's `mode`: how a ray makes a colour of the field that it passes."""
 
 from __future__ import annotations
 
@@ -13,13 +13,19 @@ from renderer.scene.transfer_section import check_opacities
 
 ModeName = Literal["emission_absorption", "maximum", "minimum", "mean", "attenuation"]
 MODE_NAMES: tuple[str, ...] = get_args(ModeName)
+# Words of other programs, for hints.
 _ALIASES = {
-    "mip": "maximum", "max": "maximum", "minip": "minimum", "min": "minimum", "average": "mean", "xray": "attenuation",
+    "mip": "maximum",
+    "max": "maximum",
+    "minip": "minimum",
+    "min": "minimum",
+    "average": "mean",
+    "xray": "attenuation",
     "composite": "emission_absorption",
-}  # fmt: skip
+}
 _ATTENUATION_KEYS = ("scale", "zero")
 
-# What projections need of other sections, and why.
+# By section and key: the value that a projection needs, and why.
 _OTHER_SECTIONS = {
     ("splat", "footprint", "integrated"): "leave splat out: bricks draw every mode",
     ("error", "measure", "optical"): "the tolerance of a projection is a share of its colour range",
@@ -70,7 +76,8 @@ def _check_mode(node: TreeNode, given: dict[str, Any]) -> None:
         node.child("color_by", "depth").reject(f"contradicts type: {name}", hint="only type: maximum has it")
 
 
-_NAME, _SECTION = schema.choice_field(*MODE_NAMES, aliases=_ALIASES), schema.dataclass_field(ModeSpec, _check_mode)
+_NAME = schema.choice_field(*MODE_NAMES, aliases=_ALIASES)
+_SECTION = schema.dataclass_field(ModeSpec, _check_mode)
 
 
 def _parse_mode(node: TreeNode) -> Any:
@@ -88,7 +95,7 @@ MODE_SECTION = schema.FieldType(f"{join_words(MODE_NAMES)}, or a mapping with ty
 
 
 def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that the other sections have what the mode needs, and nothing that contradicts it.
+    """Check that no other section contradicts the mode.
 
     node, given: the whole scene, and its sections as they were read.
     """
@@ -105,8 +112,8 @@ def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:
         node.child("annotation").child("octree", True).reject(contradicts, expected="false", hint=hint)
 
 
-def check_optics(node: TreeNode, mode: Any, transfer: Any, shading: Any) -> None:
-    """Check that a transfer function and a shading, which are keys of `node`, are what the mode needs."""
+def check_optics(node: TreeNode, mode: object, transfer: object, shading: object) -> None:
+    """Check that the mode can use a transfer function and a shading, which are keys of `node`."""
     if not isinstance(mode, ModeSpec) or INVALID in (mode.type, transfer):
         return
     if not mode.is_projection:
@@ -123,6 +130,6 @@ def _raw(node: TreeNode, key: str) -> object:
     return node.value.get(key) if isinstance(node.value, Mapping) else None
 
 
-def _num_color_values(transfer: Any) -> int:
+def _num_color_values(transfer: object) -> int:
     points = getattr(transfer, "mapping", None)
     return len({point.value for point in points}) if isinstance(points, tuple) and INVALID not in points else 2

@@ -1,4 +1,4 @@
-"""Values that move: what a map from frames to values says at each frame.
+"""Values that move: a map from frames to values gives a value at each frame.
 
 Numbers between two keys are linear in the frame, or their logarithms are (`ratio`); vectors and lists of numbers go
 component by component, and directions on the sphere. An easing changes how far the way from one key to the next is at
@@ -28,7 +28,7 @@ EASINGS: tuple[Easing, ...] = get_args(Easing)
 MotionKind = Literal["linear", "ratio", "direction"]
 
 
-# What rounding takes from a whole number.
+# Rounding may take this much from a whole number.
 _LEAST = 1e-9
 
 
@@ -97,7 +97,7 @@ def log_rise(before: float, after: float) -> float:
         return 0.0
     if before == 0.0 or after == 0.0:  # between neighbouring frames
         return math.copysign(math.inf, after - before)
-    # The difference of almost equal values is exact, while that of their logarithms loses digits.
+    # Almost equal values have an exact difference; the difference of their logarithms loses digits.
     close = 0.5 * before < after < 2.0 * before
     return math.log1p((after - before) / before) if close else math.log(after) - math.log(before)
 
@@ -144,7 +144,7 @@ def _unit(vector: Sequence[float]) -> tuple[float, ...]:
 # Numbers in values
 
 
-def numbers_in(value: Any) -> Iterator[float]:
+def numbers_in(value: object) -> Iterator[float]:
     """Yield the numbers in a value: of tuples and dataclasses, all of theirs."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         yield value
@@ -152,8 +152,8 @@ def numbers_in(value: Any) -> Iterator[float]:
         yield from numbers_in(part)
 
 
-def shape_of(value: Any) -> Any:
-    """Return what two values have in common that differ in their numbers alone."""
+def shape_of(value: object) -> object:
+    """Return the shape of a value: two values that differ in their numbers alone have the same."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return "number"
     parts = _parts(value)
@@ -171,13 +171,13 @@ def _with_numbers(value: Any, numbers: Iterator[float], half: float) -> Any:
     return _with_parts(value, [_with_numbers(part, numbers, half) for part in _parts(value)])
 
 
-def _parts(value: Any) -> Sequence[Any]:
+def _parts(value: object) -> Sequence[object]:
     if isinstance(value, tuple):
         return value
     return [getattr(value, each.name) for each in fields(value) if each.init] if is_dataclass(value) else ()
 
 
-def _with_parts(value: Any, parts: Sequence[Any]) -> Any:
+def _with_parts(value: Any, parts: Sequence[object]) -> Any:
     if all(new is old for new, old in zip(parts, _parts(value), strict=True)):
         return value
     if isinstance(value, tuple):
@@ -203,7 +203,7 @@ class OverFrames(Generic[T]):
         return values_at(self._value, frame)
 
     def map(self, function: Callable[[T], U]) -> OverFrames[U]:
-        """Return what a function picks from the part, or makes by replacing something in it.
+        """Return a part of this part, which a function picks, or a copy in which it replaces something.
 
         The function may not calculate: values that it is given may be motions.
         """
@@ -251,7 +251,8 @@ def motion_to_dict(motion: Motion[Any], plain: Callable[[Any], Any]) -> dict[Any
 
 def moving(motion: Motion[Any]) -> Any:
     """Return a motion, or its value if that is the same at all keys: for a field of a film's section."""
-    return motion.values[0] if len(set(motion.values)) == 1 else motion
+    first = motion.values[0]
+    return first if all(value == first for value in motion.values) else motion
 
 
 def motions_in(value: object) -> Iterator[Motion[Any]]:
@@ -279,7 +280,7 @@ def values_at(value: T, frame: float) -> T:
 
 
 def at_keys(function: Callable[[Any], Any], value: Any) -> Any:
-    """Return what a function makes of a value, or of one that moves at each of its keys."""
+    """Return the result of a function; of a value that moves, its results at the keys."""
     if not isinstance(value, Motion):
         return function(value)
     values = tuple(map(function, value.values))
@@ -287,7 +288,7 @@ def at_keys(function: Callable[[Any], Any], value: Any) -> Any:
 
 
 def moving_result(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what a function makes of arguments, some of which may move; it is affine in each of them."""
+    """Return the result of a function, which is affine in each of its arguments; some of them may move."""
     found = list(motions_in(arguments))
     if not found:
         return function(*arguments)

@@ -26,10 +26,10 @@ class Codec:
 
     pixel_formats: for opaque pictures; the first is the default. with_alpha: the same for transparent ones, if it can.
     crf: the constant rate factor at quality 0, and by how much it falls with each step of quality; None without one.
-    kept_psnr: the PSNR that films typically keep at quality 8, in decibels, and what each step of quality adds. H.264
+    kept_psnr: the PSNR that films typically keep at quality 8, in decibels, and the gain of each step of quality. H.264
         kept 44.5 dB of many scans; the difference of the others from it was measured on three.
-    marks: one of them stands in the first bytes of its films. decoder: of them, if not ffmpeg's first choice.
-    has_percent_quality: its quality is ten times that of the scene. merges_frames: equal pictures in a row become one
+    marks: one of them stands in the first bytes of its films. decoder: of its films, if not ffmpeg's first choice.
+    has_percent_quality: its quality is ten times the scene's. merges_frames: equal pictures in a row become one
         that is shown for longer.
     """
 
@@ -111,7 +111,9 @@ class OutputFormat:
         return self.is_frames or bool(next(iter(self.codecs.values())).with_alpha)
 
 
-_ISO_FILE, _PNG_FILE = re.compile(rb"....ftyp", re.DOTALL), re.compile(rb"\x89PNG\r\n\x1a\n")
+# The first bytes of files of these formats.
+_ISO_FILE = re.compile(rb"....ftyp", re.DOTALL)
+_PNG_FILE = re.compile(rb"\x89PNG\r\n\x1a\n")
 _ISO_OPTIONS = ("-movflags", "+faststart")
 
 FORMATS: Mapping[str, OutputFormat] = {

@@ -1,4 +1,4 @@
-"""The scene's `output`: one file or several of the same drawing, their sizes, and what each format allows."""
+"""The scene's `output`: one file or several of the same drawing, and their sizes; checked against their formats."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from renderer.scene import schema
 from renderer.scene.colors import COLOR_FIELD
 from renderer.scene.input_file import place_name, place_of
 from renderer.scene.message_text import did_you_mean, format_value, join_words
-from renderer.scene.motion import Motion, value_at
+from renderer.scene.motion import Motion, at_keys, value_at
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
 from renderer.scene.schema import INVALID, Color, TreeNode
 
 # The frame number in file names, padded with zeros to at most nine digits, so that names sort in frame order.
 FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 
+# The largest width or height of a picture, in pixels.
 MAX_SIDE = 16384
-# They belong to one format's encoder.
+# Keys that belong to one format's encoder.
 _ENCODER_KEYS = ("codec", "crf", "pixel_format")
 # The coarsest constant rate factor of any encoder.
 _MAX_CRF = 63
@@ -63,6 +64,13 @@ def _parse_background(node: TreeNode) -> Any:
         return _COLOR_OR_NONE.parser(node)
     ends = schema.read_fields(node, _GRADIENT, required=_GRADIENT)
     return INVALID if INVALID in ends.values() else (ends["top"], ends["bottom"])
+
+
+def _written_background(background: Background) -> Any:
+    """Return a background as it is written: by a word, as a color, or as a mapping with the ends of a gradient."""
+    if background is None:
+        return "transparent"
+    return dict(zip(_GRADIENT, background, strict=True)) if isinstance(background[0], tuple) else background
 
 
 OUTPUT_FILE_FIELD = schema.FieldType(_FILE_WORDS, _parse_file)
@@ -115,9 +123,9 @@ class OutputFile:
     """An output file, or frames in files: the size of its pictures, and its encoding.
 
     file: its suffix says the format; frames in files have a template such as `frames/{frame:04}.png`, a single one a
-        name. background: None is transparent (straight alpha), two colours are those at the top and the bottom.
+        name. background: None is transparent (straight alpha); two colours are a gradient from the top to the bottom.
     quality: 0 (smallest) to 10 (best), where the encoder has a choice. codec, crf, pixel_format: None leaves them to
-        the format and the quality; names are ffmpeg's. every: of the frames, those whose numbers are multiples of it.
+        the format and the quality; names are ffmpeg's. every: it has the frames whose numbers are multiples of this.
     frame: the only one that it shows, of all.
     """
 
@@ -178,6 +186,16 @@ class OutputFile:
         depth = 32 if pixel_format == "float" else 16 if pixel_format.endswith(("10", "48")) else 8
         return PictureKind(self.size, self.background, depth)
 
+    def written(self) -> object:
+        """Return its keys and their values."""
+        return self._keys()
+
+    def _keys(self) -> dict[str, object]:
+        """Return the keys of one file and their values; none for a rate of every frame."""
+        values = {each.name: getattr(self, each.name) for each in fields(OutputFile)}
+        given = {key: value for key, value in values.items() if value is not None and (key, value) != ("every", 1)}
+        return given | {"background": at_keys(_written_background, self.background)}
+
     def shows(self, frame: int) -> bool:
         """Return whether a frame of the film is in this file."""
         return frame % self.every == 0 and self.frame in (None, frame)
@@ -189,6 +207,10 @@ class OutputSpec(OutputFile):
 
     others: tuple[OutputFile, ...] = ()
 
+    def written(self) -> object:
+        """Return the keys of its only file and their values, or the list of its files."""
+        return [self._keys(), *self.others] if self.others else self._keys()
+
     @property
     def files(self) -> tuple[OutputFile, ...]:
         """Return all files, the first one first."""
@@ -196,7 +218,7 @@ class OutputSpec(OutputFile):
 
     @property
     def kinds(self) -> tuple[PictureKind, ...]:
-        """Return the kinds of pictures that the files are made of, each once; that of the first file first."""
+        """Return the kinds of pictures that the files are made of, each once, beginning with the first file's."""
         return tuple(dict.fromkeys(each.kind for each in self.files))
 
     def shown(self, frames: Sequence[int]) -> list[OutputFile]:
@@ -204,7 +226,7 @@ class OutputSpec(OutputFile):
         return [each for each in self.files if any(map(each.shows, frames))]
 
     def kinds_at(self, frame: int) -> tuple[int, ...]:
-        """Return the numbers of those kinds of which a frame needs a picture."""
+        """Return the numbers of the kinds of pictures that a frame needs."""
         kinds = self.kinds
         return tuple(sorted({kinds.index(each.kind) for each in self.files if each.shows(frame)}))
 
@@ -216,7 +238,7 @@ def _pixel_formats(output: OutputFile) -> tuple[str, ...]:
 
 
 def _check_file(node: TreeNode, given: dict[str, Any]) -> None:
-    """Refuse what the format of a file cannot have."""
+    """Refuse values that the format of a file does not allow."""
     if not isinstance(given["file"], Path):
         return
     file_format, rate = format_of(given["file"]), given.get("frames_per_second", INVALID)
@@ -260,7 +282,7 @@ def _check_pixels(node: TreeNode, given: dict[str, Any], file_format: OutputForm
 
 
 _FILE = schema.dataclass_field(OutputFile, _check_file)
-# What other files have in common with the first, unless they say something else.
+# Keys that other files take from the first, unless they have them.
 _SHARED_KEYS = ("size", "background")
 
 

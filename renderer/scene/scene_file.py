@@ -39,7 +39,7 @@ def parse_scene_content(
     """Return the scene in the content of the YAML file `path`.
 
     is_single_frame: only one frame of the path is drawn. Else parameters and errors as in `edit_scene_content`.
-    Raises SceneError with all problems in it, in the order of the file, those of the command line last.
+    Raises SceneError with all problems in it, in the order of the file; problems of the command line come last.
     """
     return edit_scene_content(content, path, overrides, volume, output).parse(is_single_frame=is_single_frame)
 
@@ -84,7 +84,7 @@ _Origin = yaml_tree.TextPosition | int | None
 
 @dataclass
 class TreeEditor:
-    """An editor that changes a tree by command-line options, and knows where problems are: what option wrote what.
+    """An editor that changes a tree by command-line options, and knows which option wrote which value.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class TreeEditor:
         for override in overrides:
             self._override(override)
         if volume is not None:
-            section = self.tree.data.get("volume")  # of which the other keys remain
+            section = self.tree.data.get("volume")  # its other keys remain
             others = section.items() if isinstance(section, dict) else ()
             self.tree.data["volume"] = {key: value for key, value in others if key not in _SOURCES}
             self._set(["volume", "file"], str(volume.absolute()), self._option(f"--volume {volume}"))
@@ -126,7 +126,7 @@ class TreeEditor:
     def parse(self, *, is_single_frame: bool = False) -> FilmScene:
         """Return the scene; its files are relative to the folder of the tree's file.
 
-        Raises SceneError with all problems, in the order of the file, those of the command line last.
+        Raises SceneError with all problems, in the order of the file; problems of the command line come last.
         """
         problems: Sequence[Problem] = ()
         try:
@@ -137,7 +137,7 @@ class TreeEditor:
         return scene
 
     def located_problems(self, problems: Iterable[Problem]) -> list[Problem]:
-        """Return these problems and those of text and options, each with its location, in the order of `parse`."""
+        """Return these problems and the problems of text and options, with their locations, in the order of `parse`."""
         found = [*self._problems, *map(self._with_origin, problems)]
         return [self._located(*item) for item in sorted(found, key=_sort_key)]
 
@@ -231,7 +231,7 @@ class TreeEditor:
 
 
 def _sort_key(item: tuple[_Origin, Problem]) -> tuple[int, int, int]:
-    """Sort problems by line and column, and those of options after them."""
+    """Sort problems by line and column; problems of options come last."""
     origin, _ = item
     if isinstance(origin, int):
         return 1, origin, 0

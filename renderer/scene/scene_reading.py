@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,13 @@ from renderer.errors import Problem
 from renderer.scene import schema
 from renderer.scene.annotation_section import check_annotation
 from renderer.scene.clip_section import check_what_is_clipped
-from renderer.scene.layers_section import OF_CHANNELS, check_layers, name_mask, take_labels
+from renderer.scene.layers_section import OPEN_LOOK, check_layers, name_mask, take_labels, take_layers
 from renderer.scene.limits import proportion_problems, raise_problems
 from renderer.scene.motion import is_plain
 from renderer.scene.output_section import OutputSpec, check_frame_field
 from renderer.scene.scene_writing import moving_values
 from renderer.scene.schema import INVALID
-from renderer.scene.spec import FilmScene, Scene, film_scene
-from renderer.scene.transfer_section import LABELS_FIELD
+from renderer.scene.spec import SECTIONS, FilmScene, Scene, film_scene
 from renderer.scene.volume_section import WITHOUT_TRANSFER
 
 # The most key frames at which the values of a scene are compared with each other.
@@ -54,27 +54,23 @@ def _film_time(tree: object) -> schema.FilmTime:
     """Return how many frames a scene has, and their rate, as far as it gives them."""
     sections, film = tree if isinstance(tree, Mapping) else {}, schema.FilmTime(None, OutputSpec.frames_per_second)
     output, camera = (schema.TreeNode(sections.get(key), "", [], film=film) for key in ("output", "camera"))
-    found: Any = _TABLE["output"].read(output)
+    found: Any = SECTIONS["output"].read(output)
     rate = getattr(found, "frames_per_second", INVALID)
     film = film if rate is INVALID else replace(film, frames_per_second=rate)
-    found = _TABLE["camera"].read(replace(camera, film=film))
+    found = SECTIONS["camera"].read(replace(camera, film=film))
     is_known = isinstance(getattr(getattr(found, "path", None), "frames", None), int)
     return schema.FilmTime(found.num_frames if is_known else None, film.frames_per_second)
 
 
 def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
-    """Return the scene in a tree; of no use where there are problems."""
-    tree, problems = node.value, node.problems
-    has_volumes = isinstance(tree, Mapping) and "volumes" in tree
-    only = tree.get("volume") if isinstance(tree, Mapping) and not has_volumes else None
-    of_channels = isinstance(only, Mapping) and only.get("component") in WITHOUT_TRANSFER
-    has_labels = isinstance(tree, Mapping) and "labels" in tree
-    left_out = _OF_ONE_VOLUME if has_volumes else ("transfer_function",) if of_channels or has_labels else ()
-    required = [key for key in schema.required_keys(Scene) if key not in left_out]
+    """Return the scene in a tree; it is of no use if there are problems."""
+    tree, problems = node.value if isinstance(node.value, Mapping) else {}, node.problems
+    required = _required_keys(tree)
     given = schema.read_fields(node, SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
+    given.pop("version", None)
     take_labels(node, given)
-    if of_channels:
-        given.setdefault("transfer_function", OF_CHANNELS)
+    if "transfer_function" not in required and "volume" in required:
+        given.setdefault("transfer_function", OPEN_LOOK)
     has_plain_values = is_plain(*(section for key, section in given.items() if key != "error"))
     if has_plain_values:
         check_layers(node, given)
@@ -82,28 +78,33 @@ def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
     check_what_is_clipped(node, given)
     if not is_single_frame:
         check_frame_field(node.child("output"), given)
-    if has_volumes:
-        first = given["volumes"][0] if isinstance(given["volumes"], tuple) else INVALID
-        given |= {key: getattr(first, key, INVALID) for key in _OF_ONE_VOLUME}
-    scene = Scene(**given)
+    layers, shared = take_layers(given)
+    scene = Scene(layers, shared=shared, **given)
     if not problems:  # values are compared only if each is correct
-        for layer in scene.layers if has_plain_values else ():
-            problems += proportion_problems(layer.volume, scene.camera, scene.output.size)
+        for number, layer in enumerate(scene.layers if has_plain_values else ()):
+            place = partial(scene.layer_key, number)
+            problems += proportion_problems(layer.volume, scene.camera, scene.output.size, place)
         if node.film is not None and node.film.at is None:  # where a frame is read, nothing moves
-            place = node.child("annotation", isinstance(tree, Mapping) and tree.get("annotation"))
+            section = node.child("annotation", tree.get("annotation"))
             moving = moving_values(film_scene(scene), 0) if scene.annotation.time is not None else {}
-            check_annotation(place, scene.annotation, len(scene.layers), moving)
+            check_annotation(section, scene.annotation, len(scene.layers), moving)
     return scene
 
 
-_TABLE = schema.field_table(Scene)
-SECTIONS: schema.FieldTable = {
-    **{key: _TABLE[key] for key in ("volume", "transfer_function")},
-    "labels": LABELS_FIELD,
-} | _TABLE
-_OF_ONE_VOLUME = ("volume", "transfer_function")
+def _required_keys(tree: Mapping[str, object]) -> list[str]:
+    """Return the keys that a scene must have, in their order."""
+    volume = tree.get("volume")
+    has_own_look = isinstance(volume, Mapping) and volume.get("component") in WITHOUT_TRANSFER
+    if "volumes" in tree:
+        of_volumes = []
+    elif "labels" in tree or has_own_look:
+        of_volumes = ["volume"]
+    else:
+        of_volumes = ["volume", "transfer_function"]
+    return [*of_volumes, "camera", "output"]
 
-# Keys that users put at the top level, and where they belong, or what they are called now.
+
+# Hints for keys that users put at the top level: where they belong, or their names today.
 _MISPLACED_KEY_HINTS = {
     key: f"did you mean {place}.{key}?"
     for place, keys in {

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import is_dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
-from renderer.scene.camera_section import CameraPath, PathSequence
-from renderer.scene.error_section import ErrorSpec, schedule_to_dict
-from renderer.scene.labels_section import LabelsSpec, MaskSpec
-from renderer.scene.layers_section import OF_CHANNELS, LayerSpec
 from renderer.scene.message_text import join_keys
 from renderer.scene.motion import Motion, OverFrames, motion_to_dict, values_at
-from renderer.scene.output_section import OutputFile, OutputSpec
-from renderer.scene.spec import FilmScene, Scene
-from renderer.scene.splat_section import SplatSpec, unused_splat_keys
-from renderer.scene.transfer_section import ColormapSpec, TransferSpec
-from renderer.scene.volume_files import FileSource
-from renderer.scene.volume_section import VOLUME_TABLE, ArraySource, VolumeSpec
+from renderer.scene.spec import FilmScene
+from renderer.scene.volume_section import VOLUME_TABLE
+
+
+@runtime_checkable
+class _Written(Protocol):
+    """A part of a scene whose keys are not its fields."""
+
+    def written(self) -> object:
+        """Return its keys and their values, or a value of another kind; these may be parts of a scene and motions."""
 
 
 def scene_to_dict(scene: FilmScene) -> dict[str, Any]:
@@ -27,14 +27,13 @@ def scene_to_dict(scene: FilmScene) -> dict[str, Any]:
     `parse_scene` makes the same scene from it: with any `base` if the volume's file is an absolute path, else in the
         same folder.
     """
-    sections: OverFrames[Scene] = scene.map(lambda each: each)
-    return {"version": sections.at(0).version} | spec_to_dict(sections)
+    return spec_to_dict(scene.map(lambda sections: sections))
 
 
-def moving_values(scene: FilmScene, frame: int) -> dict[str, Any]:
-    """Return what moves in a scene as it is at a frame: plain data by dotted keys."""
+def moving_values(scene: FilmScene, frame: int) -> dict[str, object]:
+    """Return the values that move in a scene, as they are at a frame: plain data by dotted keys."""
 
-    def differences(film: Any, now: Any, path: str) -> Iterator[tuple[str, Any]]:
+    def differences(film: object, now: object, path: str) -> Iterator[tuple[str, object]]:
         if isinstance(film, list) and isinstance(now, list) and len(film) == len(now):
             film, now = dict(enumerate(film)), dict(enumerate(now))
         if isinstance(film, dict) and isinstance(now, dict) and film.keys() == now.keys():
@@ -48,7 +47,7 @@ def moving_values(scene: FilmScene, frame: int) -> dict[str, Any]:
 
 
 def without_sources(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a scene as plain data without what says where its voxels come from, and which part of them is used."""
+    """Return a scene as plain data without the keys of its volumes that name voxels and choose a part of them."""
 
     def own(entry: Mapping[str, Any]) -> dict[str, Any]:
         mask = _without(entry.get("mask", {}), VOLUME_TABLE)
@@ -60,17 +59,12 @@ def without_sources(tree: Mapping[str, Any]) -> dict[str, Any]:
     return rest
 
 
-def spec_to_dict(value: Any) -> dict[str, Any]:
+def spec_to_dict(value: object) -> dict[str, Any]:
     """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data; as `scene_to_dict`.
 
     value: as it is at a frame, or over the frames of its film.
     """
-    value = value._value if isinstance(value, OverFrames) else value
-    pairs = ((field.name, getattr(value, field.name)) for field in fields(value))
-    plain = {name: _plain(item) for name, item in pairs if item is not None}  # None stands for a key that is not given
-    for cls, change in _CHANGES.items():
-        if isinstance(value, cls):
-            return change(value, plain)
+    plain: dict[str, Any] = _plain(value._value if isinstance(value, OverFrames) else value)
     return plain
 
 
@@ -78,119 +72,16 @@ def _without(plain: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
     return {key: item for key, item in plain.items() if key not in keys}
 
 
-_OF_ONE_VOLUME = ("volume", "transfer_function")
-
-
-def _of_scene(scene: Scene, plain: dict[str, Any]) -> dict[str, Any]:
-    left_out = [*_OF_ONE_VOLUME, "labels"] if scene.volumes else ["volumes"]
-    if not scene.volumes and scene.volume.component != "all":
-        left_out.append("blend")
-    return _without(_with_look(scene, plain), left_out)
-
-
-def _of_layer(layer: LayerSpec, plain: dict[str, Any]) -> dict[str, Any]:
-    if layer.color is not None:
-        del plain["transfer_function"]
-    return _with_own_keys(plain.pop("volume"), _with_look(layer, plain))
-
-
-def _with_look(value: Scene | LayerSpec, plain: dict[str, Any]) -> dict[str, Any]:
-    """Return plain data with the key that says how a volume looks."""
-    if value.transfer_function == OF_CHANNELS:
-        return _without(plain, ["transfer_function"])
-    if value.transfer_function.labels is not None:
-        return {"labels" if key == "transfer_function" else key: item for key, item in plain.items()}
-    return plain
-
-
-def _of_mask(mask: MaskSpec, plain: dict[str, Any]) -> dict[str, Any]:
-    labels, volume = _without(plain.pop("labels"), ["colors"]), plain.pop("volume")
-    return _with_own_keys({"name": volume} if isinstance(volume, str) else volume, labels | plain)
-
-
-def _with_own_keys(volume: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    return {**volume, **{key: item for key, item in own.items() if item not in ("", [])}}
-
-
-def _of_labels(labels: LabelsSpec, plain: dict[str, Any]) -> dict[str, Any]:
-    for key in ("colors", "opacity", "names"):
-        if isinstance(pairs := getattr(labels, key), tuple):
-            plain[key] = {label: _plain(item) for label, item in pairs}
-    return {key: item for key, item in plain.items() if item != []}
-
-
-def _of_volume(volume: VolumeSpec, plain: dict[str, Any]) -> dict[str, Any]:
-    source: dict[str, Any] = plain.pop("source")
-    if not volume.interpolate:  # which not all sources have
-        del plain["interpolate"]
-    return (source if isinstance(volume.source, FileSource) else {volume.source.key: source}) | plain
-
-
-def _of_file(plain: dict[str, Any]) -> dict[str, Any]:
-    spacing = {"spacing": plain["spacing"]} if "spacing" in plain else {}
-    return {"file": plain.get("collection") or plain["steps"] or plain["file"]} | spacing
-
-
-def _of_transfer(transfer: TransferSpec, plain: dict[str, Any]) -> dict[str, Any]:
-    mapping = plain.pop("mapping")
-    plain.pop("imported", None)
-    if not transfer.relative:
-        del plain["relative"]
-    if isinstance(transfer.mapping, ColormapSpec):
-        mapping = {"colormap": mapping.pop("name")} | mapping
-    has_keys = isinstance(transfer.mapping, (ColormapSpec, LabelsSpec))
-    return (mapping if has_keys else {"points": mapping}) | plain
-
-
-def _of_outputs(output: OutputSpec, plain: dict[str, Any]) -> Any:
-    others: list[dict[str, Any]] = plain.pop("others")
-    first = _of_output(output, plain)
-    return [first, *others] if others else first
-
-
-def _of_output(output: OutputFile, plain: dict[str, Any]) -> dict[str, Any]:
-    if output.every == 1:
-        del plain["every"]
-    return plain | {"background": _of_background(plain.get("background", "transparent"))}
-
-
-def _of_background(plain: Any) -> Any:
-    """Return a background with the keys of the ends of a gradient, which may move."""
-    if isinstance(plain, dict):
-        return {key: _of_background(item) for key, item in plain.items()}
-    is_gradient = isinstance(plain, list) and not isinstance(plain[0], (int, float))
-    return dict(zip(("top", "bottom"), plain, strict=True)) if is_gradient else plain
-
-
-# What differs, for each part of a scene, between its fields and its keys.
-_CHANGES: dict[Any, Callable[[Any, dict[str, Any]], dict[str, Any]]] = {
-    Scene: _of_scene,
-    LayerSpec: _of_layer,
-    MaskSpec: _of_mask,
-    LabelsSpec: _of_labels,
-    VolumeSpec: _of_volume,
-    FileSource: lambda _, plain: _of_file(plain),
-    TransferSpec: _of_transfer,
-    ErrorSpec: lambda error, plain: schedule_to_dict(error) | _without(plain, ("tolerance", "goal")),
-    SplatSpec: lambda splat, plain: _without(plain, unused_splat_keys(splat.footprint)),
-    OutputSpec: _of_outputs,
-    OutputFile: _of_output,
-    CameraPath: lambda path, plain: {"type": path.type} | plain,
-}
-
-
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
+    """Return a part of a scene as plain data. A value None stands for a key that is not given."""
     if isinstance(value, Motion):
         return motion_to_dict(value, _plain)
-    if isinstance(value, PathSequence):
-        return [_plain(piece) for piece in value.pieces]
-    if isinstance(value, tuple):
-        items = [_plain(item) for item in value]
-        if None in items:  # a range for some of the axes
-            return {axis: pair for axis, pair in zip("xyz", items, strict=True) if pair is not None}
-        return items
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items() if item is not None}
+    if isinstance(value, (tuple, list)):
+        return [_plain(item) for item in value]
     if isinstance(value, Path):
         return str(value)
-    if isinstance(value, ArraySource):
-        return {"shape": list(value.shape), "dtype": str(value.values.dtype), "spacing": list(value.spacing)}
-    return spec_to_dict(value) if is_dataclass(value) else value
+    if isinstance(value, _Written):
+        return _plain(value.written())
+    return _plain(vars(value)) if is_dataclass(value) else value

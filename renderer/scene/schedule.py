@@ -20,7 +20,7 @@ def tolerance_at(error: ErrorSpec, frame: int) -> float:
 
 
 def accuracy_of(error: ErrorSpec) -> ErrorSpec:
-    """Return the tolerance or the goal alone: what is requested of a film."""
+    """Return the accuracy that is requested of a film: the tolerance or the goal alone."""
     return ErrorSpec(error.tolerance) if error.goal is None else ErrorSpec(goal=error.goal)
 
 

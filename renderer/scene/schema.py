@@ -39,9 +39,11 @@ T = TypeVar("T")
 Vector = tuple[float, float, float]
 Color = tuple[float, float, float]
 
-# Bounds of spacings and of all lengths in a scene: an atom in light years is longer, the universe in picometres
-# shorter. Squares, cubes and products of such lengths are far from float64's limits.
-MIN_WORLD_LENGTH, MAX_WORLD_LENGTH = 1e-30, 1e30
+# The shortest spacing or length in a scene: an atom in light years is longer. Squares, cubes and products of lengths
+# between the two bounds are far from float64's limits.
+MIN_WORLD_LENGTH = 1e-30
+# The longest spacing or length in a scene: the universe in picometres is shorter.
+MAX_WORLD_LENGTH = 1e30
 
 
 _DECIMAL_COMMA = re.compile(r"[-+]?\d{1,20},\d{1,20}", re.ASCII)
@@ -78,7 +80,7 @@ def number_field(
 
     Text that spells a number is taken as one, because YAML 1.1 reads `1e-3` as text.
     zero_hint: for a 0 that is out of range. is_whole: only whole numbers are allowed, such as 120, `1e3` and `120.0`.
-    motion: as of a FieldType.
+    motion: see FieldType.
     """
     noun = "whole number" if is_whole else "number"
 
@@ -148,7 +150,7 @@ MAPPING_FIELD: FieldType[dict[str, Any]] = _instance_field(dict, "a mapping", "n
 
 
 def text_field(expected: str, what: str, is_valid: Callable[[str], object]) -> FieldType[Any]:
-    """Return the type of a text that `is_valid` accepts; others are `what`."""
+    """Return the type of a text that `is_valid` accepts. what: says what is wrong with others."""
 
     def parse(node: TreeNode) -> Any:
         return node.value if isinstance(node.value, str) and is_valid(node.value) else node.reject(what)
@@ -197,7 +199,7 @@ def sequence_field(
     """Return the type of a list of `count` items, or of one or more unless it `may_be_empty`; wrong items are INVALID.
 
     check: returns the items, or INVALID; it is called if every item is right and none moves, for items that move are
-        checked at their keys. motion: by default that of the items.
+        checked at their keys. motion: by default, the items' own.
     """
 
     def parse(node: TreeNode) -> Any:
@@ -226,7 +228,7 @@ def pair_field(first: FieldType[Any], second: FieldType[Any], expected: str) -> 
 
 
 def mapping_field(item: FieldType[T], expected: str = "a mapping", key_name: str = "text") -> FieldType[dict[str, T]]:
-    """Return the type of a mapping of any texts to items, of which wrong ones are INVALID. key_name: for messages."""
+    """Return the type of a mapping of any texts to items; wrong ones are INVALID. key_name: for messages."""
 
     def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, Mapping):
@@ -272,7 +274,7 @@ def dataclass_field(
 
 
 def field_table(cls: Any) -> dict[str, FieldType[Any]]:
-    """Return the types of a dataclass's fields: those that annotations declare, or else those that follow from hints.
+    """Return the types of a dataclass's fields, as annotations declare them, or as they follow from type hints.
 
     Fields whose hints say too little are left out.
     """
@@ -303,7 +305,7 @@ def _field_type(hint: Any) -> FieldType[Any] | None:
 
 def required_keys(cls: Any) -> list[str]:
     """Return the names of a dataclass's fields that have no default."""
-    return [field.name for field in fields(cls) if field.default is MISSING]
+    return [each.name for each in fields(cls) if each.default is MISSING and each.default_factory is MISSING]
 
 
 def _mapping_with(table: FieldTable, required: Collection[str]) -> str:
@@ -333,7 +335,7 @@ def read_fields(
         close = closest_match(key, table) if isinstance(key, str) else None
         other_place = (misplaced_hints or {}).get(key) if isinstance(key, str) else None
         hint = other_place or (f"did you mean {close}?" if close else None)
-        if value is None and type(key) is int:  # as of {opacity: 0,5}
+        if value is None and type(key) is int:  # as {opacity: 0,5} gives
             hint = "decimals come after a point; in {...} and [...] a comma begins what comes next"
         node.key(key).reject("unknown key", expected=join_words(table), hint=hint)
         if close and close not in node.value:  # a misspelt key is not missing, too
@@ -356,5 +358,5 @@ def read_option(
 
 
 def valid_keys(given: Mapping[str, Any], *keys: str) -> list[str]:
-    """Return those of `keys` that were given and read without a problem."""
+    """Return the keys among `keys` that were given and read without a problem."""
     return [key for key in keys if given.get(key, INVALID) is not INVALID]

@@ -12,6 +12,7 @@ from renderer.scene.error_section import ErrorSpec, SplatBudget
 from renderer.scene.message_text import format_value
 from renderer.scene.schema import INVALID, TreeNode
 
+# The largest exponent of a highlight.
 MAX_SHININESS = 1000.0
 # How far behind a face that clipping cuts the light of the face reaches, in finest spacings.
 FACE_DEPTH = 2.5
@@ -48,11 +49,11 @@ class ShadingSpec:
         `color (ambient + diffuse max(0, n . l)) + specular max(0, n . h)^shininess`, the last only where n . l > 0.
     two_sided: takes both products without their signs. gradient_opacity: pairs of a gradient's magnitude, in scalar
         units per world unit, and of the factor on extinction there; linear in between, constant outside.
-    occlusion, shadow: how strongly what surrounds a point dims the ambient light, and what is before a fixed light the
-        diffuse light (`renderer.lighting`). occlusion_radius: how far occlusion sees, in world units; None is a tenth
-        of the volume's diagonal.
+    occlusion: how strongly the surroundings of a point dim its ambient light. shadow: how strongly the volume dims the
+        diffuse light of a fixed light (`renderer.lighting`).
+    occlusion_radius: how far occlusion sees, in world units; None is a tenth of the volume's diagonal.
     silhouette: s in the factor `1 - s (1 - |n . v|)^3` on the lit colour, v to the viewer; it is 1 without a gradient.
-    cut_faces: light what is near a face that clipping cuts by the normal of this face. A plane or a box removes a
+    cut_faces: points near a face that clipping cuts are lit by the normal of this face. A plane or a box removes a
         convex set, an inverted box six. At the distance d from such a set, in finest spacings, its face has the weight
         `w = max(0, 1 - (d / FACE_DEPTH)^2)^3`, with n to the nearest point of the set. Faces have the share
         `1 - product of (1 - w)` of the light, each in proportion to its weight, and the gradient has the rest.
@@ -88,19 +89,19 @@ class ShadingSpec:
 
     @property
     def is_plain(self) -> bool:
-        """Return whether it is Lambert shading by a fixed light, all of which arrives."""
+        """Return whether it is Lambert shading by a fixed light that nothing dims."""
         return not (self.is_pointwise or self.has_light_grid)
 
     @property
     def keys_for_bricks(self) -> list[str]:
-        """Return the keys that ask for what only bricks can show."""
+        """Return the keys whose effects only bricks can show."""
         dimming = {"occlusion": self.occlusion, "shadow": self.shadow}
         dims = [key for key, strength in dimming.items() if strength is not INVALID and strength > 0]
         return [*pointwise_keys(self), *dims]
 
 
 def pointwise_keys(shading: ShadingSpec) -> list[str]:
-    """Return the keys that ask for what is computed at every sample: it depends on the view, or changes extinction."""
+    """Return the keys that are computed at every sample, as they depend on the view or change extinction."""
     asks = {
         "light": shading.light == "camera",
         "specular": shading.specular is not INVALID and shading.specular > 0,
@@ -112,7 +113,7 @@ def pointwise_keys(shading: ShadingSpec) -> list[str]:
 
 
 def check_shading(node: TreeNode, given: dict[str, Any]) -> None:
-    """Refuse what cannot be drawn with the scene's `shading`, which is at `node`. given: the scene's sections."""
+    """Refuse sections that contradict the scene's `shading`, which is at `node`. given: the scene's sections."""
     shading, error = given.get("shading"), given.get("error")
     if not isinstance(shading, ShadingSpec):
         return
@@ -127,7 +128,7 @@ def check_shading(node: TreeNode, given: dict[str, Any]) -> None:
         refuse_larger_cells(node.key(key), error, f"all visible voxels are drawn with {node.path}.{key}")
 
 
-def refuse_larger_cells(key: TreeNode, error: Any, hint: str) -> None:
+def refuse_larger_cells(key: TreeNode, error: object, hint: str) -> None:
     """Refuse a key with which only voxels are drawn where a scene's `error` asks for larger cells."""
     if not isinstance(error, ErrorSpec):
         return

@@ -12,25 +12,37 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args
 
 from renderer.scene import schema
 from renderer.scene.annotation_section import ANNOTATION_SECTION, AnnotationSpec
 from renderer.scene.camera_section import CAMERA_FIELD, CameraSpec
 from renderer.scene.clip_section import CLIP_SECTION, ClipSpec
 from renderer.scene.error_section import ERROR_SECTION, ErrorSpec
-from renderer.scene.labels_section import MASK_SECTION, MaskSpec
-from renderer.scene.layers_section import VOLUMES_SECTION, LayerSpec
+from renderer.scene.labels_section import MASK_SECTION
+from renderer.scene.layers_section import VOLUMES_SECTION, LayerSpec, SharedKeys
 from renderer.scene.message_text import format_value
 from renderer.scene.mode_section import MODE_SECTION, ModeSpec
 from renderer.scene.motion import OverFrames, is_plain, values_at
 from renderer.scene.output_section import OUTPUT_SECTION, Background, OutputSpec
 from renderer.scene.shading_section import ShadingSpec
 from renderer.scene.splat_section import SPLAT_SECTION, SplatSpec
-from renderer.scene.transfer_section import TRANSFER_FUNCTION_SECTION, TransferSpec
-from renderer.scene.volume_section import VOLUME_SECTION, VolumeSpec
+from renderer.scene.transfer_section import LABELS_FIELD, TRANSFER_FUNCTION_SECTION
+from renderer.scene.volume_section import VOLUME_SECTION, VOLUME_TABLE
 
 VERSION = 1
+
+
+# How layers are mixed: extinctions add up and colours mix in their proportion, or light adds up and nothing absorbs it.
+Blend = Literal["mix", "add"]
+
+
+@dataclass(frozen=True)
+class PyramidSpec:
+    """A choice of the quantity that a node averages, and of the precision in which it is stored."""
+
+    average: Literal["extinction", "opacity"] = "extinction"
+    precision: Literal["half", "single"] = "half"
 
 
 def _parse_version(node: schema.TreeNode) -> Any:
@@ -41,20 +53,32 @@ def _parse_version(node: schema.TreeNode) -> Any:
 _VERSION = schema.FieldType(str(VERSION), _parse_version)
 
 
-@dataclass(frozen=True)
-class PyramidSpec:
-    """A choice of what a node averages, and of the precision in which it is stored."""
-
-    average: Literal["extinction", "opacity"] = "extinction"
-    precision: Literal["half", "single"] = "half"
-
+# The keys of a scene. A scene has `volume`, or else `volumes`; a volume has `transfer_function`, or else `labels`.
+SECTIONS: schema.FieldTable = {
+    "volume": VOLUME_SECTION,
+    "transfer_function": TRANSFER_FUNCTION_SECTION,
+    "labels": LABELS_FIELD,
+    "camera": CAMERA_FIELD,
+    "output": OUTPUT_SECTION,
+    "error": ERROR_SECTION,
+    "splat": SPLAT_SECTION,
+    "pyramid": schema.dataclass_field(PyramidSpec),
+    "shading": schema.dataclass_field(ShadingSpec),
+    "mode": MODE_SECTION,
+    "clip": CLIP_SECTION,
+    "mask": MASK_SECTION,
+    "volumes": VOLUMES_SECTION,
+    "blend": schema.choice_field(*get_args(Blend)),
+    "annotation": ANNOTATION_SECTION,
+    "version": _VERSION,
+}
 
 U = TypeVar("U")
 AnyScene = TypeVar("AnyScene", bound="FilmScene")
 
 
 class FilmScene(ABC):
-    """A scene over all frames of its film. It has what cannot move; `at` a frame it is a `Scene`, which has all else.
+    """A scene over all frames of its film. It has the sections that cannot move; a `Scene`, `at` a frame, has all.
 
     A `Scene` is the scene of a film in which nothing moves. Backgrounds in `output` may move, as their type says. So
     may the tolerance or the budget in `error`, which is a schedule of the whole film, also in a `Scene`.
@@ -62,7 +86,7 @@ class FilmScene(ABC):
 
     output: OutputSpec
     error: ErrorSpec
-    blend: Literal["mix", "add"]
+    blend: Blend
 
     @property
     @abstractmethod
@@ -76,7 +100,7 @@ class FilmScene(ABC):
     def changed(self: AnyScene, edit: Callable[..., Scene], *others: FilmScene) -> AnyScene:
         """Return a scene with other sections.
 
-        edit: takes a scene, and those of `others`, and returns the scene with something replaced in it. It may not
+        edit: takes the sections of this scene and of `others`, and replaces something in the first. It may not
             calculate: values that it is given may be motions.
         """
         sections = edit(self._sections, *(other._sections for other in others))
@@ -99,18 +123,26 @@ class FilmScene(ABC):
         return self._sections.camera.num_frames
 
     def map(self, function: Callable[[Scene], U]) -> OverFrames[U]:
-        """Return what a function picks from the scene, as `OverFrames.map` does."""
+        """Return a part of the scene over all frames, which a function picks, as `OverFrames.map` does."""
         return OverFrames(function(self._sections))
 
     @property
     def film_layers(self) -> tuple[OverFrames[LayerSpec], ...]:
-        """Return what is drawn: the volumes, or the only one. Those without shading or mask have the scene's."""
+        """Return the layers over the frames of the film."""
         return tuple(map(OverFrames, self._sections.layers))
 
     @property
     def has_list(self) -> bool:
-        """Return whether it has a list of volumes."""
-        return bool(self._sections.volumes)
+        """Return whether its text has a list of volumes."""
+        return self._sections.shared is not None
+
+    def layer_key(self, number: int, key: str) -> str:
+        """Return the dotted key of a layer's key in the text of the scene."""
+        layer, shared = self._sections.layers[number], self._sections.shared
+        if shared is None:
+            return f"volume.{key}" if key in VOLUME_TABLE else key
+        is_shared = hasattr(shared, key) and getattr(shared, key) == getattr(layer, key)
+        return key if is_shared else f"volumes.{number}.{key}"
 
     @property
     def is_projection(self) -> bool:
@@ -124,7 +156,7 @@ class FilmScene(ABC):
 
     @property
     def primitive_name(self) -> str:
-        """Return the name of what is drawn, in the singular, for messages."""
+        """Return the name of a primitive, in the singular, for messages."""
         return self._sections.splat.primitive_name
 
     @property
@@ -134,7 +166,7 @@ class FilmScene(ABC):
 
     @property
     def import_notes(self) -> list[str]:
-        """Return sentences on what an imported transfer function has that is not drawn."""
+        """Return sentences on the features of imported transfer functions that are not drawn."""
         notes = []
         for layer in self._sections.layers:
             imported = layer.transfer_function.imported
@@ -178,33 +210,39 @@ class _MovingScene(FilmScene):
 class Scene(FilmScene):
     """A complete job with plain values: a film in which nothing moves, or one frame of another.
 
-    volumes: several, in place of one; then `volume` and `transfer_function` are those of the first. blend: `mix` adds
-        extinctions up, and colours in their proportion; `add` adds light that nothing absorbs, as of fluorescence.
+    layers: the volumes that are drawn.
+    shared: the keys that the text of a scene with a list of volumes gives to all of them; the layers have them. None
+        where the text has one volume and no list.
     """
 
-    volume: Annotated[VolumeSpec, VOLUME_SECTION]
-    transfer_function: Annotated[TransferSpec, TRANSFER_FUNCTION_SECTION]
-    camera: Annotated[CameraSpec, CAMERA_FIELD]
-    output: Annotated[OutputSpec, OUTPUT_SECTION]
-    error: Annotated[ErrorSpec, ERROR_SECTION] = field(default=ErrorSpec())
-    splat: Annotated[SplatSpec, SPLAT_SECTION] = field(default=SplatSpec("integrated"))
+    layers: tuple[LayerSpec, ...]
+    camera: CameraSpec
+    output: OutputSpec
+    error: ErrorSpec = field(default=ErrorSpec())
+    splat: SplatSpec = field(default=SplatSpec("integrated"))
     pyramid: PyramidSpec = PyramidSpec()
-    shading: ShadingSpec | None = None
-    mode: Annotated[ModeSpec, MODE_SECTION] = field(default=ModeSpec())
-    clip: Annotated[tuple[ClipSpec, ...], CLIP_SECTION] = ()
-    mask: Annotated[MaskSpec | None, MASK_SECTION] = None
-    volumes: Annotated[tuple[LayerSpec, ...], VOLUMES_SECTION] = ()
-    blend: Literal["mix", "add"] = "mix"
-    annotation: Annotated[AnnotationSpec, ANNOTATION_SECTION] = field(default=AnnotationSpec())
-    version: Annotated[int, _VERSION] = VERSION
+    mode: ModeSpec = field(default=ModeSpec())
+    clip: tuple[ClipSpec, ...] = ()
+    blend: Blend = "mix"
+    annotation: AnnotationSpec = field(default=AnnotationSpec())
+    shared: SharedKeys | None = None
 
-    @property
-    def layers(self) -> tuple[LayerSpec, ...]:
-        """Return what is drawn: the volumes, or the only one. Those without shading or mask have the scene's."""
-        if not self.volumes:
-            return (LayerSpec(self.volume, self.transfer_function, self.shading, mask=self.mask),)
-        shading, mask = self.shading, self.mask
-        return tuple(replace(each, shading=each.shading or shading, mask=each.mask or mask) for each in self.volumes)
+    def with_layers(self, **changes: Any) -> Scene:
+        """Return the scene with other values in these fields of all its layers."""
+        return replace(self, layers=tuple(replace(layer, **changes) for layer in self.layers))
+
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values."""
+        found = {**vars(self), **self._written_layers()}
+        return {"version": VERSION} | {key: found[key] for key in SECTIONS if key in found}
+
+    def _written_layers(self) -> dict[str, object]:
+        """Return the keys of volumes and their values."""
+        if self.shared is not None:
+            return {**vars(self.shared), "volumes": tuple(map(self.shared.taken_from, self.layers))}
+        (layer,) = self.layers
+        own: dict[str, object] = {"volume": layer.volume, **layer.look, "shading": layer.shading, "mask": layer.mask}
+        return own if layer.volume.component == "all" else own | {"blend": None}
 
     @property
     def _sections(self) -> Scene:
@@ -222,11 +260,12 @@ class Scene(FilmScene):
     @property
     def key_for_bricks(self) -> str | None:
         """Return a key that only bricks can show, if it has one."""
+        first = self.layers[0]
         asks = {
             "mode": self.mode.is_projection,
             "clip": bool(self.clip),
-            "labels": self.transfer_function.labels is not None,
-            "volumes": bool(self.volumes),
-            "shading": self.shading is not None and bool(self.shading.keys_for_bricks),
+            "labels": first.transfer_function.labels is not None,
+            "volumes": self.has_list,
+            "shading": first.shading is not None and bool(first.shading.keys_for_bricks),
         }
         return next((key for key, is_asked in asks.items() if is_asked), None)

@@ -1,4 +1,4 @@
-"""The scene's `splat`: what is drawn for a cell."""
+"""The scene's `splat`: the primitive that is drawn for a cell."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _HINTS_INTEGRATED = _HINTS_GOURAUD | {
 }
 _ALIASES = {"box": "integrated", "boxes": "integrated", "bricks": "integrated", "integral": "integrated"}
 _WEIGHT = schema.number_field(minimum=0, maximum=1)
-# Weights are divided by the largest one.
+# The least weight that a profile must reach at a radius of the footprint: weights are divided by the largest one.
 MIN_PROFILE_WEIGHT = 1e-6
 _PROFILE_WORDS = "a list of [radius, weight], both from 0 to 1, with radius ascending from 0 to 1"
 _PROFILE = schema.sequence_field(
@@ -48,9 +48,14 @@ class SplatSpec:
     opacity_correction: bool = True
     order: Literal["depth", "unmixed", "boxes"] = "depth"
 
+    def written(self) -> dict[str, object]:
+        """Return the keys that its footprint has, and their values."""
+        unused = unused_splat_keys(self.footprint)
+        return {key: value for key, value in vars(self).items() if key not in unused}
+
     @property
     def primitive_name(self) -> str:
-        """Return the name of what is drawn, in the singular, for messages."""
+        """Return the name of a primitive, in the singular, for messages."""
         return "brick" if self.footprint == "integrated" else "splat"
 
 

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from renderer.looks import Look
 
 _WHITE: Color = (1.0, 1.0, 1.0)
-_NUMBER, _PART = schema.number_field(), schema.number_field(minimum=0, maximum=1)
+_NUMBER = schema.number_field()
+_PART = schema.number_field(minimum=0, maximum=1)
 _PERCENTILE = schema.number_field(minimum=0, maximum=100)
 
 
@@ -55,11 +56,11 @@ class ControlPoint:
 class ColormapSpec:
     """A named colormap stretched over `range`, with opacity points (value, opacity).
 
-    Only projections may leave opacities out. scale: `log`: colours and opacities go with the logarithms of values, all
-    of which are above 0.
+    Only projections may leave opacities out. scale: `log`: colours and opacities go with the logarithms of values, and
+    all values are above 0.
     """
 
-    name: str
+    colormap: str
     range: tuple[float, float]
     opacity: tuple[tuple[float, float], ...]
     scale: Literal["log"] | None = None
@@ -70,8 +71,8 @@ class ImportedLook:
     """Where control points were imported from.
 
     name: of a preset, or of the file without its folder. file: None for a preset. has_opacities: whether the file or
-    the scene gives them. shading: what it says of light, as a scene's `shading`. left_out: clauses on what is missing.
-    look, range, opacity: what was put where, for values that are percentiles.
+    the scene gives them. shading: its light, as a scene's `shading`. left_out: clauses on features that are missing.
+    look, range, opacity: from which control points are made again once percentiles are values.
     """
 
     name: str
@@ -88,12 +89,13 @@ class ImportedLook:
 class TransferSpec:
     """A map from scalar to colour and extinction: control points, values not descending, a colormap, or labels.
 
-    `unit` is the world length that opacities refer to; None means the volume's finest spacing. What was imported is in
-    the control points, so that `imported` changes nothing and is not recorded. relative: values are percentiles of the
-    volume's voxels with data, in place of which `renderer.resolve.resolve_scene` puts values.
+    mapping: None is open: `renderer.resolve.resolve_scene` chooses it, for channels and for voxels that are colours.
+    unit: the world length that opacities refer to; None is the volume's finest spacing.
+    imported: where the control points come from. It changes no picture and is not recorded.
+    relative: values are percentiles of the volume's voxels with data; `resolve_scene` replaces them.
     """
 
-    mapping: tuple[ControlPoint, ...] | ColormapSpec | LabelsSpec
+    mapping: tuple[ControlPoint, ...] | ColormapSpec | LabelsSpec | None
     unit: Annotated[float | None, schema.LENGTH_FIELD] = None
     imported: ImportedLook | None = field(default=None, compare=False)
     relative: bool = False
@@ -105,8 +107,23 @@ class TransferSpec:
 
     @property
     def labels(self) -> LabelsSpec | None:
-        """Return the labels, if the values are names of what is there."""
+        """Return the labels, if the volume's values are labels."""
         return self.mapping if isinstance(self.mapping, LabelsSpec) else None
+
+    @property
+    def is_open(self) -> bool:
+        """Return whether colours and opacities are still to be chosen."""
+        return self.mapping is None
+
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values."""
+        if isinstance(self.mapping, ColormapSpec):
+            keys = vars(self.mapping)
+        elif isinstance(self.mapping, LabelsSpec):
+            keys = self.mapping.written()
+        else:
+            keys = {"points": self.mapping}
+        return keys | {"unit": self.unit, "relative": self.relative or None}
 
 
 def _check_range(node: TreeNode, low_high: tuple[Any, ...]) -> Any:
@@ -221,7 +238,7 @@ def _points(opacities: Sequence[tuple[float, float]]) -> tuple[ControlPoint, ...
     return tuple(ControlPoint(value, _WHITE, opacity) for value, opacity in opacities)
 
 
-def _has_opacities_alone(section: Mapping[str, Any]) -> bool:
+def _has_opacities_alone(section: Mapping[str, object]) -> bool:
     """Return whether a transfer function has no colours: then it is white, for voxels that are colours."""
     return "opacity" in section and section.keys() <= {"opacity", "unit", "relative"}
 
@@ -276,7 +293,7 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
 
 
 def _place_points(look: Look, span: Any, opacities: Any, scale: float = 1.0, shift: float = 0.0) -> Any:
-    """Return the control points of a look, as of `place_look`; all of these parameters may move."""
+    """Return the control points that `place_look` makes of a look; all of these parameters may move."""
     from renderer.looks import place_look
 
     def place(span: Any, scale: float, shift: float, opacities: Any) -> tuple[ControlPoint, ...]:
@@ -286,7 +303,7 @@ def _place_points(look: Look, span: Any, opacities: Any, scale: float = 1.0, shi
     return moving_result(place, span, scale, shift, opacities)
 
 
-def _is_valid(value: Any) -> bool:
+def _is_valid(value: object) -> bool:
     return value is not INVALID and (not isinstance(value, tuple) or all(map(_is_valid, value)))
 
 
@@ -322,12 +339,12 @@ def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: obje
             place.reject("points out of order", expected=f"at least {format_value(before)}, as in the point before")
         elif value == before and index > 1 and values[index - 2] == value:
             place.reject("a third point at the same value", hint="two points make a step")
-    may_appear = node.film is not None and node.film.keys  # what moves may show something on another frame
+    may_appear = node.film is not None and node.film.keys  # values that move may show something on another frame
     if points and all(opacity == 0 for _, opacity in points) and not may_appear:
         node.reject("nothing is visible: every opacity is 0", expected="an opacity greater than 0")
 
 
-def _check_opacity(node: TreeNode, opacity: Any) -> list[tuple[Any, Any]]:
+def _check_opacity(node: TreeNode, opacity: object) -> list[tuple[Any, Any]]:
     """Return the values and opacities of a list of pairs, and check them."""
     pairs = [(INVALID, INVALID) if pair is INVALID else pair for pair in opacity] if isinstance(opacity, tuple) else []
     _check_points(node, pairs, 0)
@@ -335,7 +352,7 @@ def _check_opacity(node: TreeNode, opacity: Any) -> list[tuple[Any, Any]]:
 
 
 def check_opacities(node: TreeNode, transfer: object) -> None:
-    """Check that the text of a transfer function gives opacities, or what it imports has them."""
+    """Check that the text of a transfer function, or the file that it imports, gives opacities."""
     section = node.value if isinstance(node.value, Mapping) else {}
     points, imported = section.get("points"), getattr(transfer, "imported", None)
     if imported is not None and not imported.has_opacities:
@@ -352,7 +369,7 @@ TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _read_transfer)
 
 
 def map_values(transfer: TransferSpec, function: Callable[[float], float]) -> TransferSpec:
-    """Return a transfer function with what a function, which does not descend, makes of its values; not of labels.
+    """Return a transfer function whose values a function has mapped, which does not descend; labels stay.
 
     Values that move are mapped at their keys. Of points that come to have one value, the first and the last remain.
     """
@@ -380,7 +397,7 @@ def map_values(transfer: TransferSpec, function: Callable[[float], float]) -> Tr
 
 
 def _without_ties(points: Any) -> Any:
-    """Return points without those that have, at each key of a motion, the value of the point before and after."""
+    """Return points without each one that has the value of both its neighbours, at all keys of a motion."""
     frames = {frame for motion in motions_in(points) for frame in motion.frames} or {0}
     values = list(zip(*([point.value for point in values_at(points, frame)] for frame in frames), strict=True))
     last = len(values) - 1
@@ -393,5 +410,5 @@ def _build_labels(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     return TransferSpec(build_labels(node, given), unit)
 
 
-# What a scene says of labels in place of a transfer function.
+# The key `labels`, which a scene has in place of a transfer function.
 LABELS_FIELD = schema.section_field({**LABELS_TABLE, "unit": schema.LENGTH_FIELD}, _build_labels)

@@ -19,10 +19,11 @@ from renderer.scene.motion import EASINGS, Motion, MotionKind, moving, shape_of
 
 T = TypeVar("T")
 
+# The most frames of a film.
 MAX_FRAMES = 10**6
 # About the most frames at which a motion of several numbers is checked.
 _MOST_BETWEEN = 100
-# More mistakes in one map are of one kind.
+# The most mistakes in one map that are told: more are likely of one kind.
 _MOST_PROBLEMS = 20
 
 _FRAME = re.compile(r"-?\d{1,9}|\d{1,9}(\.\d{0,9})?s", re.ASCII)
@@ -54,7 +55,7 @@ class TreeNode:
     """A value, its dotted path, and the list of the problems in the whole tree.
 
     base: the folder that files in the tree are relative to. is_key: problems concern the last key of the path, not its
-    value. expected: what the value should be. words: texts that are allowed in place of such a value.
+    value. expected: describes a right value. words: texts that are allowed in place of such a value.
     film: None where nothing may move.
     """
 
@@ -75,6 +76,10 @@ class TreeNode:
         """Return the node of the key `key` itself; `value` is the key to check, None for problems with its presence."""
         return replace(self.child(key, value), is_key=True)
 
+    def expecting(self, expected: str) -> TreeNode:
+        """Return the node of the same value, of which a type expects this; it is made for each value that is read."""
+        return TreeNode(self.value, self.path, self.problems, self.base, self.is_key, expected, self.words, self.film)
+
     def reject(self, what: str, **parts: str | None) -> Any:
         """Add a problem with this value or key, and return INVALID.
 
@@ -90,9 +95,9 @@ class TreeNode:
 
 @dataclass(frozen=True)
 class FieldType(Generic[T]):
-    """A type of value: what is expected, in words that follow "expected:", and a function that reads it.
+    """A type of value: a function that reads it, and the words that follow "expected:" in messages.
 
-    empty_hint: a hint for a key without a value. motion: how values move; None for those that cannot.
+    empty_hint: a hint for a key without a value. motion: how values move; None if they cannot.
     table: the types of the keys, of a mapping or of a list of mappings.
     """
 
@@ -123,11 +128,11 @@ class FieldType(Generic[T]):
 
     def parse(self, node: TreeNode) -> T:
         """Return the checked value, which is not None, or INVALID."""
-        return self.parser(replace(node, expected=self.expected))
+        return self.parser(node.expecting(self.expected))
 
     def reject(self, node: TreeNode, what: str, **parts: str | None) -> T:
         """Add a problem with a value that is not of this type, as `TreeNode.reject` does, and return INVALID."""
-        invalid: T = replace(node, expected=self.expected).reject(what, **parts)
+        invalid: T = node.expecting(self.expected).reject(what, **parts)
         return invalid
 
 
@@ -135,7 +140,7 @@ FieldTable = Mapping[str, FieldType[Any]]
 
 
 def still(field: FieldType[T]) -> FieldType[T]:
-    """Return a type of which nothing can move."""
+    """Return a type of the same values, no part of which can move."""
     return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None, table=None)
 
 
@@ -147,7 +152,7 @@ def _may_be_frame(key: object) -> bool:
 
 
 def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
-    """Return what a map from frames to values of a type says: of one frame, or the motion."""
+    """Return the motion of a map from frames to values of a type, or its value at the frame that is read."""
     assert isinstance(node.value, Mapping) and field.motion is not None
     known = film.motions.get((node.path, id(field)))
     if known is not None and film.at is not None:
@@ -185,7 +190,7 @@ def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
 
 
 def _check_between_keys(field: FieldType[Any], node: TreeNode, motion: Motion[Any]) -> None:
-    """Check what a list or a matrix is on the way from one key to the next, such as one that has no inverse."""
+    """Check a list or a matrix on its way from one key to the next, where a matrix may have no inverse."""
     if any(True for part in motion.values[0] if not isinstance(part, (int, float, tuple))):
         return
     first, last = motion.frames[0], motion.frames[-1]
@@ -217,13 +222,13 @@ def read_frame(node: TreeNode) -> Any:
     return frame
 
 
-def check_frame_in_path(node: TreeNode, frame: Any, num_frames: Any) -> None:
+def check_frame_in_path(node: TreeNode, frame: object, num_frames: object) -> None:
     """Check that a frame, at `node`, is before the end of the path; INVALID numbers are skipped."""
     if isinstance(frame, int) and isinstance(num_frames, int) and frame >= num_frames:
         node.reject("after the last frame", got=str(frame), expected=f"a frame from 0 to {num_frames - 1}")
 
 
-def check_frames_ascend(node: TreeNode, before: Any, frame: Any) -> bool:
+def check_frames_ascend(node: TreeNode, before: object, frame: object) -> bool:
     """Check that a frame, at `node`, comes after another; INVALID numbers are skipped."""
     ascends = not isinstance(frame, int) or not isinstance(before, int) or frame > before
     if not ascends:

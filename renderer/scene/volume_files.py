@@ -23,6 +23,7 @@ from renderer.scene.input_file import read_bounded
 from renderer.scene.message_text import did_you_mean, short_text
 from renderer.scene.schema import INVALID, TreeNode
 
+# The most steps in time of a volume.
 MAX_STEPS = 10_000
 # Ends of names that volumes alone have, each in a file of its own.
 VOLUME_SUFFIXES = (
@@ -34,7 +35,7 @@ _HEADERLESS = (".raw", ".bin", ".dat")
 _SLICES = (".tif", ".tiff", ".dcm", ".ima")
 # The field of a pattern, with the least number of digits.
 _FIELD = re.compile(r"\{(?::0?([1-9]?))?\}")
-# Fewer files that differ in a number are no steps: T1 and T2, for one.
+# The fewest files that differ in a number and are steps: fewer may be T1 and T2, for one.
 _MIN_IN_FOLDER = 3
 
 
@@ -43,8 +44,8 @@ class FileSource:
     """A volume in a format that describes itself: a file, or a folder (DICOM series or TIFF stack); or several.
 
     `spacing` replaces the lengths in the file; directions and origin are kept.
-    steps: the files of its steps in time, of which `file` is the first; none of a single file, which may have steps
-        of its own. collection: the file of ParaView that lists them, with their `times`, which have no unit.
+    steps: the files of its steps in time, and `file` is the first; empty for a single file, which may have steps of
+        its own. collection: the file of ParaView that lists them, with their `times`, which have no unit.
     """
 
     file: Path
@@ -52,6 +53,10 @@ class FileSource:
     steps: tuple[Path, ...] = ()
     times: tuple[float, ...] = ()
     collection: Path | None = None
+
+    def written(self) -> dict[str, object]:
+        """Return its keys in the section of a volume, and their values."""
+        return {"file": self.collection or self.steps or self.file, "spacing": self.spacing}
 
 
 def is_pattern(name: str | os.PathLike[str]) -> bool:

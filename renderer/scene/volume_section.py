@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from renderer.scene import schema
 from renderer.scene.message_text import format_value
-from renderer.scene.motion import Motion, OverFrames, is_plain, moving_result
+from renderer.scene.motion import Motion, OverFrames, at_keys, is_plain, moving_result
 from renderer.scene.schema import INVALID, TreeNode
 from renderer.scene.volume_files import SOURCE_FIELD, FileSource, file_field
 from renderer.system import printable
@@ -45,12 +45,13 @@ _ALIASES = {
     **{f">{name[0]}{size}": f"{name} with byte order big" for name, size in ITEM_SIZES.items()},
 }
 
-# 2**16 voxels along an axis and 2**36 (4096 cubed) in total keep all indices and byte counts within 64 bits, with room
-# for node numbers. Any volume that fits in memory is accepted.
+# The most voxels along an axis. With MAX_VOXELS it keeps all indices and byte counts within 64 bits, with room for node
+# numbers.
 MAX_AXIS = 2**16
+# The most voxels of a volume, 4096 cubed. Any volume that fits in memory is accepted.
 MAX_VOXELS = 2**36
 
-# Of a matrix whose largest entry is 1.
+# The least determinant of a transform that can be inverted, if its largest entry is 1.
 _MIN_DETERMINANT = 1e-9
 
 
@@ -163,7 +164,9 @@ TRANSFORM_FIELD = schema.sequence_field(
 )
 
 
-Range = tuple[int, int]  # of voxels, half-open
+# The first voxel, and the one after the last.
+Range = tuple[int, int]
+Ranges = tuple[Range | None, Range | None, Range | None]
 # Numbers of voxels and their sides, along x, y, z.
 Shape = Annotated[tuple[int, int, int], _SHAPE]
 Spacing = Annotated[schema.Vector, _SPACING]
@@ -173,7 +176,7 @@ Spacing = Annotated[schema.Vector, _SPACING]
 class RawSource:
     """A file of headerless voxels, x fastest; `dtype`: a numpy name without byte order; `offset`: bytes to skip."""
 
-    key: ClassVar[str] = "raw"  # in the section
+    key: ClassVar[str] = "raw"
     file: Annotated[Path, file_field("a file of voxels without a header", folder=False)]
     shape: Shape
     dtype: Annotated[str, schema.choice_field(*ITEM_SIZES, aliases=_ALIASES)]
@@ -208,6 +211,10 @@ class ArraySource:
         """Return the number of voxels along x, y, z."""
         return tuple(self.values.shape[::-1])
 
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values, which cannot be read again."""
+        return {"shape": self.shape, "dtype": str(self.values.dtype), "spacing": self.spacing}
+
 
 @dataclass(frozen=True)
 class VolumeSpec:
@@ -217,13 +224,13 @@ class VolumeSpec:
 
     time: the number of a step, from 0 on, or `auto`, for all steps in the course of the film. interpolate: `time` is a
         float, and a mixture of two steps lies between them; else it is an int.
-    unit: of lengths in the world, in place of what the file says.
+    unit: of lengths in the world, in place of the file's.
     """
 
     source: FileSource | RawSource | ProceduralSource | ArraySource
     time: Annotated[float | int | Literal["auto"] | None, _TIME] = None
     component: Annotated[int | Literal["all", "color", "color_alpha"] | None, _COMPONENT] = None
-    crop: Annotated[tuple[Range | None, Range | None, Range | None] | None, _CROP] = None
+    crop: Annotated[Ranges | None, _CROP] = None
     nodata: Annotated[Literal["auto", "none"] | tuple[float, ...], _NODATA] = "auto"
     dataset: Annotated[str | None, _DATASET] = None
     interpolate: bool = False
@@ -233,6 +240,20 @@ class VolumeSpec:
     def has_colors(self) -> bool:
         """Return whether voxels are drawn in colours of their own."""
         return self.component in ("color", "color_alpha")
+
+    def written(self) -> dict[str, object]:
+        """Return its keys and their values: the keys of its file, or the key of another source, and its own."""
+        own = {key: value for key, value in vars(self).items() if key != "source"}
+        own |= {"crop": at_keys(_by_axis, self.crop), "interpolate": self.interpolate or None}
+        source = self.source
+        return (source.written() if isinstance(source, FileSource) else {source.key: source}) | own
+
+
+def _by_axis(crop: Ranges | None) -> dict[str, Range] | Ranges | None:
+    """Return a crop as it is written: a mapping if it has ranges for some of the axes alone."""
+    if crop is None or None not in crop:
+        return crop
+    return {axis: span for axis, span in zip("xyz", crop, strict=True) if span is not None}
 
 
 def steps_in_time(volume: OverFrames[VolumeSpec]) -> list[VolumeSpec]:

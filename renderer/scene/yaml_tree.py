@@ -63,7 +63,7 @@ class YamlTree:
 
 
 class NotYamlError(Exception):
-    """An error of text that cannot be parsed at all: what is wrong, where if known, and a hint."""
+    """An error of text that cannot be parsed at all: the mistake, its place if known, and a hint."""
 
     def __init__(self, what: str, mark: TextPosition | None = None, hint: str | None = None) -> None:
         self.what, self.mark, self.hint = what, mark, hint
@@ -112,7 +112,7 @@ def parse_yaml(text: str) -> YamlTree:
         raise NotYamlError(what, TextPosition(len(lines), len(lines[-1]) + 1)) from error
     except yaml.MarkedYAMLError as error:
         raise _plain_error(error, text) from error
-    except (ValueError, OverflowError) as error:  # PyYAML lets that of chr() through
+    except (ValueError, OverflowError) as error:  # PyYAML lets the error of chr() through
         raise NotYamlError("not valid YAML: an escape for a character that does not exist") from error
     return tree
 
@@ -152,15 +152,15 @@ for _name, _pattern, _first in (
 
 
 class _Dumper(yaml.SafeDumper):
-    """A dumper of text that the loader reads back: its scalars are those of YAML 1.2, too."""
+    """A dumper of text that the loader reads back: its scalars follow YAML 1.2, too."""
 
     yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
 
-    def ignore_aliases(self, data: Any) -> bool:
+    def ignore_aliases(self, data: object) -> bool:
         return True
 
 
-def dump_yaml(data: Any) -> str:
+def dump_yaml(data: object) -> str:
     """Return plain data as YAML, with mappings and lists of scalars on one line."""
     text: str = yaml.dump(data, Dumper=_Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110)
     return text

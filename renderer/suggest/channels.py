@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.errors import InputError
 from renderer.readers import ReadVolume, some_steps
-from renderer.scene import OF_CHANNELS, RAMP_THICKNESS, Color, LayerSpec, OverFrames, ramp, steps_in_time
+from renderer.scene import RAMP_THICKNESS, Color, LayerSpec, OverFrames, ramp, steps_in_time
 from renderer.statistics import compute_statistics, find_background, sample_volume, without_padding
 from renderer.suggest.palette import in_8_bits
 from renderer.volume import Channel, Volume
@@ -58,7 +58,7 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
         spec = replace(layer.volume, component=number)
         name = " ".join(filter(None, (layer.name, channel.name or (f"{number + 1}" if layer.name else ""))))
         own = replace(layer, volume=spec, name=name)
-        if layer.transfer_function == OF_CHANNELS:
+        if layer.transfer_function.is_open:
             every = steps_in_time(OverFrames(spec))
             steps = [every[k] for k in some_steps(len(every))]
             volumes = [first] if number == 0 and len(steps) == 1 else map(read, steps)

@@ -7,7 +7,7 @@ from typing import Literal
 
 from renderer.readers import ReadVolume
 from renderer.scene import (
-    OF_CHANNELS,
+    OPEN_LOOK,
     LayerSpec,
     Motion,
     OverFrames,
@@ -56,7 +56,7 @@ def _with_all_times(found: VolumeSuggestion) -> VolumeSuggestion:
 
 
 def _channels_suggestion(volume: VolumeSpec, first: Volume, read: ReadVolume) -> VolumeSuggestion:
-    layers = channel_layers(LayerSpec(volume, OF_CHANNELS), first, read)
+    layers = channel_layers(LayerSpec(volume, OPEN_LOOK), first, read)
     reason = "each is shown in a colour of its own, and their light adds up"
     suggestion = Suggestion(counted(len(layers), "channel"), reason, layers[0].transfer_function, (), None)
     return VolumeSuggestion(volume, suggestion, first.num_absent > 0, tuple(layers))

@@ -72,7 +72,7 @@ def with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:
         runs = [list(run) for _, run in groupby(points, attrgetter("opacity"))]
         ends = [end for run in runs for end in ((run[0], run[-1]) if len(run) > 1 else run)]
         mapping = ColormapSpec(colormap, span, tuple((point.value, point.opacity) for point in ends))
-    return replace(_with_mapping(suggestion, replace(mapping, name=colormap)), notes=())
+    return replace(_with_mapping(suggestion, replace(mapping, colormap=colormap)), notes=())
 
 
 def _with_mapping(suggestion: Suggestion, mapping: tuple[ControlPoint, ...] | ColormapSpec | LabelsSpec) -> Suggestion:
@@ -138,7 +138,7 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
     if isinstance(mapping, ColormapSpec):
         points = [ControlPoint(at, (0.0, 0.0, 0.0), opacity) for at, opacity in mapping.opacity]
     else:
-        points = mapping
+        points = suggestion.transfer.points
     if statistics.maximum > high:
         points = _transparent_above(points, high)
     if statistics.minimum < low:

@@ -7,7 +7,7 @@ from functools import partial
 
 from renderer.looks import linear_in_extinction
 from renderer.readers import ReadVolume, are_colors
-from renderer.scene import ControlPoint, LayerSpec, Scene, TransferSpec, VolumeSpec
+from renderer.scene import ControlPoint, LayerSpec, Scene, SharedKeys, TransferSpec, VolumeSpec
 from renderer.statistics import KnownLabels, Statistics, compute_statistics, label_table_of
 from renderer.suggest.suggestion import Suggestion, with_8_bit_colors
 from renderer.suggest.value_suggestion import KnowLabels, suggest
@@ -39,13 +39,12 @@ class VolumeSuggestion:
 
     def applied_to(self, scene: Scene) -> Scene:
         """Return a scene of the volume with the suggestion in it; planes that the scene has stay."""
-        found, transfer = self.suggestion, self.suggestion.transfer
+        found, first = self.suggestion, scene.layers[0]
         if self.layers:
-            volume = self.layers[0].volume
-            return replace(scene, volume=volume, transfer_function=transfer, volumes=self.layers, blend="add")
-        scene = replace(scene, volume=self.volume)
-        clip = scene.clip or found.clip
-        return replace(scene, transfer_function=transfer, shading=found.shading, clip=clip)
+            shared = SharedKeys(first.shading, first.mask)
+            return replace(scene, layers=tuple(map(shared.added_to, self.layers)), shared=shared, blend="add")
+        layer = replace(first, volume=self.volume, transfer_function=found.transfer, shading=found.shading)
+        return replace(scene, layers=(layer,), clip=scene.clip or found.clip)
 
 
 def read_in_colors(

@@ -101,8 +101,8 @@ def make_transfer_function(spec: TransferSpec, finest_spacing: float) -> Transfe
         values, opacities = np.array(spec.mapping.opacity, np.float64).T
         points_of = _logarithmic_control_points if spec.mapping.scale == "log" else _colormap_control_points
         return TransferFunction(*points_of(spec.mapping, values, extinction(opacities)), unit)
-    values, opacities = np.array([(point.value, point.opacity) for point in spec.mapping], np.float64).T.copy()
-    colors = np.array([point.color for point in spec.mapping], np.float64)
+    values, opacities = np.array([(point.value, point.opacity) for point in spec.points], np.float64).T.copy()
+    colors = np.array([point.color for point in spec.points], np.float64)
     return TransferFunction(values, colors, extinction(opacities), unit)
 
 
@@ -121,7 +121,7 @@ def _colormap_control_points(spec: ColormapSpec, at: Float64, extinctions: Float
     scale = math.ldexp(1.0, min(-1 - _binary_exponent(spec.range), 1000))
     # If the range has fewer numbers than the colormap has samples, each number occurs once, with its own colour.
     samples = np.unique(np.linspace(first * scale, last * scale, NUM_COLORMAP_SAMPLES) / scale)
-    table = np.asarray(colormap_points(spec.name, NUM_COLORMAP_SAMPLES), np.float64)
+    table = np.asarray(colormap_points(spec.colormap, NUM_COLORMAP_SAMPLES), np.float64)
     extra = samples[~np.isin(samples, at)]  # of two points at one value, the extinction's stays, as it may be a step
     values = np.concatenate([extra, at])
     order = np.argsort(values, kind="stable")

@@ -63,7 +63,7 @@ def test_a_ramp_of_alpha(tmp_path: Path, picture: Any) -> None:
     ramp = np.zeros((6, 30, 30, 4), np.uint8)
     ramp[..., 1], ramp[..., 3] = 255, (20 * np.arange(6))[:, None, None]
     with stage_of(tmp_path, ramp, camera=ABOVE) as stage:
-        assert stage.scene.volume.component == "color_alpha"
+        assert stage.scene.layers[0].volume.component == "color_alpha"
         table = stage.layers[0].transfer.classify(ramp[:, 0, 0, 3])[1]
         middle = picture(stage)[16, 16]
     np.testing.assert_allclose(table, -np.log1p(ramp[:, 0, 0, 3] / -255.0), atol=2e-3)
@@ -96,7 +96,7 @@ def test_colors_on_the_grid_of_scalars_and_beside_it(tmp_path: Path, blend: str)
     tree = small_tree(volumes=layers, blend=blend, error={"tolerance": 0}, output={"file": "a.mp4", "size": [64, 64]})
     del tree["volume"], tree["transfer_function"]
     scene = resolve_scene(parse_scene(tree, base=tmp_path), read_volume)
-    assert [layer.volume.component for layer in scene.volumes] == ["color_alpha", 0, "color_alpha"]
+    assert [layer.volume.component for layer in scene.layers] == ["color_alpha", 0, "color_alpha"]
     with prepare_stage(scene, clock=lambda: 0.0, num_threads=2) as stage:
         assert len(stage.groups) == 2
         assert decibels(drawn(stage), exact(stage)) > 60

@@ -102,13 +102,13 @@ def test_pictures_converge_to_the_truth(shading: ShadingSpec, camera: str) -> No
 @pytest.mark.parametrize("tolerance", [2.0, 0.02])
 def test_scenes_draw_voxels_at_every_tolerance(tolerance: float) -> None:
     shading = ShadingSpec(0.3, 0.7, "camera", 0.3, gradient_opacity=((0.0, 0.2), (60.0, 1.0)))
-    scene = with_tolerance(replace(PLAIN, shading=shading), tolerance)
+    scene = with_tolerance(PLAIN.with_layers(shading=shading), tolerance)
     with prepare_stage(scene, clock=lambda: 0.0, num_threads=1) as stage, BrickRasterizer() as rasterizer:
         lod = make_primitive(stage).make_lod(tolerance, lambda _: None)
         assert lod.num_cells > 1
         assert not lod.batches[0].cut.levels.any()
         (frame,) = render_frames(stage, [3], rasterizer, clock=lambda: 0.0)
         volume = stage.layers[0].volume
-        transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+        transfer = make_transfer_function(scene.layers[0].transfer_function, volume.finest_spacing)
         truth, _ = converged_image(volume, transfer, view_of_frame(stage, 3), tolerance=1e-5, shading=shading)
     assert -10 * np.log10(np.mean((frame.radiance - truth) ** 2)) > (20 if tolerance > 1 else 55)

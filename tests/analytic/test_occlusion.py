@@ -45,7 +45,7 @@ BLOCK = parse_scene(
 
 
 def scene_of(shading: ShadingSpec, tolerance: float) -> Scene:
-    return with_tolerance(replace(BLOCK, shading=shading), tolerance)
+    return with_tolerance(BLOCK.with_layers(shading=shading), tolerance)
 
 
 def drawn_with(shading: ShadingSpec, tolerance: float) -> Any:

@@ -103,7 +103,7 @@ def main() -> None:
     with open_rasterizer(scene) as rasterizer:
         print("{processor}, {device}, commit {commit};".format(**describe_machine(rasterizer.device)), end=" ")
     print("VTK {version}, {device}".format(**vtk))
-    scene, volume, notes = comparable(scene, read_volume(scene.volume))
+    scene, volume, notes = comparable(scene, read_volume(scene.layers[0].volume))
     for note in notes:
         print("note:", note)
     camera = scene.camera

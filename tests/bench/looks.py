@@ -56,7 +56,7 @@ def draw(path: Path) -> tuple[renderer.Scene, Pixels, float]:
 
 def agreement(scene: renderer.Scene) -> str:
     """Return the part of the picture that is as asked for, from 0 to 1; nothing without targets."""
-    volume = read_volume(scene.volume)
+    volume = read_volume(scene.layers[0].volume)
     shown = suggest(volume, compute_statistics(volume.values, volume.source)).visible
     return f"{sum(min(each.share, each.target) for each in shown):.2f}" if shown else ""
 

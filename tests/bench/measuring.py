@@ -105,7 +105,7 @@ def suggested(data: Path, name: str, size: tuple[int, int], *, num_frames: int =
         scene = replace(scene, camera=replace(scene.camera, path=replace(scene.camera.path, frames=num_frames)))
     if subject.is_splats:
         scene = replace(scene, splat=replace(scene.splat, footprint="gaussian"))
-    return scene if subject.is_lit else replace(scene, shading=None)
+    return scene if subject.is_lit else scene.with_layers(shading=None)
 
 
 def section(title: str, text: str, columns: str) -> Iterator[str]:

@@ -124,7 +124,7 @@ def main() -> None:
         lines += [f"## {name}", "", "| what | first | " + " | ".join(f"{t:g}" for t in TOLERANCES) + " |"]
         lines += ["|---|---|" + "---|" * len(TOLERANCES)]
         base = tree_of(data, source)
-        volume = read_volume(parse_scene(base, base=Path("/")).volume)
+        volume = read_volume(parse_scene(base, base=Path("/")).layers[0].volume)
         for look, change in LOOKS.items():
             found = list(measured(parse_scene(base | change(volume), base=Path("/"))))
             cells = " | ".join(f"{each.psnr:.1f} dB, {each.ms:.0f} ms" for each in found)

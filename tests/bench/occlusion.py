@@ -40,8 +40,8 @@ def main() -> None:
 def rows(name: str, file: Path) -> Iterator[str]:
     """Yield a row for each size of the grid."""
     scene = renderer.suggest_scene(file)
-    volume, shading = read_volume(scene.volume), scene.shading or ShadingSpec()
-    transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
+    volume, shading = read_volume(scene.layers[0].volume), scene.layers[0].shading or ShadingSpec()
+    transfer = make_transfer_function(scene.layers[0].transfer_function, volume.finest_spacing)
     points = visible_points(volume, transfer)
     for max_cells in MAX_CELLS:
         make = partial(compute_light_grid, volume, transfer, max_cells=max_cells, num_threads=THREADS)

@@ -39,7 +39,7 @@ def main() -> None:
 def section(name: str, scene: Scene) -> Iterator[str]:
     """Measure a scene, and yield the lines on it."""
     check_vtk(scene)
-    scene, volume, _ = comparable(scene, read_volume(scene.volume))
+    scene, volume, _ = comparable(scene, read_volume(scene.layers[0].volume))
     with compared(scene, volume, [0]) as both:
         own = [own_point(both.own(tolerance, REPEATS)) for tolerance in TOLERANCES]
         peer = [peer_point(each) for each in both.peer(vtk_settings(scene.mode), REPEATS)]

@@ -47,7 +47,7 @@ def main() -> None:
 def projected_scene(data: Path, file: str, mode: str) -> Scene:
     """Return the turntable in a mode."""
     tree = tree_of(data, file)
-    volume = read_volume(parse_scene(tree, base=Path("/")).volume)
+    volume = read_volume(parse_scene(tree, base=Path("/")).layers[0].volume)
     return parse_scene(tree | LOOKS[mode](volume), base=Path("/"))
 
 
@@ -58,7 +58,7 @@ def lit_scene(volume: Path) -> Scene:
 
 def rows(scene: Scene) -> Iterator[str]:
     """Measure a scene, and return a row for each accuracy."""
-    volume = read_volume(scene.volume)
+    volume = read_volume(scene.layers[0].volume)
     if scene.mode.type == "minimum":
         scene, volume = replace(scene, output=replace(scene.output, background=(1.0, 1.0, 1.0))), negative(volume)
     scene, volume, _ = comparable(scene, volume)

@@ -119,8 +119,8 @@ def timed(stage: Stage, rasterizer: Rasterizer) -> tuple[float, float]:
 def exact_frames(stage: Stage) -> list[Float64]:
     """Return the exact pictures of all frames, float64 [pixels, 3]."""
     volume = stage.layers[0].volume
-    transfer = make_transfer_function(stage.scene.transfer_function, volume.finest_spacing)
-    layer = TrueLayer(volume, transfer, stage.scene.shading)
+    transfer = make_transfer_function(stage.scene.layers[0].transfer_function, volume.finest_spacing)
+    layer = TrueLayer(volume, transfer, stage.scene.layers[0].shading)
     integrator = RayIntegrator([layer], num_threads=THREADS)
     pixels = np.arange(SIZE[0] * SIZE[1])
     radiances = (integrator.integrate(view_of(stage, number), pixels, [STEP])[0] for number in FRAMES)

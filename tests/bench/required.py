@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -84,7 +83,7 @@ def little_visible() -> Iterator[str]:
     """Macrocells that show nothing are not classified, and not stored."""
     scene = load_scene(ROOT / "configs" / "demo.yaml")
     points = tuple(ControlPoint(value, (1.0, 0.5, 0.2), opacity) for value, opacity in ((125, 0.0), (250, 0.1)))
-    scene = replace(scene, transfer_function=TransferSpec(points))
+    scene = scene.with_layers(transfer_function=TransferSpec(points))
     for dtype in ("uint8", "float32"):
         noise = (np.random.default_rng(0).random((256, 256, 256), dtype=np.float32) * 250).astype(dtype)
         z, y, x = np.ogrid[-128:128, -128:128, -128:128]
@@ -108,12 +107,12 @@ def sections(data: Path) -> Iterator[str]:
         return load_scene(ENGINE, overrides=["error.tolerance=0.1", *changes], volume=data / "engine.nhdr")
 
     plain = load()
-    volume = read_volume(plain.volume)
+    volume = read_volume(plain.layers[0].volume)
     for change, demand in (("shading={}", "lighting"), ("error.tolerance=0", "`tolerance: 0`")):
         other = load(change)
         draw = timed(*(drawer(builder(scene, volume)(), BrickRasterizer()) for scene in (plain, other)))
         yield row("engine at `tolerance: 0.1`: a frame", draw, demand, "ms")
-        if other.shading:
+        if other.layers[0].shading:
             build = timed(builder(plain, volume), builder(other, volume))
             yield row("engine: building", build, demand, "ms")
 
@@ -124,7 +123,7 @@ def keys(data: Path) -> Iterator[str]:
     for key, changes in KEYS.items():
         both = [(*COMMON, *changes[:num]) for num in (1, 2)]
         scenes = [load_scene(ENGINE, overrides=some, volume=scan) for some in both]
-        volume = read_volume(scenes[0].volume)
+        volume = read_volume(scenes[0].layers[0].volume)
         build = timed(*(builder(scene, volume) for scene in scenes))
         films = [(builder(scene, volume)(), BrickRasterizer()) for scene in scenes]
         draw = timed(*(drawer(*film) for film in films))

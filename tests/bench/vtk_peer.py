@@ -119,7 +119,8 @@ def check_vtk(scene: Scene) -> None:
 
 def _what_vtk_lacks(scene: Scene) -> list[tuple[str, object, str]]:
     """Return the keys of what VTK cannot draw, whether the scene asks for it, and why it cannot."""
-    mode, shading, transfer = scene.mode, scene.shading or ShadingSpec(light="camera"), scene.transfer_function
+    (layer, *others), mode = scene.layers, scene.mode
+    shading, transfer = layer.shading or ShadingSpec(light="camera"), layer.transfer_function
     is_colored = mode.type == "mean" and _gray_window(make_transfer_function(transfer, 1.0)) is None
     return [
         ("shading.light", shading.light != "camera", "it has a light at the camera alone"),
@@ -130,10 +131,10 @@ def _what_vtk_lacks(scene: Scene) -> list[tuple[str, object, str]]:
         ),
         ("shading", shading.has_light_grid, "it has neither this occlusion nor these shadows"),
         ("output.background", len(scene.output.background or ()) == 2, "it has one colour"),
-        ("volumes", scene.volumes, "it would draw the first alone"),
-        ("volume.component", scene.volume.has_colors, "it would draw luminance or alpha alone"),
+        ("volumes", others, "it would draw the first alone"),
+        ("volume.component", layer.volume.has_colors, "it would draw luminance or alpha alone"),
         ("labels", transfer.labels, "it would interpolate their numbers"),
-        ("mask", scene.mask, "it would draw all of the volume"),
+        ("mask", layer.mask, "it would draw all of the volume"),
         ("clip", scene.clip, "it would draw all of the volume"),
         ("mode", mode.type not in _BLENDS, f"it has no mode {mode.type}"),
         ("mode.color_by", mode.color_by == "depth", "it does not tell where a maximum is"),
@@ -191,7 +192,7 @@ def comparable(scene: Scene, volume: Volume) -> tuple[Scene, Volume, list[str]]:
         volume = with_transparent_border(volume, transfer)
         note = "the outermost layer of voxels was made transparent, because"
     notes = [f"{note} VTK's volumes end half a voxel earlier; the truth, hsplat and VTK all draw this volume", _NOTE]
-    return scene, volume, notes + ([_LIGHT_NOTE] if scene.shading else [])
+    return scene, volume, notes + ([_LIGHT_NOTE] if scene.layers[0].shading else [])
 
 
 def _clip_at_voxel_centres(volume: Volume) -> tuple[ClipSpec, ...]:
@@ -251,8 +252,8 @@ class Look:
 
 def look_of(scene: Scene, volume: Volume) -> Look:
     """Return what VTK draws the volume of a scene with."""
-    transfer = make_transfer_function(scene.transfer_function, volume.finest_spacing)
-    return Look(transfer, scene.output.background, scene.mode, scene.shading)
+    transfer = make_transfer_function(scene.layers[0].transfer_function, volume.finest_spacing)
+    return Look(transfer, scene.output.background, scene.mode, scene.layers[0].shading)
 
 
 def measure_vtk(

@@ -28,6 +28,7 @@ from renderer.scene import (
     ErrorSpec,
     Keyframe,
     KeyframePath,
+    LayerSpec,
     OutputSpec,
     ProceduralSource,
     PyramidSpec,
@@ -60,8 +61,7 @@ def random_volume(rng: Random) -> Volume:
 
 def scene_of(camera: CameraSpec, unit: float = 1.0) -> Scene:
     return Scene(
-        volume=VolumeSpec(ProceduralSource("constant", SHAPE)),
-        transfer_function=TransferSpec(POINTS, unit),
+        layers=(LayerSpec(VolumeSpec(ProceduralSource("constant", SHAPE)), TransferSpec(POINTS, unit)),),
         camera=camera,
         output=OutputSpec(Path("film.mp4"), SIZE),
         error=ErrorSpec(0.0),
@@ -250,7 +250,7 @@ def drawn(gl: SplatRasterizer, stage: Stage) -> Picture:
 
 def integrated(_: SplatRasterizer, stage: Stage) -> Picture:
     volume = stage.layers[0].volume
-    transfer = make_transfer_function(stage.scene.transfer_function, volume.finest_spacing)
+    transfer = make_transfer_function(stage.scene.layers[0].transfer_function, volume.finest_spacing)
     return integrate(volume, transfer, view_of(stage, 0), step_voxels=1.0, num_threads=1)
 
 

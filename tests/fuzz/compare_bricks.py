@@ -50,7 +50,7 @@ def _moved(view: View, batch: BrickBatch, sides: tuple[int, int, int]) -> View:
 
 
 def _require_bounds(radiance: Array, stage: Stage) -> None:
-    shading = stage.scene.shading
+    shading = stage.scene.layers[0].shading
     brightest = max(1.0, shading.ambient + shading.diffuse) if shading else 1.0
     if radiance.min() < 0 or radiance[..., 3].max() > 1 + 1e-5 or radiance[..., :3].max() > brightest + 1e-5:
         raise WrongError(f"radiance from {radiance.min()} to {radiance.max(axis=(0, 1)).tolist()}")

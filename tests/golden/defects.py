@@ -215,7 +215,7 @@ def _coarser(shot: Shot) -> Pixels | None:
 def _grey_point(shot: Shot) -> Pixels | None:
     """Take the colour from the most colourful point of the transfer function that shows anything."""
     scene = shot.stage.scene
-    points = scene.transfer_function.mapping
+    points = scene.layers[0].transfer_function.mapping
     if not isinstance(points, tuple):
         return None
     spoilt = max(
@@ -225,7 +225,7 @@ def _grey_point(shot: Shot) -> Pixels | None:
     others = tuple(
         ControlPoint(point.value, (grey, grey, grey), point.opacity) if point is spoilt else point for point in points
     )
-    changed = replace(scene, transfer_function=replace(scene.transfer_function, mapping=others))
+    changed = scene.with_layers(transfer_function=replace(scene.layers[0].transfer_function, mapping=others))
     return shot.drawn(shot.make_draw_list(shot.staged(changed))).image
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from renderer.record import FilmRecord
+from renderer.record import SIDECAR, FilmRecord
 from renderer.scene import schema
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "sidecar.md"
@@ -60,6 +60,8 @@ def _sections_in(kind: Any) -> list[Any]:
 def _list(cls: Any, paths: list[str]) -> Iterator[str]:
     yield f"### {' and '.join(paths) or 'The file'}"
     yield ""
+    if cls is FilmRecord:
+        yield f"- `format` ({SIDECAR.format_line}): The version of this format."
     hints, types = get_type_hints(cls, include_extras=True), schema.field_table(cls)
     for field in dataclasses.fields(cls):
         kind, meaning, read = hints[field.name].__origin__, hints[field.name].__metadata__[-1], types[field.name]

@@ -81,7 +81,8 @@ class FigureStage:
     @property
     def transfer(self) -> TransferFunction:
         """Return the transfer function, with extinctions per world unit."""
-        return make_transfer_function(self.base.scene.transfer_function, self.base.layers[0].volume.finest_spacing)
+        look = self.base.scene.layers[0].transfer_function
+        return make_transfer_function(look, self.base.layers[0].volume.finest_spacing)
 
     @property
     def extinction(self) -> float:

@@ -57,14 +57,15 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
 
 def measure(scene: Scene, figure_renderer: FigureRenderer) -> SplatSeries:
     """Draw the splat for each number of voxels, with and without correction."""
-    source = scene.volume.source
+    source = scene.layers[0].volume.source
     assert isinstance(source, ProceduralSource)
     length = source.shape[0] * source.spacing[0]
     rows: dict[str, list[tuple[Pixels, str]]] = {"With correction": [], "Without": [], "The voxels themselves": []}
     corrected, uncorrected, totals, opacity = [], [], [], 0.0
     for side in SIDES:
         cube = replace(source, shape=(side, side, side), spacing=(length / side, length / side, length / side))
-        with figure_renderer.open_stage(replace(scene, volume=replace(scene.volume, source=cube))) as stage:
+        volume = replace(scene.layers[0].volume, source=cube)
+        with figure_renderer.open_stage(scene.with_layers(volume=volume)) as stage:
             opacity = -math.expm1(-stage.extinction * cube.spacing[0])
             splat, without = (
                 stage.draw(finest_level=MAX_LEVEL, opacity_correction=is_corrected) for is_corrected in (True, False)

@@ -71,14 +71,14 @@ def make_figure(scene: Scene, figure_renderer: FigureRenderer) -> PaperFigure:
 
 def measure(scene: Scene, figure_renderer: FigureRenderer) -> Slab:
     """Draw the slab with each opacity of its voxels and each level of its cells."""
-    source, points = scene.volume.source, scene.transfer_function.mapping
+    source, points = scene.layers[0].volume.source, scene.layers[0].transfer_function.mapping
     assert isinstance(source, ProceduralSource) and isinstance(points, tuple)
     depth = source.shape[1]
     alphas = np.empty((2, len(OPACITIES), depth.bit_length()))
     rows: dict[str, list[tuple[Pixels, str]]] = {}
     for i, opacity in enumerate(OPACITIES):
         mapping = tuple(replace(point, opacity=opacity) for point in points)
-        one = replace(scene, transfer_function=replace(scene.transfer_function, mapping=mapping))
+        one = scene.with_layers(transfer_function=replace(scene.layers[0].transfer_function, mapping=mapping))
         with figure_renderer.open_stage(one) as stage:
             middle = _middle(stage, depth)
             for k, word in enumerate(("with", "without")):

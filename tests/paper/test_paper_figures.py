@@ -193,8 +193,8 @@ def test_voxels_without_data_vary_as_transparent_ones(figure_renderer: FigureRen
     values = np.random.default_rng(0).choice(np.array([np.nan, 0.0, 255.0], np.float32), (24, 24, 24))
     found = []
     for shown in (values, np.nan_to_num(values)):
-        volume = replace(scene("5_octrees.yaml", STAND_IN).volume, source=ArraySource(shown))
-        with figure_renderer.open_stage(replace(scene("5_octrees.yaml", STAND_IN), volume=volume)) as stage:
+        volume = replace(scene("5_octrees.yaml", STAND_IN).layers[0].volume, source=ArraySource(shown))
+        with figure_renderer.open_stage(scene("5_octrees.yaml", STAND_IN).with_layers(volume=volume)) as stage:
             found.append(octrees._variation_of_blocks(stage))
     np.testing.assert_array_equal(*found)
     assert (found[0] > 0).all()

@@ -19,6 +19,7 @@ from renderer.scene import (
     ErrorSpec,
     Keyframe,
     KeyframePath,
+    LayerSpec,
     Motion,
     OutputSpec,
     ProceduralSource,
@@ -40,14 +41,13 @@ POINTS = (
 )
 
 PLAIN = Scene(
-    volume=VolumeSpec(ProceduralSource("engine_block", (32, 28, 20))),
-    transfer_function=TransferSpec(POINTS),
+    layers=(LayerSpec(VolumeSpec(ProceduralSource("engine_block", (32, 28, 20))), TransferSpec(POINTS)),),
     camera=CameraSpec(TurntablePath(8, elevation=20.0)),
     output=OutputSpec(Path("film.mp4"), (40, 30)),
     error=ErrorSpec(0.05),
 )
 SPLATS = replace(PLAIN, splat=SplatSpec("gaussian"))
-LIT = replace(PLAIN, shading=ShadingSpec())
+LIT = PLAIN.with_layers(shading=ShadingSpec())
 
 KEYS = (Keyframe(0, 0.0, 0.0), Keyframe(3, 40.0, 30.0, 2.0), Keyframe(6, -20.0, 80.0))
 
@@ -71,11 +71,10 @@ SCENES = {
     "means of opacity": replace(PLAIN, pyramid=PyramidSpec("opacity", "single"), error=ErrorSpec(0.02, "rms")),
     "errors of scalars": replace(PLAIN, error=ErrorSpec(9.0, "rms", "scalar", finest_level=1)),
     "keyframes": replace(PLAIN, camera=CameraSpec(KeyframePath(8, KEYS, False), "orthographic", target=(15, 14, 9))),
-    "colormap": replace(
-        PLAIN,
+    "colormap": PLAIN.with_layers(
         transfer_function=TransferSpec(ColormapSpec("viridis", (50.0, 220.0), ((90.0, 0.0), (200.0, 0.5))), unit=2.0),
     ),
-    "nothing to see": replace(PLAIN, transfer_function=TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0),))),
+    "nothing to see": PLAIN.with_layers(transfer_function=TransferSpec((ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0),))),
 }
 
 
@@ -103,7 +102,7 @@ def waves(dtype: str) -> Volume:
 KINDS: dict[str, tuple[Scene, str | None]] = {name: (scene, None) for name, scene in SCENES.items()} | {
     "float32": (PLAIN, "float32"),
     "float32, shading": (LIT, "float32"),
-    "float32, splats, shading": (replace(SPLATS, shading=ShadingSpec()), "float32"),
+    "float32, splats, shading": (SPLATS.with_layers(shading=ShadingSpec()), "float32"),
     "int16": (PLAIN, "int16"),
 }
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +72,7 @@ def test_an_array_is_drawn_like_its_file() -> None:
     assert main.run(["init", "scan.npy", "--size", "48x32", "--frames", "120", "--output", "init.yaml"]) == 0
     suggested = renderer.load_scene("init.yaml")
     of_file = renderer.suggest_scene("scan.npy", size=(48, 32), output="scan.mp4")
-    assert replace(of_file, volume=suggested.volume) == suggested
+    assert of_file.with_layers(volume=suggested.layers[0].volume) == suggested
     image = renderer.render_frame(renderer.suggest_scene(array, size=(48, 32)), 40)
     assert image.max() > 50
     np.testing.assert_array_equal(image, renderer.render_frame(of_file, 40))
@@ -295,8 +294,9 @@ def test_a_look_may_be_labels_and_takes_their_place() -> None:
     values = np.zeros((12, 12, 12), np.uint8)
     values[3:8, 3:8, 3:8], values[7:10, 7:10, 7:10] = 1, 3
     scene = renderer.suggest_scene(values, transfer_function={"labels": {"show": [3]}}, size=(24, 16))
-    assert scene.transfer_function.labels is not None and scene.transfer_function.labels.values == (3,)
-    again = renderer.render_frame(values, transfer_function=scene.transfer_function, size=(24, 16))
+    look = scene.layers[0].transfer_function
+    assert look.labels is not None and look.labels.values == (3,)
+    again = renderer.render_frame(values, transfer_function=look, size=(24, 16))
     assert again.tobytes() == renderer.render_frame(scene).tobytes()
     points = [(0, "red", 0), (3, "white", 0.5)]
     expected = renderer.render_frame(values, transfer_function=points, size=(24, 16))

@@ -15,10 +15,13 @@ from small_scene import small_scene
 from hsplat_cli import main
 from renderer.frame import draw_frame
 from renderer.layers import make_layer
+from renderer.readers import RecentImages
 from renderer.scene import load_scene
 
 # The function that decodes the voxels of a file of several steps.
 DECODED = "renderer.readers.stored._decoded"
+# The function that finds the reader of a file.
+READER = "renderer.readers.volume_reading.import_reader"
 NUM_STEPS, NUM_FRAMES = 4, 7
 SCENE = small_scene(frames=NUM_FRAMES, size="32, 24", volume="file: 's_{}.npy', time: auto")
 
@@ -102,8 +105,33 @@ def test_a_file_of_several_steps(capsys: pytest.CaptureFixture[str], monkeypatch
     assert len(decoded) == 1
     assert main.run(["turntable", "four.nii.gz", "-o", "films", "--frames", "5", "--size", "32"]) == 0
     scene = load_scene(Path("films/four.yaml"))
-    assert scene.volume.time == "auto"
+    assert scene.layers[0].volume.time == "auto"
     assert "range of 4 that were read" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("most_bytes", [1e9, 2.5 * 16**3])
+def test_each_step_is_read_once_if_there_is_room(most_bytes: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though its fingerprint, the framing and the drawing need it. Where there is room for two steps, these stay."""
+    calls, find = list[Path](), resolve_name(READER)
+
+    def counted(reader: str) -> Any:
+        return lambda path, *choice: (calls.append(path), find(reader)(path, *choice))[1]
+
+    expected = film("before")
+    images = RecentImages(lambda: most_bytes)
+    monkeypatch.setattr("renderer.readers.volume_reading._RECENT_IMAGES", images)
+    monkeypatch.setattr(READER, counted)
+    assert film("after") == expected
+    by_step = [sum(path.name == f"s_{step}.npy" for path in calls) for step in range(NUM_STEPS)]
+    assert by_step[:2] == [1, 1]
+    assert (by_step == [1] * NUM_STEPS) == (most_bytes == 1e9)
+
+
+def test_turntable_reads_a_volume_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls, find = list[str](), resolve_name(READER)
+    monkeypatch.setattr(READER, lambda reader: (calls.append(reader), find(reader))[1])
+    assert main.run(["turntable", "s_0.npy", "-o", "films", "--frames", "3", "--size", "32", "--quiet"]) == 0
+    assert len(calls) == 1
 
 
 def test_labels_of_all_steps() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -50,13 +51,15 @@ def test_forged_records_and_a_page_of_somebody_else(tmp_path: Path, capsys: pyte
     (tmp_path / "damaged.mp4").write_bytes(b"no film")
     others = ["../out.mp4", "/etc/passwd", "javascript:alert(1)", "gone.mp4", "a\0.mp4", "\ud800.mp4", "damaged.mp4"]
     same = {"volume": "v", "status": "done"}
-    same |= {"psnr": "high", "seconds": 10**400, "kind": 7, "notes": [1, None]}
     films = [same | {"film": film, "scene": f"{number}.yaml"} for number, film in enumerate(others)]
+    damage: list[dict[str, Any]] = [{"psnr": "high"}, {"seconds": 10**400}, {"kind": 7}, {"notes": [1, None]}]
+    films += [same | each | {"film": "gone.mp4", "scene": "damaged-entry.yaml"} for each in damage]
     (tmp_path / "turntable.json").write_text(json.dumps({"films": films}))
     Gallery(tmp_path, Reporter()).finish()
     text = (tmp_path / "index.html").read_text()
     assert references(text) == {"turntable.json", "damaged.mp4"}
     assert text.count("there is no film") == len(others) - 1
+    assert "damaged-entry" not in text, "an entry that is damaged is passed over"
     assert text.count("no picture: not an MP4 file") == 1
     assert capsys.readouterr().err == ""
     (tmp_path / "index.html").write_text("mine")

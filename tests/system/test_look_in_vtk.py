@@ -47,7 +47,7 @@ def test_vtk_draws_the_preset_as_hsplat_draws_its_import(name: str, data_dir: Pa
         "output": {"file": "still.png"},
     }
     scene = parse_scene(tree, base=Path(), is_single_frame=True)
-    scan = read_volume(scene.volume)
+    scan = read_volume(scene.layers[0].volume)
     scan = make_volume(scan.values.astype(np.float32), scan.world_from_index, "head")  # exact rays are compiled for it
     scene, volume, _ = comparable(scene, scan)
     distance = 1.2 * float(np.linalg.norm(volume.world_from_index[:3, :3] @ np.array(volume.shape_xyz)))

@@ -200,5 +200,5 @@ def test_records_of_another_version(capsys: pytest.CaptureFixture[str]) -> None:
         said = capsys.readouterr().err
         assert said.startswith("film.mp4.json: a sidecar of another version of hsplat\n"), command
     assert main.run(["render", "scene.yaml"]) == 0
-    assert "film.mp4.json is not a record that can be used: format: " in capsys.readouterr().err
+    assert "film.mp4.json is not a record that can be used: a sidecar of another" in capsys.readouterr().err
     assert sidecar()["format"] == "hsplat film 2"

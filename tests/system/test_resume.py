@@ -332,9 +332,9 @@ def test_a_goal_counts_as_unmeasured_when_something_changed(what: str, goal: str
     if what == "driver":
         set_device(monkeypatch, "another")
     elif what == "version":
-        monkeypatch.setattr("renderer.record.fingerprint.package_versions", lambda: {"numpy": "9.0"})
+        monkeypatch.setattr("renderer.record.up_to_date.package_versions", lambda: {"numpy": "9.0"})
     elif what == "sources":
-        monkeypatch.setattr("renderer.record.fingerprint.sources_digest", lambda: "0")
+        monkeypatch.setattr("renderer.record.up_to_date.sources_digest", lambda: "0")
     else:
         edit_sidecar("film.mp4.json", lambda data: data["scene"]["error"].update(tolerance=0.7))
     Path("out/film.mp4").unlink()

@@ -90,7 +90,7 @@ def test_values_are_matched_with_those_of_a_reference(capfd: pytest.CaptureFixtu
     assert turntable("in", "--scene", "looks/list.yaml", "--match", "in/a.npy", "-o", "out") == 2
     assert "in/five.npy: nothing to match\n  got: 5 in every voxel\n" in capfd.readouterr().err
     text = Path("out/b.yaml").read_text(encoding="utf-8")
-    note = "values of b.npy are those of a.npy times 4, plus 100"
+    note = "values of b.npy are values of a.npy times 4, plus 100"
     assert f"# {note}\n" in text
     first, second = yaml.safe_load(text)["volumes"]
     assert (first["file"], second["file"]) == ("../in/b.npy", "../looks/mask.npy")

@@ -26,11 +26,9 @@ def picture(values: Array, rasterizer_for: Callable[[Scene], Rasterizer], size: 
     suggestion = suggested(values)
     scene = replace(
         PLAIN,
-        transfer_function=suggestion.transfer,
         camera=CameraSpec(TurntablePath(4, elevation=20), target="visible"),
         output=OutputSpec(Path("still.png"), (size, size)),
-        shading=suggestion.shading,
-    )
+    ).with_layers(transfer_function=suggestion.transfer, shading=suggestion.shading)
     volume = volume_of(values.astype(np.float32))  # one dtype to compile for
     stage = prepare_stage(scene, clock=time.perf_counter, num_threads=1, volumes=[volume])
     (frame,) = render_frames(stage, [1], rasterizer_for(scene), clock=time.perf_counter)

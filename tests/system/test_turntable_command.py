@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from kinds_of_data import KINDS
 from processes import MARK, marked, new_mark, wait_until
 
 from hsplat_cli import main
-from hsplat_cli.turntable import FilmRequest, write_scene
+from hsplat_cli.turntable import FilmEntry, FilmRequest, write_scene
 from renderer.system import ChildProcesses
 
 pytestmark = pytest.mark.usefixtures("heeds_interrupts")
@@ -134,9 +135,9 @@ def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     assert turntable(*command) == 0
     table = capfd.readouterr().out
 
-    def start(request: FilmRequest, *_: object) -> dict[str, Any]:
+    def start(request: FilmRequest, *_: object) -> FilmEntry:
         started.append(str(request.volume.source.file))
-        return request.record("failed") | {"error": "not drawn"}
+        return replace(request.entry("failed"), error="not drawn")
 
     def needs(*more: str) -> list[str]:
         started.clear()
@@ -149,7 +150,7 @@ def test_a_film_that_is_up_to_date_needs_no_process(monkeypatch, capfd) -> None:
     assert capfd.readouterr().out.startswith(table)
     assert needs("--tolerance=0.1") == needs("--force") == volumes
     with monkeypatch.context() as patch:
-        patch.setattr("hsplat_cli.turntable.up_to_date._program", lambda: ["another version"])
+        patch.setattr("hsplat_cli.turntable.film_request._program", lambda: {"versions": "others"})
         assert needs() == volumes
     content = Path("in/uint8.npy").read_bytes()
     Path("in/uint8.npy").write_bytes(content[:-1] + bytes([content[-1] ^ 1]))

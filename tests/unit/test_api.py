@@ -115,17 +115,17 @@ def test_frames_that_are_not_on_the_path(frames: Any) -> None:
 
 def test_scenes_of_arrays_and_colormaps() -> None:
     scene = renderer.suggest_scene(ARRAY, spacing=np.array([1, 2, 3], np.float32), camera={"field_of_view": 40})
-    assert scene.volume.source.spacing == (1.0, 2.0, 3.0)
+    assert scene.layers[0].volume.source.spacing == (1.0, 2.0, 3.0)
     assert (scene.camera.path.frames, scene.camera.target, scene.camera.field_of_view) == (120, "visible", 40.0)
     assert scene.splat.footprint == "integrated"
-    exact = renderer.suggest_scene(ARRAY, camera=scene.camera, transfer_function=scene.transfer_function)
-    assert (exact.camera, exact.transfer_function) == (scene.camera, scene.transfer_function)
+    exact = renderer.suggest_scene(ARRAY, camera=scene.camera, transfer_function=scene.layers[0].transfer_function)
+    assert (exact.camera, exact.layers[0].transfer_function) == (scene.camera, scene.layers[0].transfer_function)
     surface, glow = (renderer.suggest_scene(ARRAY, transfer_function={"preset": word}) for word in ("surface", "glow"))
-    assert surface.shading is not None and glow.shading is None
-    gray = renderer.suggest_scene(ARRAY, transfer_function="gray").transfer_function
-    assert gray != scene.transfer_function
-    assert renderer.suggest_scene(ARRAY > 30).volume.source.values.dtype == np.uint8
-    assert renderer.suggest_scene(ARRAY.tolist()).volume.source.shape == (5, 4, 3)
+    assert surface.layers[0].shading is not None and glow.layers[0].shading is None
+    gray = renderer.suggest_scene(ARRAY, transfer_function="gray").layers[0].transfer_function
+    assert gray != scene.layers[0].transfer_function
+    assert renderer.suggest_scene(ARRAY > 30).layers[0].volume.source.values.dtype == np.uint8
+    assert renderer.suggest_scene(ARRAY.tolist()).layers[0].volume.source.shape == (5, 4, 3)
 
 
 @pytest.mark.parametrize(("name", "tag"), [("a.mp4", "<video"), ("a.gif", "<img"), ("a&{frame:02}.png", "<img")])

@@ -104,7 +104,13 @@ def _offers(module: str) -> dict[str, bool]:
 
 def _is_door(module: str) -> bool:
     """A room, a module that its room offers, one beside the rooms, or one that another program finds by its name."""
-    is_known = module in (*ROOMS, "renderer", "renderer.scene.schema", "hsplat_cli.compare.pytest_plugin")
+    is_known = module in (
+        *ROOMS,
+        "renderer",
+        "renderer.scene.schema",
+        "renderer.record.field_types",
+        "hsplat_cli.compare.pytest_plugin",
+    )
     return is_known or _room(module) in ORDER
 
 

@@ -40,12 +40,11 @@ def stage(request: pytest.FixtureRequest) -> Stage:
     return stage_of(
         replace(
             PLAIN,
-            volume=VolumeSpec(ProceduralSource("engine_block", (64, 64, 40))),
             camera=CameraSpec(TurntablePath(NUM_FRAMES, start=10.0, elevation=20.0)),
             output=OutputSpec(PLAIN.output.file, size=(200, 160)),
             error=ErrorSpec(goal=TimeBudget(1.0)),
             splat=SplatSpec(request.param),
-        )
+        ).with_layers(volume=VolumeSpec(ProceduralSource("engine_block", (64, 64, 40))))
     )
 
 

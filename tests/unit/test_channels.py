@@ -76,7 +76,7 @@ def test_windows_and_colors_of_imagej(tmp_path: Path) -> None:
     labels = ["nuclei", "actin"] * 3
     path = imagej_file(tmp_path / "a.tif", Ranges=(10.0, 90.0, 50.0, 300.0), LUTs=[RED, BLUE], Labels=labels)
     job = load_job(SceneRequest(scene_file(path, blend="add")))
-    found = [(each.volume.component, each.name, each.color, each.range) for each in job.scene.volumes]
+    found = [(each.volume.component, each.name, each.color, each.range) for each in job.scene.layers]
     assert found == [(0, "nuclei", (1, 0, 0), (10, 90)), (1, "actin", (0, 0, 1), (50, 300))]
 
 
@@ -87,7 +87,7 @@ def test_windows_that_are_none_are_left_out(tmp_path: Path) -> None:
 
 def test_channels_of_a_plain_file_have_colors_in_turn_and_windows_of_their_values(tmp_path: Path) -> None:
     np.save(path := tmp_path / "a.npy", np.moveaxis(PLANES.reshape(2, 3, 8, 8), 0, -1))
-    green, magenta = load_job(SceneRequest(scene_file(path))).scene.volumes
+    green, magenta = load_job(SceneRequest(scene_file(path))).scene.layers
     assert (green.color, magenta.color) == ((0, 1, 0), (1, 0, 1))
     for layer, bright in ((green, 100), (magenta, 400)):
         assert layer.range is not None
@@ -98,8 +98,8 @@ def test_a_given_transfer_function_is_that_of_every_channel(tmp_path: Path) -> N
     path = ome_file(tmp_path / "a.tif", 'Name="a"', 'Name="a"')
     points = [{"value": 0, "color": "red", "opacity": 0}, {"value": 9, "color": "red", "opacity": 1}]
     scene = load_job(SceneRequest(scene_file(path, transfer_function={"points": points}))).scene
-    assert [layer.name for layer in scene.volumes] == ["a", "a (2)"]
-    assert all(layer.transfer_function.mapping[1].value == 9 for layer in scene.volumes)
+    assert [layer.name for layer in scene.layers] == ["a", "a (2)"]
+    assert all(layer.transfer_function.mapping[1].value == 9 for layer in scene.layers)
 
 
 def test_the_sidecar_has_a_plain_list_that_makes_the_film_again(tmp_path: Path) -> None:
@@ -108,7 +108,7 @@ def test_the_sidecar_has_a_plain_list_that_makes_the_film_again(tmp_path: Path) 
     recorded = yaml.safe_load(film.sidecar.read_text())["scene"]["volumes"]
     assert [(each["component"], each["name"]) for each in recorded] == [(0, "a"), (1, "b")]
     again = load_job(SceneRequest(film.sidecar, output=str(tmp_path / "b.png"))).scene
-    assert [layer.name for layer in again.volumes] == ["a", "b"]
+    assert [layer.name for layer in again.layers] == ["a", "b"]
 
 
 def test_init_writes_channels_that_can_be_edited(tmp_path: Path) -> None:

@@ -71,7 +71,8 @@ def test_what_cannot_be_clipped(section: dict[str, Any], what: str) -> None:
 def test_a_crop_may_leave_axes_out() -> None:
     source = {"name": "marschner_lobb", "shape": [4, 5, 6]}
     some, all_axes = (
-        parse(volume={"procedural": source, "crop": crop}).volume for crop in ({"z": [1, 3]}, [[0, 4], [0, 5], [1, 3]])
+        parse(volume={"procedural": source, "crop": crop}).layers[0].volume
+        for crop in ({"z": [1, 3]}, [[0, 4], [0, 5], [1, 3]])
     )
     assert some.crop == (None, None, (1, 3))
     one, other = read_volume(some), read_volume(all_axes)

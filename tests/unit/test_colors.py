@@ -122,7 +122,7 @@ def test_what_colors_cannot_have_is_refused(tmp_path: Path, sections: Any, place
 def test_opacities_alone_are_white_and_only_for_colors(tmp_path: Path) -> None:
     np.save(path := tmp_path / "a.npy", RGB)
     alone = {"opacity": [[0, 0], [255, 0.5]], "unit": 2}
-    transfer = parse_scene(tree_of(path, transfer_function=alone), base=tmp_path).transfer_function
+    transfer = parse_scene(tree_of(path, transfer_function=alone), base=tmp_path).layers[0].transfer_function
     assert [(p.value, p.color, p.opacity) for p in transfer.mapping] == [(0, (1, 1, 1), 0), (255, (1, 1, 1), 0.5)]
     with pytest.raises(SceneError) as caught:
         parse_scene(small_tree(transfer_function=alone), base=tmp_path)
@@ -140,11 +140,11 @@ def test_a_scene_without_transfer_function_says_what_was_chosen(tmp_path: Path, 
     tree = tree_of(path)
     del tree["transfer_function"]
     (tmp_path / "a.yaml").write_text(yaml.safe_dump(tree))
-    assert load_job(SceneRequest(tmp_path / "a.yaml"), reads="nothing").scene.volume.component == "color"
+    assert load_job(SceneRequest(tmp_path / "a.yaml"), reads="nothing").scene.layers[0].volume.component == "color"
     scene = load_job(SceneRequest(tmp_path / "a.yaml")).scene
-    assert (scene.volume.component, scene.volumes) == (component, ())
-    assert {point.color for point in scene.transfer_function.mapping} == {(1.0, 1.0, 1.0)}
-    assert scene.transfer_function.mapping[0].opacity == 0
+    assert (scene.layers[0].volume.component, scene.has_list) == (component, False)
+    assert {point.color for point in scene.layers[0].transfer_function.mapping} == {(1.0, 1.0, 1.0)}
+    assert scene.layers[0].transfer_function.mapping[0].opacity == 0
 
 
 def test_init_and_info_take_pictures_for_colors(tmp_path: Path) -> None:

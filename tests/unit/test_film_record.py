@@ -19,7 +19,7 @@ from hsplat_cli.scenes import SceneRequest, load_job
 from renderer.errors import InputError
 from renderer.film import film_path_of_sidecar, sidecar_path
 from renderer.job import FilmJob
-from renderer.record import FilmRecord, FrameRecord, parse_film_record, record_to_json, write_sidecar
+from renderer.record import SIDECAR as SIDECAR_FILE, FilmRecord, FrameRecord, parse_film_record
 from renderer.scene import MAX_SCENE_BYTES, ErrorSpec, SplatBudget, accuracy_of, parse_scene, schedule_to_dict
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -65,7 +65,7 @@ def parsed(data: object) -> FilmRecord:
 
 def test_a_record_is_written_and_read_back(tmp_path: Path) -> None:
     path = tmp_path / "new" / "film.mp4.json"
-    write_sidecar(path, parsed(SIDECAR))
+    SIDECAR_FILE.write(path, parsed(SIDECAR))
     content = path.read_bytes()
     keys = list(json.loads(content))
     assert json.loads(content) == SIDECAR and (keys[0], keys[-1]) == ("format", "frames")
@@ -73,7 +73,7 @@ def test_a_record_is_written_and_read_back(tmp_path: Path) -> None:
     assert parse_film_record(content, path) == parsed(SIDECAR)
     assert [file.name for file in path.parent.iterdir()] == [path.name]
     with pytest.raises(InputError, match="is a folder"):
-        write_sidecar(path.parent, parsed(SIDECAR))
+        SIDECAR_FILE.write(path.parent, parsed(SIDECAR))
 
 
 def test_all_fields_of_a_record() -> None:
@@ -94,13 +94,13 @@ def test_all_fields_of_a_record() -> None:
             "coverage": 0.25,
             "ranges": [{"share": 0.75, "opacity": 0.5, "high": -5.0}, {"share": 0.25, "opacity": 0.5, "low": -5.0}]},
     }  # fmt: skip
-    assert record_to_json(parsed(data)) == data
+    assert json.loads(SIDECAR_FILE.content(parsed(data))) == data
 
 
 def test_numbers_that_json_does_not_have_are_refused(tmp_path: Path) -> None:
     broken = replace(parsed(SIDECAR), frames=(FrameRecord(1, float("nan"), 1, 1, {}),))
     with pytest.raises(ValueError, match="not JSON compliant"):
-        write_sidecar(tmp_path / "film.json", broken)
+        SIDECAR_FILE.write(tmp_path / "film.json", broken)
     assert not list(tmp_path.iterdir())
 
 
@@ -180,8 +180,8 @@ def test_only_what_begins_as_json_may_be_large() -> None:
 
 def test_a_larger_sidecar_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     most = MAX_SCENE_BYTES + 1000
-    for module in ("renderer.scene.input_file", "renderer.record.sidecar"):
-        monkeypatch.setattr(f"{module}.MAX_SIDECAR_BYTES", most)
+    monkeypatch.setattr("renderer.scene.input_file.MAX_SIDECAR_BYTES", most)
+    monkeypatch.setattr("renderer.record.sidecar.SIDECAR", replace(SIDECAR_FILE, max_bytes=most))
     text = json.dumps(SIDECAR)
     assert load(text.ljust(most)) == load(text)
     with pytest.raises(InputError, match="too large for a sidecar"):

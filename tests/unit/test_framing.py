@@ -181,7 +181,8 @@ def test_splats_of_a_small_volume_are_whole_in_the_frame(num: int) -> None:
     labels = np.random.default_rng(0).integers(1, 4, (num, num, num)).astype(np.uint8)
     points = ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0), ControlPoint(3.0, (1.0, 1.0, 1.0), 0.9)
     scene = renderer.suggest_scene(labels, size=(48, 48))
-    scene = replace(scene, transfer_function=TransferSpec(points), splat=SplatSpec("gaussian"), shading=None)
+    scene = replace(scene, splat=SplatSpec("gaussian"))
+    scene = scene.with_layers(transfer_function=TransferSpec(points), shading=None)
     alpha = np.asarray(renderer.render_frame(scene, 10))[..., :3].max(axis=2)  # on black
     rim = np.concatenate([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]])
     assert rim.max() == 0 and alpha.max() > 100
@@ -201,7 +202,7 @@ def in_one_volume(*boxes: tuple[int, int, int]) -> Volume:
 def framed(volume: Volume, opacity: float = 0.9) -> Stage:
     points = (ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0), ControlPoint(200.0, (1.0, 1.0, 1.0), opacity))
     camera = replace(PLAIN.camera, target="visible")
-    return stage_of(replace(PLAIN, camera=camera, transfer_function=TransferSpec(points)), volume)
+    return stage_of(replace(PLAIN, camera=camera).with_layers(transfer_function=TransferSpec(points)), volume)
 
 
 def test_a_voxel_beside_an_object_does_not_decide_how_it_is_framed() -> None:

@@ -55,6 +55,7 @@ def test_right_content_is_read(job: FilmJob, tmp_path: Path) -> None:
 FORGED: list[Callable[[dict[str, Any]], Any]] = [
     lambda data: data.clear(), lambda data: data["frames"][0].update(date=""),
     lambda data: data["frames"][0].update(date="two\nlines"), lambda data: data.update(scene=[]),
+    lambda data: data.update(scene={"a": json.loads(20 * "[" + 20 * "]")}),
     lambda data: data.update(versions={"numpy": 2}), lambda data: data["volume"].update(fingerprint=DIGEST.upper()),
     lambda data: data["volume"].update(shape=[1, 2]), lambda data: data["volume"].update(shape=[1, 2, -3]),
     lambda data: data.update(frames={}), lambda data: data["frames"].append(data["frames"][-1]),
@@ -87,12 +88,10 @@ def test_damaged_content_is_refused_or_read(job: FilmJob, tmp_path: Path) -> Non
         why_refused(job, tmp_path, bytes(changed))
 
 
-def test_a_file_that_is_too_large_and_a_folder_are_not_parsed(
-    job: FilmJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("hsplat_cli.compare.golden.provenance.MAX_PROVENANCE_BYTES", 1000)
-    message = why_refused(job, tmp_path, b"{" + b" " * 1000)
-    assert "too large for a golden.json\n  expected: at most 1000 bytes" in message
+def test_a_file_that_is_too_large_and_a_folder_are_not_parsed(job: FilmJob, tmp_path: Path) -> None:
+    with (tmp_path / "golden.json").open("wb") as file:
+        file.truncate(2**27 + 1)
+    assert f"too large for a golden.json\n  expected: at most {2**27} bytes" in why_refused(job, tmp_path)
     (tmp_path / "golden.json").unlink()
     (tmp_path / "golden.json").mkdir()
     assert "not a file" in why_refused(job, tmp_path)

@@ -100,11 +100,12 @@ def test_json_has_the_same_facts(ramp):
 
 
 def test_voxels_that_stay_in_their_file_are_not_in_memory(ramp, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr("renderer.readers.voxel_limits._MIN_MAPPED_BYTES", 1)  # as if the file were large
+        assert "int16, 120 bytes, which stay in the file\n" in run(ramp)
+        assert facts_of(ramp)["stays_in_file"] is True
     assert "int16, 120 bytes in memory\n" in run(ramp)
     assert facts_of(ramp)["stays_in_file"] is False
-    monkeypatch.setattr("renderer.readers.voxel_limits._MIN_MAPPED_BYTES", 1)  # those of a large file
-    assert "int16, 120 bytes, which stay in the file\n" in run(ramp)
-    assert facts_of(ramp)["stays_in_file"] is True
 
 
 def test_one_voxel_of_one_byte(tmp_path):

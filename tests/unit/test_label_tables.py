@@ -149,7 +149,7 @@ def test_segments_of_slicer_are_labels(lines: str, component: int | None, expect
     volume = read(written(Path("a.seg.nrrd"), f"{header}{lines}\n".encode() + VOXELS.tobytes()), component=component)
     assert volume.labels == (() if isinstance(expected, str) else tuple(expected))
     assert {channel.is_light for channel in volume.channels} == {not volume.labels}
-    assert ("labels is left out" in (volume.note or "")) == isinstance(expected, str)
+    assert ("the labels in this file are left out" in (volume.note or "")) == isinstance(expected, str)
     assert not isinstance(expected, str) or expected in (volume.note or "")
 
 
@@ -197,4 +197,4 @@ def test_tables_in_extensions_of_nifti(
     np.testing.assert_array_equal(volume.values, values[..., choice.get("time", 0)].T)
     assert volume.labels == (() if isinstance(expected, str) else tuple(expected))
     note = expected.replace("a.nii", name) if isinstance(expected, str) else ""
-    assert note in (volume.note or "") and bool(note) == ("labels is left out" in (volume.note or ""))
+    assert note in (volume.note or "") and bool(note) == ("the labels in this file are left out" in (volume.note or ""))

@@ -18,7 +18,17 @@ from renderer.errors import InputError, SceneError
 from renderer.layers import leave_out_masked, mask_volume, number_labels
 from renderer.readers import read_volume
 from renderer.resolve import resolve_scene
-from renderer.scene import FileSource, LabelsSpec, LabelStyle, MaskSpec, Scene, VolumeSpec, parse_scene, scene_to_dict
+from renderer.scene import (
+    FileSource,
+    LabelsSpec,
+    LabelStyle,
+    MaskSpec,
+    Scene,
+    SharedKeys,
+    VolumeSpec,
+    parse_scene,
+    scene_to_dict,
+)
 from renderer.suggest import label_colors
 from renderer.volume import Array, make_volume, move_volume
 
@@ -79,7 +89,7 @@ def test_labels_are_chosen_with_their_looks(case: str) -> None:
     Path("names.txt").write_text("300 x\n")
     section, expected = CHOICES[case]
     found = resolve_scene(scene(labels=section), read_volume)
-    labels = found.transfer_function.labels
+    labels = found.layers[0].transfer_function.labels
     assert labels is not None
     assert labels.styles == tuple(style._replace(color=pytest.approx(style.color)) for style in expected)
     again = parse_scene(scene_to_dict(found), base=Path())
@@ -127,7 +137,7 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
     found = resolve_scene(scene(one, two, mask={"file": "bare.npy", "show": [6]}), read_volume)
     named, shared = (layer.mask for layer in found.layers)
     assert named is not None and shared is not None
-    organs = found.volumes[1]
+    organs = found.layers[1]
     assert (named.volume, named.transform, named.labels.values) == (organs.volume, organs.transform, (-3, 1, 300))
     assert (shared.volume, shared.labels.values) == (VolumeSpec(FileSource(Path("bare.npy"))), (6,))
     again = parse_scene(scene_to_dict(found), base=Path())
@@ -139,9 +149,14 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
     found = resolve_scene(scene(heart, {**two, "labels": {"names": {5: "heart"}}}), read_volume)
     assert found.layers[0].mask == MaskSpec(organs.volume, LabelsSpec(show=(5,)), organs.transform)
     of_all = scene(one, two, mask={"name": "organs", "show": [1]})
-    assert of_all.mask == of_all.layers[1].mask == MaskSpec(organs.volume, LabelsSpec(show=(1,)), organs.transform)
+    assert of_all.layers[1].mask == MaskSpec(organs.volume, LabelsSpec(show=(1,)), organs.transform)
+    assert of_all.shared == SharedKeys(mask=of_all.layers[1].mask) and of_all.layers[0].mask != of_all.layers[1].mask
     with pytest.raises(SceneError, match=r"mask\.name: no volume of this name"):
         scene(labels={}, mask={"name": "organs"})
+    with pytest.raises(SceneError, match=r"volumes\.1\.name: no name"):
+        scene(one, {**two, "name": 3}, mask={"name": "organs"})
+    with pytest.raises(SceneError, match=r"mask\.show: not a list"):
+        scene(one, two, mask={"name": "organs", "show": 1})
     with pytest.raises(SceneError, match=r"volumes\.0\.mask\.show\.0: no such label"):
         resolve_scene(scene({**one, "mask": {"name": "organs", "show": ["nix"]}}, two), read_volume)
 
@@ -149,7 +164,7 @@ def test_masks_choose_labels_and_may_be_a_volume_of_the_list() -> None:
 def test_labels_of_60_bits_can_be_read_again() -> None:
     save("a.npy", np.repeat(np.array([0, 2**60, 2**60 + 1], np.uint64), 9))
     found = scene_to_dict(resolve_scene(scene({"file": "a.npy", "labels": {}}), read_volume))
-    labels = parse_scene(found, base=Path()).transfer_function.labels
+    labels = parse_scene(found, base=Path()).layers[0].transfer_function.labels
     assert labels is not None and labels.values == (2**60, 2**60 + 1)
 
 

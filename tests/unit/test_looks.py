@@ -182,7 +182,7 @@ def test_opacities_are_as_linear_as_in_the_other_program(ends: tuple[float, floa
     points = place_look(look, span=None, scale=1, shift=0, opacities=None)
     assert len(points) < 40
     section = {"points": [{"value": v, "color": list(c), "opacity": a} for v, c, a in points], "unit": unit}
-    transfer = make_transfer_function(scene(section).transfer_function, finest_spacing=1.0)
+    transfer = make_transfer_function(scene(section).layers[0].transfer_function, finest_spacing=1.0)
     at = np.linspace(-5, 5, 5001)
     colors, extinctions = transfer.classify(at)
     opaque = -math.expm1(-40 * unit)  # what the cap of extinctions makes of opacity 1
@@ -209,7 +209,7 @@ def test_values_are_put_where_the_scene_says() -> None:
     Path("share.itf").write_text(ITF)
 
     def ends(**keys: Any) -> tuple[float, float]:
-        mapping = scene({"import": "a.clut", **keys}).transfer_function.mapping
+        mapping = scene({"import": "a.clut", **keys}).layers[0].transfer_function.mapping
         assert isinstance(mapping, tuple)
         return mapping[0].value, mapping[-1].value
 
@@ -222,11 +222,11 @@ def test_values_are_put_where_the_scene_says() -> None:
 def test_a_scene_says_opacities_and_unit_in_place_of_the_file() -> None:
     Path("a.xml").write_text(SLICER)
     Path("a.cmap").write_text("0 0 1\n1 0 0\n")
-    spec = scene({"import": "a.xml", "name": "A"}).transfer_function
+    spec = scene({"import": "a.xml", "name": "A"}).layers[0].transfer_function
     assert spec.unit == 1.0
-    assert scene({"import": "a.xml", "name": "A", "unit": 3}).transfer_function.unit == 3
+    assert scene({"import": "a.xml", "name": "A", "unit": 3}).layers[0].transfer_function.unit == 3
     section = {"import": "a.cmap", "range": [0, 8], "opacity": [[2, 0], [4, 1], [4, 0.5]]}
-    mapping = scene(section).transfer_function.mapping
+    mapping = scene(section).layers[0].transfer_function.mapping
     assert isinstance(mapping, tuple)
     assert [(point.value, round(point.opacity, 9)) for point in mapping] == [(0, 0), (2, 0), (4, 1), (4, 0.5), (8, 0.5)]
     assert mapping[1].color == (0.25, 0, 0.75)
@@ -256,9 +256,9 @@ def test_presets_can_be_drawn() -> None:
     for name in names:
         section = {"import": name} | ({"range": [0, 255]} if read_preset(name).is_share else {})
         made = scene(section)
-        assert isinstance(made.transfer_function, TransferSpec)
-        assert not isinstance(made.transfer_function.mapping, ColormapSpec)
-        assert all(before.value <= after.value for before, after in pairwise(made.transfer_function.mapping))
+        assert isinstance(made.layers[0].transfer_function, TransferSpec)
+        assert not isinstance(made.layers[0].transfer_function.mapping, ColormapSpec)
+        assert all(before.value <= after.value for before, after in pairwise(made.layers[0].transfer_function.mapping))
         for note in made.import_notes:
             ShadingSpec(**yaml.safe_load(note.partition("add ")[2])["shading"])
 

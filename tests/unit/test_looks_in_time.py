@@ -99,9 +99,8 @@ def test_a_suggestion_obeys_a_table_as_a_scene_does() -> None:
     labels = found.suggestion.transfer.labels
     given = {"volume": {"file": "seg.npy"}, "labels": {}, "output": {"file": "a.png"}}
     camera = {"camera": {"path": {"type": "turntable", "frames": 1}}}
-    resolved = resolve_scene(
-        parse_scene({"version": 1} | given | camera, base=Path()), read_volume
-    ).transfer_function.labels
+    scene = resolve_scene(parse_scene({"version": 1} | given | camera, base=Path()), read_volume)
+    resolved = scene.layers[0].transfer_function.labels
     assert labels is not None and resolved is not None
     assert labels.values == resolved.values == (1, 3)
     assert [style.color for style in labels.styles] == [style.color for style in resolved.styles]

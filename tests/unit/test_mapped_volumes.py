@@ -169,7 +169,7 @@ def swap(path: Path) -> str:
 
 
 def film(path: Path, scene: Scene, shape: tuple[int, int, int] = (20, 28, 32)) -> Stage:
-    scene = replace(scene, volume=raw(path, noise(shape) * 2), error=ErrorSpec(0.0))
+    scene = replace(scene, error=ErrorSpec(0.0)).with_layers(volume=raw(path, noise(shape) * 2))
     return prepare_stage(scene, clock=lambda: 0.0, num_threads=1)
 
 

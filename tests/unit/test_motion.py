@@ -135,13 +135,18 @@ MOVES: list[tuple[str, str, Any, Any]] = [
     ("clip", "clip.0.plane.point", [{"plane": {"point": {0: [8, 3, 6], 40: [0, 3, 6]}, "normal": AXIS}}], (6, 3, 6)),
     ("clip", "clip.0.box.1.2", [{"box": {0: [[0, 0, 0], [1, 1, 1]], 20: [[0, 0, 0], [9, 9, 9]]}}], 5.0),
     ("clip", "clip.0.box.1.2", [{"box": [[0, 0, 0], [1, 1, {0: 1, 20: 9}]]}], 5.0),
-    ("transfer_function.points.1.opacity", "transfer_function.mapping.1.opacity", {0: 0.1, 20: 0.3}, 0.2),
-    ("transfer_function.points.1.color", "transfer_function.mapping.1.color", {0: "red", 20: "lime"}, (0.5, 0.5, 0)),
-    ("transfer_function.unit", "transfer_function.unit", {0: 0.1, 20: 10}, 1.0),
-    ("shading.light", "shading.light", {0: [1, 0, 0], 20: [0, 9, 0]}, (0.5**0.5, 0.5**0.5, 0.0)),
-    ("shading.specular", "shading.specular", {0: 0, 20: 1}, 0.5),
-    ("volume.crop", "volume.crop.0", {"x": {0: [0, 9], 20: [0, 2]}}, (0, 6)),
-    ("volume.crop", "volume.crop.0", {0: [[0, 9], [0, 9], [0, 9]], 20: [[0, 2], [0, 9], [0, 9]]}, (0, 6)),
+    ("transfer_function.points.1.opacity", "layers.0.transfer_function.mapping.1.opacity", {0: 0.1, 20: 0.3}, 0.2),
+    (
+        "transfer_function.points.1.color",
+        "layers.0.transfer_function.mapping.1.color",
+        {0: "red", 20: "lime"},
+        (0.5, 0.5, 0),
+    ),
+    ("transfer_function.unit", "layers.0.transfer_function.unit", {0: 0.1, 20: 10}, 1.0),
+    ("shading.light", "layers.0.shading.light", {0: [1, 0, 0], 20: [0, 9, 0]}, (0.5**0.5, 0.5**0.5, 0.0)),
+    ("shading.specular", "layers.0.shading.specular", {0: 0, 20: 1}, 0.5),
+    ("volume.crop", "layers.0.volume.crop.0", {"x": {0: [0, 9], 20: [0, 2]}}, (0, 6)),
+    ("volume.crop", "layers.0.volume.crop.0", {0: [[0, 9], [0, 9], [0, 9]], 20: [[0, 2], [0, 9], [0, 9]]}, (0, 6)),
     ("output.background", "output.background", {0: "black", 20: "white"}, (0.5, 0.5, 0.5)),
     ("camera.field_of_view", "camera.field_of_view", {0: 10, 20: 30}, 20.0),
     ("camera.target", "camera.target", {0: [0, 0, 0], 20: [2, 4, 6]}, (1.0, 2.0, 3.0)),
@@ -172,7 +177,8 @@ def test_a_still_scene_is_the_same_at_every_frame() -> None:
 
 def test_frames_from_the_end_and_in_seconds() -> None:
     written = {0: 0.0, "0.5s": 0.2, "1.0s": 0.3, "-21": 0.4, -1: 1.0, "easing": "in"}
-    look = parse(changed("transfer_function.points.1.opacity", written)).map(lambda each: each.transfer_function.points)
+    scene = parse(changed("transfer_function.points.1.opacity", written))
+    look = scene.map(lambda each: each.layers[0].transfer_function.points)
     assert look.motions == [Motion((0, 15, 30, 39, 59), (0.0, 0.2, 0.3, 0.4, 1.0), "in")]
     scene = parse(changed("camera", {"path": {"type": "turntable", "seconds": 2}, "near": {0: 0, "2s": 1}}))
     assert scene.num_frames == 60
@@ -184,7 +190,7 @@ def test_an_imported_transfer_function_is_shifted() -> None:
     scene = parse(changed("transfer_function", look))
     for frame in (0, 3, 10):
         shifted = parse(changed("transfer_function", look | {"shift": values_at(scene_shift(look), frame)}))
-        found, expected = (each.transfer_function.points for each in (scene.at(frame), shifted))
+        found, expected = (each.layers[0].transfer_function.points for each in (scene.at(frame), shifted))
         assert [point.value for point in found] == pytest.approx([point.value for point in expected])
         assert [point.color for point in found] == [point.color for point in expected]
     assert parse(scene_to_dict(scene)) == scene
@@ -198,7 +204,7 @@ def test_a_fade_from_nothing() -> None:
     points = PLAIN["transfer_function"]["points"]
     hidden = [point | {"opacity": 0} for point in points]
     scene = parse(changed("transfer_function.points", {0: hidden, 30: points}))
-    assert scene.at(15).transfer_function.points[1].opacity == 0.25
+    assert scene.at(15).layers[0].transfer_function.points[1].opacity == 0.25
 
 
 # What is refused
@@ -250,4 +256,4 @@ def test_the_keys_of_a_motion_are_read_once(monkeypatch: pytest.MonkeyPatch) -> 
     keys = {frame: 0.1 + frame % 7 / 10 for frame in range(NUM_FRAMES)}
     scene = parse(changed(path, keys))
     assert read == [*keys]
-    assert value_in(scene.at(8), path) == keys[8]
+    assert value_in(scene.at(8), f"layers.0.{path}") == keys[8]

@@ -20,6 +20,7 @@ from renderer.scene import (
     LayerSpec,
     Scene,
     ShadingSpec,
+    SharedKeys,
     TransferSpec,
     VolumeSpec,
     parse_scene,
@@ -64,7 +65,7 @@ def exact_share(found: tuple[VolumeSuggestion, VolumeSuggestion], volumes: tuple
         transfer = replace(transfer, mapping=look)
         even = ShadingSpec(ambient=1.0, diffuse=0.0, gradient_opacity=shading.gradient_opacity)
         layers.append(LayerSpec(each.volume, transfer, even, each.suggestion.clip, weight=each.weight))
-    scene = replace(scene_of(), volumes=tuple(layers))
+    scene = replace(scene_of(), layers=tuple(layers), shared=SharedKeys())
     with prepare_stage(scene, clock=lambda: 0.0, num_threads=2, volumes=volumes) as stage:
         pictures = np.array([compute_truth(stage, frame, 1e-3).picture for frame in range(4)])
     red, blue = pictures[..., 0], pictures[..., 2]
@@ -127,7 +128,7 @@ def test_colors_are_told_apart() -> None:
     assert min(chromas(warm)) > 0.3 and max(chromas(grey)) == 0
     assert isinstance(warm.mapping, tuple) and all(r > g > b for r, g, b in (p.color for p in warm.mapping))
     wished = over(upper, lower, Wish("viridis"))[0].suggestion.transfer.mapping
-    assert not isinstance(wished, tuple) and wished.name == "viridis"
+    assert not isinstance(wished, tuple) and wished.colormap == "viridis"
 
 
 @pytest.mark.parametrize("is_upper", [True, False])
@@ -159,7 +160,7 @@ def test_a_constant_volume_can_be_one_of_two(which: int) -> None:
 
 
 def layers_of(*names: str) -> list[LayerSpec]:
-    transfer = scene_of().transfer_function
+    transfer = scene_of().layers[0].transfer_function
     return [LayerSpec(UPPER, transfer, name=name) for name in names]
 
 
@@ -174,7 +175,7 @@ def test_volumes_that_overlap_no_other_are_told() -> None:
 def test_worlds_of_other_units_are_refused(spacing: float, is_right: bool) -> None:
     one = placed(np.eye(4)[None].repeat(4, 0), 1.0, (0, 0, 0))
     volumes = [one, placed(one.values, spacing, (0, 0, 0))]
-    scene = replace(scene_of(), volumes=tuple(layers_of("one", "other")))
+    scene = replace(scene_of(), layers=tuple(layers_of("one", "other")), shared=SharedKeys())
     if is_right:
         prepare_stage(scene, clock=lambda: 0.0, num_threads=1, volumes=volumes).close()
         return

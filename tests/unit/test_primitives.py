@@ -81,7 +81,7 @@ def test_the_finest_cut_within_a_budget_of_bricks(stage: Stage, primitive: Any, 
 
 def test_a_transparent_volume_needs_no_bricks() -> None:
     points = (ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0),)
-    scene = replace(PLAIN, transfer_function=TransferSpec(points))
+    scene = PLAIN.with_layers(transfer_function=TransferSpec(points))
     primitive = make_primitive(stage_of(scene, waves("uint8")))
     assert primitive.tolerance_for_cells(3) == 0.0 and primitive.work(0.0) == 0.0
 

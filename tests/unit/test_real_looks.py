@@ -33,7 +33,7 @@ FILES: dict[str, tuple[dict[str, Any], float | None, float]] = {
 @pytest.mark.parametrize("name", FILES)
 def test_the_file_becomes_points(name: str, data_dir: Path) -> None:
     keys, unit, foot = FILES[name]
-    spec = look_scene({"import": str(data_dir / name), **keys}).transfer_function
+    spec = look_scene({"import": str(data_dir / name), **keys}).layers[0].transfer_function
     assert isinstance(spec.mapping, tuple) and spec.unit == unit
     first = next(k for k, point in enumerate(spec.mapping) if point.opacity > 0)
     assert spec.mapping[first - 1].value == pytest.approx(foot)
@@ -44,13 +44,13 @@ def test_two_programs_tables_of_the_same_look_are_the_same(data_dir: Path) -> No
         folder = data_dir / "transfer_functions"
         one = look_scene({"import": str(folder / f"mricrogl_CT_{name}.clut")})
         other = look_scene({"import": str(folder / f"niivue_ct_{name.lower()}.json")})
-        assert one.transfer_function == other.transfer_function
+        assert one.layers[0].transfer_function == other.layers[0].transfer_function
 
 
 def test_colours_at_one_value_keep_the_order_of_the_file(data_dir: Path) -> None:
     """The file has four points at 0.5, the first and the last of one colour, so that there is no step."""
     keys = {"name": "Muted Blue-Green", "range": [0, 1], "opacity": [[0, 1]]}
     file = data_dir / "transfer_functions/paraview_ColorMaps.json"
-    mapping = look_scene({"import": str(file), **keys}).transfer_function.mapping
+    mapping = look_scene({"import": str(file), **keys}).layers[0].transfer_function.mapping
     assert isinstance(mapping, tuple)
     assert [point.color for point in mapping if point.value == 0.5] == [(0.980392, 0.984314, 1)]

@@ -57,10 +57,10 @@ def points(*pairs: tuple[Any, float]) -> dict[str, Any]:
 @pytest.mark.parametrize("file", ["int32.npy", "float32.npy", "absent.npy"])
 def test_percentiles_become_values(file: str) -> None:
     """Three at one value become two, and the farthest value stays exact."""
-    found = resolved(RAMP, file).transfer_function.mapping
+    found = resolved(RAMP, file).layers[0].transfer_function.mapping
     assert (found.range, found.opacity) == ((100.0, 690.0), ((0.0, 0.0), (0.0, 0.2), (1000000.0, 1.0)))
     given = points((5, 0), (30, 0), (30.1, 0.5), (50, 0.4))
-    assert [each.value for each in resolved(given, file).transfer_function.points] == [0, 0, 1, 200]
+    assert [each.value for each in resolved(given, file).layers[0].transfer_function.points] == [0, 0, 1, 200]
 
 
 def test_percentiles_move_and_steps_have_those_of_the_first() -> None:
@@ -70,7 +70,7 @@ def test_percentiles_move_and_steps_have_those_of_the_first() -> None:
     assert [each["value"] for each in plain] == [0, 0, {0: 200, 9: 1000000, "easing": "smooth"}]
     found = resolved({**RAMP, "range": {0: [40, 99], 9: [50, 60]}})
     assert scene_to_dict(scene)["volume"]["time"] == {0: 0, 9: 1}
-    spans = found.map(lambda each: each.transfer_function.mapping.range)
+    spans = found.map(lambda each: each.layers[0].transfer_function.mapping.range)
     assert spans.motions == [Motion((0, 9), ((100.0, 690.0), (200.0, 300.0)))]
 
 
@@ -79,8 +79,8 @@ def test_what_is_imported_is_stretched_between_values() -> None:
     section: dict[str, Any] = {"import": "mr-head", "relative": True}
     for own, values in (({}, {}), ({"opacity": [[50, 0], [90, 1]]}, {"opacity": [[200, 0], [600, 1]]})):
         plain = {"import": "mr-head", "range": [100, 690], **values}
-        found = resolved({**section, "range": [40, 99], **own}).transfer_function
-        assert found == resolved_plain(plain).transfer_function
+        found = resolved({**section, "range": [40, 99], **own}).layers[0].transfer_function
+        assert found == resolved_plain(plain).layers[0].transfer_function
 
 
 def resolved_plain(transfer: dict[str, Any]) -> FilmScene:

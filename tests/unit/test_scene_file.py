@@ -147,11 +147,11 @@ def test_overrides_apply_in_their_order() -> None:
     )
     assert scene.camera.path.frames == 10
     assert scene.error.tolerance == scheduled((0, 1.0), (5, 0.1))
-    assert scene.shading is not None
-    assert scene.shading.ambient == 0.5
+    assert scene.layers[0].shading is not None
+    assert scene.layers[0].shading.ambient == 0.5
     assert scene.output.background == (1.0, 0.0, 0.0)
-    assert isinstance(scene.transfer_function.mapping, tuple)
-    assert scene.transfer_function.mapping[1].value == 61
+    assert isinstance(scene.layers[0].transfer_function.mapping, tuple)
+    assert scene.layers[0].transfer_function.mapping[1].value == 61
     assert scene.output.frames_per_second == 30
     assert scene.output.file == Path("a=b.mp4")
 
@@ -169,9 +169,9 @@ def test_the_volume_option_keeps_the_rest_of_the_section(folder: Path) -> None:
     )
     (folder / "scenes" / "scene.yaml").write_text(text, encoding="utf-8")
     scene = load(Path("scenes/scene.yaml"), volume=Path("scan.nrrd"), output=Path("frames/{frame}.png"))
-    assert scene.volume.source == FileSource(folder / "scan.nrrd")
-    assert scene.volume.crop == ((0, 2), (0, 2), (0, 2))
-    assert scene.volume.nodata == "none"
+    assert scene.layers[0].volume.source == FileSource(folder / "scan.nrrd")
+    assert scene.layers[0].volume.crop == ((0, 2), (0, 2), (0, 2))
+    assert scene.layers[0].volume.nodata == "none"
     assert scene.output.file == Path("frames/{frame}.png")
 
 
@@ -180,7 +180,7 @@ def test_the_volume_option_replaces_any_volume(tmp_path: Path) -> None:
     first, last = text.index("volume:"), text.index("# What a value")
     for volume in ("", "volume: {raw: {file: gone.raw}}\n", "volume: gone.nrrd\n", "volume:\n"):
         (tmp_path / "scene.yaml").write_text(text[:first] + volume + text[last:], encoding="utf-8")
-        assert load(tmp_path / "scene.yaml", volume=Path(__file__)).volume.source == FileSource(
+        assert load(tmp_path / "scene.yaml", volume=Path(__file__)).layers[0].volume.source == FileSource(
             Path(__file__).absolute()
         )
 
@@ -190,7 +190,7 @@ def test_files_are_relative_to_the_scene(folder: Path) -> None:
     (folder / "scenes" / "scan.nrrd").touch()
     text = (ROOT / "configs" / "engine.yaml").read_text(encoding="utf-8").replace("engine.nhdr  ", "scan.nrrd  ")
     (folder / "scenes" / "scene.yaml").write_text(text, encoding="utf-8-sig")
-    assert load(Path("scenes/scene.yaml")).volume.source == FileSource(folder / "scenes" / "scan.nrrd")
+    assert load(Path("scenes/scene.yaml")).layers[0].volume.source == FileSource(folder / "scenes" / "scan.nrrd")
 
 
 # Anything at all

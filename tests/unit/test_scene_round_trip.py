@@ -17,6 +17,7 @@ from spoiling import spoil
 
 from renderer.errors import SceneError
 from renderer.scene import (
+    OPEN_LOOK,
     AnnotationSpec,
     ArraySource,
     CameraSpec,
@@ -51,6 +52,7 @@ from renderer.scene import (
     RockerPath,
     Scene,
     ShadingSpec,
+    SharedKeys,
     SplatBudget,
     SplatSpec,
     TimeBudget,
@@ -86,6 +88,7 @@ LAYERS = (
         color=(1.0, 0.0, 0.0), range=(1.5, 9.0),
     ),
 )  # fmt: skip
+SHARED = SharedKeys(ShadingSpec(0.7), MaskSpec(VolumeSpec(FileSource(HERE)), LabelsSpec(show=(2,))))
 BLUE: dict[str, Any] = {"position": "left", "size": 0.01, "color": (0.0, 0.0, 1.0)}
 BAR = EntrySpec(position="top", size=0.25, color=moving(Motion((0, 9), ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)))))
 ANNOTATION = AnnotationSpec(
@@ -97,49 +100,56 @@ ANNOTATION = AnnotationSpec(
     font=HERE,
 )
 PLAIN = Scene(
-    volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9))),
-    transfer_function=TransferSpec(POINTS),
+    layers=(LayerSpec(VolumeSpec(ProceduralSource("constant", (9, 9, 9))), TransferSpec(POINTS)),),
     camera=CameraSpec(TurntablePath(9)),
     output=OutputSpec(Path("a.mp4")),
 )
 SECTIONS = {
     "file": Scene(
-        volume=VolumeSpec(FileSource(HERE, SPACING), 1, 2, ((0, 1), (0, 2), (1, 3)), (0.1,), "a/b", unit="µm"),
-        transfer_function=TransferSpec(ColormapSpec("viridis", (-0.1, 1 / 3), ((0.0, 0.0), (1.0, 0.5)))),
+        layers=(
+            LayerSpec(
+                VolumeSpec(FileSource(HERE, SPACING), 1, 2, ((0, 1), (0, 2), (1, 3)), (0.1,), "a/b", unit="µm"),
+                TransferSpec(ColormapSpec("viridis", (-0.1, 1 / 3), ((0.0, 0.0), (1.0, 0.5)))),
+                ShadingSpec(0.1, 0.2, AXIS)),),
         camera=CameraSpec(
             KeyframePath(9, (Keyframe(0, -0.1, 30.5), Keyframe(8, 90.0, 20.0, 2.5)), False, "linear", AXIS),
             "orthographic", 25.5, "visible", 3.5, 0.1),
         error=ErrorSpec(scheduled((0, 0.5), (7, 1 / 3), (8, 0.0)), "rms", "scalar", 2),
         splat=SplatSpec("gouraud", 0.5, 7, 4, ((0.0, 1.0), (0.1, 0.5), (1.0, 0.0)), False, "boxes"),
-        pyramid=PyramidSpec("opacity", "single"), shading=ShadingSpec(0.1, 0.2, AXIS),
+        pyramid=PyramidSpec("opacity", "single"),
         annotation=AnnotationSpec(octree=True), output=OutputSpec(Path("{frame}.png"), (7, 9), background=None)),
     "raw": Scene(
-        volume=VolumeSpec(RawSource(HERE, (1, 1, NUM_BYTES - 3), "uint8", "big", SPACING, 3), nodata=(-1.0, 1e20)),
-        transfer_function=TransferSpec(POINTS, 0.1),
+        layers=(
+            LayerSpec(
+                VolumeSpec(RawSource(HERE, (1, 1, NUM_BYTES - 3), "uint8", "big", SPACING, 3), nodata=(-1.0, 1e20)),
+                TransferSpec(POINTS, 0.1),
+                ShadingSpec(occlusion=0.7, shadow=1 / 3, occlusion_radius=12.5, cut_faces=False)),),
         camera=CameraSpec(RockerPath(9, 33.3, 0.1, -10.5, AXIS), target=(1.0, 2.0, 1 / 3)),
         error=ErrorSpec(goal=SplatBudget(scheduled((0, 1000), (8, 10_000)))),
-        shading=ShadingSpec(occlusion=0.7, shadow=1 / 3, occlusion_radius=12.5, cut_faces=False),
         output=OutputSpec(
             Path("a.mp4"), (512, 512), 12.5, (0.1, 0.2, 0.3), 3.3, codec="hevc", crf=9.5, pixel_format="yuv420p10")),
     "procedural": Scene(
-        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9), 7, SPACING), crop=(None, (1, 8), None)),
-        transfer_function=TransferSpec(POINTS), camera=CameraSpec(TurntablePath(9, 0.1, 12.5, AXIS)),
+        layers=(
+            LayerSpec(
+                VolumeSpec(ProceduralSource("constant", (9, 9, 9), 7, SPACING), crop=(None, (1, 8), None)),
+                TransferSpec(POINTS),
+                ShadingSpec(0.1, 0.2, "camera", 0.3, 1000.0, True, ((0.0, 1 / 3), (1e9, 1.0)), silhouette=0.5)),),
+        camera=CameraSpec(TurntablePath(9, 0.1, 12.5, AXIS)),
         error=ErrorSpec(goal=MetricTarget("psnr", 30.1), probes=64),
-        shading=ShadingSpec(0.1, 0.2, "camera", 0.3, 1000.0, True, ((0.0, 1 / 3), (1e9, 1.0)), silhouette=0.5),
         clip=(ClipSpec(PlaneSpec(SPACING, AXIS), None, "camera", True), ClipSpec(None, (AXIS, (2.0, 1e-6, 1 / 3)))),
         output=OutputSpec(
             Path("b/c.gif"),
             others=(
                 OutputFile(Path("a.webm"), (256, 256), 10.0, None, 3.0, "vp9", 12.0, "yuva420p", every=2),
                 OutputFile(Path("p.png"), background=((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)), frame=1)))),
-    "attenuation": replace(
-        PLAIN, mode=ModeSpec("attenuation", 0.1, -1000.0),
+    "attenuation": replace(PLAIN, mode=ModeSpec("attenuation", 0.1, -1000.0)).with_layers(
         transfer_function=TransferSpec(ColormapSpec("gray", (0.5, 1.0), ((0.5, 1.0),), "log"), relative=True)),
     "depth": replace(PLAIN, mode=ModeSpec("maximum", color_by="depth")),
-    "volumes": replace(
-        PLAIN, volume=LAYERS[0].volume, transfer_function=LAYERS[0].transfer_function, volumes=LAYERS, blend="add"),
-    "labels": replace(
-        PLAIN,
+    "volumes": replace(PLAIN, layers=LAYERS, shared=SharedKeys(), blend="add"),
+    "volumes with one shading": replace(
+        PLAIN, layers=(LAYERS[0], replace(LAYERS[1], shading=SHARED.shading, mask=SHARED.mask)), shared=SHARED),
+    "a volume in a list": replace(PLAIN, shared=SharedKeys()),
+    "labels": PLAIN.with_layers(
         transfer_function=TransferSpec(
             LabelsSpec(
                 ((3, (1.0, 0.0, 0.5)), ("a b", (0.0, 0.0, 0.0))), ((3, 0.5), ("a b", 1 / 3)), (3, "a b", -7), (9,),
@@ -147,10 +157,13 @@ SECTIONS = {
             2.5),
         mask=MaskSpec(VolumeSpec(FileSource(HERE)), transform=LAYERS[0].transform)),
     "motion": Scene(
-        volume=VolumeSpec(ProceduralSource("constant", (9, 9, 9), phase=0.25)),
-        transfer_function=TransferSpec(
-            moving(Motion((0, 90), (POINTS, (POINTS[0], replace(POINTS[1], color=(0.0, 0.5, 1.0)))), "smooth")),
-            moving(Motion((3, 7, 9), (1.0, 0.1, 2.0), "hold", "ratio"))),
+        layers=(
+            LayerSpec(
+                VolumeSpec(ProceduralSource("constant", (9, 9, 9), phase=0.25)),
+                TransferSpec(
+                    moving(Motion((0, 90), (POINTS, (POINTS[0], replace(POINTS[1], color=(0.0, 0.5, 1.0)))), "smooth")),
+                    moving(Motion((3, 7, 9), (1.0, 0.1, 2.0), "hold", "ratio"))),
+                ShadingSpec(light=moving(Motion((0, 91), ((1.0, 0.0, 0.0), AXIS), kind="direction")))),),
         camera=CameraSpec(
             PathSequence(
                 (
@@ -158,18 +171,21 @@ SECTIONS = {
                     FlightPath(
                         50, (FlightKey(SPACING, AXIS, 12.5, 0), FlightKey(AXIS, SPACING, frame=9)), "smooth", AXIS))),
             target="visible", follow=True, loop="ping-pong"),
-        shading=ShadingSpec(light=moving(Motion((0, 91), ((1.0, 0.0, 0.0), AXIS), kind="direction"))),
         annotation=ANNOTATION,
         output=OutputSpec(
             Path("a.mp4"), background=moving(Motion((0, 181), ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), "in")))),
     "labels in a list": replace(
-        PLAIN, volume=LAYERS[1].volume, transfer_function=TransferSpec(LabelsSpec("table", 0.5)),
-        volumes=(LayerSpec(LAYERS[1].volume, TransferSpec(LabelsSpec("table", 0.5))), LAYERS[0])),
-    "steps": replace(
-        PLAIN, volume=VolumeSpec(FileSource(HERE, SPACING, (HERE, HERE)), "auto"),
+        PLAIN, layers=(LayerSpec(LAYERS[1].volume, TransferSpec(LabelsSpec("table", 0.5))), LAYERS[0]),
+        shared=SharedKeys()),
+    "steps": PLAIN.with_layers(
+        volume=VolumeSpec(FileSource(HERE, SPACING, (HERE, HERE)), "auto"),
         mask=MaskSpec(VolumeSpec(FileSource(HERE, steps=(HERE,)), 0))),
-    "collection": replace(
-        PLAIN,
+    "channels": PLAIN.with_layers(volume=VolumeSpec(FileSource(HERE), component="all"), transfer_function=OPEN_LOOK),
+    "channels of one look": PLAIN.with_layers(
+        volume=VolumeSpec(FileSource(HERE), component="all"),
+        transfer_function=TransferSpec(
+            (ControlPoint(0.0, (1.0, 1.0, 1.0), 0.0), ControlPoint(1.0, (1.0, 1.0, 1.0), 1.0)))),
+    "collection": PLAIN.with_layers(
         volume=VolumeSpec(
             FileSource(COLLECTION.with_name("tiff_files.py"), None, COLLECTED, (0.5, 2.5), COLLECTION),
             moving(Motion((0, 8), (0.0, 1.0))), interpolate=True)),
@@ -198,7 +214,7 @@ def test_these_scenes_change_every_key() -> None:
             is_varied = field.default is MISSING or any(value != field.default for value in values)
             # An imported transfer function is read as control points, and recorded as these.
             is_of_others = (cls, field.name) in _OF_OTHERS
-            assert is_varied or is_of_others or field.name in ("version", "imported"), f"{cls.__name__}.{field.name}"
+            assert is_varied or is_of_others or field.name == "imported", f"{cls.__name__}.{field.name}"
 
 
 # The first output has every frame.

@@ -15,6 +15,7 @@ from renderer.scene import (
     CameraSpec,
     ControlPoint,
     FileSource,
+    LayerSpec,
     OutputSpec,
     ProceduralSource,
     Scene,
@@ -77,8 +78,12 @@ def test_a_section_with_any_key_asks_for_splats(section: dict[str, Any], footpri
 
 def test_defaults_are_those_of_the_dataclasses() -> None:
     assert parse(SMALL) == Scene(
-        volume=VolumeSpec(ProceduralSource("constant", (4, 5, 6))),
-        transfer_function=TransferSpec((ControlPoint(1.0, (1.0, 1.0, 1.0), 0.5),)),
+        layers=(
+            LayerSpec(
+                VolumeSpec(ProceduralSource("constant", (4, 5, 6))),
+                TransferSpec((ControlPoint(1.0, (1.0, 1.0, 1.0), 0.5),)),
+            ),
+        ),
         camera=CameraSpec(TurntablePath(10)),
         output=OutputSpec(Path("a.mp4")),
     )
@@ -138,8 +143,8 @@ def test_a_tolerance_is_constant_or_by_frame(written: object, tolerance: object)
 def test_a_step_is_two_points_at_one_value() -> None:
     points = [{"value": value, "color": "white", "opacity": 0.5} for value in (1, 2, 2, 3)]
     scene = parse(changed(transfer_function={"points": points}))
-    assert isinstance(scene.transfer_function.mapping, tuple)
-    assert [point.value for point in scene.transfer_function.mapping] == [1, 2, 2, 3]
+    assert isinstance(scene.layers[0].transfer_function.mapping, tuple)
+    assert [point.value for point in scene.layers[0].transfer_function.mapping] == [1, 2, 2, 3]
     points.insert(2, points[2])
     assert complaints(changed(transfer_function={"points": points})) == [
         ("transfer_function.points.3.value", "a third point at the same value")
@@ -199,14 +204,14 @@ def test_what_only_samples_between_voxels_show_is_refused_elsewhere(key: str) ->
 
 
 def test_a_folder_is_a_volume_and_no_raw_file() -> None:
-    assert parse(changed(volume={"file": "."})).volume.source == FileSource(HERE.parent)
+    assert parse(changed(volume={"file": "."})).layers[0].volume.source == FileSource(HERE.parent)
     raw = {"file": ".", "shape": [1, 1, 1], "dtype": "uint8"}
     assert complaints(changed(volume={"raw": raw})) == [("volume.raw.file", "a folder")]
 
 
 @pytest.mark.parametrize("key", ["occlusion", "shadow"])
 def test_splats_have_neither_occlusion_nor_shadows(key: str) -> None:
-    assert getattr(parse(changed(shading={key: 0.5})).shading, key) == 0.5
+    assert getattr(parse(changed(shading={key: 0.5})).layers[0].shading, key) == 0.5
     splats = {"footprint": "gouraud"}
     assert complaints(changed(shading={key: 0.5}, splat=splats)) == [(f"shading.{key}", "needs footprint: integrated")]
     parse(changed(shading={key: 0}, splat=splats))

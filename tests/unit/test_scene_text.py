@@ -61,8 +61,8 @@ def test_every_file_name_reads_back(folder: Path, name: str) -> None:
     found = VolumeSuggestion(VolumeSpec(FileSource(volume)), SUGGESTION, has_absent=False)
     output = Path("out", f"{name}.mp4".translate(_NO_BRACES))
     _, scene = read_back(found, Path("scenes"), output=output)
-    assert isinstance(scene.volume.source, FileSource)
-    assert scene.volume.source.file.samefile(volume)
+    assert isinstance(scene.layers[0].volume.source, FileSource)
+    assert scene.layers[0].volume.source.file.samefile(volume)
     assert scene.output.file == output
 
 
@@ -74,9 +74,9 @@ def test_every_setting_reads_back(tmp_path: Path) -> None:
     suggestion = Suggestion("a kind", "a reason", colormap, (), None)
     found = VolumeSuggestion(VolumeSpec(source, nodata=(1.5,)), suggestion, has_absent=True)
     _, scene = read_back(found, tmp_path, film)
-    assert scene.volume == VolumeSpec(source, nodata=(1.5,))
-    assert scene.transfer_function == colormap
-    assert scene.shading is None
+    assert scene.layers[0].volume == VolumeSpec(source, nodata=(1.5,))
+    assert scene.layers[0].transfer_function == colormap
+    assert scene.layers[0].shading is None
     assert scene.camera.path == TurntablePath(7, elevation=-12.5, axis=(-1.0, 0.0, 0.0))
     assert scene.camera.target == "visible"
     assert scene.error.tolerance == 1e-9
@@ -90,7 +90,7 @@ def test_a_spacing_and_a_choice_of_voxels_read_back(tmp_path: Path) -> None:
     volume = VolumeSpec(source, time=3, component=1)
     found = VolumeSuggestion(volume, SUGGESTION, has_absent=False)
     text, scene = read_back(found, tmp_path)
-    assert scene.volume == volume
+    assert scene.layers[0].volume == volume
     assert "  spacing: [1e-07, 2e-07, 0.003]  # size of a voxel, in place of the file's\n" in text
 
 

@@ -100,7 +100,7 @@ def test_points_ascend_and_the_background_is_clear(name: str, colormap: str | No
     mapping = transfer.mapping
     if isinstance(mapping, ColormapSpec):
         at = [value for value, _ in mapping.opacity]
-        assert colormap in (None, mapping.name) and mapping.range[0] < mapping.range[1]
+        assert colormap in (None, mapping.colormap) and mapping.range[0] < mapping.range[1]
     elif isinstance(mapping, LabelsSpec):
         at = [*mapping.values]
         table = colormap_points(colormap, max(2, len(at))) if colormap else [color for _, color in mapping.colors]

@@ -32,7 +32,7 @@ def stage() -> Stage:
     camera = CameraSpec(TurntablePath(8, start=10.0, elevation=20.0))
     output = OutputSpec(Path("unused.mp4"), size=(20, 16))
     scene = replace(SPLATS, camera=camera, error=ErrorSpec(), output=output)
-    return at_any_tolerance(scene, read_volume(scene.volume))
+    return at_any_tolerance(scene, read_volume(scene.layers[0].volume))
 
 
 def at_any_tolerance(scene: Scene, volume: Volume) -> Stage:

@@ -36,7 +36,7 @@ def scene_of(folder: Path, file: object, **volume: object) -> Scene:
 
 
 def spec_of(folder: Path, file: object, **volume: object) -> VolumeSpec:
-    return scene_of(folder, file, **volume).volume
+    return scene_of(folder, file, **volume).layers[0].volume
 
 
 def source_of(folder: Path, file: object) -> FileSource:
@@ -208,11 +208,11 @@ def test_the_time_moves_in_steps_or_between_them(tmp_path: Path) -> None:
     save(tmp_path, "a_0.npy", "a_1.npy", "a_2.npy")
     by_frame = {0: 0, 5: 1, 9: 2}
     moved = scene_of(tmp_path, "a_{}.npy", time=by_frame)
-    assert [moved.at(frame).volume.time for frame in range(10)] == [0, 0, 0, 1, 1, 1, 1, 2, 2, 2]
+    assert [moved.at(frame).layers[0].volume.time for frame in range(10)] == [0, 0, 0, 1, 1, 1, 1, 2, 2, 2]
     mixed = scene_of(tmp_path, "a_{}.npy", time=by_frame, interpolate=True)
-    assert [mixed.at(frame).volume.time for frame in (0, 1, 5, 7)] == [0.0, 0.2, 1.0, 1.5]
+    assert [mixed.at(frame).layers[0].volume.time for frame in (0, 1, 5, 7)] == [0.0, 0.2, 1.0, 1.5]
     for scene in (moved, mixed):
-        assert scene.map(lambda each: each.volume.time).moves
+        assert scene.map(lambda each: each.layers[0].volume.time).moves
         assert parse_scene(json.loads(json.dumps(scene_to_dict(scene))), base=Path()) == scene
 
 

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +14,24 @@ import pytest
 from commands import environment, other_process
 
 from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable import FilmRequest, marked_scene, update_manifest, write_scene
+from hsplat_cli.turntable import (
+    FILM_ENTRY,
+    MANIFEST,
+    MANIFEST_FILE,
+    FilmRequest,
+    marked_scene,
+    update_manifest,
+    write_scene,
+)
 from renderer.errors import InputError, RenderError
+from renderer.record import field_types, record_to_json
 from renderer.scene import FileSource, VolumeSpec
 from renderer.suggest import FilmOptions
 
-MANIFEST_FILE = "turntable.json"
-
 
 def update(folder: Path, records: list[dict[str, Any]], *lock_timeout_s: float) -> None:
-    update_manifest(folder, records, Reporter(), *lock_timeout_s)
+    entries = [field_types.read_record(FILM_ENTRY, each) for each in records]
+    update_manifest(folder, [each for each in entries if each is not None], Reporter(), *lock_timeout_s)
 
 
 def record(name: str, status: str = "done", **more: Any) -> dict[str, Any]:
@@ -78,12 +87,11 @@ WRITER = """
 import sys
 from pathlib import Path
 from hsplat_cli.terminal import Reporter
-from hsplat_cli.turntable import update_manifest
+from hsplat_cli.turntable import FilmEntry, update_manifest
 for number in range(10):
     name = f"{sys.argv[2]}-{number}"
     (Path(sys.argv[1]) / f"{name}.yaml").touch()
-    record = {"volume": name, "scene": f"{name}.yaml", "film": name, "status": "done"}
-    update_manifest(Path(sys.argv[1]), [record], Reporter())
+    update_manifest(Path(sys.argv[1]), [FilmEntry(name, f"{name}.yaml", name, "done")], Reporter())
 """
 
 
@@ -151,8 +159,10 @@ def test_damaged_records_are_dropped_and_others_stay(tmp_path: Path, capsys: pyt
         record("e", more=deep),
     ]
     odd = [record("a") | {"scene": scene} for scene in ("\ud800.yaml", "a\0.yaml", "..", "", "/", "a" * 300)]
-    (tmp_path / MANIFEST_FILE).write_text(json.dumps({"films": [good, *broken, *odd]}), encoding="utf-8")
+    content = {"made": ["by hand"], "films": [good, *broken, *odd]}
+    (tmp_path / MANIFEST_FILE).write_text(json.dumps(content), encoding="utf-8")
     update(tmp_path, [record("z")])
+    assert json.loads((tmp_path / MANIFEST_FILE).read_bytes())["made"] == ["by hand"]
     found = films(tmp_path)
     assert (found[0], found[-1]) == (good, record("z"))
     assert all(each in odd for each in found[1:-1])
@@ -168,7 +178,7 @@ def test_other_things_of_this_name(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     (tmp_path / MANIFEST_FILE).unlink()
     update(tmp_path, [record("b")])
     (tmp_path / "b.yaml").touch()
-    monkeypatch.setattr("hsplat_cli.turntable.manifest._MAX_BYTES", 50)
+    monkeypatch.setattr("hsplat_cli.turntable.manifest.MANIFEST", replace(MANIFEST, max_bytes=50))
     update(tmp_path, [record("a")])
     assert films(tmp_path) == [record("a")]
     (tmp_path / "folder" / MANIFEST_FILE).mkdir(parents=True)
@@ -206,7 +216,7 @@ def test_a_film_is_done_until_its_scene_changes(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     write(order(tmp_path), "one")
     assert films(folder)[0]["status"] == "begun"
-    update(folder, [order(tmp_path).record("done") | {"frames": 3}])
+    update(folder, [record_to_json(order(tmp_path).entry("done")) | {"frames": 3}])
     done = films(folder)
     write(order(tmp_path), "one")
     assert films(folder) == done

@@ -51,7 +51,7 @@ def test_info_of_extreme_values(tmp_path: Path, case: int) -> None:
         "camera": {"path": {"type": "turntable", "frames": 1}},
         "output": {"file": "a.mp4"},
     }
-    transfer = parse_scene(scene, base=tmp_path).transfer_function
+    transfer = parse_scene(scene, base=tmp_path).layers[0].transfer_function
     if transfer.labels is not None:
         assert {*transfer.labels.values} <= {*values.ravel().tolist()}
     else:

@@ -1,4 +1,4 @@
-"""Write goldens: the first ones, or new ones after the user has seen what changes.
+"""Write goldens: the first ones, or new ones after the user has seen the changes.
 
 All files change together at the end, in an order that survives a kill at any moment: removed goldens first, then
 golden.json, then the new goldens. After a kill golden.json may list a missing or outdated golden, which the next update
@@ -12,20 +12,18 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import click
 
 from hsplat_cli.compare.frame_difference import COMPARISON_METRICS
 from hsplat_cli.compare.golden.provenance import (
+    PROVENANCE,
     PROVENANCE_FILE,
     Golden,
+    GoldenOrigin,
     Provenance,
-    describe_changes,
     golden_file_name,
     origin_from_record,
-    provenance_bytes,
-    read_provenance,
 )
 from hsplat_cli.compare.outcome import Outcome, Pair, compare_pair
 from hsplat_cli.compare.picture_file import read_picture
@@ -48,8 +46,8 @@ _MAX_NAMES = 5
 class GoldenOptions:
     """A choice of the options of `hsplat golden`.
 
-    frames: None for those that are golden already, or for all frames at first. date: of changed pictures; the others
-    keep theirs. prune: removes goldens of other frames.
+    frames: None for the frames that are golden already, or for all frames at first.
+    date: of changed pictures; the others keep their dates. prune: removes goldens of other frames.
     """
 
     folder: Path
@@ -69,15 +67,15 @@ def update_goldens(job: FilmJob, options: GoldenOptions, reporter: Reporter, ask
     """
     folder = options.folder
     with lock_slots(folder / _STAGING_FOLDER, [0], folder / PROVENANCE_FILE):
-        provenance = read_provenance(folder) if os.path.lexists(folder / PROVENANCE_FILE) else None
+        provenance = PROVENANCE.read(folder / PROVENANCE_FILE) if os.path.lexists(folder / PROVENANCE_FILE) else None
         if provenance is not None and not options.update:
             raise InputError(
                 "the folder has goldens",
                 where=str(folder),
-                got=counted(len(provenance.goldens), "frame"),
+                got=counted(len(provenance.frames), "frame"),
                 hint="--update shows what has changed and overwrites them; `hsplat compare SCENE FOLDER` compares",
             )
-        listed = {golden.frame: golden.file for golden in provenance.goldens} if provenance else {}
+        listed = {golden.frame: golden.file for golden in provenance.frames} if provenance else {}
         frames = options.frames or [frame for frame in job.frames if frame in listed] or job.frames
         num_frames = job.scene.num_frames
         names = {frame: listed.get(frame) or golden_file_name(frame, num_frames) for frame in frames}
@@ -98,7 +96,7 @@ def update_goldens(job: FilmJob, options: GoldenOptions, reporter: Reporter, ask
                 reporter.result("nothing was written")
                 raise click.exceptions.Exit(1)
             _apply(plan, folder)
-    num_written, num_goldens = len(plan.changes), len(plan.after.goldens)
+    num_written, num_goldens = len(plan.changes), len(plan.after.frames)
     goldens = counted(num_goldens, "golden")
     written = goldens if num_written == num_goldens else f"{num_written} of {goldens} written"
     reporter.line(f"{folder}: {written}")
@@ -107,7 +105,7 @@ def update_goldens(job: FilmJob, options: GoldenOptions, reporter: Reporter, ask
 
 def _apply(plan: GoldenUpdate, folder: Path) -> None:
     with deferrable_interrupts() as defer_interrupts, staged_files(folder / _STAGING_FOLDER) as write:
-        write(folder / PROVENANCE_FILE, provenance_bytes(plan.after))
+        write(folder / PROVENANCE_FILE, PROVENANCE.content(plan.after))
         for name, source in sorted(plan.sources.items()):
             with translate_os_errors(source):
                 content = source.read_bytes()
@@ -152,7 +150,7 @@ class GoldenUpdate:
     @property
     def changes_anything(self) -> bool:
         """Return whether anything is written. A new date, version or driver alone is not: the pictures keep theirs."""
-        is_listed = self.before is not None and self.before.goldens == self.after.goldens
+        is_listed = self.before is not None and self.before.frames == self.after.frames
         return not is_listed or bool(self.changes or self._scene_changes)
 
     def require_one_origin(self, folder: Path) -> None:
@@ -168,7 +166,7 @@ class GoldenUpdate:
     @property
     def _scene_changes(self) -> str:
         """Return the changes of the scene or the volume, in words."""
-        return "" if self.before is None else describe_changes(self.before.origin, self.after.origin, "volume", "scene")
+        return "" if self.before is None else self.before.changes(self.after, "volume", "scene")
 
 
 def plan_update(
@@ -176,13 +174,13 @@ def plan_update(
     before: Provenance | None,
     names: Mapping[int, str],
     files: Mapping[int, Path],
-    origin: Mapping[str, Any],
+    origin: GoldenOrigin,
 ) -> GoldenUpdate:
     """Plan to give the folder the rendered frames.
 
-    names: of the goldens of all requested frames, by number. files: the rendered pictures. origin: as in Provenance.
+    names: of the goldens of all requested frames, by number. files: the rendered pictures. origin: of these pictures.
     """
-    listed = {golden.frame: golden for golden in before.goldens} if before else {}
+    listed = {golden.frame: golden for golden in before.frames} if before else {}
     changes: list[Outcome] = []
     sources: dict[str, Path] = {}
     goldens: list[Golden] = []
@@ -198,7 +196,7 @@ def plan_update(
     others = [golden for frame, golden in listed.items() if frame not in names]
     removed = [golden for golden in others if options.prune or not os.path.lexists(options.folder / golden.file)]
     unrequested = [golden for golden in others if golden not in removed]
-    after = Provenance(origin, tuple(sorted([*goldens, *unrequested], key=lambda golden: golden.frame)))
+    after = Provenance(**vars(origin), frames=tuple(sorted([*goldens, *unrequested], key=lambda golden: golden.frame)))
     changes.sort(key=lambda change: [-change.figures.get(name, math.inf) for name in _LIMITS])
     return GoldenUpdate(before, after, changes, sources, removed, unrequested)
 
@@ -220,7 +218,7 @@ def describe_update(plan: GoldenUpdate) -> Iterator[str]:
     if plan.before is None or not plan.changes_anything:
         yield from kept
         return
-    num_changes, frames = len(plan.changes), counted(len(plan.after.goldens) - len(plan.unrequested), "frame")
+    num_changes, frames = len(plan.changes), counted(len(plan.after.frames) - len(plan.unrequested), "frame")
     if num_changes:
         yield f"{num_changes} of {frames} change{'s' * (num_changes == 1)}:"
         yield from _lines_of(plan.changes)
@@ -229,9 +227,9 @@ def describe_update(plan: GoldenUpdate) -> Iterator[str]:
     if plan.removed:
         yield f"to be removed, because not requested: {_names(plan.removed)}"
     yield from kept
-    if not (num_changes or plan.removed) and plan.before.goldens != plan.after.goldens:
+    if not (num_changes or plan.removed) and plan.before.frames != plan.after.frames:
         yield f"{PROVENANCE_FILE} changes: the files differ from those it lists"
-    cause = describe_changes(plan.before.origin, plan.after.origin)
+    cause = plan.before.changes(plan.after)
     if cause:
         yield f"changed since they were rendered: {cause}"
 

@@ -1,4 +1,4 @@
-"""Check that parts are of one film, and complete together."""
+"""Check that parts belong to one film, and that they have all of its frames."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
 
 from renderer.errors import Problem
 from renderer.film import consecutive_ranges
@@ -21,6 +20,7 @@ from renderer.scene import (
 )
 from renderer.system import join_lines
 
+# The most differences between two parts, and the most commands for missing frames, that an error shows.
 _MAX_SHOWN = 4
 
 
@@ -41,8 +41,8 @@ def film_problems(parts: Sequence[FinishedFilm]) -> Iterator[Problem]:
             yield Problem("", "a part of another film", got=got, expected=expected, location=location)
 
 
-def _film_identity(part: FinishedFilm) -> dict[str, Any]:
-    """Return the data that parts of one film share: all that pixels depend on but the machine, and the encoding."""
+def _film_identity(part: FinishedFilm) -> dict[str, object]:
+    """Return the data that the parts of a film share: the encoding, and all that pixels depend on but the machine."""
     recorded = part.record.scene
     scene = without_sources(recorded)
     output = {key: value for key, value in first_output(recorded).items() if key != "file"}
@@ -59,7 +59,7 @@ def _film_identity(part: FinishedFilm) -> dict[str, Any]:
 
 
 def pick_frames(parts: Sequence[FinishedFilm], numbers: Iterable[int]) -> tuple[list[FrameFile], list[Problem]]:
-    """Return these frames, each from the first part that has it, and the problems that keep them from being a film."""
+    """Return these frames, each from the first part that has it, and the problems of missing and differing frames."""
     found: dict[int, list[FrameFile]] = {}
     for part in parts:
         for record in part.record.frames:
@@ -79,7 +79,7 @@ def pick_frames(parts: Sequence[FinishedFilm], numbers: Iterable[int]) -> tuple[
 
 
 def _duplicate_problems(first: FrameFile, other: FrameFile) -> Iterator[Problem]:
-    """Yield a problem unless both parts have the frame in one file, or have drawn the same picture."""
+    """Yield a problem unless both parts have the frame in the same file, or have drawn the same picture."""
     if first.record.digest != other.record.digest and first.file.resolve() != other.file.resolve():
         got, what = f"{first.file} and {other.file}", f"frame {first.number} differs between two parts"
         yield Problem("", what, got=got, hint="leave one of the parts out", location=str(other.film.path))
@@ -98,7 +98,7 @@ def _missing_problems(missing: Sequence[int], part: FinishedFilm) -> Iterator[Pr
 
 
 def _command(part: FinishedFilm, start: int, stop: int) -> str:
-    """Return the command that draws these frames beside those of a part."""
+    """Return the command that draws these frames beside the frames of a part."""
     words = ["hsplat", "render", str(part.path)]
     if part.has_goal:
         ((name, value),) = schedule_to_dict(part.record.schedule.requested).items()

@@ -1,4 +1,4 @@
-"""Make one film of frames that exist: a job that resumes where every frame is finished."""
+"""Make one film of the frames of parts. Nothing is drawn, and no volume is read."""
 
 from __future__ import annotations
 
@@ -31,15 +31,16 @@ def assemble_film(
 ) -> JobResult:
     """Make the film of these frames and its sidecar, or return the film that is up to date.
 
-    resumes: a film that is up to date is not made again.
-    Raises SceneError with all that is wrong with the parts, and what writing raises; then no film is written.
+    resumes: whether a film that is up to date is kept.
+    Raises SceneError with all problems of the parts, and as `make_film` for outputs; then no film is written.
     """
     start = time.perf_counter()
     sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_path_frames)
-    # A film that was assembled among its parts is none of them.
+    # A film that was assembled into the folder of its parts is no part.
     parts = [part for part in parts if not is_same_file(part.path, sidecar)] or parts
     film_files(output, numbers, sidecar).require_harmless(_input_files(parts))
-    raise_problems(film_problems(parts))  # the size and the frames of another film say nothing about this one
+    # Before the frames are looked at: the size and the frames of another film say nothing about this one.
+    raise_problems(film_problems(parts))
     picked, problems = pick_frames(parts, numbers)
     with open_output(output, numbers, sidecar, resumes=resumes) as film:
         fingerprint = None if problems else parts_fingerprint(picked, output)
@@ -65,9 +66,9 @@ def _input_files(parts: Sequence[FinishedFilm]) -> Iterator[Path]:
 def _film_up_to_date(
     fingerprint: FilmFingerprint, picked: Sequence[FrameFile], film: OutputWriter, events: JobEvents
 ) -> FinishedFilm | None:
-    """Return the film if it exists and has the recorded pictures of the parts.
+    """Return the existing film if it has the recorded pictures of the parts; else None.
 
-    With a time budget a part has other pictures each time it is drawn, though the fingerprint is the same.
+    The fingerprint alone does not tell: on a time budget a part has other pictures each time it is drawn.
     """
     existing = find_finished_film(film.sidecar, events.note)
     if existing is None or not existing.is_up_to_date(fingerprint, film.spec, film.frames):

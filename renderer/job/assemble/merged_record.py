@@ -1,11 +1,10 @@
-"""Make the record of a film of parts, like that of a film that was drawn by one job."""
+"""Merge the records of parts to the record of their film, as one job would have made it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import Any
 
 from renderer.film import data_digest, film_notes
 from renderer.record import (
@@ -37,7 +36,7 @@ from renderer.system import package_versions, sources_digest
 def merged_record(picked: Sequence[FrameFile], output: OutputSpec, seconds: float) -> FilmRecord:
     """Return the record of the film, from which `hsplat render` makes it again.
 
-    seconds: of assembling. The seconds of the parts are summed, even if they were drawn at the same time.
+    seconds: the time of assembling. The seconds of the parts are summed, even if they were drawn at the same time.
     """
     parts = parts_of(picked)
     first, frames = parts[0].record, [frame.record for frame in picked]
@@ -74,12 +73,12 @@ def merged_record(picked: Sequence[FrameFile], output: OutputSpec, seconds: floa
 
 
 def parts_of(picked: Sequence[FrameFile]) -> list[FinishedFilm]:
-    """Return the parts that frames are taken from, in the order of their first frames."""
+    """Return the parts of these frames, in the order of their first frames."""
     return list({frame.film.path: frame.film for frame in picked}.values())
 
 
 def _part_notes(picked: Sequence[FrameFile]) -> list[str]:
-    """Return the notes for the user: on the film, then those of its parts."""
+    """Return the notes for the user: on the film, and then the notes of its parts."""
     parts = parts_of(picked)
     first = _tools(parts[0])
     different = [f"{name} {value}" for name, value in _joined_tools(parts).items() if value != first.get(name)]
@@ -97,10 +96,11 @@ def _part_notes(picked: Sequence[FrameFile]) -> list[str]:
 
 
 def parts_fingerprint(picked: Sequence[FrameFile], output: OutputSpec) -> FilmFingerprint | None:
-    """Return the fingerprint of the film as one job would draw it, or None where no job would draw this film.
+    """Return the fingerprint of the film as one job would draw it; None if no single job would draw this film.
 
-    The parts need the same fingerprint. A goal for all frames together was met by whole parts only. A film that is
-    encoded by another version than drew the frames has a fingerprint of its own.
+    All parts must have the same fingerprint. If the goal was one for all frames together, all frames of each part must
+    be taken, since only together they meet it. A film that is encoded by other versions than those that drew its frames
+    has a fingerprint of its own.
     """
     parts = parts_of(picked)
     first, *others = (part.record.fingerprint for part in parts)
@@ -119,7 +119,7 @@ def parts_fingerprint(picked: Sequence[FrameFile], output: OutputSpec) -> FilmFi
     return replace(fingerprint, encoding={**fingerprint.encoding, **now})
 
 
-def _scene(picked: Sequence[FrameFile], output: OutputSpec) -> dict[str, Any]:
+def _scene(picked: Sequence[FrameFile], output: OutputSpec) -> dict[str, object]:
     part = picked[0].film
     scene = with_files(part.record.scene, lambda _, file: found_path(file, part.path.parent))
     error = scene["error"]
@@ -136,12 +136,12 @@ def _part_record(part: FinishedFilm, picked: Sequence[FrameFile]) -> PartRecord:
 
 
 def _tools(part: FinishedFilm) -> dict[str, str]:
-    """Return the versions of the packages that drew a part, and its device."""
+    """Return the versions of the packages that drew a part, and the device."""
     return {**part.record.versions, "device": part.record.device}
 
 
 def _joined_tools(parts: Sequence[FinishedFilm]) -> dict[str, str]:
-    """Return the versions of the packages that drew the parts, joined where they differ."""
+    """Return the versions of the packages that drew the parts, and the devices, joined where they differ."""
     tools = [_tools(part) for part in parts]
     names = dict.fromkeys(chain(*tools))
     return {name: " and ".join(dict.fromkeys(each.get(name, "unknown") for each in tools)) for name in names}

@@ -22,13 +22,14 @@ from renderer.scene import (
     schema,
 )
 
+# The inputs that are parts, as an error states them.
 _EXPECTED = "a folder of numbered frames, or the .json files beside them"
 
 
 def find_parts(names: Sequence[str]) -> list[FinishedFilm]:
     """Return the parts in these folders, sidecars and globs, each once, sorted by their first frame.
 
-    Raises SceneError with all that is wrong with any of them.
+    Raises SceneError with the problems of all of them.
     """
     parts: dict[Path, FinishedFilm] = {}
     problems: list[Problem] = []
@@ -46,7 +47,7 @@ def find_parts(names: Sequence[str]) -> list[FinishedFilm]:
 
 
 def _parts_at(path: Path, problems: list[Problem]) -> Iterator[FinishedFilm]:
-    """Yield the part of a sidecar, or all parts in a folder, whose other files are ignored."""
+    """Yield the part of a sidecar, or all parts in a folder. Other files in the folder are ignored."""
     if not path.is_dir():
         yield from _read(path, problems, is_named=True)
         return
@@ -88,7 +89,7 @@ def _has_frames(record: FilmRecord) -> bool:
 
 
 def _digest_problems(record: FilmRecord, path: Path) -> Iterator[Problem]:
-    """Yield a problem for the first frame without a digest; others may have none for the same reason."""
+    """Yield a problem for the first frame without a digest. Other frames may lack theirs for the same reason."""
     index = next((index for index, frame in enumerate(record.frames) if frame.digest is None), None)
     if index is not None:
         hint = f"{shlex.join(['hsplat', 'render', str(path), '--force'])} draws the frames again"
@@ -96,7 +97,7 @@ def _digest_problems(record: FilmRecord, path: Path) -> Iterator[Problem]:
 
 
 def _scene_problems(record: FilmRecord) -> list[Problem]:
-    """Return the problems of the values that a film of parts takes from the recorded scene."""
+    """Return the problems of the values that an assembled film takes from the recorded scene."""
     problems: list[Problem] = []
     node = schema.TreeNode(record.scene, "scene", problems, film=schema.FilmTime(None, 1.0))
     node = replace(node, value={**record.scene, "output": first_output(record.scene)})
@@ -106,7 +107,7 @@ def _scene_problems(record: FilmRecord) -> list[Problem]:
 
 
 def _known(table: schema.FieldTable) -> schema.FieldType[Any]:
-    """Return the type of a mapping that has these keys, and perhaps others."""
+    """Return the type of a mapping that has the keys of a table, and perhaps others."""
 
     def parse(node: schema.TreeNode) -> Any:
         if isinstance(node.value, Mapping):
