@@ -206,6 +206,8 @@ def _truth_record(truth: Truth) -> dict[str, Any]:
         "seconds": truth.seconds,
         "convergence": asdict(truth.convergence),
         "share_on_volume": truth.share_on_volume,
+        "rays_per_pixel": truth.rays_per_pixel,
+        "own_psnr": truth.own_psnr,
     }
 
 

@@ -110,12 +110,15 @@ Amounts = Mapping[str, float]
 class FrameAccuracy:
     """A record of how exact a frame is, by exact rays through some of its pixels."""
 
-    psnr: Annotated[float, _DECIBELS, "In decibels, of the picture after rounding; 200 where no ray saw an error."]
-    interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more."]
-    rays: Annotated[int, _COUNT, "The rays."]
-    variance: Annotated[float, _AMOUNT, "Of the rays' squared errors, each weighted by the chance of its pixel."]
-    largest: Annotated[float, _AMOUNT, "The largest of these."]
-    largest_error: Annotated[float, _AMOUNT, "The largest error seen of a channel, in [0, 1]."]
+    psnr: Annotated[
+        float, _DECIBELS, "In decibels, of the picture after rounding; 200 where the error is too small to be seen."
+    ]
+    interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more; up to 200: at least."]
+    rays: Annotated[int, _COUNT, "The pixels that were probed, each by several rays."]
+    variance: Annotated[float, _AMOUNT, "Of the squared errors of these, each weighted by the chance of its pixel."]
+    largest: Annotated[float, _AMOUNT, "The largest magnitude of these, which chance may bring below 0."]
+    largest_error: Annotated[float, _AMOUNT, "The largest error seen of a channel, in [0, 1]; too large at edges."]
+    mean: Annotated[float | None, _COORDINATE, "The mean of the squared errors; that of the PSNR if left out."] = None
 
 
 @dataclass(frozen=True)
@@ -258,10 +261,10 @@ class FilmAccuracy:
     """A record of how exact the frames of a film are together, by their rays."""
 
     psnr: Annotated[float, _DECIBELS, "In decibels, of their mean squared error."]
-    interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more."]
-    rays: Annotated[int, _COUNT, "The rays through all frames."]
+    interval: Annotated[Range, _INTERVAL, "Between these it lies in 95 % of cases, or more; up to 200: at least."]
+    rays: Annotated[int, _COUNT, "The pixels that were probed in all frames."]
     worst: Annotated[WorstFrame, "The least exact frame."]
-    largest_error: Annotated[float, _AMOUNT, "The largest error seen of a channel, in [0, 1]."]
+    largest_error: Annotated[float, _AMOUNT, "The largest error seen of a channel, in [0, 1]; too large at edges."]
     method: Annotated[str, "How the pixels of the rays were chosen."]
     seed: Annotated[int, _COUNT, "Of their choice, beside the number of the frame."]
     file: Annotated[FileAccuracy | None, "What a film in one file keeps of them; PNG files keep all."] = None

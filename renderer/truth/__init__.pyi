@@ -3,7 +3,14 @@ from .integrator import (
     Progress as Progress,
     RayIntegrator as RayIntegrator,
     ignore as ignore,
-    integrate as integrate,
 )
 from .optics import TrueLayer as TrueLayer
+from .pixel_means import (
+    RAYS_PER_SQUARE as RAYS_PER_SQUARE,
+    PixelMeans as PixelMeans,
+    mean_over_pixels as mean_over_pixels,
+    means_over as means_over,
+    sides_for as sides_for,
+)
+from .places import pixel_centres as pixel_centres, places_in_pixels as places_in_pixels
 from .scene_rays import SceneRays as SceneRays, chord_lengths as chord_lengths
