@@ -17,9 +17,12 @@ import numpy as np
 
 from renderer.volume import Float64
 
-# The sample that may have been missed, by the largest magnitude of one, and at the least: an error of half a level of
-# 8 bits.
-_UNSEEN, _LEAST_UNSEEN = 6.0, (0.5 / 255) ** 2
+# The sample that may have been missed, by the largest magnitude of one: this many times, and the second divided by the
+# number of samples more. With 2 alone intervals of 16 probes hold in 66 to 97 % of cases, with 10 alone those of a film
+# are twice as wide as they need to be.
+_UNSEEN, _UNSEEN_OF_FEW = 2.0, 128.0
+# That sample at the least: an error of half a level of 8 bits.
+_LEAST_UNSEEN = (0.5 / 255) ** 2
 # Of the normal distribution, for 95 %.
 _DEVIATIONS = 1.96
 
@@ -45,7 +48,8 @@ class ErrorSamples:
     @property
     def interval(self) -> tuple[float, float]:
         """Return the mean squared errors between which the true one lies in 95 % of cases, or more."""
-        seen, unseen = max(self.mean, 0.0), max(_UNSEEN * self.largest, _LEAST_UNSEEN)
+        seen, times = max(self.mean, 0.0), _UNSEEN + _UNSEEN_OF_FEW / self.num
+        unseen = max(times * self.largest, _LEAST_UNSEEN)
         mean = (self.num * seen + unseen) / (self.num + 1)
         variance = (self.num * (self.variance + (seen - mean) ** 2) + (unseen - mean) ** 2) / (self.num + 1)
         low = self.mean - _DEVIATIONS * self.deviation

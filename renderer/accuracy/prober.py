@@ -126,7 +126,8 @@ class FrameProber:
 
     def probe(self, number: int, image: Pixels, covered: Bools | None = None) -> Probe:
         """Measure the error of a frame's picture; parameters as in `exact_pixels` and `compare_image`."""
-        return self.exact_pixels(number, image).compare_image(image, covered)
+        seen = image if covered is None else np.where(covered[..., None], image.dtype.type(0), image)
+        return self.exact_pixels(number, seen).compare_image(image, covered)  # edges of what covers are not looked at
 
 
 def open_prober(stage: Stage, num_threads: int) -> FrameProber | None:

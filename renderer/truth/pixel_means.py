@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import maximum_filter
 
 from renderer.film import behind_rows, over_rows
 from renderer.scene import Background
@@ -129,8 +128,15 @@ def _sides(rays: SceneRays, view: View, behind: Float64, seed: Sequence[int], on
         colors = _colors_over(radiance, np.repeat(behind[pixels], side**2, axis=0)).reshape(pixels.size, -1, 3)
         highest[pixels], lowest[pixels] = colors.max(axis=1), colors.min(axis=1)
         on_progress(number / len(batches))
-    tops, bottoms = (maximum_filter(each.reshape(height, width, 3), (3, 3, 1)) for each in (highest, -lowest))
+    tops, bottoms = (_largest_around(each.reshape(height, width, 3)) for each in (highest, -lowest))
     return sides_for((tops + bottoms).max(axis=2).ravel(), _SIDES)
+
+
+def _largest_around(values: Float64) -> Float64:
+    """Return the largest value of each pixel and its eight neighbours, [h, w, channels]."""
+    padded = np.pad(values, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    in_rows = np.maximum(np.maximum(padded[:, :-2], padded[:, 1:-1]), padded[:, 2:])
+    return np.asarray(np.maximum(np.maximum(in_rows[:-2], in_rows[1:-1]), in_rows[2:]))
 
 
 def sides_for(differences: Array, table: Sequence[tuple[float, int]]) -> Int64:
