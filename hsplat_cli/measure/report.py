@@ -107,9 +107,11 @@ def _convergence_line(truth: Truth) -> dict[str, str]:
         "frame": str(truth.frame),
         "computed in\ns": f"{truth.seconds:.1f}",
         "volume visible in\nof the pixels": f"{100 * truth.share_on_volume:.1f} %",
+        "rays\na pixel": f"{truth.rays_per_pixel:.1f}",
+        "its own PSNR\ndB": f"{truth.own_psnr:.1f}",
         "steps\nvoxels": ", ".join(f"{step:g}" for step in record.step_voxels),
         "largest change at each\nof a channel, 0 to 1": ", ".join(f"{change:.1e}" for change in record.change),
-        "pixels still integrated": ", ".join(map(count_text, record.num_pixels)),
+        "rays still integrated": ", ".join(map(count_text, record.num_rays)),
     }
 
 

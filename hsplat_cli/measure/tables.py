@@ -214,6 +214,8 @@ def _truth_record(truth: Truth) -> dict[str, object]:
         "seconds": truth.seconds,
         "convergence": asdict(truth.convergence),
         "share_on_volume": truth.share_on_volume,
+        "rays_per_pixel": truth.rays_per_pixel,
+        "own_psnr": truth.own_psnr,
     }
 
 

@@ -18,9 +18,9 @@ from renderer.frame import FilmStage, Stage, StageMaker, prepare_stage, view_of
 from renderer.layers import Layer
 from renderer.scene import FilmScene, LayerSpec
 from renderer.statistics import background_value
-from renderer.truth import SceneRays, chord_lengths
+from renderer.truth import SceneRays, chord_lengths, pixel_centres
 from renderer.view import View
-from renderer.volume import Bools, Float64, Int64, Volume, sampled_volume
+from renderer.volume import Bools, Float64, Volume, sampled_volume
 
 # The most frames that are looked at.
 _MOST_FRAMES = 3
@@ -68,10 +68,10 @@ def look_ahead(stage: FilmStage, frames: Sequence[int], *, num_threads: int) -> 
     for number in numbers:
         at = stage if isinstance(stage, Stage) else _stage_at(stage, number, num_threads)
         view = _small(view_of(at, number))
-        pixels = np.arange(view.size[0] * view.size[1])
-        radiance = (rays or SceneRays(at, num_threads=num_threads)).integrate(view, pixels, _STEP_VOXELS)
+        places = pixel_centres(view.size)
+        radiance = (rays or SceneRays(at, num_threads=num_threads)).integrate(view, places, _STEP_VOXELS)
         seen.append(_seen(at, view, radiance))
-        are_boxes.append([_is_box(layer, view, pixels, radiance[:, 3]) for layer in at.layers])
+        are_boxes.append([_is_box(layer, view, places, radiance[:, 3]) for layer in at.layers])
     dark = [number for number, part in zip(numbers, seen, strict=True) if part < _LEAST_SEEN]
     found = [_dark_glance(stage, dark, max(seen))] if 2 * len(dark) >= len(numbers) else []
     boxes = np.all(are_boxes, axis=0).tolist()
@@ -145,11 +145,11 @@ def _dark_glance(stage: FilmStage, numbers: Sequence[int], most: float) -> Glanc
     return Glance(word, f"{which} {word}{amount}; `hsplat info` lists the values that there are")
 
 
-def _is_box(layer: Layer, view: View, pixels: Int64, opacities: Float64) -> bool:
+def _is_box(layer: Layer, view: View, places: Float64, opacities: Float64) -> bool:
     """Return whether rays are opaque wherever they meet the box of a layer, and nowhere are more of them."""
     if layer.projection is not None:
         return False
-    chords = chord_lengths(layer.volume, view.clipped(layer.spec.clip), pixels)
+    chords = chord_lengths(layer.volume, view.clipped(layer.spec.clip), places)
     meets: Bools = chords > _SHORTEST * 2 * layer.volume.half_diagonal
     return bool(meets.any() and np.mean(opacities[meets] > _LEAST_OPACITY) >= _MIN_OF_BOX)
 

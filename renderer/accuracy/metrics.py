@@ -2,6 +2,9 @@
 
 Pictures are compared over the scene's background, clipped to [0, 1], before quantisation. They are display-referred:
 perceptual metrics take them as sRGB. The packages that compute those (the extra `measure`) are imported on use.
+
+A truth is made of means over pixels, which have errors of their own. RMSE and PSNR take the variances of these from the
+squared differences, and so have none of it on average; the other metrics take the truth as it is.
 """
 
 from __future__ import annotations
@@ -19,9 +22,12 @@ from renderer.accuracy.decibels import psnr
 from renderer.accuracy.estimate import ErrorSamples, pool_samples
 from renderer.errors import require_package
 from renderer.film import require_finite
+from renderer.truth import PixelMeans
 from renderer.volume import Array, Bools
 
-FloatImage = npt.NDArray[np.float64]
+FloatImage = npt.NDArray[np.floating]
+# What pictures are compared with: another picture, or means of pixels that know their variances.
+TruePicture = FloatImage | PixelMeans
 # Of a picture against the truth over some pixels, by the names of METRICS; NaN where a metric is undefined. The ends of
 # the interval of an estimate stand beside it, with `_low` and `_high` after the name.
 ErrorMetrics = Mapping[str, float]
@@ -74,12 +80,12 @@ class SampledAccuracy(Accuracy):
 def sampled_accuracy(samples: ErrorSamples) -> SampledAccuracy:
     """Return the accuracy that samples of the squared error tell."""
     low, high = samples.interval
-    everywhere = {"rmse": math.sqrt(samples.mean), "rmse_low": math.sqrt(low), "rmse_high": math.sqrt(high)}
+    everywhere = {"rmse": math.sqrt(max(samples.mean, 0.0)), "rmse_low": math.sqrt(low), "rmse_high": math.sqrt(high)}
     everywhere |= {"psnr": psnr(samples.mean), "psnr_low": psnr(high), "psnr_high": psnr(low)}
     return SampledAccuracy(everywhere, {}, samples)
 
 
-def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Bools) -> Accuracy:
+def measure_accuracy(picture: FloatImage, truth: TruePicture, on_volume: Bools) -> Accuracy:
     """Compute all metrics, over all pixels and over those of a mask.
 
     picture, truth: float [h, w, 3] in [0, 1], sRGB where a metric models the eye. on_volume: bool [h, w]; metrics over
@@ -88,9 +94,9 @@ def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Bools) -
     Needs the packages of `require_measuring_packages`. Raises RenderError for a value that is not finite, which FLIP
     would rate as a perfect 0.
     """
-    _require_images(picture, truth)
+    means = _checked_means(picture, truth)
     assert on_volume.shape == picture.shape[:2], (on_volume.shape, picture.shape)
-    maps = {make_map: make_map(picture, truth) for make_map in {make for make, _ in _FUNCTIONS.values()}}
+    maps = {make_map: make_map(picture, means) for make_map in {make for make, _ in _FUNCTIONS.values()}}
 
     def difference(pixels: Any) -> ErrorMetrics:
         return {metric.name: _reduce(of, maps[make_map][pixels]) for metric, (make_map, of) in _FUNCTIONS.items()}
@@ -98,22 +104,22 @@ def measure_accuracy(picture: FloatImage, truth: FloatImage, on_volume: Bools) -
     return Accuracy(difference(np.ones_like(on_volume)), difference(on_volume))
 
 
-def compute_metric(name: str, picture: FloatImage, truth: FloatImage) -> float:
+def compute_metric(name: str, picture: FloatImage, truth: TruePicture) -> float:
     """Compute one metric of METRICS over all pixels; parameters and errors as in `measure_accuracy`."""
-    _require_images(picture, truth)
+    means = _checked_means(picture, truth)
     make_map, of = _FUNCTIONS[METRICS[name]]
-    return _reduce(of, make_map(picture, truth))
+    return _reduce(of, make_map(picture, means))
 
 
-def metric_map(name: str, picture: FloatImage, truth: FloatImage) -> FloatImage:
+def metric_map(name: str, picture: FloatImage, truth: TruePicture) -> FloatImage:
     """Return the value of `ssim` or `flip` at each pixel, float64 [h, w], whose mean is the metric.
 
     It depends on pixels at most REACH_PX rows and columns away. Parameters and errors as in `measure_accuracy`.
     """
-    _require_images(picture, truth)
+    means = _checked_means(picture, truth)
     make_map, of = _FUNCTIONS[METRICS[name]]
     assert of is np.mean, name
-    return make_map(picture, truth)
+    return make_map(picture, means)
 
 
 def pool_accuracies(accuracies: Sequence[Accuracy]) -> Accuracy:
@@ -140,6 +146,13 @@ def _pool_metrics(differences: list[ErrorMetrics]) -> ErrorMetrics:
     return pooled | {"psnr": psnr(pooled["rmse"] ** 2)}
 
 
+def _checked_means(picture: FloatImage, truth: TruePicture) -> PixelMeans:
+    """Return a truth as means of pixels; those of a plain picture have no variance."""
+    means = truth if isinstance(truth, PixelMeans) else PixelMeans(truth, np.zeros_like(truth))
+    _require_images(picture, means.colors)
+    return means
+
+
 def _require_images(*pictures: FloatImage) -> None:
     for picture in pictures:
         assert picture.shape == pictures[0].shape and picture.shape[2:] == (3,), [each.shape for each in pictures]
@@ -156,15 +169,21 @@ def require_measuring_packages() -> None:
 # Maps: the value of a metric at each pixel, from a picture and the truth.
 
 
-def _error_map(picture: FloatImage, truth: FloatImage) -> Array:
+def _squared_error_map(picture: FloatImage, means: PixelMeans) -> Array:
+    """Return the estimate of the squared error of each channel, [h, w, 3], which may be below 0."""
+    return np.asarray((picture - means.colors) ** 2 - means.variances)
+
+
+def _error_map(picture: FloatImage, means: PixelMeans) -> Array:
     """Return the absolute difference of each channel, [h, w, 3]."""
-    return np.abs(picture - truth)
+    return np.asarray(np.abs(picture - means.colors))
 
 
-def _ssim_map(picture: FloatImage, truth: FloatImage) -> Array:
+def _ssim_map(picture: FloatImage, means: PixelMeans) -> Array:
     """Return the structural similarity, mean of the channels, [h, w]."""
     from skimage.metrics import structural_similarity
 
+    truth = means.colors
     if min(picture.shape[:2]) < SSIM_WINDOW_PX:
         return np.full(picture.shape[:2], np.nan)
     total = np.zeros(picture.shape[:2])
@@ -183,13 +202,13 @@ def _ssim_map(picture: FloatImage, truth: FloatImage) -> Array:
     return total / 3
 
 
-def _flip_map(picture: FloatImage, truth: FloatImage) -> Array:
+def _flip_map(picture: FloatImage, means: PixelMeans) -> Array:
     """Return the perceived difference, [h, w]."""
     import flip_evaluator
 
     difference, _, _ = flip_evaluator.evaluate(
         # Copies, because it needs arrays that are contiguous and writable.
-        *(np.array(each, np.float32, order="C") for each in (truth, picture)),
+        *(np.array(each, np.float32, order="C") for each in (means.colors, picture)),
         "LDR",
         inputsRGB=True,
         applyMagma=False,
@@ -199,12 +218,12 @@ def _flip_map(picture: FloatImage, truth: FloatImage) -> Array:
     return np.asarray(difference[..., 0], np.float64)
 
 
-def _delta_e_map(picture: FloatImage, truth: FloatImage) -> Array:
+def _delta_e_map(picture: FloatImage, means: PixelMeans) -> Array:
     """Return the CIE 1976 colour difference, [h, w]."""
     from skimage.color import deltaE_cie76, rgb2lab
 
     # float32 resolves a colour difference to 1e-4, and takes half the time.
-    return np.asarray(deltaE_cie76(*(rgb2lab(each.astype(np.float32)) for each in (truth, picture))))
+    return np.asarray(deltaE_cie76(*(rgb2lab(each.astype(np.float32)) for each in (means.colors, picture))))
 
 
 # Reductions: from a map, or the part of it under a mask, to a number.
@@ -212,6 +231,11 @@ def _delta_e_map(picture: FloatImage, truth: FloatImage) -> Array:
 
 def _reduce(of: Callable[[Array], Any], values: Array) -> float:
     return float(of(values)) if values.size else math.nan
+
+
+def _root_of_mean(values: Array) -> float:
+    """Return the root of a mean squared error, whose estimate may be below 0: then 0."""
+    return math.sqrt(max(float(np.mean(values)), 0.0))
 
 
 def _root_mean_square(values: Array) -> float:
@@ -222,7 +246,8 @@ def _noticeable_share(values: Array) -> float:
     return float(np.mean(values > NOTICEABLE_DELTA_E))
 
 
-# rmse: root of the mean squared difference of the RGB channels. max_error: largest difference of a channel.
+# rmse: root of the mean squared difference of the RGB channels. max_error: largest difference of a channel, which
+#   has the truth's own error, too.
 # psnr: of the square of the rmse; infinite for equal pictures.
 # ssim: mean structural similarity (Wang et al. 2004) of the channels. The pictures are mirrored at the border. NaN for
 #   a picture smaller than the window of 11 pixels.
@@ -230,10 +255,10 @@ def _noticeable_share(values: Array) -> float:
 #   FLIP_PIXELS_PER_DEGREE.
 # delta_e_share: share of the pixels whose CIE 1976 colour difference is over 2.3, the just noticeable one.
 # Each has its map and its reduction.
-_FUNCTIONS: dict[Metric, tuple[Callable[[FloatImage, FloatImage], Array], Callable[[Array], Any]]] = {
-    Metric("rmse", "RMSE"): (_error_map, _root_mean_square),
+_FUNCTIONS: dict[Metric, tuple[Callable[[FloatImage, PixelMeans], Array], Callable[[Array], Any]]] = {
+    Metric("rmse", "RMSE"): (_squared_error_map, _root_of_mean),
     Metric("max_error", "largest error"): (_error_map, np.max),
-    Metric("psnr", "PSNR", "dB", higher_is_better=True): (_error_map, lambda of: psnr(_root_mean_square(of) ** 2)),
+    Metric("psnr", "PSNR", "dB", higher_is_better=True): (_squared_error_map, lambda of: psnr(_root_of_mean(of) ** 2)),
     Metric("ssim", "SSIM", higher_is_better=True): (_ssim_map, np.mean),
     Metric("flip", "FLIP"): (_flip_map, np.mean),
     Metric("flip_p99", "FLIP, 99th percentile"): (_flip_map, partial(np.percentile, q=99)),

@@ -1,7 +1,7 @@
-"""Choose the pixels of a frame that are worth an exact ray: more of them where the picture has edges.
+"""Choose the pixels of a frame that are worth exact rays: more of them where the picture has edges.
 
-A block of pixels is chosen by its largest difference between neighbours, and a pixel in it by its own: errors lie near
-edges. A part of the rays is spread evenly, so that no error can hide. With all of them, four times as many are needed.
+A block of pixels is chosen by its largest difference between neighbours, and a pixel in it by its own: errors lie on
+edges. A part of the choice is even, so that no error can hide. If all of it is, four times as many are needed.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ _BLOCK = 8
 # Blocks along y that are looked at together: their differences stay in the processor's cache.
 _BLOCKS_AT_ONCE = 8
 # A pixel's weight is its difference plus a share of the largest in its block and a constant for a block that is not
-# flat, in levels of 8 bits. What they are hardly matters. Every pixel gets this part of the mean weight, too.
-_SHARE_OF_LARGEST, _NOT_FLAT, _EVEN = 0.6, 2.0, 0.15
+# flat, in levels of 8 bits. With a share of 0.6, 32 probes of an antialiased picture miss its few edges more often:
+# intervals hold in 78 to 99 % of cases in place of 92 to 99. Every pixel gets this part of the mean weight, too.
+_SHARE_OF_LARGEST, _NOT_FLAT, _EVEN = 0.1, 2.0, 0.15
 # The difference of a typical pixel, by the largest in its block.
 _TYPICAL_DIFFERENCE = 0.25
 
@@ -46,9 +47,9 @@ def choose_pixels(image: UInt8, num: int, seed: tuple[int, ...]) -> ChosenPixels
     blocks = np.searchsorted(ends, (each + random.random(num)) * (ends[-1] / num), side="right")
     blocks = np.minimum(blocks, len(ends) - 1)
     chances = np.diff(ends, prepend=0.0)[blocks] / ends[-1]
-    rows, columns = (_BLOCK * at[:, None] + np.arange(_BLOCK + 1) for at in np.divmod(blocks, num_columns))
+    rows, columns = (_BLOCK * at[:, None] + np.arange(_BLOCK) for at in np.divmod(blocks, num_columns))
     weights = _differences_in_blocks(image, rows, columns) + shared[blocks, None, None]
-    weights *= (rows[:, :-1, None] < height) & (columns[:, None, :-1] < width)
+    weights *= (rows[:, :, None] < height) & (columns[:, None] < width)
     ends = np.cumsum(weights.reshape(num, -1), axis=1)
     pixels = np.argmax(ends > (random.random(num) * ends[:, -1])[:, None], axis=1)
     row, column = np.divmod(pixels, _BLOCK)
@@ -56,34 +57,51 @@ def choose_pixels(image: UInt8, num: int, seed: tuple[int, ...]) -> ChosenPixels
     return ChosenPixels(rows[each, row] * width + columns[each, column], 1 / (chances * (height * width)))
 
 
+def surrounding_differences(image: UInt8, numbers: Int64) -> Int64:
+    """Return the largest difference of a channel among each of some pixels and its eight neighbours, int64 [n]."""
+    height, width, _ = image.shape
+    row, column = (at[:, None] + np.arange(-1, 2) for at in np.divmod(numbers, width))
+    around = image[np.clip(row, 0, height - 1)[:, :, None], np.clip(column, 0, width - 1)[:, None, :]]
+    return np.asarray(np.ptp(around.astype(np.int64), axis=(1, 2)).max(axis=1))
+
+
 def _largest_differences(image: UInt8) -> UInt8:
-    """Return for each block the largest difference of a channel from the next pixel to the right or below."""
+    """Return for each block the largest difference of a channel of its pixels from those beside them."""
     height, width, num_channels = image.shape
     num_rows, num_columns = -(-height // _BLOCK), -(-width // _BLOCK)
     found = np.empty((num_rows, num_columns), np.uint8)
     for first in range(0, num_rows, _BLOCKS_AT_ONCE):
-        part = image[_BLOCK * first : _BLOCK * (first + _BLOCKS_AT_ONCE) + 1]
         blocks = found[first : first + _BLOCKS_AT_ONCE]
-        differences = np.zeros((_BLOCK * len(blocks) + 1, num_columns * _BLOCK, num_channels), np.uint8)
-        differences[: len(part) - 1, :width] = _difference(part[:-1], part[1:])
-        across = differences[: len(part), : width - 1]
-        np.maximum(across, _difference(part[:, :-1], part[:, 1:]), out=across)
-        in_rows = differences[:-1].reshape(len(blocks), _BLOCK, -1).max(axis=1)
+        rows = np.clip(_BLOCK * first + np.arange(-1, _BLOCK * len(blocks) + 1), 0, height - 1)
+        part = np.empty((len(rows), _BLOCK * num_columns + 2, num_channels), np.uint8)
+        part[:, 1 : width + 1] = image[rows]
+        part[:, 0], part[:, width + 1 :] = part[:, 1], part[:, width, None]
+        down = _difference(part[:-1, 1:-1], part[1:, 1:-1])  # from the pixel above
+        across = _difference(part[1:-1, :-1], part[1:-1, 1:])  # from the pixel to the left
+        in_rows = down[:-1].reshape(len(blocks), _BLOCK, -1, num_channels).max(axis=1)
+        np.maximum(in_rows, down[_BLOCK::_BLOCK], out=in_rows)
+        across_rows = across.reshape(len(blocks), _BLOCK, -1, num_channels).max(axis=1)
+        np.maximum(in_rows, across_rows[:, :-1], out=in_rows)
         blocks[:] = in_rows.reshape(*blocks.shape, -1).max(axis=2)
+        np.maximum(blocks, across_rows[:, _BLOCK::_BLOCK].max(axis=2), out=blocks)
     return found
 
 
 def _differences_in_blocks(image: UInt8, rows: Int64, columns: Int64) -> UInt8:
-    """Return the differences of all pixels in some blocks, uint8 [n, _BLOCK, _BLOCK].
+    """Return the largest difference of each pixel in some blocks from the four beside it, uint8 [n, _BLOCK, _BLOCK].
 
-    rows, columns: int64 [n, _BLOCK + 1], those of the blocks and the next one.
+    rows, columns: int64 [n, _BLOCK], those of the blocks.
     """
     height, width, _ = image.shape
-    values = image[np.minimum(rows, height - 1)[:, :, None], np.minimum(columns, width - 1)[:, None, :]]
-    down = _difference(values[:, :-1, :-1], values[:, 1:, :-1])
-    across = _difference(values[:, :-1, :-1], values[:, :-1, 1:])
-    larger: UInt8 = np.maximum(down, across).max(axis=3)
-    return larger
+    rows = np.clip(np.column_stack([rows[:, 0] - 1, rows, rows[:, -1] + 1]), 0, height - 1)
+    columns = np.clip(np.column_stack([columns[:, 0] - 1, columns, columns[:, -1] + 1]), 0, width - 1)
+    values = image[rows[:, :, None], columns[:, None, :]]
+    down = _difference(values[:, :-1, 1:-1], values[:, 1:, 1:-1]).max(axis=3)
+    across = _difference(values[:, 1:-1, :-1], values[:, 1:-1, 1:]).max(axis=3)
+    found: UInt8 = np.maximum(down[:, :-1], down[:, 1:])
+    np.maximum(found, across[:, :, :-1], out=found)
+    np.maximum(found, across[:, :, 1:], out=found)
+    return found
 
 
 def _difference(one: UInt8, two: UInt8) -> UInt8:

@@ -1,7 +1,7 @@
 """Compare trial pictures with what is exact: a few rays of each frame, or its whole picture.
 
 Both compare a picture before it is rounded, and return the value of the metric that is wanted, and the standard
-deviation of the logarithm of its mean squared error: 0 where it is no estimate. num_frames: the most that a search for
+deviation of its mean squared error: 0 where that is no estimate. num_frames: the most that a search for
 one tolerance tries. step: the least factor between tolerances that they can tell.
 """
 
@@ -20,6 +20,7 @@ from renderer.accuracy.truths import NUM_SAMPLED_PIXELS, Truth
 from renderer.film import over_background
 from renderer.frame import FilmStage, Frame
 from renderer.scene import MetricTarget
+from renderer.truth import PixelMeans
 
 
 class ExactRays:
@@ -41,16 +42,15 @@ class ExactRays:
         if frame.number not in self._exact:
             self._exact[frame.number] = self._prober.on(frame.stage).exact_pixels(frame.number, frame.image)
         samples = self._exact[frame.number].compare_radiance(frame.radiance).samples
-        value = psnr(samples.mean) if self.want.metric == "psnr" else math.sqrt(samples.mean)
+        value = psnr(samples.mean) if self.want.metric == "psnr" else math.sqrt(max(samples.mean, 0.0))
         return value, samples.deviation
 
 
 class ExactPictures:
     """A store of whole exact pictures of frames, which take long but tell any metric. A step is any, of two digits.
 
-    Pictures are kept in float32, 12 bytes a pixel. Those compared with them are rounded alike, so that equal pictures
-    stay equal: values change by at most 3e-8, a three hundredth of TRUTH_TOLERANCE, and an RMSE by 6e-8, which is 0.005
-    dB at 80 dB.
+    They and their variances are kept in float32, 24 bytes a pixel. Pictures compared with them are rounded alike, so
+    that equal pictures stay equal: values change by at most 3e-8, and an RMSE by 6e-8, which is 0.005 dB at 80 dB.
     """
 
     num_frames, step = 10, 1.0
@@ -68,10 +68,11 @@ class ExactPictures:
         """Compute the metric over all pixels."""
         if frame.number not in self._truths:
             truth = self._find_truth(frame.number)
-            self._truths[frame.number] = replace(truth, picture=truth.picture.astype(np.float32))
+            means = PixelMeans(*(each.astype(np.float32) for each in truth.means))
+            self._truths[frame.number] = replace(truth, means=means)
         background = frame.stage.scene.background
         picture = over_background(frame.radiance, background).astype(np.float32).astype(np.float64)
-        return compute_metric(self.want.metric, picture, self._truths[frame.number].picture), 0.0
+        return compute_metric(self.want.metric, picture, self._truths[frame.number].means), 0.0
 
 
 Reference = ExactRays | ExactPictures

@@ -35,7 +35,7 @@ _NUM_KEYS, _MAX_KEYS = 8, 32
 class Trial:
     """A picture at a tolerance: the metric's value on a frame, and the number of cells in the cut.
 
-    deviation: of the logarithm of the mean squared error, where that is an estimate.
+    deviation: of the mean squared error, where that is an estimate.
     """
 
     tolerance: float
@@ -203,9 +203,10 @@ class _Trials:
     def is_good(self, step: int, frame: int, deviations: float = 0.0) -> bool:
         """Return whether a frame is as exact as wanted, even if its estimate is too good by some deviations."""
         want, trial = self.reference.want, self.trial(step, frame)
-        factor = math.exp(deviations * trial.deviation)  # of the mean squared error
-        worse = trial.value - 10 * math.log10(factor) if want.metric == "psnr" else trial.value * math.sqrt(factor)
-        return want.margin(worse) >= 0
+        if trial.deviation == 0.0:
+            return want.margin(trial.value) >= 0
+        error = wanted_error(replace(want, value=trial.value)) + deviations * trial.deviation
+        return want.margin(psnr(error) if want.metric == "psnr" else math.sqrt(error)) >= 0
 
     def is_sure(self, step: int, frame: int) -> bool:
         """Return whether a frame is surely good enough; at the last step there is nothing better."""

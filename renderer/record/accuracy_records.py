@@ -18,7 +18,8 @@ _METHOD = "stratified by the differences between neighbouring pixels"
 def frame_accuracy(probe: Probe) -> FrameAccuracy:
     """Return the record of the accuracy of a frame that rays have measured."""
     samples = probe.samples
-    return FrameAccuracy(*_decibels(samples), samples.num, samples.variance, samples.largest, probe.largest_error)
+    largest = samples.largest
+    return FrameAccuracy(*_decibels(samples), samples.num, samples.variance, largest, probe.largest_error, samples.mean)
 
 
 def film_accuracy(frames: Sequence[FrameRecord]) -> FilmAccuracy | None:
@@ -71,11 +72,14 @@ def _decibels_text(accuracy: FilmAccuracy, loss: float = 0.0) -> str:
     """Return the PSNR with its interval; `loss` as in `with_encoding_loss`."""
     errors = [squared_error(each) + loss for each in (accuracy.psnr, *accuracy.interval)]
     value, low, high = (min(psnr(each), MOST_DB) for each in errors)
-    return f"at least {low:.0f} dB (no error seen)" if value >= MOST_DB else f"{value:.1f} dB ({low:.1f} to {high:.1f})"
+    if value >= MOST_DB:
+        return f"at least {low:.1f} dB"
+    return f"{value:.1f} dB ({low:.1f} {'or more' if high >= MOST_DB else f'to {high:.1f}'})"
 
 
 def _samples(accuracy: FrameAccuracy) -> ErrorSamples:
-    return ErrorSamples(accuracy.rays, squared_error(accuracy.psnr), accuracy.variance, accuracy.largest)
+    mean = squared_error(accuracy.psnr) if accuracy.mean is None else accuracy.mean
+    return ErrorSamples(accuracy.rays, mean, accuracy.variance, accuracy.largest)
 
 
 def _decibels(samples: ErrorSamples) -> tuple[float, Range]:

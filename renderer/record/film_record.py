@@ -46,12 +46,15 @@ Amounts = Mapping[str, float]
 class FrameAccuracy:
     """A record of how exact a frame is, by exact rays through some of its pixels."""
 
-    psnr: Annotated[float, types.DECIBELS, "In decibels, of the picture after rounding; 200 where no ray saw an error."]
-    interval: Annotated[Range, types.INTERVAL, "The true value lies between these in 95 % of cases or more."]
-    rays: Annotated[int, types.COUNT, "Their number."]
+    psnr: Annotated[float, types.DECIBELS, "In decibels, of the picture after rounding; 200 where probes see no error."]
+    interval: Annotated[
+        Range, types.INTERVAL, "In 95 % of cases or more the true value is between these; 200 is no limit."
+    ]
+    rays: Annotated[int, types.COUNT, "The number of probed pixels, each by several rays."]
     variance: Annotated[float, types.AMOUNT, "The variance of the squared errors, weighted by the chances of pixels."]
-    largest: Annotated[float, types.AMOUNT, "The largest weighted squared error."]
-    largest_error: Annotated[float, types.AMOUNT, "The largest error of a channel, in [0, 1]."]
+    largest: Annotated[float, types.AMOUNT, "The largest magnitude of a weighted squared error, which may be below 0."]
+    largest_error: Annotated[float, types.AMOUNT, "The largest error seen of a channel, in [0, 1]; too large at edges."]
+    mean: Annotated[float | None, types.COORDINATE, "The mean squared error; left out, it is that of the PSNR."] = None
 
 
 @dataclass(frozen=True)
@@ -153,7 +156,9 @@ class WorstFrame:
 
     frame: Annotated[int, types.FRAME, "Its number."]
     psnr: Annotated[float, types.DECIBELS, "In decibels."]
-    interval: Annotated[Range, types.INTERVAL, "The true value lies between these in 95 % of cases or more."]
+    interval: Annotated[
+        Range, types.INTERVAL, "In 95 % of cases or more the true value is between these; 200 is no limit."
+    ]
 
 
 @dataclass(frozen=True)
@@ -170,10 +175,12 @@ class FilmAccuracy:
     """A record of how exact the frames of a film are together, by their rays."""
 
     psnr: Annotated[float, types.DECIBELS, "In decibels, of the mean squared error of all frames."]
-    interval: Annotated[Range, types.INTERVAL, "The true value lies between these in 95 % of cases or more."]
-    rays: Annotated[int, types.COUNT, "The rays through all frames."]
+    interval: Annotated[
+        Range, types.INTERVAL, "In 95 % of cases or more the true value is between these; 200 is no limit."
+    ]
+    rays: Annotated[int, types.COUNT, "The number of probed pixels in all frames."]
     worst: Annotated[WorstFrame, "The least exact frame."]
-    largest_error: Annotated[float, types.AMOUNT, "The largest error of a channel, in [0, 1]."]
+    largest_error: Annotated[float, types.AMOUNT, "The largest error seen of a channel, in [0, 1]; too large at edges."]
     method: Annotated[str, "The way in which pixels are chosen."]
     seed: Annotated[int, types.COUNT, "The seed of the choice of pixels."]
     file: Annotated[FileAccuracy | None, "The accuracy of a film in one file; PNG files have the frames'."] = None

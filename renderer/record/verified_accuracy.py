@@ -87,7 +87,7 @@ def measure_pictures(
         accuracy = film_accuracy(measured)
         assert accuracy is not None, "each frame is measured"
         width = max(accuracy.psnr - accuracy.interval[0], accuracy.interval[1] - accuracy.psnr)
-        is_precise = width <= options.precision_db or accuracy.psnr >= MOST_DB
+        is_precise = width <= options.precision_db or accuracy.largest_error == 0.0
         if is_precise or num_rays == MOST_RAYS:
             break
         num_rays = min(MOST_RAYS, 2 * num_rays * max(1, round((width / options.precision_db) ** 2 / 2)))

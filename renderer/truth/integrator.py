@@ -1,8 +1,8 @@
 """Compute the ground truth: the emission-absorption integral of the continuous field, in float64 on the CPU.
 
 The scalar is interpolated trilinearly between voxel centres, then classified. The outer half voxel has the nearest
-value, and outside [-1/2, n - 1/2] is nothing. Of labels, each point has one of those around it. One ray passes through
-each pixel's centre (N. Max, "Optical Models for Direct Volume Rendering", IEEE TVCG 1995):
+value, and outside [-1/2, n - 1/2] is nothing. Of labels, each point has one of those around it. Rays pass through any
+places in the picture (N. Max, "Optical Models for Direct Volume Rendering", IEEE TVCG 1995):
 
     C = int c(s) tau(s) exp(-int_0^s tau) ds,    alpha = 1 - exp(-int tau)
 
@@ -24,12 +24,11 @@ import numpy as np
 
 from renderer.errors import RenderError
 from renderer.kernels import IndexRays, ThreadPool, kernels
-from renderer.scene import ShadingSpec
 from renderer.transfer import TransferFunction
 from renderer.truth.kept_parts import keep_parts, removed_sets
 from renderer.truth.optics import TrueLayer, optics_of
 from renderer.view import View
-from renderer.volume import Float64, Int64, Volume
+from renderer.volume import Float64, Volume
 
 Progress = Callable[[float], None]
 
@@ -46,43 +45,19 @@ _FIRST_STEP, _MAX_HALVINGS = 1.0, 12
 
 @dataclass(frozen=True)
 class Convergence:
-    """A record of an image's convergence, one entry for each halving of the step.
+    """A record of the convergence of rays, one entry for each halving of the step.
 
-    step_voxels: the step, compared with one twice as long. change: the largest change of a channel of any pixel.
-    num_pixels: the pixels integrated at this step; the others had converged before.
+    step_voxels: the step, compared with one twice as long. change: the largest change of a channel of any ray.
+    num_rays: the rays integrated at this step; the others had converged before.
     """
 
     step_voxels: tuple[float, ...]
     change: tuple[float, ...]
-    num_pixels: tuple[int, ...]
+    num_rays: tuple[int, ...]
 
 
 def ignore(_share: float) -> None:
     """Do nothing with the finished share of some work."""
-
-
-def integrate(
-    volume: Volume,
-    transfer: TransferFunction,
-    view: View,
-    *,
-    step_voxels: float,
-    shading: ShadingSpec | None = None,
-    num_threads: int = 2,
-    on_progress: Progress = ignore,
-) -> Float64:
-    """Return the image, float64 [height, width, 4], premultiplied RGBA, unclipped, row 0 at the top.
-
-    step_voxels: the longest quadrature step, in voxels of the index axes and in optical depth. Pieces shorter than a
-        voxel and thinner than a depth of 1 are also cut into 1 / step_voxels, so that halving it refines every piece.
-        Without shading, 1 is already accurate to about 1e-7 (CT scans of an engine and a tree).
-    shading: as in `TrueLayer`. num_threads: the image does not depend on it.
-    on_progress: called in the caller's thread with the finished share of the rays, in (0, 1]. What it raises ends the
-        work, as an interrupt does: rays that have not started are dropped.
-    """
-    width, height = view.size
-    integrator = RayIntegrator([TrueLayer(volume, transfer, shading)], num_threads=num_threads)
-    return integrator.integrate(view, np.arange(width * height), [step_voxels], on_progress).reshape(height, width, 4)
 
 
 class RayIntegrator:
@@ -100,35 +75,40 @@ class RayIntegrator:
     def integrate(
         self,
         view: View,
-        pixels: Int64,
+        places: Float64,
         steps: Sequence[float],
         on_progress: Progress = ignore,
         done: float = 0.0,
         *,
         by_interval: bool = False,
     ) -> Float64:
-        """Return premultiplied RGBA of pixels with each of some steps in voxels, float64 [steps, n, 4].
+        """Return premultiplied RGBA of rays with each of some steps, unclipped: float64 [steps, n, 4].
 
+        places: float64 [n, 2], where rays pass through the picture: x and y in pixels from its top left corner.
+        steps: the longest quadrature steps, in voxels of the index axes and in optical depth. Pieces shorter than a
+            voxel and thinner than a depth of 1 are also cut into 1 / step, so that halving it refines every piece.
+            Without shading, 1 is already accurate to about 1e-7 (CT scans of an engine and a tree).
+        on_progress: called in the caller's thread with the finished share of the work, in (0, 1]. What it raises ends
+            the work, as an interrupt does: rays that have not started are dropped. done: the share that was finished
+            before; these rays are the rest.
         by_interval: [steps, n, 4 + m]; the others are what each interval of the transfer function adds to the opacity,
             its transmittance times opacity: below the first of the m - 1 control points, between two, above the last;
             of several layers, one layer behind the other, and shares of an opacity are those of its optical depth.
-        pixels: numbered row by row from the top left corner. done: the finished share of the whole work, of which these
-        pixels are the rest. Other parameters as in the function `integrate`.
         """
         num_channels = 4 + by_interval * sum(len(layer.transfer.values) + 1 for layer in self._layers)
-        radiance, max_steps = np.empty((pixels.size, len(steps), num_channels)), np.array(steps)
+        radiance, max_steps = np.empty((len(places), len(steps), num_channels)), np.array(steps)
 
         def integrate_part(part: slice) -> None:
             self._require_unchanged()
-            rays = [self._rays_of(each, view.clipped(each.clip), pixels[part]) for each in self._layers]
+            rays = [self._rays_of(each, view.clipped(each.clip), places[part]) for each in self._layers]
             self._integrate(rays=rays, max_steps=max_steps, radiance=radiance[part])
 
-        in_parts(integrate_part, pixels.size, self._num_threads, lambda share: on_progress(done + share * (1.0 - done)))
+        in_parts(integrate_part, len(places), self._num_threads, lambda share: on_progress(done + share * (1.0 - done)))
         self._require_unchanged()
         return np.moveaxis(radiance, 1, 0)
 
-    def _rays_of(self, layer: TrueLayer, view: View, pixels: Int64) -> IndexRays:
-        rays, lit = index_rays(layer.volume, view, pixels, self._centre), layer.shading
+    def _rays_of(self, layer: TrueLayer, view: View, places: Float64) -> IndexRays:
+        rays, lit = index_rays(layer.volume, view, places, self._centre), layer.shading
         has_faces = lit is not None and lit.cut_faces and layer.volume.colors is None
         return rays._replace(removed=removed_sets(layer.volume, view)) if has_faces else rays
 
@@ -137,9 +117,9 @@ class RayIntegrator:
             layer.volume.require_unchanged()
 
     def converge(
-        self, view: View, pixels: Int64, tolerance: float, on_progress: Progress = ignore
+        self, view: View, places: Float64, tolerance: float, on_progress: Progress = ignore
     ) -> tuple[Float64, Convergence]:
-        """Integrate pixels at ever shorter steps, until halving the step changes no channel by `tolerance` or more.
+        """Integrate rays at ever shorter steps, until halving the step changes no channel by `tolerance` or more.
 
         Without shading, one such halving is enough. The integrand of a piece is then a polynomial times the exponential
         of a polynomial, over at most a voxel and an optical depth of 1, and each halving divides the error by 256: the
@@ -147,22 +127,22 @@ class RayIntegrator:
         the integrand has a square root, whose singularities may lie near the ray. One agreement can then be an
         accident, which was seen to leave an error of thirty times the tolerance: two in a row are required.
 
-        on_progress: as in `integrate`. The share is that of the rays that are known to be needed: it falls when pixels
-            need one more halving.
-        Returns premultiplied RGBA, float64 [n, 4], and the convergence. Raises RenderError where a pixel does not
+        places, on_progress: as in `integrate`. The share is that of the work that is known to be needed: it falls when
+            rays need one more halving.
+        Returns premultiplied RGBA, float64 [n, 4], and the convergence. Raises RenderError where a ray does not
         converge.
         """
         num_agreements = 2 if any(layer.shading is not None for layer in self._layers) else 1
-        remaining = np.arange(pixels.size)  # those that have not converged
-        agreements = np.zeros(pixels.size, np.int64)  # in a row
-        radiance = np.full((pixels.size, 4), np.inf)  # agrees with nothing
-        # Every pixel needs these; together they take little longer than one.
+        remaining = np.arange(len(places))  # those that have not converged
+        agreements = np.zeros(len(places), np.int64)  # in a row
+        radiance = np.full((len(places), 4), np.inf)  # agrees with nothing
+        # Every ray needs these; together they take little longer than one.
         steps = [_FIRST_STEP / 2**num_halvings for num_halvings in range(_MAX_HALVINGS + 1)]
         first = steps[: num_agreements + 1]
         changes, counts, num_done = [], [], 0
         for at_once in (first, *([step] for step in steps[len(first) :])):
             num_needed = num_done + remaining.size
-            for finer in self.integrate(view, pixels[remaining], at_once, on_progress, num_done / num_needed):
+            for finer in self.integrate(view, places[remaining], at_once, on_progress, num_done / num_needed):
                 change = np.abs(finer - radiance[remaining]).max(axis=1)
                 changes.append(float(change.max()))
                 counts.append(remaining.size)
@@ -174,7 +154,7 @@ class RayIntegrator:
             if remaining.size == 0:
                 return radiance, Convergence(tuple(steps[1 : len(counts)]), tuple(changes[1:]), tuple(counts[1:]))
         in_a_row = " at two halvings in a row" * (num_agreements - 1)
-        of_how_many = f"{remaining.size} of {len(radiance)} pixels"
+        of_how_many = f"{remaining.size} of {len(radiance)} rays"
         raise RenderError(
             f"the ray integral does not converge in {_MAX_HALVINGS} halvings of its step",
             where=", ".join(layer.volume.name for layer in self._layers),
@@ -194,17 +174,17 @@ def in_parts(work: Callable[[slice], None], num_rays: int, num_threads: int, on_
             on_progress(number / len(parts))
 
 
-def index_rays(volume: Volume, view: View, pixels: Int64, point_world: Float64 | None = None) -> IndexRays:
-    """Return the rays through the centres of pixels, without the sets that are clipped away.
+def index_rays(volume: Volume, view: View, places: Float64, point_world: Float64 | None = None) -> IndexRays:
+    """Return the rays through places in a picture, float64 [n, 2], without the sets that are clipped away.
 
-    point_world: as of `rays_through_pixels`, the volume's centre if it is None.
+    point_world: as of `rays_through`, the volume's centre if it is None.
     """
     point = volume.centre if point_world is None else point_world
     index_from_world = np.asarray(np.linalg.inv(volume.world_from_index[:3, :3]), np.float64)
-    origins, directions, starts = rays_through_pixels(point, view, pixels)
+    origins, directions, starts = rays_through(point, view, places)
     parts = keep_parts(view, point, origins, directions, starts)
     if volume.mask is not None:  # lengths along rays are those of the world in all grids
-        parts = _parts_inside(volume.mask, index_rays(volume.mask, view, pixels, point))
+        parts = _parts_inside(volume.mask, index_rays(volume.mask, view, places, point))
     origins = (origins + (point - volume.centre)) @ index_from_world.T + volume.centre_index
     return IndexRays(origins, directions @ index_from_world.T, parts, removed=())
 
@@ -221,8 +201,8 @@ def _parts_inside(mask: Volume, rays: IndexRays) -> Float64:
     return np.ascontiguousarray(parts[:, :needed])
 
 
-def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tuple[Float64, Float64, Float64]:
-    """Return the rays through the centres of pixels, which are numbered row by row from the top left corner.
+def rays_through(point_world: Float64, view: View, places: Float64) -> tuple[Float64, Float64, Float64]:
+    """Return the rays through places in a picture: float64 [n, 2], x and y in pixels from its top left corner.
 
     Each ray begins at the plane through the point that faces the camera, which preserves precision for a distant eye;
     in perspective not behind the eye.
@@ -232,9 +212,8 @@ def rays_through_pixels(point_world: Float64, view: View, pixels: Int64) -> tupl
     width, height = view.size
     point = view.view_from_world(point_world)
     depth = max(0.0, -point[2])
-    row, column = np.divmod(pixels, width)
-    x = (column + 0.5 - width / 2) / view.scale_px
-    y = (height / 2 - row - 0.5) / view.scale_px
+    x = (places[:, 0] - width / 2) / view.scale_px
+    y = (height / 2 - places[:, 1]) / view.scale_px
     if view.projection == "orthographic":
         origins = np.stack([x, y, np.full_like(x, -depth)], axis=1) - point
         return origins @ view.axes, np.broadcast_to(view.forward, origins.shape), np.full(x.shape, view.near - depth)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from renderer.draw import BrickRasterizer
 from renderer.frame import Stage, render_frames, view_of
 from renderer.system import MemoryShare
-from renderer.truth import SceneRays
+from renderer.truth import SceneRays, pixel_centres
 from renderer.volume import Float32, Float64
 
 NUMBER = 3  # of the frame; no axis of the volume is along the view
@@ -22,9 +22,9 @@ def drawn(stage: Stage, number: int = NUMBER, *, num_threads: int = 2, memory: M
 
 
 def exact(stage: Stage, step: float = 0.5) -> Float64:
-    """Return the radiance [h, w, 4] of frame NUMBER that exact rays gather in steps of so many voxels."""
+    """Return the radiance [h, w, 4] of frame NUMBER, by exact rays through pixel centres in steps of so many voxels."""
     width, height = stage.scene.output.size
-    rays = SceneRays(stage, num_threads=2).integrate(view_of(stage, NUMBER), np.arange(width * height), step)
+    rays = SceneRays(stage, num_threads=2).integrate(view_of(stage, NUMBER), pixel_centres((width, height)), step)
     return rays.reshape(height, width, 4)
 
 

@@ -15,7 +15,7 @@ from stage_pictures import NUMBER, decibels, drawn, exact
 from renderer.frame import Stage, prepare_stage, view_of
 from renderer.pyramid import cut_pyramid
 from renderer.scene import parse_scene
-from renderer.truth import index_rays
+from renderer.truth import index_rays, pixel_centres
 from renderer.volume import Array, Volume, make_volume
 
 SIZE = (44, 36)
@@ -116,8 +116,8 @@ def test_exact_rays_are_sums_over_the_octants_with_data() -> None:
     """A Riemann sum whose field is written down here once more, voxel by voxel."""
     values = with_holes(0.3)[:7, :6, :8].astype(float)
     volume = volume_of(values)
-    stage, pixels = stage_of(volume), np.arange(SIZE[0] * SIZE[1])
-    origins, directions, *_ = index_rays(volume, view_of(stage, NUMBER), pixels)
+    stage = stage_of(volume)
+    origins, directions, *_ = index_rays(volume, view_of(stage, NUMBER), pixel_centres(SIZE))
     alphas = exact(stage, 0.25)[..., 3].ravel()
     chosen = np.flatnonzero(alphas > 0.05)[::13]
     assert len(chosen) > 5

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from brickwork import AFFINES, batch_of, bricks_of, hills, level_cut, ordered, placed, transfer_of, view_of
 from film_stages import PLAIN
-from ray_integrals import COLORFUL, EXACT, converged_image, look, oblique, riemann, volume
+from ray_integrals import COLORFUL, EXACT, converged_image, integrate, look, oblique, riemann, volume
 
 from renderer.draw import BrickRasterizer
 from renderer.frame import make_primitive, prepare_stage, render_frames, view_of as view_of_frame
 from renderer.scene import ShadingSpec, TurntablePath, with_tolerance
 from renderer.transfer import make_transfer_function
-from renderer.truth import integrate
 from renderer.volume import Float64
 
 SLANTED = (1.0, 2.0, 3.0)

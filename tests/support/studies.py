@@ -12,7 +12,7 @@ import numpy as np
 
 from hsplat_cli.measure import FrameMeasurement, Measurement, Setting, Study, write_study
 from renderer.accuracy import METRICS, Accuracy, ErrorSamples, Truth, sampled_accuracy
-from renderer.truth import Convergence
+from renderer.truth import Convergence, PixelMeans
 
 DATE = "2030-01-02"
 NAN = float("nan")
@@ -97,6 +97,7 @@ def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
     """Return a study of these measurements, on any machine and scene."""
     frames = sorted({sample.frame for m in measurements for sample in m.frames})
     convergence = Convergence((0.5, 0.25), (1e-5, 3e-9), (48, 40))
+    means = PixelMeans(np.full((5, 8, 3), 9 / 255), np.full((5, 8, 3), 1e-6))
     on_volume = np.arange(40).reshape(5, 8) < 16
     study = Study(
         name="engine",
@@ -105,7 +106,7 @@ def study_of(measurements: Sequence[Measurement], **changes: Any) -> Study:
         machine={"processor": "a processor", "cores": 2, "device": "llvmpipe", "commit": "abc1234",
             "versions": {"numpy": "2"}},
         truth_tolerance=1e-4,
-        truths=tuple(Truth(f, np.full((5, 8, 3), 9 / 255), on_volume, convergence, 1.5) for f in frames),
+        truths=tuple(Truth(f, means, on_volume, convergence, 12.0, 1.5) for f in frames),
         measurements=tuple(measurements),
         notes=("the error rises from tolerance 0.2 to 0.1",),
     )  # fmt: skip

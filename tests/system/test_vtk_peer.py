@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ray_integrals import integrate
 from vtk_peer import (
     Look,
     VtkMeasurement,
@@ -29,7 +30,7 @@ from renderer.frame import prepare_stage
 from renderer.readers import procedural_values
 from renderer.scene import CameraSpec, ProceduralSource, Scene, TurntablePath, parse_scene
 from renderer.transfer import TransferFunction
-from renderer.truth import Convergence, SceneRays, integrate
+from renderer.truth import Convergence, PixelMeans, SceneRays, pixel_centres
 from renderer.view import View, make_view
 from renderer.volume import Float64, Volume, make_volume
 
@@ -68,10 +69,15 @@ def look(volume: Volume, size: tuple[int, int] = (72, 54), **camera: object) -> 
     return make_view(spec, 0, (x, y, z), distance, size)
 
 
+def known(picture: Float64) -> PixelMeans:
+    """Return a picture as a truth: VTK has one ray a pixel."""
+    return PixelMeans(picture, np.zeros_like(picture))
+
+
 def truth(volume: Volume, of: TransferFunction, view: View, frame: int = 0) -> Truth:
     exact = make_volume(volume.values.astype(np.float64), volume.world_from_index, volume.name)  # compiled once
     radiance = integrate(exact, of, view, step_voxels=1.0)
-    return Truth(frame, over_background(radiance, BACKGROUND), radiance[..., 3] > 0, CONVERGENCE)
+    return Truth(frame, known(over_background(radiance, BACKGROUND)), radiance[..., 3] > 0, CONVERGENCE)
 
 
 def measured(volume: Volume, of: TransferFunction, *views: View) -> list[VtkMeasurement]:
@@ -226,8 +232,8 @@ def best_psnr(scene: Scene, volume: Volume) -> dict[str, float]:
     view = replace(look(volume), clip=scene.clip)
     width, height = view.size
     with prepare_stage(scene, clock=lambda: 0.0, num_threads=2, volumes=[volume]) as stage:
-        rays = SceneRays(stage).integrate(view, np.arange(width * height), 0.25).reshape(height, width, 4)
-    right = Truth(0, over_background(rays, scene.output.background), rays[..., 3] > 0, CONVERGENCE)
+        rays = SceneRays(stage).integrate(view, pixel_centres(view.size), 0.25).reshape(height, width, 4)
+    right = Truth(0, known(over_background(rays, scene.output.background)), rays[..., 3] > 0, CONVERGENCE)
     chosen = [each for each in vtk_settings(scene.mode) if each in FINEST]
     found = measure_vtk(volume, look_of(scene, volume), [view], [right], settings=chosen, repeats=0)
     return {each.setting.mapper: each.overall.everywhere["psnr"] for each in found}
