@@ -76,14 +76,14 @@ def _antialias(image: Float64, batch: BrickBatch, draw: DrawRays) -> None:
     spreads = np.zeros(image.shape[:2])
     marked = _contrasts(image, np.ones_like(has_several)) > sampling.contrast_threshold
     while marked.any():
-        rays = draw(np.argwhere(marked), 2)
+        rays = np.minimum(draw(np.argwhere(marked), 2), 1)  # as they are displayed
         image[marked], spreads[marked] = rays.mean(axis=1), np.ptp(rays, axis=1).max(axis=-1)
         has_several |= marked
         marked = (_contrasts(image, marked) > sampling.contrast_threshold) & ~has_several
     marked = spreads > sampling.spread_threshold
     has_many = np.zeros_like(marked)
     while marked.any():
-        image[marked] = draw(np.argwhere(marked), 4).mean(axis=1)
+        image[marked] = np.minimum(draw(np.argwhere(marked), 4), 1).mean(axis=1)
         has_many |= marked
         marked = _neighbours(_are_on_lines(image, sampling.contrast_threshold) & marked) & ~has_many
 
@@ -146,11 +146,15 @@ def nudged(batch: BrickBatch, step: float, spread: float) -> BrickBatch:
 def picture_at(
     bricks: Bricks, view: View, tolerance: float, shading: ShadingSpec | None = None, *, every_pixel: bool = True
 ) -> Float64:
-    """Composite what is drawn at a tolerance, of voxels about a pixel wide; every pixel, or those that are drawn."""
+    """Composite what is drawn at a tolerance, of voxels about a pixel wide, by one ray a pixel.
+
+    every_pixel: whether each pixel has one, or those of the grids at this tolerance.
+    """
     layers, cut = alone(bricks, shading), cut_bricks(bricks, tolerance)
     batch = make_brick_batch(cut, layers, tolerance=tolerance, voxel_px=1.0)
-    if every_pixel:
-        batch = replace(batch, screen_sampling=ScreenSampling((1,), 0.0, 0.0))
+    sampling = batch.screen_sampling
+    of_grids = ScreenSampling(sampling.strides, sampling.difference_threshold, sampling.termination_transmittance)
+    batch = replace(batch, screen_sampling=ScreenSampling((1,), 0.0, 0.0) if every_pixel else of_grids)
     return rasterize_bricks_reference(batch, visible_bricks(batch, view), view)
 
 

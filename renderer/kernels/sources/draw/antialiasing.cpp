@@ -17,6 +17,11 @@ INLINE Pixel pixel_at(const Array<const float, 3>& image, int64_t row, int64_t c
 
 INLINE bool is_more(Pixel difference, float threshold) { return any_of(mask_of(difference > threshold)); }
 
+// The colour of a ray as it is displayed: light that adds up may exceed 1.
+INLINE Pixel ray_at(const Array<const float, 2>& rays, int64_t ray) {
+    return min_of(load<Pixel>(&rays(ray, 0), 0), Pixel{1, 1, 1, 1});
+}
+
 // The least and the largest number of each channel.
 struct Extent {
     Pixel low, high;
@@ -96,16 +101,16 @@ Status follow_lines(const FollowLines* arguments) {
     return DONE;
 }
 
-// Put the mean of each pixel's rays into a picture, and note where they differ by more than a threshold in a channel.
+// Put the mean of what is displayed of each pixel's rays into a picture, and note where they differ by more than a threshold in a channel.
 Status average_rays(const AverageRays* arguments) {
     const auto [rays, num_rays, pixels, threshold, image, differ] = *arguments;
     if (num_rays < 1 || rays.shape[0] != pixels.shape[0] * num_rays || !match(differ, pixels)) return OUT_OF_BOUNDS;
     for (int64_t k = 0; k < pixels.shape[0]; k++) {
         if (pixels[k] < 0 || pixels[k] >= image.shape[0]) return OUT_OF_BOUNDS;
-        Pixel sum = load<Pixel>(&rays(k * num_rays, 0), 0);
+        Pixel sum = ray_at(rays, k * num_rays);
         Extent extent = {sum, sum};
         for (int64_t ray = 1; ray < num_rays; ray++) {
-            Pixel one = load<Pixel>(&rays(k * num_rays + ray, 0), 0);
+            Pixel one = ray_at(rays, k * num_rays + ray);
             sum += one;
             extent = join_extents(extent, {one, one});
         }
