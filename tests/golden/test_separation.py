@@ -32,7 +32,7 @@ FAINT = {"splats": {*FAINT_EVERYWHERE, "optical depths 1 % too large"}, "bricks"
 UNSEEN_ACROSS_DRIVERS = {
     "splats": {"one splat or brick missing", "two overlapping ones swapped", "footprints 1 % wider",
         "footprints that end in a step", "one pixel off by 3 steps"},
-    "bricks": {"one pixel off by 3 steps"},
+    "bricks": {"one pixel off by 3 steps", "tolerance 10 % coarser"},
 }  # fmt: skip
 
 each_primitive = pytest.mark.parametrize("primitive", SHOTS)
