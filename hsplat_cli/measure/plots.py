@@ -142,5 +142,6 @@ def _bars(measurement: Measurement, axis: CostAxis, value: ValueOf) -> list[tupl
         low, high = (math.log10(1000 * seconds) for seconds in measurement.frame_seconds_spread)
         bars.append(((low, y), (high, y)))
     if value is _psnr and has_intervals([measurement]):
-        bars.append(((x, _psnr_low(measurement)), (x, _psnr_high(measurement))))
+        high = _psnr_high(measurement)  # infinite where the error may be none: the bar then ends at the point
+        bars.append(((x, _psnr_low(measurement)), (x, high if math.isfinite(high) else y)))
     return bars
