@@ -126,7 +126,8 @@ def test_a_quick_study_agrees_with_a_whole_one(capsys: pytest.CaptureFixture[str
             for row, exact in zip(found, whole, strict=True)
         ]
         assert sum(held) >= len(held) - 1
-        assert all(float(row[f"{name}_low"]) < float(row[name]) < float(row[f"{name}_high"]) for row in found)
+        # The error of a fine picture may be none, as far as its probes tell: both are then infinite, or 0.
+        assert all(float(row[f"{name}_low"]) <= float(row[name]) <= float(row[f"{name}_high"]) for row in found)
     assert all(float(row["psnr_db_high"]) - float(row["psnr_db_low"]) < 3 for row in found[:4])  # the coarse ones
     assert not {"ssim", "flip", "volume_psnr_db"} & set(found[0])
     overall = json.loads((Path("quick") / "measure.json").read_text("utf-8"))["measurements"][0]["overall"]
