@@ -132,7 +132,7 @@ def _dimensions_of(groups: Sequence[Sequence[Frame]]) -> list[Dimension]:
 
 
 def _without_unfinished(groups: list[list[Frame]]) -> Iterator[tuple[list[Frame], str]]:
-    """Yield the frames that remain without an incomplete volume, or last place, and a note on the frames left out."""
+    """Yield the frames without an incomplete volume, or without an incomplete end of the stack, and a note on these."""
     if len(groups) < 2 or len({len(group) for group in groups}) == 1:
         return
     place_of = {id(frame): place for place, group in enumerate(groups) for frame in group}
@@ -153,7 +153,7 @@ def _without_unfinished(groups: list[list[Frame]]) -> Iterator[tuple[list[Frame]
 
 
 def _come_last(frames: Sequence[Frame], others: Sequence[Frame], dimension: Dimension) -> bool:
-    """Return whether all frames come after all others along a dimension that is an order."""
+    """Return whether a dimension is an order in which all frames come after all others."""
     if not dimension.is_order:
         return False
     marks, before = ([each.marks.get(dimension, ([], "")) for each in own] for own in (frames, others))

@@ -1,8 +1,8 @@
 """Recognise files of foreign formats by their first bytes or the ends of their names, and raise an error with a hint.
 
 `foreign.tsv` has a line for each format: its name, a pattern of its first bytes, ends of file names, and a hint, where
-`FILE` stands for the file's name. Where a line has a pattern and ends, a file must match both. The first line that
-matches a file is used.
+`FILE` stands for the file's name. Where a line has a pattern and ends of names, a file must match both. The first line
+that matches a file is used.
 """
 
 from __future__ import annotations

@@ -123,11 +123,11 @@ _OTHER_UNITS = {32: "Hz", 40: "ppm", 48: "rad/s"}
 
 # The intent of labels. With colours of four bytes, the file is a probabilistic atlas of niivue.
 _LABEL = 1002
-# The names of the four bytes of a voxel of such an atlas.
+# The names of the four bytes of a voxel of a probabilistic atlas of niivue.
 _ATLAS = ("label", "second label", "probability", "second probability")
 
-# The largest distance between two places of a corner that count as the same, in voxels: qform and sform are rounded in
-# different ways.
+# The largest distance, in voxels, between a corner's places by qform and by sform that count as the same: the two are
+# rounded in different ways.
 _SAME_PLACE = 0.1
 
 # Units of lengths by their codes.

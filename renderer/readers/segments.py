@@ -18,7 +18,7 @@ from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted, join_some, short_text
 from renderer.volume import Array, Int64, Label
 
-# The largest value of a segment in its layer. It limits the memory of the table of values.
+# The largest value of a segment in its layer, which limits the memory of the table of values.
 _MAX_VALUE = 2**16 - 1
 
 
