@@ -46,7 +46,7 @@ if TYPE_CHECKING:  # it loads kernels
     from renderer.draw import BrickMemory
     from renderer.job import Forecast
 
-# Most values of a schedule that are listed; of a schedule with more, the lowest and the highest.
+# Most values of a schedule that are listed; of a longer schedule, only the lowest and the highest are.
 _MAX_TURNS = 4
 
 
