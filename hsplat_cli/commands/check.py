@@ -85,7 +85,7 @@ def check(request: SceneRequest, *, output: str | None, no_cost: bool, memory: i
 
 
 def _label_notes(request: SceneRequest, scene: FilmScene) -> list[tuple[str, str]]:
-    """Look for the labels that a scene names; return a row with the reason where a volume cannot be read for them.
+    """Look for the labels that a scene names; if a volume cannot be read, return a row with the reason.
 
     Raises SceneError for labels that a volume does not have.
     """

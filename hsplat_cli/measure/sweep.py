@@ -218,7 +218,7 @@ def _repetitions(repetitions: Sequence[Seconds], steps: Sequence[str]) -> dict[s
 
 @dataclass(frozen=True)
 class PlannedSetting:
-    """Holds a setting to measure: the scene at its constant tolerance and footprint, and its work, as in Primitive."""
+    """Holds a setting to measure: the scene at its constant tolerance and footprint, and its `Primitive.work`."""
 
     scene: FilmScene
     splat: SplatSpec

@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
-# As in socketserver: a connection, and the address of its client.
+# The types of socketserver: a request, which is a connection or a packet with one, and the address of its client.
 _Request = socket.socket | tuple[bytes, socket.socket]
 _Address = tuple[str, int] | str
 

@@ -19,7 +19,7 @@ from renderer.scene import AnnotationSpec, AnyScene, Background, FilmScene, Outp
 from renderer.system import num_cores
 from renderer.volume import Volume
 
-# Tolerance of small pictures of a scene with a goal, for which its film searches a tolerance: that takes long.
+# Tolerance of small pictures where the scene has a goal, as a search for the tolerance that reaches it takes long.
 TOLERANCE = 0.1
 # Largest difference from the background, in steps of 255, of a pixel that counts as empty.
 _UNSEEN = 2

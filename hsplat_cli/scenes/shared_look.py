@@ -190,7 +190,7 @@ def _given(volume: VolumeSpec) -> dict[str, Any]:
 
 
 def _place_from(folder: Path, base: Path, key: str, name: str) -> str:
-    """Return the name that a file of a scene in `base` has in a scene in `folder`; a name of no file stays."""
+    """Return the name that a file of a scene in `base` has in a scene in `folder`; a name of no file is unchanged."""
     file, is_preset = base / name, key == "import" and not Path(name).suffix
     return place_in(folder, str(file)) if not is_preset and (file.exists() or is_pattern(file)) else name
 

@@ -45,7 +45,7 @@ class Chosen(NamedTuple):
 
     part: the index of the part in the array. step, component: the numbers of the time step and the component. is_step:
         whether the scene asks for a time step.
-    notes: a remark if the scene asks for none of several time steps, and a remark for components.
+    notes: a remark if there are several time steps and the scene asks for none, and a remark on components.
     channels: the descriptions of components, which have only names; components of a colour, such as RGB, are not marked
         as light.
     steps: the steps in time of the array.

@@ -236,7 +236,7 @@ def _read_layout(path: Path, dataset: Dataset) -> tuple[_File, list[list[Dataset
 
 
 def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> Frame:
-    """Return a frame, without its marks. is_needed: as for `_lengths`."""
+    """Return a frame, without its marks. is_needed: as in `_lengths`."""
     dataset = file.dataset
     fields = [*own, *file.shared, dataset, *file.items]
     has_own = any(keyword in group for keyword in _POSITIONS for group in (*own, *file.shared))
@@ -287,7 +287,7 @@ def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> 
 def _places(
     dataset: Dataset, vectors: dict[Dimension, list[float]], each: list[list[Dataset]]
 ) -> tuple[Sequence[float], str | None]:
-    """Return the index of each frame among the slices of its volume, for a file without positions.
+    """Return the index of each frame among the slices of its volume, for a file without positions, and a note.
 
     The note names the field of the indices if it is not the usual one.
     """

@@ -1,4 +1,4 @@
-"""List the DICOM fields that change how voxels are understood, and find those of a file that are not applied."""
+"""List the DICOM fields that change how voxels are understood, and find the fields of a file that are not applied."""
 
 from __future__ import annotations
 

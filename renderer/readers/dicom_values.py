@@ -30,7 +30,7 @@ _SAME = 1e-6
 class Table:
     """A table of the values of consecutive stored values, from `first` on.
 
-    A stored value before the first or beyond the last has the value of that end.
+    A stored value outside of the table has the value at the nearer end.
     """
 
     first: int

@@ -45,7 +45,7 @@ def _kinds() -> tuple[_Kind, ...]:
 
 
 def refuse_bytes(path: Path, start: bytes) -> None:
-    """Raise InputError for a file whose first bytes are those of a known foreign format."""
+    """Raise InputError for a file that begins like a known foreign format."""
     for what, pattern, ends, hint in _kinds():
         if pattern and pattern.match(start) and (not ends or path.name.lower().endswith(ends)):
             raise _foreign(path, what, hint)

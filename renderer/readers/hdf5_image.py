@@ -83,7 +83,7 @@ class StoredImage:
     num_outer: the number of outermost axes, of times or channels, whose items are separate datasets.
     sizes: the sizes of a voxel in µm, from the slowest axis of space, for axes without coordinates.
     channels: the channels of all components, if the file describes them.
-    steps: the steps in time, if they are not those of an axis.
+    steps: the steps in time, if they are not the steps of an axis.
     notes: remarks; None stands for no remark.
     lengths_note: the note for axes without coordinates.
     """

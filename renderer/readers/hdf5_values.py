@@ -106,7 +106,7 @@ def _nodata(dataset: Dataset, values: Values) -> Iterator[tuple[float, float]]:
 def _is_valid_unpacked(dataset: Dataset) -> bool:
     """Return whether the valid range applies to values rather than to stored numbers.
 
-    By netCDF's guide, it applies to values if its type is that of the scale and wider than that of the stored numbers.
+    By netCDF's guide, it applies to values if it has the type of the scale, and a wider type than the stored numbers.
     """
     types = [np.asarray(dataset.attrs[name]).dtype for name in _SCALES if name in dataset.attrs]
     ranges = [np.asarray(dataset.attrs[name]).dtype for name in _VALID if name in dataset.attrs]
