@@ -89,7 +89,7 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
         size=bytes_text(num_bytes),
         picture_px=PICTURE_PX,
         gains=GAINS,
-        default_gain=GAINS[-1] if largest * GAINS[-1] <= 255 else GAINS[-2],  # shows differences of errors
+        default_gain=GAINS[-1] if largest * GAINS[-1] <= 255 else GAINS[-2],  # the errors of all frames differ visibly
         metrics=[metric for name, metric in COMPARISON_METRICS.items() if any(name in o.figures for o in outcomes)],
         value_text=value_text,
         limit_text=limit_text,

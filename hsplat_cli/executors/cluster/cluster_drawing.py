@@ -136,7 +136,7 @@ class ClusterDrawing:
                 except (KeyError, OSError, TimeoutError):  # the worker is gone
                     self._registry.recheck(worker)
                     continue
-                share = MemoryShare(self._memory, self._registry.num_beside(worker) + 1)  # 1: this process
+                share = MemoryShare(self._memory, self._registry.num_beside(worker) + 1)  # and this process
                 future = self._client.submit(draw_on_worker, stage_data, number, share, workers=[worker], pure=False)
                 is_done = threading.Event()
                 future.add_done_callback(lambda _, is_done=is_done: is_done.set())
