@@ -52,7 +52,7 @@ class FrameDifference:
         return tuple((self._signed_errors.mean(axis=(0, 1)) / _UNITS_PER_STEP).tolist())
 
     def metrics(self, names: Iterable[str]) -> dict[str, float]:
-        """Compute the named metrics, in the order of COMPARISON_METRICS; SSIM only if the picture holds its window.
+        """Compute the named metrics, in the order of COMPARISON_METRICS; SSIM only if its window fits.
 
         FLIP needs the package flip-evaluator, SSIM scikit-image.
         """
