@@ -34,7 +34,7 @@ _BOX = schema.sequence_field(
 
 @dataclass(frozen=True)
 class PlaneSpec:
-    """A plane; `normal` points to the side that is clipped away."""
+    """A clip plane; `normal` points to the side that is clipped away."""
 
     point: Annotated[Vector, schema.POINT_FIELD]
     normal: Annotated[Vector, direction_field("[x, y, z], not all 0: to the side that is clipped away")]
@@ -46,7 +46,7 @@ class ClipSpec:
 
     fixed: whether it turns with the object, in world axes, or stays before the camera, in view axes (x to the right, y
         up, z toward the viewer) whose origin is the camera's target.
-    invert: keeps the part that it would clip, and clips the other.
+    invert: whether to keep the part that would be clipped away, and to clip the other part.
     """
 
     plane: PlaneSpec | None = None

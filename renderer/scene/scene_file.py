@@ -78,7 +78,7 @@ def edit_scene_content(
 _SOURCES = ("file", "raw", "procedural", "array")
 
 
-# Where the value with a problem was written: in the file, by an option, which has this number, or unknown.
+# Where a value with a problem comes from: a place in the file, the number of an option, or None if that is unknown.
 _Origin = yaml_tree.TextPosition | int | None
 
 
@@ -90,8 +90,8 @@ class TreeEditor:
     ----------
     tree: a mapping, which is changed.
     path: the file that it was read from.
-    path_prefix: where the scene is in the file, for files that are located by keys instead of lines.
-    hints: for problems with the file's own values, by path.
+    path_prefix: the path of the scene in the file, for files in which problems are located by keys and not by lines.
+    hints: hints for problems with values of the file, by the values' paths.
     """
 
     tree: yaml_tree.YamlTree
@@ -110,7 +110,7 @@ class TreeEditor:
         for override in overrides:
             self._override(override)
         if volume is not None:
-            section = self.tree.data.get("volume")  # its other keys remain
+            section = self.tree.data.get("volume")  # all other keys of the volume remain
             others = section.items() if isinstance(section, dict) else ()
             self.tree.data["volume"] = {key: value for key, value in others if key not in _SOURCES}
             self._set(["volume", "file"], str(volume.absolute()), self._option(f"--volume {volume}"))
