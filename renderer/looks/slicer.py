@@ -66,7 +66,7 @@ def _from_texts(file: LookFile, texts: Mapping[str, str]) -> Look:
 def read_json(file: LookFile) -> Look:
     """Return the first volume property of a .vp.json file, with the functions of its first component.
 
-    3D Slicer also uses the first ones.
+    3D Slicer also uses the first volume property and the first component.
     """
     properties = file.member(file.json(), "volumeProperties", list, "the file")
     components = file.member((properties or [None])[0], "components", list, "volumeProperties")
