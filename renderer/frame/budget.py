@@ -23,7 +23,7 @@ from renderer.frame.primitives import LOD, TYPICAL_CELL_SECONDS, make_primitive
 from renderer.frame.stage import Clock, FilmStage, Stage, Stopwatch
 from renderer.scene import tolerance_at
 
-# The seconds to write a frame that are assumed until one was written.
+# The seconds to write a frame that are assumed until the first frame is written.
 _TYPICAL_WRITING = 2e-3
 # The number of last frames whose median shows the current speed of the machine.
 _NUM_RECENT = 9
@@ -67,9 +67,9 @@ class LODCostEstimator:
     def __init__(self, stage: FilmStage) -> None:
         self.stage, self.primitive = stage, make_primitive(stage.at(0))
         self._fixed, self._rate = 0.0, 1.0
-        self._trials: list[tuple[float, float]] = []  # the typical and the true seconds of each trial
-        self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)  # those of the film's last frames
-        self._writing: deque[float] = deque([_TYPICAL_WRITING], maxlen=_NUM_RECENT)  # the seconds to write each of them
+        self._trials: list[tuple[float, float]] = []  # typical and measured seconds to draw each trial
+        self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)  # as in _trials, of the last frames
+        self._writing: deque[float] = deque([_TYPICAL_WRITING], maxlen=_NUM_RECENT)  # seconds to write the last frames
         self._seen: dict[float, tuple[float, float]] = {}  # by size: the typical seconds, and the seconds of sorting
 
     def size(self, lod: LOD) -> float:

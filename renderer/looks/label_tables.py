@@ -1,8 +1,8 @@
 """Read tables of labels from files and from the headers of images, with one parser for each format.
 
 Files are those of FreeSurfer, 3D Slicer, ITK-SNAP, FSLeyes, MRIcron and BIDS. Headers hold XML as in GIFTI and CIFTI,
-AFNI's format, or text. A row is a place for messages, a value, a name, and perhaps a colour: red, green, blue and
-perhaps an opacity. In a look, a label without an opacity is opaque, and label 0 is the transparent background.
+AFNI's format, or text. A row is a place in the file (for messages), a value, a name, and perhaps a colour: red, green,
+blue and perhaps an opacity. In a look, a label without an opacity is opaque, and label 0 is the transparent background.
 """
 
 from __future__ import annotations

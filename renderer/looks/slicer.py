@@ -13,7 +13,7 @@ from renderer.looks.curves import merge_curves
 from renderer.looks.look import Look, Looks
 from renderer.looks.look_file import LookFile
 
-# The points of a function: for each its place for messages, its value, and a colour or an opacity.
+# The points of a function: each has its place in the file (for messages), a value, and a colour or an opacity.
 _Rows = list[tuple[Any, ...]]
 
 # VTK's default of ScalarOpacityUnitDistance.

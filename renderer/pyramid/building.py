@@ -123,7 +123,7 @@ class _Plan:
     error_classifier: the classifier of the channels that errors are measured on; None if these channels are averaged,
         too, or if errors are measured on scalars.
     normalization: float64 [2], the offset and the scale of the scalars that errors are measured on; None for channels.
-    error_factor: the factor from the root of a variance to its stored unit.
+    error_factor: the factor from the root of a variance to an error in stored units.
     leaf_variance_limits: the variances of nodes of levels 2 and 3 below which they are leaves in every cut.
     on_nodes: as in `build_pyramid`.
     """

@@ -36,7 +36,7 @@ AXES: dict[str, Vector] = {
 
 
 def direction_field(expected: str) -> schema.FieldType[Any]:
-    """Return the type of three coordinates that are not all (nearly) 0."""
+    """Return the field type of a direction: three coordinates that are not all (nearly) 0."""
     coordinate = schema.still(schema.COORDINATE_FIELD)  # a direction moves as a whole, on the sphere
     return schema.sequence_field(coordinate, expected, count=3, check=_check_direction, motion="direction")
 

@@ -44,8 +44,8 @@ class PlaneSpec:
 class ClipSpec:
     """A clip plane, or a clip box of a lowest and a highest corner; exactly one of them is given.
 
-    fixed: whether it turns with the object, in world axes, or stays before the camera, in view axes (x to the right, y
-        up, z toward the viewer) whose origin is the camera's target.
+    fixed: whether the clip turns with the object, in world axes, or stays before the camera, in view axes (x to the
+        right, y up, z toward the viewer) whose origin is the camera's target.
     invert: whether to keep the part that would be clipped away, and to clip the other part.
     """
 
@@ -77,7 +77,7 @@ CLIP_SECTION = schema.sequence_field(
 
 
 def check_what_is_clipped(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that a scene with `clip`, whose tree is at `node`, has nothing that cannot be clipped."""
+    """Check that a scene with `clip` shows nothing that cannot be clipped. node: the node of the whole scene."""
     splat = given.get("splat")
     if given.get("clip") and isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
         got, expected = f"splat.footprint: {splat.footprint}", "splat.footprint: integrated"

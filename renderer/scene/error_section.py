@@ -74,7 +74,7 @@ class MetricTarget:
 class ErrorSpec:
     """The accuracy of a film: a tolerance, or a `goal` for which a tolerance is found.
 
-    goal: a budget or a target. For a `MetricTarget`, it is the largest tolerance for the whole film that reaches it.
+    goal: a budget or a target; for a `MetricTarget`, the largest tolerance of the whole film that reaches it is found.
     finest_level: no cells smaller than `2^finest_level` voxels are drawn, whatever their error.
     probes: the number of exact rays that measure the accuracy of each frame; None chooses it by the picture's size.
     """

@@ -122,7 +122,7 @@ def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -
 def _pixel_problems(
     camera: CameraSpec, distance: float, away: float, size: tuple[int, int], extent: Extent
 ) -> Iterator[Problem]:
-    """Yield the problems with the width of a pixel; `away` is the target's distance from the volume's centre."""
+    """Yield the problems with the width of a pixel. away: the distance of the target from the volume's centre."""
     # In perspective the far side of the volume is at most this far from any eye of the path.
     depth = distance if camera.projection == "orthographic" else distance + away + extent.radius
     per_unit = 2 * math.tan(math.radians(camera.field_of_view) / 2) / size[1]

@@ -170,7 +170,7 @@ def shape_of(value: object) -> object:
 
 
 def _with_numbers(value: Any, numbers: Iterator[float], half: float) -> Any:
-    """Return a value with other numbers. For a whole number, the new one plus `half` is rounded down."""
+    """Return a value with other numbers. In place of a whole number comes the new one plus `half`, rounded down."""
     if isinstance(value, bool):
         return value
     if isinstance(value, int):
@@ -253,7 +253,7 @@ def value_at(value: T | Motion[T], frame: float) -> T:
 
 
 def motion_to_dict(motion: Motion[Any], plain: Callable[[Any], Any]) -> dict[Any, Any]:
-    """Return a motion as plain data, a map from frames to values. plain: makes plain data of a value."""
+    """Return a motion as a map from frames to values. plain: a function that makes plain data of a value."""
     by_frame = {frame: plain(value) for frame, value in zip(motion.frames, motion.values, strict=True)}
     return by_frame | ({"easing": motion.easing} if motion.easing != "linear" else {})
 

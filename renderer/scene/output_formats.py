@@ -30,7 +30,7 @@ class Codec:
         for an encoder without such a factor.
     kept_psnr: the typical PSNR of films at quality 8 against their frames, in decibels, and the gain of each step of
         quality. H.264 kept 44.5 dB over many scans; the differences of other encoders from H.264 were measured on
-        three.
+            three scans.
     marks: texts, one of which is in the first bytes of each film of this encoder.
     decoder: the decoder of its films, if that is not ffmpeg's default.
     has_percent_quality: whether its scale of quality ends at 100, and not at 10.

@@ -32,9 +32,9 @@ _FILE_WORDS = (
     "one frame (--frames 7), still.png"
 )
 
-# The colours at the top and at the bottom.
+# The colours of a background at its top and at its bottom.
 Gradient = tuple[Color, Color]
-# None is transparent.
+# The background of a picture; None is transparent.
 Background = Color | Gradient | None
 
 

@@ -38,8 +38,9 @@ def parse_scene_content(
 ) -> FilmScene:
     """Return the scene in the content of the YAML file `path`.
 
-    is_single_frame: only one frame of the path is drawn. Else parameters and errors as in `edit_scene_content`.
-    Raises SceneError with all problems in it, in the order of the file; problems of the command line come last.
+    is_single_frame: whether only one frame of the path is drawn. See `edit_scene_content` for all other parameters.
+    Raises InputError if the file is no scene, and SceneError with all problems in it, in the order of the file;
+    problems of the command line come last.
     """
     return edit_scene_content(content, path, overrides, volume, output).parse(is_single_frame=is_single_frame)
 
@@ -57,8 +58,10 @@ def edit_scene_content(
     ----------
     overrides: `path.to.key=value`, the value in YAML. Missing mappings are created, list items are counted from 0, and
         the value null removes a key. They are applied in order, before `volume` and `output`.
-    volume: replaces the volume's source, and `output` the output file; both are relative to the current folder. Volume
-        files in the scene are relative to the scene file, its output file to the current folder.
+    volume: the file that replaces the volume's source. output: the file that replaces the output file.
+
+    Both files, and the output file in the scene, are relative to the current folder. All other files in the scene are
+    relative to the scene file.
 
     Raises InputError if the file is no scene.
     """

@@ -28,8 +28,9 @@ _MOST_CHECKED = 64
 def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> FilmScene:
     """Return the scene that `tree` describes.
 
-    base: the folder that volume files are relative to; they are kept as `base / file`, the output file as given.
-    is_single_frame: one frame is drawn, so the output may be a PNG without a number in its name.
+    base: the folder that volume files are relative to. The scene has `base / file` in their place; the output file
+        stays as given.
+    is_single_frame: whether only one frame is drawn, so that the output may be a PNG without a number in its name.
     Raises SceneError with every problem.
     """
     film = _film_time(tree)

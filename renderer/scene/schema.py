@@ -52,7 +52,7 @@ TILDE_HINT = "~ is not expanded: write the whole path"
 
 
 def is_file_name(value: object) -> TypeGuard[str]:
-    """Return whether a value may name a file on this system: half of a surrogate pair, for one, may not."""
+    """Return whether a value may name a file on this system: half of a surrogate pair may not."""
     try:
         return isinstance(value, str) and bool(value.strip()) and b"\0" not in os.fsencode(value)
     except UnicodeEncodeError:

@@ -54,8 +54,8 @@ class ShadingSpec:
     occlusion_radius: how far occlusion sees, in world units; None is a tenth of the volume's diagonal.
     silhouette: s in the factor `1 - s (1 - |n . v|)^3` on the lit colour, v to the viewer; it is 1 without a gradient.
     cut_faces: points near a face that clipping cuts are lit by the normal of this face. A plane or a box removes a
-        convex set, an inverted box six. At the distance d from such a set, in finest spacings, its face has the weight
-        `w = max(0, 1 - (d / FACE_DEPTH)^2)^3`, with n to the nearest point of the set. Faces have the share
+        convex set, an inverted box removes six. At the distance d from such a set, in finest spacings, its face has the
+        weight `w = max(0, 1 - (d / FACE_DEPTH)^2)^3`, with n to the nearest point of the set. Faces have the share
         `1 - product of (1 - w)` of the light, each in proportion to its weight, and the gradient has the rest.
     """
 

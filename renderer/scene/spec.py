@@ -146,7 +146,7 @@ class FilmScene(ABC):
 
     @property
     def is_projection(self) -> bool:
-        """Return whether a ray shows one number, and opacities do not count."""
+        """Return whether the mode is a projection, in which each ray shows one number and opacities do not count."""
         return self._sections.mode.is_projection
 
     @property
@@ -156,7 +156,7 @@ class FilmScene(ABC):
 
     @property
     def primitive_name(self) -> str:
-        """Return the name of a primitive, in the singular, for messages."""
+        """Return the name of what is drawn for a cell, in the singular, for messages."""
         return self._sections.splat.primitive_name
 
     @property

@@ -55,7 +55,7 @@ class SplatSpec:
 
     @property
     def primitive_name(self) -> str:
-        """Return the name of a primitive, in the singular, for messages."""
+        """Return the name of what is drawn for a cell, in the singular, for messages."""
         return "brick" if self.footprint == "integrated" else "splat"
 
 

@@ -82,8 +82,8 @@ class TreeNode:
     def reject(self, what: str, **parts: str | None) -> Any:
         """Add a problem with this value or key, and return INVALID.
 
-        parts: `got`, by default the value; `expected`, by default that of the node; and `hint`, by default the most
-            similar of the node's words. An empty text leaves a part out.
+        parts: `got`, by default the value; `expected`, by default the node's; and `hint`, by default the most similar
+            of the node's words. An empty text leaves a part out.
         """
         got = None if self.value is None else format_value(self.value)
         parts = {"got": got, "expected": self.expected} | parts

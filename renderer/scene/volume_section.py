@@ -45,8 +45,8 @@ _ALIASES = {
     **{f">{name[0]}{size}": f"{name} with byte order big" for name, size in ITEM_SIZES.items()},
 }
 
-# The most voxels along an axis. With MAX_VOXELS it keeps all indices and byte counts within 64 bits, with room for node
-# numbers.
+# The most voxels along an axis. Together with MAX_VOXELS, it keeps all indices and byte counts within 64 bits, with
+# room for node numbers.
 MAX_AXIS = 2**16
 # The most voxels of a volume, 4096 cubed. Any volume that fits in memory is accepted.
 MAX_VOXELS = 2**36
@@ -276,7 +276,7 @@ def steps_in_time(volume: OverFrames[VolumeSpec]) -> list[VolumeSpec]:
 
 
 def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
-    """Return a volume from the keys of VOLUME_TABLE that were given, and add the problems that they have together."""
+    """Return a volume from the given keys of VOLUME_TABLE, and add problems of keys that contradict each other."""
     sources = [key for key in _SOURCES if key in given]
     if not sources:
         node.reject("no voxels", got="", expected="one of file, raw and procedural")

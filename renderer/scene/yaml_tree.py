@@ -91,7 +91,7 @@ def with_excerpt(what: str, lines: Sequence[str], mark: TextPosition | None) -> 
     if mark is None:
         return what
     line = lines[mark.line - 1].replace("\t", " ").rstrip()
-    if printable(line) != line or not 0 < len(line) <= _MAX_LINE:  # with escapes the column would be another
+    if printable(line) != line or not 0 < len(line) <= _MAX_LINE:  # escapes would shift the column
         return what
     indent = len(line) - len(line.lstrip())
     return join_lines([what, f"    | {line[indent:]}", f"    | {' ' * (mark.column - 1 - indent)}^"])
