@@ -140,7 +140,10 @@ class Stage(FilmStage):
         ]
 
     def near_faces(self) -> Iterator[Callable[[Float64], Bools] | None]:
-        """Yield a test for each group: which bounds, in index coordinates, are near lit faces. None without any."""
+        """Yield a test for each group: which bounds are near lit faces; None for a group without lit faces.
+
+        The test takes bounds in index coordinates.
+        """
         for group, clips in zip(self.groups, self.lit_clips, strict=True):
             region = place_object_clips(group.volume, clips)
             yield None if region is None else partial(are_near_faces, region, group.volume)
