@@ -44,7 +44,8 @@ _CONTRAST_PERCENTILES = (0.01, 99.99)
 class Background:
     """A range of values that surrounds the object, noise included, normalised.
 
-    middle: the middle of the range. low, high: its ends; the values of the object are beyond them.
+    middle: the middle of the range.
+    low, high: its ends; the values of the object are beyond them.
     is_there: whether the values at the border stand apart from the others.
     below, above: the shares of all voxels whose values are below and above the range.
     """

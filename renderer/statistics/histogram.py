@@ -44,8 +44,8 @@ class Statistics:
     bin_width: the width of a bin, in data units.
     percentiles: for each percentage of PERCENTILES, the smallest value that at least this share of the voxels does not
         exceed; exact.
-    outliers: values that are far from all other values. without_outliers: the statistics of the values that are no
-        outliers; None if no value is an outlier.
+    outliers: values that are far from all other values.
+    without_outliers: the statistics of the values that are no outliers; None if no value is an outlier.
     """
 
     minimum: int | float

@@ -29,8 +29,8 @@ from renderer.volume import Label, Volume, iter_slabs
 class KnownLabels:
     """The labels of a volume, as far as they are known.
 
-    present: the labels that voxels of the volume have, ascending. table: names, colours and opacities by label, from
-        the volume's file or from a table of labels.
+    present: the labels that voxels of the volume have, ascending.
+    table: names, colours and opacities by label, from the volume's file or from a table of labels.
     """
 
     present: Collection[int]

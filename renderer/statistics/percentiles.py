@@ -26,8 +26,10 @@ _BITS = 16
 class OrderedKeys:
     """A mapping of values to unsigned integer keys that ascend as the values do.
 
-    dtype: the dtype of the values. low: the integer of the smallest value, which is subtracted from all. shift: the
-        number of lower bits that `count` leaves out. num: the number of counters, at most 2**16.
+    dtype: the dtype of the values.
+    low: the integer of the smallest value, which is subtracted from all.
+    shift: the number of lower bits that `count` leaves out.
+    num: the number of counters, at most 2**16.
     """
 
     dtype: np.dtype[np.generic]
