@@ -1,8 +1,8 @@
 // The structs that kernels take, declared once for C++ and for Python. Each folder has the header of its kernels.
 //
 // Python reads these files, too (header.py), and fills each struct by the names of its members, from a record or from
-// keyword arguments. `tests/support/kernel_records.py` writes the records and the signatures for Python, with the
-// comments. A member has its own line, below its comment. These types of members are known, and a file with others is
+// keyword arguments. `tests/support/kernel_records.py` writes Python's records and signatures from them, comments
+// included. A member has its own line, below its comment. These types of members are known, and a file with others is
 // refused:
 //
 //     int64_t, float, double, bool, ...   a number
@@ -31,8 +31,8 @@
 
 // Install the handler of SIGBUS.
 struct GuardRegions {
-    // As `guarded_regions` returns them (renderer/kernels/bus_errors.py). They stay in their place while the process
-    // lives.
+    // [n, 4]: the guarded regions, as `guarded_regions` returns them (renderer/kernels/bus_errors.py). The array stays
+    // at its address while the process lives.
     Sized<int64_t, 2, 4> regions;
     // The size of a page, in bytes.
     int64_t page_size;
@@ -41,7 +41,7 @@ KERNEL(guard_regions, GuardRegions)
 
 // Tell long kernels which flag stops them.
 struct HeedFlag {
-    // [1]: 0 as long as kernels may run. It stays in its place while the process lives.
+    // [1]: 0 as long as kernels may run. The array stays at its address while the process lives.
     Array<const int32_t, 1> flag;
 };
 KERNEL(heed_flag, HeedFlag)
