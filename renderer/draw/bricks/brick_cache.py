@@ -280,7 +280,7 @@ class BrickCache:
         self._brick_view = None
 
     def _prepare(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
-        """Return the view of bricks; if it is the same as before, the one that was made then."""
+        """Return a view of the bricks: the last view, if it has the same bricks."""
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
             last = self._brick_view = make_brick_view(batch, order, view)

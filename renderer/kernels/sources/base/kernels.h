@@ -10,11 +10,11 @@
 //     double x[3]                         an array of three numbers
 //     Array<const float, 2>               an array of that dtype and number of dimensions, contiguous; without `const`
 //                                         it must be writeable, too
-//     Sized<const float, 3, 5, 4>         the same of 3 dimensions, of which the last have sizes 5 and 4
+//     Sized<const float, 3, 5, 4>         an array of 3 dimensions, the last two of which have sizes 5 and 4
 //     AnyArray<3>                         an array of any dtype, contiguous, read only
-//     Struct                              one that is defined above, or in a header that is included
+//     Struct                              a struct that is defined above, or in an included header
 //     Array<const Struct, 1>              a sequence of such records
-//     Maybe<any of these but numbers>     the same, or None
+//     Maybe<any of these but numbers>     a value of one of these types, or None
 //
 // KERNEL(name, Struct) declares a kernel that takes a Struct; LONG_KERNEL one that may take longer than a tenth of a
 // second, and stops when it is asked to (stopping.h). Members marked EACH_CALL differ between the calls that share the

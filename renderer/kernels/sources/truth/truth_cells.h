@@ -2,7 +2,8 @@
 //
 // A *cell* is the box between eight voxel centres, or its outward extension over the outer half voxel, where the field
 // takes the nearest value. Each octant of a cell belongs to the voxel at its corner. The octant of a voxel without
-// data, NaN, is empty; at its corner, the field takes the mean of the nearest of the voxel's 26 neighbours that have data.
+// data, NaN, is empty; at its corner, the field takes the mean of the nearest of the voxel's 26 neighbours that have
+// data.
 #pragma once
 #include "truth/kernels.h"
 #include "truth/truth_cubic.h"
