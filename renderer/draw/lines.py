@@ -18,7 +18,7 @@ MIN_LINE_DEPTH = 1e-5
 # s cells lie behind one another, and the lines of one layer of cells cover about 2 / p of the image: with a fixed
 # opacity, all of them together would be a fog. With this one, their total is bounded for cells of any size.
 LINE_COVER = 0.75
-# The largest opacity of a line.
+# The largest opacity that a line may have.
 LINE_OPACITY = 0.8
 # Cells with a shorter side, in pixels, have no lines.
 MIN_SIDE_PX = 3.0

@@ -19,7 +19,7 @@ class Voxels(NamedTuple):
     raw: NDArray[Any]
     # [patterns]: the scalar of each bit pattern; None if the voxels themselves are scalars.
     scalars: NDArray[np.float64] | None
-    # Whether any voxel has no data.
+    # Whether the volume has voxels without data.
     has_absent: bool
     # Whether the scalars are numbers of labels.
     is_labels: bool
@@ -40,7 +40,7 @@ class Grid(NamedTuple):
     numbers: NDArray[np.int64]
     # [rows, columns]: the pixels of the grid that are drawn.
     is_drawn: NDArray[np.bool]
-    # [rows, columns, 4]: premultiplied RGBA.
+    # [rows, columns, 4]: the drawn pixels, premultiplied RGBA.
     image: NDArray[np.float32]
 
 
@@ -79,7 +79,7 @@ class FieldMask(NamedTuple):
 
     # The mask's grid, for positions relative to the centre of the field's volume.
     grid: MaskGrid
-    # [bricks]: whether a part of the brick is outside of the mask.
+    # [bricks]: whether a part of each brick is outside the mask.
     are_cut: NDArray[np.bool]
 
 
@@ -94,11 +94,11 @@ class Field(NamedTuple):
     # [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing.
     texel_offsets: NDArray[np.int64]
     pieces: PiecewiseTransfer
-    # A factor on extinction.
+    # A factor on the layer's extinction.
     weight: float
-    # The unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
+    # The unit vector towards the light (x, y, z), the ambient and the diffuse coefficient; used if `is_lit`.
     lambert: NDArray[np.float64]
-    # Whether any voxel has no data.
+    # Whether the volume has voxels without data.
     has_absent: bool
     # Whether the scalars are numbers of labels.
     is_labels: bool
@@ -146,11 +146,11 @@ class SearchRules(NamedTuple):
     slack: float
     # A number replaces the largest number found so far if it exceeds it by this.
     min_rise: float
-    # A ray ends at this number.
+    # The number at which a ray ends.
     ceiling: float
     # Whether bricks come in the order of falling bounds; otherwise they come front to back.
     is_sorted: bool
-    # Whether any voxel has no data.
+    # Whether the volume has voxels without data.
     has_absent: bool
     # The change of nearness over a step along each index axis; zeros if depth does not count. Nearness falls from 1 to
     # 0 through the ball around the volume.
@@ -176,7 +176,7 @@ class VisibleNodes(NamedTuple):
     sizes: NDArray[np.int64]
     # [3]: the number of visible nodes of each level.
     counts: NDArray[np.int64]
-    # [groups, 4]: the mean of each group's root, visible or not.
+    # [groups, 4]: the means of each group's root, visible or not.
     root_means: NDArray[np.float32]
     # [groups, channels]: the means of each group's root, in the channels that errors are measured on.
     root_error_means: NDArray[np.float64]
@@ -250,7 +250,7 @@ class Classifier(NamedTuple):
     is_opacity: bool
     # The light on voxels; None without shading.
     lighting: VoxelLighting | None
-    # The visibility breakpoints (renderer/transfer/transfer_function.py).
+    # The scalars at which visibility changes (renderer/transfer/transfer_function.py).
     breakpoints: NDArray[np.float64]
     # [z, y, x, 3]: the colours of voxels, which multiply the transfer function's colours; None for white.
     colors: NDArray[np.uint8] | None

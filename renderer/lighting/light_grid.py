@@ -22,7 +22,7 @@ from renderer.scene import ShadingSpec, Vector
 from renderer.transfer import TransferFunction, make_classifier, make_light_grid, raw_voxels
 from renderer.volume import Bools, Float32, Float64, Volume
 
-# The most cells along the longest axis.
+# The most cells of the light grid along its longest axis.
 MAX_CELLS = 128
 # The radius of occlusion, unless a scene gives one, as a share of the volume's diagonal.
 OCCLUSION_RADIUS = 0.1

@@ -20,7 +20,7 @@ _LOOK_AHEAD = 8
 _DESCENT = 0.97
 # The highest value at which the background may end, as a part of the way from its middle to the largest value.
 _MAX_VALLEY = 0.5
-# The most materials.
+# The most materials that the values are divided into.
 _MAX_CLASSES = 3
 # The smallest share of a material's voxels that differ little from all of their neighbours: 0.5 to 0.95 in scans. A
 # class with a smaller share, 0.01 to 0.45, consists of edges: its values lie between a material and its surroundings.

@@ -7,7 +7,7 @@ import numpy as np
 from renderer.statistics.voxel_sample import VoxelSample
 from renderer.volume import Bools, Float64, grow, reduce_blocks
 
-# The most cells along each axis.
+# The most cells of the coarse grid along each axis.
 _MAX_CELLS = 64
 # The least depth below the surface, in cells, of a voxel that is deep inside.
 _DEPTH = 3

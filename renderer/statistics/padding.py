@@ -26,7 +26,7 @@ _MIN_AIR = 0.1
 _MAX_AIR_VALUE = 0.25
 # The smallest share of the voxels that are denser than air.
 _MIN_OBJECT = 0.01
-# The fewest voxels along an axis. Thinner volumes have no inside.
+# The fewest samples along each axis of a volume that may have padding. Thinner volumes have no inside.
 _MIN_SIDE = 8
 # The percentiles between which the range of a volume's values is measured, so that a few outliers do not count.
 _RANGE_OF_ALL = (0.01, 99.99)

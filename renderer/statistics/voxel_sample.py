@@ -98,7 +98,7 @@ class VoxelSample:
         return replace(self, normalized=function(self.normalized), neighbours=function(self.neighbours))
 
     def with_inverted_range(self) -> VoxelSample:
-        """Return the sample with the range inverted."""
+        """Return the sample with its values mirrored in their range: 0 becomes 1."""
         return replace(self.mapped(lambda values: 1 - values), minimum=self.maximum, maximum=self.minimum)
 
     def with_logarithms(self, smallest: float) -> VoxelSample:
@@ -120,7 +120,7 @@ class VoxelSample:
 
 
 class ValueRange(NamedTuple):
-    """The range of values."""
+    """A range of values, by which a sample can be normalised."""
 
     minimum: float
     maximum: float

@@ -11,7 +11,7 @@ from renderer.looks import lab_from_rgb
 from renderer.scene import Color, colormap_points
 from renderer.volume import Float64
 
-# The colormap of fields.
+# The colormap whose colours are suggested for fields.
 FIELD_COLORMAP = "viridis"
 # The position in the colormap, from 0 to 1, of the colour for the lowest level of a field.
 FIELD_DARKEST = 0.4
@@ -24,7 +24,7 @@ _MIN_LIGHTNESS = 45.0
 _MAX_LIGHTNESS = 92.0
 # The largest chroma of a colour. A more saturated colour outshines all others.
 _MAX_CHROMA = 80.0
-# The colours of the first labels.
+# The colours of the first labels; further colours are as different from them as possible.
 _FIRST_OF_LABELS: tuple[Color, ...] = (
     (0.90, 0.47, 0.29),
     (0.29, 0.56, 0.85),

@@ -41,7 +41,7 @@ _HEAVY_TAIL = 25.0
 _MIN_TAIL = 0.01
 # The least ratio of the upper to the lower quartile of values that are shown by their logarithms. Noise has 1.2.
 _MIN_MIDDLE_RATIO = 3.0
-# The least ratio of nearly the largest to nearly the smallest of these values. Noise has 2.
+# The least ratio of the 99.9th to the 1st percentile of values that are shown by their logarithms. Noise has 2.
 _MIN_RATIO = 1000.0
 # The least share of the variance that lies between two phases. A normal distribution has 0.64, a uniform one 0.75.
 _TWO_PHASE_SEPARATION = 0.85

@@ -180,7 +180,7 @@ def _measure_parts(cells: Bools, labels: Int64, sides: Float64) -> _Parts:
 
 
 def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
-    """Return which parts belong to the object."""
+    """Return which connected parts belong to the object."""
     of_cell, num = parts.of_cell, len(parts.volumes)
     main = int((parts.volumes * parts.thickness).argmax())
     sheets = np.zeros_like(cells)

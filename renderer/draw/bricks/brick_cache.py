@@ -73,7 +73,7 @@ class Atlas:
             self._resize(self.max_slots)
 
     def release(self) -> None:
-        """Free the memory."""
+        """Free the memory of the atlas."""
         self.texels = np.empty(0, np.float32)
         self._resize(0)
 
@@ -125,7 +125,7 @@ class Atlas:
 
 
 def brick_bytes(num_channels: int) -> int:
-    """Return the bytes of the texels of a brick."""
+    """Return the number of bytes that the texels of a brick take."""
     return 4 * PADDED_BRICK_SIZE**3 * num_channels
 
 

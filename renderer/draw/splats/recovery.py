@@ -39,7 +39,7 @@ class RecoveringRasterizer(Rasterizer):
         )
 
     def rasterize(self, batches: Sequence[SplatBatch], orders: Sequence[UInt32], view: View) -> Float32:
-        """Draw splats, as `SplatRasterizer.rasterize`."""
+        """Draw splats as `SplatRasterizer.rasterize` does."""
         if self._last_loss is not None:
             raise self._last_loss
         try:

@@ -40,7 +40,7 @@ void handle(int number, siginfo_t* information, void*) {
 }  // namespace
 #endif
 
-// Install the handler.
+// Install the handler of SIGBUS.
 Status guard_regions(const GuardRegions* arguments) {
 #ifdef __linux__
     guarded = *arguments;

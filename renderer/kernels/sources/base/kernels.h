@@ -29,12 +29,12 @@
 #define LONG_KERNEL KERNEL
 #define EACH_CALL
 
-// Install the handler of SIGBUS.
+// Install a handler of SIGBUS, which makes reads beyond the end of mapped files give zeros.
 struct GuardRegions {
     // [n, 4]: the guarded regions, as `guarded_regions` returns them (renderer/kernels/bus_errors.py). The array stays
     // at its address while the process lives.
     Sized<int64_t, 2, 4> regions;
-    // The size of a page, in bytes.
+    // The size of a page of memory, in bytes.
     int64_t page_size;
 };
 KERNEL(guard_regions, GuardRegions)

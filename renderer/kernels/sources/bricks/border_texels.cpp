@@ -8,7 +8,7 @@ namespace {
 constexpr int64_t STRIDES[3] = {1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED_BRICK_SIZE};
 
 struct Border {
-    Array<float, 2> texels;  // [18^3, 4]
+    Array<float, 2> texels;  // the texels of a brick, [18^3, 4]
     double brightest;
 
     // Write to the texel `at` a value extrapolated `distance` cells beyond the middle of `last`, along the line through

@@ -8,18 +8,18 @@ struct Voxels {
     AnyArray<3> raw;
     // [patterns]: the scalar of each bit pattern; None if the voxels themselves are scalars.
     Maybe<Array<const double, 1>> scalars;
-    // Whether any voxel has no data.
+    // Whether the volume has voxels without data.
     bool has_absent;
     // Whether the scalars are numbers of labels.
     bool is_labels;
 };
 
-// Measure the dual cells in bricks of level 0.
+// Measure the dual cells, each between eight voxel centres, in bricks of level 0.
 struct MeasureVoxelBricks {
     Voxels voxels;
     // [n, 3]: the bricks (x, y, z).
     EACH_CALL Array<const int32_t, 2> cells;
-    // The visibility breakpoints (renderer/transfer/transfer_function.py).
+    // The scalars at which visibility changes (renderer/transfer/transfer_function.py).
     Array<const double, 1> breakpoints;
     // The channels w whose variation is measured, as a function of the scalar.
     TransferTable curve;

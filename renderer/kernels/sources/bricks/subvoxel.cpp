@@ -320,7 +320,7 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         if (is_varying || is_visible) to_ranges(of_brick);
         if (is_visible) find_visible_bounds(of_brick, breakpoints, bounds[z][y][x]);
         if (!is_varying) continue;
-        const auto& loaded = around.field;  // with a margin of 1 around the corners of dual cells
+        const auto& loaded = around.field;  // one voxel larger than the dual cells on each side
         Variation found;
         if (voxels.is_labels) {
             auto differs = [&](int64_t w, int64_t v, int64_t u) { return low.field(w, v, u) < high.field(w, v, u); };

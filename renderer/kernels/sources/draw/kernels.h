@@ -51,15 +51,15 @@ struct RefineRows {
 };
 KERNEL(refine_rows, RefineRows)
 
-// Place the edges of the cells of a level along one axis (renderer/draw/overlay.py).
+// Find the ends of the edges, along one axis, of the cells of a level (renderer/draw/overlay.py).
 struct PlaceEdges {
-    // [n]: the corner of the cells at which each edge starts; corners are numbered, x fastest.
+    // [n]: the number of the corner at which each edge starts; the corners of all cells are numbered, x fastest.
     Array<const int64_t, 1> starts;
     // The number of corners of cells along x, y, z.
     int64_t num_corners[3];
     // The axis along which the edges lie: 0 for x.
     int64_t axis;
-    // Cells are 2^level voxels wide.
+    // The level of the cells, which are 2^level voxels wide.
     int64_t level;
     // The number of voxels of the volume along x, y, z.
     int64_t shape[3];
@@ -85,7 +85,7 @@ struct DrawLines {
     double opacity;
     // Cells whose side is shorter than this have no lines.
     double min_side_px;
-    // [h, w, 4]: premultiplied RGBA.
+    // [h, w, 4]: the image, premultiplied RGBA.
     Sized<float, 3, 4> image;
 };
 KERNEL(draw_lines, DrawLines)
@@ -104,7 +104,7 @@ struct Grid {
     Array<const int64_t, 1> numbers;
     // [rows, columns]: the pixels of the grid that are drawn.
     Array<const bool, 2> is_drawn;
-    // [rows, columns, 4]: premultiplied RGBA.
+    // [rows, columns, 4]: the drawn pixels, premultiplied RGBA.
     Sized<float, 3, 4> image;
 };
 
@@ -140,7 +140,7 @@ struct Light {
 struct FieldMask {
     // The mask's grid, for positions relative to the centre of the field's volume.
     MaskGrid grid;
-    // [bricks]: whether a part of the brick is outside of the mask.
+    // [bricks]: whether a part of each brick is outside the mask.
     Array<const bool, 1> are_cut;
 };
 
@@ -154,11 +154,11 @@ struct Field {
     // [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing.
     Array<const int64_t, 1> texel_offsets;
     PiecewiseTransfer pieces;
-    // A factor on extinction.
+    // A factor on the layer's extinction.
     float weight;
-    // The unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
+    // The unit vector towards the light (x, y, z), the ambient and the diffuse coefficient; used if `is_lit`.
     float lambert[5];
-    // Whether any voxel has no data.
+    // Whether the volume has voxels without data.
     bool has_absent;
     // Whether the scalars are numbers of labels.
     bool is_labels;
@@ -196,11 +196,11 @@ struct LayerBricks {
 struct DrawTiles {
     Grid grid;
     LayerBricks bricks;
-    // A ray ends at this alpha.
+    // The alpha at which a ray ends.
     float termination_alpha;
     // Whether nothing is absorbed.
     bool is_additive;
-    // The numbers of the tiles.
+    // The numbers of the tiles to draw.
     EACH_CALL Array<const int64_t, 1> tiles;
 };
 LONG_KERNEL(draw_tiles, DrawTiles)
@@ -208,15 +208,15 @@ LONG_KERNEL(draw_tiles, DrawTiles)
 // Composite the bricks of several volumes into some tiles of the image, mixed at every point.
 struct DrawMixture {
     Grid grid;
-    // The bricks of each grid of voxels.
+    // The bricks of the layers on each grid of voxels.
     Array<const LayerBricks, 1> groups;
     // [n, 2]: the bricks, as in Mixture (renderer/draw/bricks/mixture.py).
     Sized<const int64_t, 2, 2> members;
     // [n, 3]: their depths, as in Mixture.
     Sized<const double, 2, 3> depths;
-    // A ray ends at this alpha.
+    // The alpha at which a ray ends.
     float termination_alpha;
-    // The numbers of the tiles.
+    // The numbers of the tiles to draw.
     EACH_CALL Array<const int64_t, 1> tiles;
 };
 LONG_KERNEL(draw_mixture, DrawMixture)
@@ -232,11 +232,11 @@ struct SearchRules {
     float slack;
     // A number replaces the largest number found so far if it exceeds it by this.
     float min_rise;
-    // A ray ends at this number.
+    // The number at which a ray ends.
     float ceiling;
     // Whether bricks come in the order of falling bounds; otherwise they come front to back.
     bool is_sorted;
-    // Whether any voxel has no data.
+    // Whether the volume has voxels without data.
     bool has_absent;
     // The change of nearness over a step along each index axis; zeros if depth does not count. Nearness falls from 1 to
     // 0 through the ball around the volume.
@@ -251,7 +251,7 @@ struct DrawExtremes {
     Sized<const double, 2, 11> boxes;
     // [bricks]: the position of each brick's first texel in `scalars`; -1 for a brick that shows nothing.
     Array<const int64_t, 1> texel_offsets;
-    // The numbers of the tiles.
+    // The numbers of the tiles to draw.
     EACH_CALL Array<const int64_t, 1> tiles;
     // [bricks]: an upper bound of the numbers in each brick.
     Array<const double, 1> tops;

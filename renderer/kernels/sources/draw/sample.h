@@ -23,7 +23,7 @@ struct Three {
     Floats x, y, z;
 };
 
-// Extinction and colour.
+// The extinction and the colour at a point of a ray.
 struct Sample {
     Floats tau, r, g, b;
 };

@@ -4,7 +4,7 @@
 
 // Put an image over its background, and round it to 8 bits.
 struct Quantize {
-    // [h, w, 4]: premultiplied RGBA.
+    // [h, w, 4]: the image, premultiplied RGBA.
     Sized<const float, 3, 4> image;
     // [h, 3]: the background colour of each row.
     Sized<const float, 2, 3> background;

@@ -2,7 +2,7 @@
 #pragma once
 #include "transfer/kernels.h"
 
-// Average the optical depths of a slab of cells.
+// Average the optical depths of voxels over a slab of cells.
 struct AverageVoxels {
     // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
     AnyArray<3> raw;
@@ -10,7 +10,7 @@ struct AverageVoxels {
     Maybe<Array<const float, 1>> by_pattern;
     // The transfer function, if scalars have more than 16 bits; otherwise None.
     Maybe<TransferTable> curve;
-    // Cells are 2^level voxels wide.
+    // The level of the cells, which are 2^level voxels wide.
     int64_t level;
     // The number of the slab, along z.
     EACH_CALL int64_t slab;
@@ -19,7 +19,7 @@ struct AverageVoxels {
 };
 LONG_KERNEL(average_voxels, AverageVoxels)
 
-// Send rays from the centres of a slab of cells.
+// Find how much light reaches a slab of cells, by rays from their centres.
 struct Transmit {
     // [z + 2, y + 2, x + 2]: the mean optical depth of each cell over a finest voxel spacing. The outermost cells are
     // repeated once beyond each border.

@@ -19,7 +19,7 @@ struct MeasureChords {
 };
 LONG_KERNEL(measure_chords, MeasureChords)
 
-// Colour one number of each ray.
+// Turn one number of each ray into a colour.
 struct ColorShares {
     // The colours as a function of the number.
     TransferTable curve;
@@ -29,7 +29,7 @@ struct ColorShares {
     EACH_CALL Array<const float, 2> chords;
     // [h, w, 1]: a factor on each colour.
     EACH_CALL Sized<const float, 3, 1> brightness;
-    // [h, w, 4]: RGBA, opaque.
+    // [h, w, 4]: the picture, opaque RGBA.
     EACH_CALL Sized<float, 3, 4> image;
 };
 KERNEL(color_shares, ColorShares)

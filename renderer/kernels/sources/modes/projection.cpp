@@ -1,4 +1,4 @@
-// Colour one number of each ray.
+// Turn one number of each ray into a colour.
 #include "modes/kernels.h"
 #include "transfer/transfer.h"
 

@@ -1,4 +1,4 @@
-// Walk down a pyramid to its cut (renderer/pyramid/cut.py).
+// List the children of nodes, and visible voxels, on the way down a pyramid to a cut (renderer/pyramid/cut.py).
 #include "pyramid/kernels.h"
 #include "transfer/classify.h"
 

@@ -19,7 +19,7 @@ struct VisibleNodes {
     Array<int64_t, 1> sizes;
     // [3]: the number of visible nodes of each level.
     Array<int64_t, 1> counts;
-    // [groups, 4]: the mean of each group's root, visible or not.
+    // [groups, 4]: the means of each group's root, visible or not.
     Array<float, 2> root_means;
     // [groups, channels]: the means of each group's root, in the channels that errors are measured on.
     Array<double, 2> root_error_means;
@@ -75,7 +75,7 @@ struct AverageCells {
     // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
     AnyArray<3> raw;
     Classifier classifier;
-    // The level of the cells.
+    // The level of the cells: 0, 1 or 2.
     int64_t level;
     // [n, 3]: the first cell of each brick (x, y, z), which may lie beyond the border.
     Array<const int64_t, 2> corners;

@@ -62,7 +62,7 @@ struct Classifier {
     bool is_opacity;
     // The light on voxels; None without shading.
     Maybe<VoxelLighting> lighting;
-    // The visibility breakpoints (renderer/transfer/transfer_function.py).
+    // The scalars at which visibility changes (renderer/transfer/transfer_function.py).
     Array<const double, 1> breakpoints;
     // [z, y, x, 3]: the colours of voxels, which multiply the transfer function's colours; None for white.
     Maybe<Sized<const uint8_t, 4, 3>> colors;
