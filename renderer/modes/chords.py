@@ -1,4 +1,4 @@
-"""Measure how long rays are inside what is left of the volume's box."""
+"""Measure the lengths of rays inside the part of the volume's box that clipping leaves."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from renderer.volume import Float32, Volume
 def chord_lengths(volume: Volume, view: View, clip: tuple[ClipSpec, ...], threads: ThreadPool) -> Float32:
     """Return the world length of each pixel's ray inside the box, beyond the near plane: float32 [h, w].
 
-    clip: besides that of the view. What is clipped away, and voxels without data, do not count.
+    clip: clip planes and boxes besides those of the view. Parts of rays that are clipped away, or in voxels without
+    data, do not count.
     """
     width, height = view.size
     lengths = np.empty((height, width), np.float32)
