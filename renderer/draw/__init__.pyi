@@ -7,7 +7,7 @@ from .splats.recovery import RecoveringRasterizer as RecoveringRasterizer
 from .splats.splat_rasterizer import SplatRasterizer as SplatRasterizer
 
 # isort: split
-# Only tests import these; no other room uses them.
+# For tests alone: steps and constants that no other room uses.
 from .bricks.bands import plan_bands as plan_bands
 from .bricks.brick_cache import Atlas as Atlas, brick_bytes as brick_bytes
 from .bricks.brick_rasterizer import share_memory as share_memory, share_out as share_out

@@ -29,7 +29,7 @@ from .records import (
 from .threads import ThreadPool as ThreadPool
 
 # isort: split
-# Only tests import these; no other room uses them.
+# For tests alone: steps and constants that no other room uses.
 from .binding import Kernel as Kernel
 from .build import (
     BUILT as BUILT,

@@ -14,5 +14,5 @@ from .placement import (
 )
 
 # isort: split
-# Only tests import these; no other room uses them.
+# For tests alone: steps and constants that no other room uses.
 from .label_numbers import leave_out_masked as leave_out_masked, number_labels as number_labels

@@ -15,7 +15,7 @@ from .volume_suggestion import (
 from .wishes import NO_WISH as NO_WISH, WISHES as WISHES, Wish as Wish
 
 # isort: split
-# Only tests import these; no other room uses them.
+# For tests alone: steps and constants that no other room uses.
 from .channels import suggest_weight as suggest_weight, suggest_window as suggest_window
 from .layer import Layer as Layer
 from .opacity_calibration import (
