@@ -25,9 +25,9 @@ _NUM_RAYS = 512
 _CT_PRESETS = ("bone", "vessels", "skin", "xray")
 # Words of --preset for all other volumes.
 _PRESETS = ("surface", "xray", "glow")
-# Most voxels along each axis from which looks are suggested.
+# The largest number of voxels along each axis of a volume from which looks are suggested.
 _MOST_LOOKED_AT = 64
-# Most voxels along each axis that are drawn with other looks.
+# The largest number of voxels along each axis of a volume that is drawn with other looks.
 _MOST_DRAWN = 128
 
 # Words of --preset, with their suggestions.

@@ -63,7 +63,10 @@ class ExactPixels:
         return self._compare(over_rows(radiance.reshape(-1, 1, 4)[self.chosen.numbers], self.behind)[:, 0])
 
     def compare_picture(self, picture: Float64) -> Probe:
-        """Measure the error of a picture over its background, in [0, 1]: [h, w, 3]."""
+        """Measure the error of a picture against the exact pixels.
+
+        picture: [h, w, 3], colours in [0, 1], over their background.
+        """
         return self._compare(picture.reshape(-1, 3)[self.chosen.numbers])
 
     def _compare(self, colors: Float64, weights: Float64 | float = 1.0) -> Probe:

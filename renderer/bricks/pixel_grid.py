@@ -18,7 +18,7 @@ MAX_STRIDE_CELLS, STRIDE_TOLERANCE_UNIT, MAX_STRIDE_THICKNESS = 1.35, 0.1, 0.5
 DIFFERENCE_THRESHOLD, MAX_DIFFERENCE_THRESHOLD = 0.35, 0.35
 TERMINATION_TRANSMITTANCE, MAX_TERMINATION_TRANSMITTANCE = 0.04, 0.025
 
-# float32 does not resolve a smaller transmittance.
+# The least transmittance at which a ray ends. Light behind it would be lost when float32 adds it to the light before.
 _MIN_TERMINATION_TRANSMITTANCE = 2.0**-22
 
 

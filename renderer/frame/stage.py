@@ -104,7 +104,7 @@ class Stage(FilmStage):
     scene: Scene
 
     def at(self, frame: int) -> Stage:
-        """Return this stage."""
+        """Return this stage, which is the stage of every frame that it is asked for."""
         return self
 
     @property

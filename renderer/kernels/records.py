@@ -180,7 +180,8 @@ class VisibleNodes(NamedTuple):
     root_means: NDArray[np.float32]
     # [groups, channels]: the means of each group's root, in the channels that errors are measured on.
     root_error_means: NDArray[np.float64]
-    # [groups, channels]: the variances of each group's root, in the channels that errors are measured on.
+    # [groups, channels]: the variances of the root node of each group of nodes, in the channels that errors are
+    # measured on.
     root_variances: NDArray[np.float64]
 
 

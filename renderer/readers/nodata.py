@@ -40,10 +40,11 @@ _SAME = 1e-6
 # The least distance of a usual fill value from the range of the other values, as a multiple of the length of this
 # range.
 _MIN_USUAL_DISTANCE = 0.5
-# The least distance of any other negative fill value from the range of the other values, as a multiple of its length.
+# The least distance of an unusual negative fill value from the range of the remaining values, as a multiple of the
+# length of this range.
 _MIN_NEGATIVE_DISTANCE = 3.0
-# The least distance of any other positive fill value from the range of the other values, as a multiple of its length.
-# It is larger, as a bright object may have a single value, too.
+# The least distance of an unusual positive fill value from the range of the remaining values, as a multiple of the
+# length of this range. It is larger, as a bright object may have a single value, too.
 _MIN_DISTANCE = 30.0
 # The share of voxels with the lowest values, and with the highest, that the range of the other values leaves out when
 # usual fill values are sought.

@@ -30,7 +30,7 @@ def is_film_wide_goal(error: ErrorSpec) -> bool:
 
 
 def with_draw_order(scene: AnyScene) -> AnyScene:
-    """Return the scene with the draw order of its splats: a single order, `unmixed`, for a time budget.
+    """Return the scene with a single order of its splats, `unmixed`, if it has a time budget; else the same scene.
 
     Drawing some frames in a second order would double their time, or need a far coarser cut, which flickers.
     """

@@ -48,7 +48,7 @@ def is_level_set_interior(sample: VoxelSample, border: float) -> bool:
 
 
 def _coherence(sample: VoxelSample, above: float) -> float:
-    """Return the probability that the neighbour of a voxel above `above` is above it, too. It is low in noise."""
+    """Return the probability that a neighbour of a voxel over a threshold is over the threshold, too; low in noise."""
     return float(np.mean((sample.neighbours > above)[:, sample.normalized > above]))
 
 

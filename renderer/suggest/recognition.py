@@ -36,8 +36,8 @@ _MIN_AWAY_OF_NOISE = 0.025
 # The least ratio of the largest values to the median, in a field with a long tail: its values are floats that spread
 # over orders of magnitude.
 _HEAVY_TAIL = 25.0
-# The least share of the voxels above the background that an object has. With fewer, values may be shown by their
-# logarithms.
+# The least share of all voxels that lie above the background if there is an object. With fewer voxels above it, values
+# may be shown by their logarithms.
 _MIN_TAIL = 0.01
 # The least ratio of the upper to the lower quartile of values that are shown by their logarithms. Noise has 1.2.
 _MIN_MIDDLE_RATIO = 3.0

@@ -50,7 +50,7 @@ class Materials:
         return otherwise if self.zero is None else self.sample.normalize(hounsfield + self.zero)
 
     def named(self, in_hounsfield: str, otherwise: str) -> str:
-        """Return the name of a material in computed tomography, or `otherwise` if the scan is in other units."""
+        """Return a material's name for a scan in Hounsfield units, or `otherwise` for a scan in other units."""
         return otherwise if self.zero is None else in_hounsfield
 
 

@@ -48,8 +48,8 @@ _FIRST_STEP, _MAX_HALVINGS = 1.0, 12
 class Convergence:
     """A record of an image's convergence, one entry for each halving of the step.
 
-    step_voxels: the step, compared with one twice as long. change: the largest change of a channel of any pixel.
-    num_pixels: the pixels integrated at this step; the others had converged before.
+    step_voxels: the step after the halving. change: the largest difference of a channel of any pixel between this step
+        and a step twice as long. num_pixels: how many pixels are integrated at this step; the others converged before.
     """
 
     step_voxels: tuple[float, ...]

@@ -22,8 +22,8 @@ from __future__ import annotations
 # sign.
 MEAN_LAYERS = 256
 
-# The least number of splats in a chunk: a smaller chunk loses more time waiting for the device than it gains. 6 u B is
-# 1.5e-3 if all splats are on one pixel; equal thin layers reach 1e-4.
+# The least number of splats in a chunk: a smaller chunk loses more time waiting for the device than it gains. The bound
+# of the rounding error (see the module's text) is 1.5e-3 if all splats are on one pixel; equal thin layers reach 1e-4.
 MIN_CHUNK_SPLATS = 1 << 12
 
 

@@ -23,7 +23,8 @@ struct VisibleNodes {
     Array<float, 2> root_means;
     // [groups, channels]: the means of each group's root, in the channels that errors are measured on.
     Array<double, 2> root_error_means;
-    // [groups, channels]: the variances of each group's root, in the channels that errors are measured on.
+    // [groups, channels]: the variances of the root node of each group of nodes, in the channels that errors are
+    // measured on.
     Array<double, 2> root_variances;
 };
 

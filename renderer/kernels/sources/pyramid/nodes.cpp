@@ -415,8 +415,8 @@ Status average_cells(const AverageCells* arguments) {
 // 2^15.
 //
 // Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for extending
-// the available precision"); then only the bias of the exponent differs. Below 2^-14, float16 has a unit of 2^-24, and
-// so has float32 in [1/2, 1).
+// the available precision"); then only the bias of the exponent differs. Below 2^-14, float16 has a unit of 2^-24, as
+// float32 has in [1/2, 1): adding 1/2 rounds to it.
 Status store_float16(const StoreFloat16* arguments) {
     const auto [values, factor, out] = *arguments;
     if (out.shape[0] != values.shape[0]) return OUT_OF_BOUNDS;
