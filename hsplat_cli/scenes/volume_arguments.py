@@ -69,7 +69,8 @@ def _keyed(
 ) -> Callable[[Command], Command]:
     """Declare an option whose text is read as the value of a key of a scene.
 
-    field: the type of the key. split: a function that makes a list of the text, if the field is a list. example: a correct text, for a hint.
+    field: the type of the key. split: a function that makes a list of the text, if the field is a list.
+    example: a correct text, for a hint.
     keeps_text: give the command the text itself, once it is known to be correct. default: shown in the help.
     """
 
