@@ -168,7 +168,7 @@ def install(extra: str) -> None:
 
 
 def make_venv() -> None:
-    """Make an empty `.venv` again; the record comes first, so that a half-made one is known as ours."""
+    """Make an empty `.venv` again; the record comes first, so that a half-made folder is known as ours."""
     say("making .venv")
     if VENV.exists():
         shutil.rmtree(str(VENV))

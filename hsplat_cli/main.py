@@ -102,7 +102,7 @@ def _version_text(*, is_verbose: bool) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a command line, by default the one of the process, and exit."""
+    """Run a command line, by default the arguments of the process, and exit."""
     _replace_closed_streams()
     for stream in (sys.stdout, sys.stderr):  # a file name may have characters that the terminal's encoding lacks
         if isinstance(stream, io.TextIOWrapper):

@@ -154,7 +154,7 @@ def _array_source(values: npt.ArrayLike) -> ArraySource:
 
 
 def _plain(value: Any, num_levels: int = MAX_DEPTH) -> Any:
-    """Return an option as plain data of a scene file. Raises InputError for more than `num_levels` nested levels."""
+    """Return an option as the plain data of a scene. Raises InputError for more than `num_levels` nested levels."""
     if num_levels == 0:
         raise InputError(f"an option of more than {MAX_DEPTH} levels", hint="does it contain itself?")
     if isinstance(value, (np.ndarray, np.generic)):

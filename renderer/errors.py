@@ -28,7 +28,8 @@ class HsplatError(Exception):
     expected: the values that would be right.
     hint: a way to correct the mistake.
 
-    Each is one line, in which `str` escapes unprintable characters, or several lines of `renderer.system.join_lines`.
+    Each text is one line, in which unprintable characters are escaped, or several lines made by
+    `renderer.system.join_lines`.
     """
 
     def __init__(

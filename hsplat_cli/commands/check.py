@@ -46,7 +46,7 @@ if TYPE_CHECKING:  # it loads kernels
     from renderer.draw import BrickMemory
     from renderer.job import Forecast
 
-# Most values of a schedule that are listed; of a schedule with more, the lowest and the highest.
+# Most values of a schedule that are listed; of a longer schedule, only the lowest and the highest are.
 _MAX_TURNS = 4
 
 
@@ -85,7 +85,7 @@ def check(request: SceneRequest, *, output: str | None, no_cost: bool, memory: i
 
 
 def _label_notes(request: SceneRequest, scene: FilmScene) -> list[tuple[str, str]]:
-    """Look for the labels that a scene names; return a row with the reason where a volume cannot be read for them.
+    """Look for the labels that a scene names; if a volume cannot be read, return a row with the reason.
 
     Raises SceneError for labels that a volume does not have.
     """

@@ -37,13 +37,13 @@ if TYPE_CHECKING:
 _COLUMNS = 64
 # Height of the histogram, in lines.
 _ROWS = 8
-# Share of the picture below which a material is marked as hidden, if its share of the voxels is above it.
+# A material is marked as hidden if its share of the picture is below this number, and its share of the voxels above it.
 _HIDDEN = 0.01
 # Most labels that the text lists; JSON has all of them.
 _MAX_LABELS = 40
 # Characters for the heights of a histogram's bars, from empty to full.
 _BLOCKS = " ▁▂▃▄▅▆▇█"
-# The same for a terminal whose encoding lacks block characters.
+# Characters for the heights of bars on a terminal whose encoding lacks block characters.
 _ASCII = " .:|#"
 
 
@@ -59,7 +59,7 @@ class _TimeFacts:
 
 @dataclass(frozen=True)
 class _LabelFacts:
-    """A label that is shown. volume: in cubic world units. share: of the picture."""
+    """A label that is shown. volume: its size in cubic world units. share: the share of the picture that it covers."""
 
     value: float
     name: str
@@ -104,7 +104,7 @@ class _VolumeFacts:
     time: _TimeFacts | None
 
     def to_json(self) -> dict[str, object]:
-        """Return the facts as plain data, with the sections of the transfer function between them."""
+        """Return the facts as plain data; the suggested sections of a scene are entries beside them."""
         found = asdict(self)
         time, transfer = found.pop("time"), found.pop("transfer")
         return {**found, **transfer, "time": time}
@@ -165,7 +165,7 @@ def _row(name: str, volume: VolumeSpec) -> dict[str, str]:
 
 
 def _time_facts(volume: Volume, spec: VolumeSpec) -> _TimeFacts | None:
-    """Return the facts about steps in time; None for a single step."""
+    """Return the facts about steps in time; None for a volume of one step."""
     if volume.num_times == 1:
         return None
     steps = getattr(spec.source, "steps", ())
@@ -259,7 +259,7 @@ def describe_direction(axes: Float64) -> str:
 
 
 def _number(value: float) -> str:
-    """Return six digits, or all digits of a whole number."""
+    """Return a number as text, with six digits, or with all digits of a whole number."""
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else f"{value:.6g}"
 
 

@@ -67,7 +67,7 @@ def measure(
     SCENE is a YAML file. A page with plots, a CSV and a JSON file are written into the folder SCENE.measured.
     """
     given = load_job(request, "nothing")
-    job, numbers = given.scene.changed(_without_annotation), given.frames  # lines are no error
+    job, numbers = given.scene.changed(_without_annotation), given.frames  # drawn lines would count as errors
     sweep = parse_sweep(
         job.at(0), tolerances=tolerances, footprints=footprints, measures=measures, corrections=corrections
     )

@@ -102,7 +102,7 @@ def verify(
 
 
 def _summary(job: FilmJob, files: FilesCheck, pictures: PicturesCheck) -> Iterator[str]:
-    """Yield `whole, 120 frames`, `of this volume`, `file PSNR 43.6 dB (43.3 to 43.9), 7680 rays`."""
+    """Yield texts: `whole, 120 frames`, `of this volume`, `file PSNR 43.6 dB (43.3 to 43.9), 7680 rays`."""
     from renderer.record import accuracy_text
 
     num = len(job.frames)
@@ -129,7 +129,7 @@ def _problem_lines(problems: Sequence[Problem]) -> str:
 
 
 def _prepare_report(path: Path | None, job: FilmJob) -> None:
-    """Refuse, before the work begins, a name that no report may have, or that a file of the film or its inputs has."""
+    """Refuse, before the work begins, a path that no report may have, or that belongs to the film or its inputs."""
     if path is None or path == _STDOUT:
         return
     from hsplat_cli.compare import ReportFiles

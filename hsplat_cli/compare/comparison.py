@@ -81,7 +81,7 @@ def _reject_scene_options(request: SceneRequest, actual: Path) -> None:
 
 
 def _input_files(request: SceneRequest, actual: Path) -> Iterator[Path]:
-    """Yield all files that a comparison may read, in either order of the sides, except for volumes of a wrong scene."""
+    """Yield all files that a comparison may read, in either order of the sides; without volumes for a faulty scene."""
     for side in (request.path, actual):
         if _is_scene(side):
             with contextlib.suppress(HsplatError):
@@ -98,7 +98,7 @@ def _is_scene(path: Path) -> bool:
 def _compare(
     pairs: Pairs, rules: Rules, reports: ReportFiles, reporter: Reporter, names: tuple[str, str]
 ) -> Comparison:
-    """Compare all pairs and write the reports. names: of the golden and the actual side."""
+    """Compare all pairs and write the reports. names: the names of the golden and of the actual side."""
     rules.require_frames(pairs.names)
     gallery, outcomes = Gallery(), []
     with reporter.progress(len(pairs.names), label="comparing") as bar:

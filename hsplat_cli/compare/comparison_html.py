@@ -32,7 +32,7 @@ from renderer.film import Pixels
 PICTURE_PX = 512
 # Longest side of the enlarged crop around the pixel with the largest error, in pixels.
 CROP_PX = 48
-# If no frame fails: most frames that are shown, among the frames that differ.
+# Most frames that are shown, among the frames that differ, if no frame fails.
 NUM_PASSING_SHOWN = 6
 # Most bytes of all pictures on the page. Incompressible pictures of a frame take 4 MB: seven frames always fit.
 MAX_PICTURE_BYTES = 30_000_000
@@ -40,11 +40,11 @@ MAX_PICTURE_BYTES = 30_000_000
 GAINS = (1, 10, 50)
 # Width and height of the chart of errors, in pixels: as wide as a figure on the page, so that texts have one size.
 _SIZE = (864, 344)
-# Share of the range of frame numbers by which the axis is longer than the range, at each end.
+# The length by which the axis exceeds the range of frame numbers at each end, as a share of this range.
 _MARGIN = 0.013
 # Most ticks of the axis of frame numbers.
 _MOST_TICKS = 11
-# Number of frames from which on points are small.
+# Number of frames from which on the points of the chart are small.
 _MIN_DENSE_FRAMES = 200
 # Height of the chart above the limit, in decades; larger errors are drawn at its top.
 _MAX_DECADES = 4
@@ -153,7 +153,7 @@ class GalleryPicture(NamedTuple):
     kind: `golden` and `actual` are uint8 [h, w, 3 or 4], None for a side without the frame. `difference` is uint8
     [h, w, 3], None if nothing can be compared: red and blue are the steps, rounded up, by which the most different
     channel of a pixel is brighter or darker than in the golden; green is 0.
-    extent: words on the part of the frame that is shown; empty for the whole frame.
+    extent: a text on the part of the frame that is shown; empty for the whole frame.
     """
 
     kind: str

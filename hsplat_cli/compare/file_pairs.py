@@ -199,7 +199,7 @@ def _file_pairs(
 def read_pairs(
     names: Sequence[str], goldens: Mapping[str, Path], actuals: Mapping[str, Path], *, are_recorded: bool = False
 ) -> Iterator[Pair]:
-    """Read the pictures of both sides, by the names of their pairs. are_recorded: as `is_recorded` of a Pair.
+    """Read the pictures of both sides, by the names of their pairs. are_recorded: `is_recorded` of each Pair.
 
     Raises SceneError with all pictures that cannot be read.
     """

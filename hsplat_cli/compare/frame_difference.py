@@ -52,7 +52,7 @@ class FrameDifference:
         return tuple((self._signed_errors.mean(axis=(0, 1)) / _UNITS_PER_STEP).tolist())
 
     def metrics(self, names: Iterable[str]) -> dict[str, float]:
-        """Compute the named metrics, in the order of COMPARISON_METRICS; SSIM only if the picture holds its window.
+        """Compute the named metrics, in the order of COMPARISON_METRICS; SSIM only if its window fits.
 
         FLIP needs the package flip-evaluator, SSIM scikit-image.
         """
@@ -111,7 +111,10 @@ COMPARISON_METRICS = {metric.name: metric for metric in _FUNCTIONS}
 
 
 def _signed_errors_in_255ths(golden: Pixels, actual: Pixels) -> Int32:
-    """Return actual minus golden, [h, w, 3 or 4], in 255ths of a step, in which errors are whole numbers."""
+    """Return actual minus golden, [h, w, 3 or 4], in 255ths of a level of 8 bits.
+
+    Colours are multiplied by alpha, a number of 255ths, so that errors are whole numbers in this unit.
+    """
     errors: Int32 = actual.astype(np.int32) - golden
     if golden.shape[2] == 4:
         errors[..., :3] *= np.maximum(golden[..., 3:], actual[..., 3:])

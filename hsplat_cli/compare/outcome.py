@@ -39,8 +39,8 @@ _KINDS = {3: "RGB", 4: "RGBA"}
 class Pair:
     """Holds a golden frame and the actual one: uint8 [h, w, 3 or 4], straight alpha; None for a side without the frame.
 
-    name: of the file, or `frame 12` of a film. is_recorded: whether golden.json lists the golden, so that a golden of
-    None is missing.
+    name: the name of the file, or `frame 12` of a film. is_recorded: whether golden.json lists the golden; if it does,
+    a golden of None is missing.
     """
 
     name: str
@@ -67,8 +67,8 @@ class Outcome:
     """Holds the outcome of one pair of frames.
 
     name: as in Pair. why: the reason in one sentence; every number in it has its metric, its unit and its limit.
-    limits: of this frame. figures: errors by the names of COMPARISON_METRICS; empty if nothing can be compared.
-    exceeded: metrics over their limits; the first is the reason.
+    limits: the limits of this frame. figures: errors by the names of COMPARISON_METRICS; empty if nothing can be
+    compared. exceeded: metrics over their limits; the first is the reason.
     bias: mean signed error of each channel, in steps, actual minus golden.
     """
 
@@ -101,8 +101,9 @@ class Outcome:
 class Comparison:
     """Holds the outcomes of all pairs, at least one, in the order of their names.
 
-    golden, actual: descriptions of both sides. level: name of the strictness. notes: for the user. facts: values of a
-    fact such as the device on both sides, (golden, actual), by its name. other_limits: as in `Rules.other_limits`.
+    golden, actual: descriptions of both sides. level: name of the strictness. notes: notes for the user. facts: the
+    values (golden, actual) of each fact that may differ, such as the device, by its name. other_limits: as in
+    `Rules.other_limits`.
     """
 
     golden: str

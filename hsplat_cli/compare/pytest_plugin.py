@@ -15,7 +15,7 @@ def assert_frames_match() -> Callable[..., None]:
     """Return a function that fails the test, with a table, if frames exceed their limits.
 
     golden, actual: as on the command line: images, folders, templates or films, or a scene and its folder of goldens.
-    level: replaces the file of limits beside the goldens. limits: by metric; None removes one.
+    level: replaces the file of limits beside the goldens. limits: the limit of each metric; None removes a limit.
     html: an .html file for a page of the worst frames, written in any case.
 
     The function raises AssertionError if frames differ, and InputError if they cannot be compared.

@@ -30,7 +30,7 @@ _SUFFIXES = {"--json": (".json",), "--junit": (".xml",), "--html": (".html", ".h
 # Most failing frames that the terminal shows, so that they fit on a screen; files have all frames.
 MAX_ROWS = 20
 
-# The fact whose difference explains small errors.
+# The name of the fact whose difference explains small errors.
 _DEVICE = "device"
 # The strictness that allows for the differences between drivers.
 _LOOSEST = "cross-driver"
@@ -95,7 +95,7 @@ class ReportFiles:
         self._write({"--json": failure_json, "--junit": failure_junit}, str(golden), str(actual), why)
 
     def _write(self, makers: Mapping[str, Callable[..., str]], *contents: object) -> None:
-        """Write the requested reports among the given ones. makers: return the text of a report from the contents."""
+        """Write the requested reports. makers: for each option, a function that returns its report on the contents."""
         with staged_files() as write:
             for option, path in self.paths.items():
                 if option in makers:

@@ -52,7 +52,7 @@ class Rules:
 
     level: a key of STRICTNESSES. limits: changes for all frames. frames: changes for single frames, by name. overrides:
     changes for all frames, applied last. file: the file of limits. places: the lines in it that name frames, by name.
-    notes: for the user.
+    notes: notes for the user.
     """
 
     level: str = DEFAULT_LEVEL
@@ -104,8 +104,8 @@ def load_rules(
 ) -> Rules:
     """Load the rules from the file beside the goldens, if it exists, and from the command line.
 
-    golden: a folder that may hold the file, or a file beside it. level: of the command line. overrides: `FIGURE=VALUE`.
-    option_names: the names of level and overrides in messages.
+    golden: a folder that may hold the file, or a file beside it. level: the level on the command line. overrides:
+    limits as `FIGURE=VALUE`. option_names: the options of level and overrides, for messages.
 
     Raises InputError if the file cannot be read, and SceneError with all problems in it or the command line.
     """

@@ -30,7 +30,7 @@ from renderer.record import FilmRecord, MadeFile
 from renderer.scene import MetricTarget, TimeBudget, counted, first_few, schedule_to_dict
 
 _TEMPLATE = Path("frame-{frame}.png")
-# Digits of a fingerprint in messages.
+# Number of digits of a fingerprint in messages.
 _SHOWN_DIGITS = 8
 
 
@@ -40,9 +40,9 @@ def load_numbered_job(request: SceneRequest) -> FilmJob:
 
 
 def load_reproducible_job(request: SceneRequest) -> FilmJob:
-    """Load a job as `load_numbered_job`.
+    """Load the job of a scene as `load_numbered_job` does, if its frames can be reproduced.
 
-    Raises InputError if frames depend on the machine's speed or on other frames, or are too large to be read again.
+    Raises InputError if they depend on the machine's speed or on other frames, or are too large to be read again.
     """
     job = load_numbered_job(request)
     reasons = {

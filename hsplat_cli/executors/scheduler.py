@@ -36,7 +36,7 @@ def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: FilmScene) -> I
     with contextlib.ExitStack() as stack:
         client = stack.enter_context(connect(spec.scheduler))
         executor = SchedulerExecutor(client, spec, scene, stack, reporter)
-        if isinstance(scene.error.goal, MetricTarget):  # its search draws in this process: fail now, if it cannot
+        if isinstance(scene.error.goal, MetricTarget):  # the search for its tolerance draws in this process: fail now
             _ = executor.rasterizer
         yield executor
 
@@ -44,7 +44,8 @@ def open_executor(spec: ExecutorSpec, reporter: Reporter, scene: FilmScene) -> I
 class SchedulerExecutor:
     """Draws with the workers of a scheduler.
 
-    device: a placeholder; records of frames have the devices of the workers. brick_memory: not known in this process.
+    device: a placeholder, as records of frames have the devices of the workers. brick_memory: None, as this process
+    does not know it.
     """
 
     device = "the devices of a cluster's workers"

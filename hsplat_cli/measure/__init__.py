@@ -5,7 +5,7 @@ CSV, JSON and a table for the terminal; or the tolerance that reaches an accurac
 
 - `sweep_options.py`: lists of settings on the command line; `study.py`: one scene at all of them, and its notes;
   `sweep.py`: cost and accuracy of a setting, and the record of a study; `thumbnails.py`: small pictures.
-- `pareto.py`: the settings that no other one beats; `costs.py`: the cost of a PSNR on this front.
+- `pareto.py`: the settings that no other setting beats; `costs.py`: the cost of a PSNR on this front.
 - `report.py` makes and writes the report; `plots.py`: its charts of error against cost; `tables.py`: text, CSV and
   JSON, and the columns of the page.
 - `tolerance.py` finds the tolerance for `--want psnr=38`.

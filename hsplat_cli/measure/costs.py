@@ -13,7 +13,7 @@ CostOf = Callable[[Measurement], float]
 
 # PSNR of the first row of the table of costs, in dB; the table begins lower if no measurement reaches it.
 _FIRST_DB = 25
-# Step between two rows, in dB.
+# Step of PSNR between two rows of the table of costs, in dB.
 _STEP_DB = 5
 
 
@@ -70,7 +70,7 @@ class CostAtPsnr:
 
 
 def costs_by_psnr(measurements: Sequence[Measurement]) -> list[CostAtPsnr]:
-    """Return the cost of every fifth dB, up to the highest PSNR measured."""
+    """Return the cost of every multiple of 5 dB, up to the highest PSNR measured."""
     return [_cost_at_psnr(float(psnr), measurements) for psnr in _wanted_psnrs(measurements)]
 
 

@@ -1,4 +1,4 @@
-"""Finds the settings that no other one beats in accuracy and cost, and interpolates between them."""
+"""Finds the settings that no other setting beats in both accuracy and cost, and interpolates between them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Cost(NamedTuple):
-    """Holds the cost at which a PSNR is reached; infinite if it is not.
+    """Holds the cost at which a PSNR is reached; infinite if no setting reaches it.
 
     is_bound: whether the cheapest measured setting is already more exact, so that the true cost may be lower.
     """

@@ -26,7 +26,8 @@ ValueOf = Callable[[Measurement], float]
 class CostAxis:
     """Describes a logarithmic axis of cost.
 
-    cost: returns the cost of a measurement, or NaN. has_bars: whether bars reach from the first to the third quartile.
+    cost: a function that returns the cost of a measurement, or NaN. has_bars: whether a point has a bar from the first
+    to the third quartile of the cost.
     """
 
     title: str
@@ -84,7 +85,7 @@ def _tradeoff_chart(measurements: Sequence[Measurement], axis: CostAxis) -> Char
 
 
 def _tradeoff_caption(measurements: Sequence[Measurement], axis: CostAxis, front: Sequence[Measurement]) -> str:
-    """Explain labels, bars and omissions."""
+    """Return a caption that explains labels and bars, and tells which measurements are left out."""
     parts = ["Higher and further to the left is better."]
     if front:
         kind, _, _ = front[0].setting.label.rpartition(" ")

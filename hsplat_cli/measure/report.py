@@ -33,9 +33,9 @@ _METRICS = ("psnr", "ssim", "flip", "flip_p99", "delta_e_share", "rmse", "max_er
 def write_study(study: Study, folder: Path, *, date: str) -> list[Path]:
     """Write measure.csv, measure.json and index.html into `folder`, and return their paths.
 
-    date: shown in the report. Equal studies and dates give equal bytes. Missing folders are created. All contents are
-    made before the first file is written. Raises InputError if a name cannot be a file, and RenderError if the system
-    refuses.
+    date: the date that the report shows. Equal studies and dates give equal bytes. Missing folders are created. All
+    contents are made before the first file is written. Raises InputError if a name cannot be a file, and RenderError if
+    the system refuses.
     """
     texts = (csv_text(study), json_text(study, date=date), study_page(study, date=date))
     paths = [folder / name for name in REPORT_FILES]
@@ -122,7 +122,7 @@ def _primitive_nouns(measurements: Sequence[Measurement]) -> str:
 
 
 def _step_columns(measurements: Sequence[Measurement]) -> list[Column]:
-    """Return the columns of the times of steps, each over all frames and repetitions."""
+    """Return a column of times for each step, over all frames and repetitions."""
     names = dict.fromkeys(name for m in measurements for name in _step_times(m))
     titles = {"primitives": _primitive_nouns(measurements)}
     return [_step_column(titles.get(step, step), step, is_once) for step, is_once in names]

@@ -67,7 +67,8 @@ _QUICK_NOTE = (
 class StudyRequest:
     """Describes a requested study: the scene, the settings and the frames to measure.
 
-    name: of the scene's file. frames: None for a few frames spread over the path. folder: of the report.
+    name: the name of the scene's file. frames: None for a few frames spread over the path. folder: the folder of the
+    report.
     is_quick: whether pictures are compared with a few exact rays in place of whole exact pictures. The sweep then has
     one footprint and one error measure.
     """
@@ -160,7 +161,7 @@ def _with_splat(scene: Scene, splat: SplatSpec) -> Scene:
 
 
 def _devices(request: StudyRequest) -> str:
-    """Return the devices that draw the footprints of a sweep. Raises RenderError where one needs OpenGL in vain."""
+    """Return the devices that draw the footprints of a sweep. Raises RenderError if OpenGL is needed and missing."""
     devices = []
     for splat in request.sweep.splats:
         with open_rasterizer(request.scene.changed(partial(_with_splat, splat=splat))) as rasterizer:
@@ -172,7 +173,7 @@ def _devices(request: StudyRequest) -> str:
 def _openers(request: StudyRequest, volumes: Sequence[Volume]) -> Iterator[_Openers]:
     """Yield the functions that open stages and rasterizers; in a quick study they return the same stage and rasterizer.
 
-    There, settings differ only in their tolerances.
+    In a quick study, settings differ only in their tolerances.
     """
     scene = request.scene
     opened = _Openers(partial(open_at_any_tolerance, volumes=volumes), open_rasterizer)
@@ -193,7 +194,7 @@ def _sample_truths(request: StudyRequest, opened: _Openers, plan: Plan, frames: 
 
 
 def _with_progress(drawn: Iterator[Measurement], work: Sequence[float], reporter: Reporter) -> Iterator[Measurement]:
-    """Yield the measurements, and show their progress. work: the predicted seconds of each."""
+    """Yield the measurements, and show their progress. work: the predicted seconds of each measurement."""
     with reporter.progress(work, label="measuring", unit="settings") as bar:
         for measurement in drawn:
             yield measurement

@@ -26,7 +26,7 @@ from renderer.scene import ErrorSpec, FilmScene, SplatSpec, tolerance_at, with_t
 from renderer.system import PeakMemory
 from renderer.volume import UInt8
 
-# Most tolerances of a series, unless they are given.
+# Most tolerances of a series that are chosen, if the user gives none.
 _MAX_TOLERANCES = 10
 # Seconds to draw a cell as a splat, by a software renderer on two cores. Only the ratios of these four numbers matter:
 # they predict the remaining time.
@@ -41,10 +41,10 @@ _PER_PICTURE = 0.4
 FRAME_STEPS = ("order", "draw", "quantize")
 # Steps that are timed once for a cut, which many frames may share.
 _CUT_STEPS = ("cut", "primitives")
-# Seconds of drawing a setting after which it is not drawn again.
+# A setting that took this many seconds to draw is not drawn again.
 _REPEAT_LIMIT_S = 4.0
 
-# Seconds by step.
+# The seconds of each step, by its name.
 Seconds = Mapping[str, float]
 Truths = Sequence[Truth] | Sequence[SampledTruth]
 
@@ -218,7 +218,7 @@ def _repetitions(repetitions: Sequence[Seconds], steps: Sequence[str]) -> dict[s
 
 @dataclass(frozen=True)
 class PlannedSetting:
-    """Holds a setting to measure: the scene at its constant tolerance and footprint, and its work, as in Primitive."""
+    """Holds a setting to measure: the scene at its constant tolerance and footprint, and its `Primitive.work`."""
 
     scene: FilmScene
     splat: SplatSpec
@@ -300,9 +300,9 @@ def _work_by_tolerance(stage: FilmStage, tolerances: Sequence[float] | None, own
 class Study:
     """Holds a study with its results.
 
-    name: of the scene file. scene: with all defaults, from `scene_to_dict`. volume: name, fingerprint, dtype, shape.
-    machine: the machine and the program that measured. measurements: in the planned order.
-    notes: for the reader, such as on an interruption.
+    name: the name of the scene file. scene: the scene with all defaults, from `scene_to_dict`. volume: its name,
+    fingerprint, dtype, shape. machine: the machine and the program that measured. measurements: in the planned order.
+    notes: notes for the reader, such as on an interruption.
     """
 
     name: str

@@ -19,9 +19,9 @@ from renderer.scene import (
 
 T = TypeVar("T")
 
-# `measure` and `of` of the section `error`, by the words of --measures.
+# The values of the keys `measure` and `of` in the section `error`, by the words of --measures.
 _MEASURES = {"optical": ("optical", "classified"), "rms": ("rms", "classified"), "rms:scalar": ("rms", "scalar")}
-# The types of a wanted accuracy, by metric.
+# The field type of a wanted accuracy, by metric.
 _WANTED: schema.FieldTable = {
     "psnr": schema.number_field(above=0, maximum=MAX_PSNR_DB),
     **dict.fromkeys(("rmse", "ssim", "flip"), schema.number_field(above=0, maximum=1)),
@@ -32,8 +32,8 @@ _WANTED: schema.FieldTable = {
 class Sweep:
     """Holds the lists of a sweep, all of whose combinations are measured.
 
-    errors: one for each measure; their tolerances are ignored. splats: each footprint, with and without correction.
-    tolerances: None for a choice that suits the volume.
+    errors: a section `error` for each measure, whose tolerance is ignored. splats: a section for each footprint, with
+    and without opacity correction. tolerances: None for a choice that suits the volume.
     """
 
     errors: tuple[ErrorSpec, ...]

@@ -34,7 +34,8 @@ _HEADINGS = {"max_error": ("largest", ""), "flip_p99": ("FLIP", "99 %"), "delta_
 class Column:
     """Describes a column of a table of measurements.
 
-    unit: the text below the title. value: the sort key of a measurement; NaN or None if it has none. text: its cell.
+    unit: the text below the title. value: returns the number of a measurement by which rows are sorted; NaN or None
+    without one. text: returns its cell.
     """
 
     title: str

@@ -10,7 +10,7 @@ from renderer.volume import UInt8
 
 # Longest side of a thumbnail, in pixels.
 THUMBNAIL_PX = 256
-# Factor on differences from the truth.
+# Factor by which the differences from the truth are amplified.
 DIFFERENCE_GAIN = 8.0
 
 

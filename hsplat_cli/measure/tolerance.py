@@ -39,8 +39,8 @@ def print_tolerance(
 ) -> None:
     """Search the tolerance for an accuracy; the last printed line is made for the scene file.
 
-    truth_tolerance: of whole exact pictures; None to compare with a few exact rays of each frame, if they can measure
-    the metric. Raises RenderError if full resolution is not accurate enough.
+    truth_tolerance: the tolerance of whole exact pictures; None to compare with a few exact rays of each frame, if they
+    can measure the metric. Raises RenderError if full resolution is not accurate enough.
     """
     _require_measurable(scene, want)
     noun = scene.primitive_name

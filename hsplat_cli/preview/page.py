@@ -21,15 +21,15 @@ from renderer.system import num_cores, start_threads
 
 # Number of calls of `advance`.
 NUM_PARTS = 4
-# Frames of the film on the page.
+# Number of frames of the film on the page.
 _NUM_FRAMES = 12
 # Longer side of a frame, in pixels.
 _FRAME_PX = 192
 # Longer side of a frame with annotation, which is reduced to _FRAME_PX after drawing.
 _ANNOTATED_PX = 512
-# Pictures of the turning object.
+# Number of pictures of the turning object.
 _NUM_TURNED = 24
-# Turning pictures in a row.
+# Number of pictures of the turning object in a row.
 _TURN_COLUMNS = 6
 # Longer side of a turning picture, in pixels.
 _TURN_PX = 192
@@ -39,7 +39,7 @@ _OTHERS_PX = 256
 _TURN_TOLERANCE = 0.3
 # Elevation of turning pictures in degrees, unless the film is a turntable.
 _ELEVATION = 20.0
-# Exact rays of each frame, which find the visible values.
+# Number of exact rays of each frame, which find the visible values.
 _RAYS_A_FRAME = 96
 # Most layers that have a chart.
 _MOST_CHARTS = 8
@@ -48,8 +48,8 @@ _MOST_CHARTS = 8
 def preview_page(job: FilmJob, title: str, advance: Callable[[str], object]) -> tuple[str, Sequence[Glance]]:
     """Return the page of a film, and the faults of its pictures.
 
-    advance: gets the name of each finished part. Raises InputError, SceneError, and RenderError where a scene with
-    splats finds no OpenGL.
+    advance: a function that is called with the name of each finished part. Raises InputError, SceneError, and
+    RenderError where a scene with splats finds no OpenGL.
     """
     film = job.scene
     frame = film.num_frames // 2 if film.moves else 0
@@ -95,7 +95,7 @@ def _facts(job: FilmJob) -> list[tuple[str, str]]:
 
 def _sheet(studio: Studio, job: FilmJob) -> tuple[list[Shot], FilmVisibility | None, Sequence[Glance]]:
     """Draw some frames of the film with their annotation; find the visible values, and the faults of pictures."""
-    has_text = bool(job.scene.at(0).annotation.entries)  # it is laid out for larger pictures
+    has_text = bool(job.scene.at(0).annotation.entries)  # a text is laid out for larger pictures
     scene = small_scene(job.scene, _ANNOTATED_PX if has_text else _FRAME_PX, is_annotated=True)
     frames = spread_evenly(job.frames, _NUM_FRAMES, is_loop=is_loop(scene.at(0).camera.path))
     with studio.stage(scene) as stage:

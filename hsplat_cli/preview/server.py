@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
-# As in socketserver: a connection, and the address of its client.
+# The types of socketserver: a request, which is a connection or a packet with one, and the address of its client.
 _Request = socket.socket | tuple[bytes, socket.socket]
 _Address = tuple[str, int] | str
 
@@ -30,7 +30,7 @@ _HEARTBEAT_S = 5.0
 
 
 class Channel:
-    """Holds the latest news, and hands it to every thread that waits for it."""
+    """Holds the latest text for the page, and hands it to every thread that waits for it."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -110,7 +110,7 @@ class _Server(ThreadingHTTPServer):
         """Close connections whose requests take too long, even if bytes still arrive."""
         now = time.monotonic()
         for request in [request for request, deadline in self.deadlines.copy().items() if now > deadline]:
-            with contextlib.suppress(OSError):  # it is closed
+            with contextlib.suppress(OSError):  # the connection may be closed already
                 request.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: _Request, client_address: _Address) -> None:

@@ -19,7 +19,7 @@ from renderer.scene import AnnotationSpec, AnyScene, Background, FilmScene, Outp
 from renderer.system import num_cores
 from renderer.volume import Volume
 
-# Tolerance of a scene with a goal: its film searches a tolerance, which takes long.
+# Tolerance of small pictures where the scene has a goal, as a search for the tolerance that reaches it takes long.
 TOLERANCE = 0.1
 # Largest difference from the background, in steps of 255, of a pixel that counts as empty.
 _UNSEEN = 2
@@ -51,14 +51,14 @@ class Studio:
         return prepare_stage(scene, clock=time.perf_counter, num_threads=num_cores(), volumes=volumes, maker=maker)
 
     def draw(self, stage: FilmStage, frames: Sequence[int], num_rays: int = 0) -> list[DrawnFrame]:
-        """Draw frames, with their annotation. num_rays: exact rays of each frame, which measure it."""
+        """Draw frames, with their annotation. num_rays: exact rays of each frame, which measure its accuracy."""
         prober = FrameProber(stage.first, num_rays, num_threads=num_cores()) if num_rays else None
         return [*draw_frames(stage, frames, self.rasterizer, ScheduleController(stage), prober)]
 
     def shoot(
         self, scene: FilmScene, frame: int, caption: str, lines: str, volumes: Sequence[Volume] | None = None
     ) -> Shot:
-        """Draw one frame of a scene. lines: of the scene, as in Shot. volumes: as of `stage`."""
+        """Draw one frame of a scene. lines: the scene's lines, as in Shot. volumes: as in `stage`."""
         with self.stage(scene, volumes) as stage:
             (drawn,) = self.draw(stage, [frame])
         return shot_of(drawn, scene.output.background_at(frame), caption, lines)

@@ -16,18 +16,18 @@ from renderer.statistics import compute_statistics, hounsfield_zero
 from renderer.suggest import VolumeSuggestion, Wish, suggest_read
 from renderer.volume import Volume, sampled_volume
 
-# Factors on the opacity.
+# Factors by which variants multiply the opacity.
 _FACTORS = (0.5, 1.0, 2.0)
 _TOLERANCES = (1.0, 0.3, 0.1)
-# Exact rays that measure the accuracy of a picture.
+# Number of exact rays that measure the accuracy of a picture.
 _NUM_RAYS = 512
 # Words of --preset for computed tomography.
 _CT_PRESETS = ("bone", "vessels", "skin", "xray")
 # Words of --preset for all other volumes.
 _PRESETS = ("surface", "xray", "glow")
-# Most voxels along each axis from which looks are suggested.
+# The largest number of voxels along each axis of a volume from which looks are suggested.
 _MOST_LOOKED_AT = 64
-# Most voxels along each axis that are drawn with other looks.
+# The largest number of voxels along each axis of a volume that is drawn with other looks.
 _MOST_DRAWN = 128
 
 # Words of --preset, with their suggestions.
@@ -53,7 +53,7 @@ def variants(
 
 
 def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float) -> Shot:
-    """Draw the scene with all extinctions times a factor. unit: of a transfer function with the same effect."""
+    """Draw the scene with all extinctions times a factor. unit: a transfer function's unit with the same effect."""
     caption = f"opacity × {factor:g}"
     layers = tuple(replace(layer, weight=factor * layer.weight) for layer in scene.layers)
     if scene.has_list:
@@ -69,7 +69,7 @@ def _denser(studio: Studio, scene: Scene, unit: float, frame: int, factor: float
 def draw_tolerances(studio: Studio, job: FilmJob, frame: int, side: int, prepared_s: float) -> list[Shot]:
     """Draw a frame of a film at some tolerances, measure it by exact rays, and predict the cost of the film.
 
-    side: of the pictures, in pixels. prepared_s: seconds to prepare the film.
+    side: the longer side of the pictures, in pixels. prepared_s: seconds to prepare the film.
     """
     shots = []
     for tolerance in _TOLERANCES:

@@ -17,7 +17,7 @@ from renderer.statistics import Statistics, compute_statistics, format_percent, 
 from renderer.view import visible_centre, visible_points
 from renderer.volume import Array, Float64, Int64, UInt8, Volume
 
-# Bars of a histogram.
+# Number of bars of a histogram.
 _COLUMNS = 160
 # Most voxels along each axis whose logarithms are counted.
 _MOST_COUNTED = 128
@@ -29,8 +29,8 @@ class VolumeChart(TypedDict):
     """Describes a chart and the slices of a layer for the template `preview.html`.
 
     The chart goes from 0 to 1 across and downwards. bars, curve: paths of SVG. stops: places and colours of the colour
-    scale. ends: the values at both ends of the axis. largest: the largest opacity. ranges: ends, share of the picture
-    and its text of each visible range of values. rows: of the table of visible values.
+    scale. ends: the values at both ends of the axis. largest: the largest opacity. ranges: of each visible range of
+    values both ends, its share of the picture, and this share as text. rows: the rows of the table of visible values.
     """
 
     name: str
@@ -59,7 +59,7 @@ def chart_of(layer: Layer, shown: Sequence[VisibleRange]) -> VolumeChart:
         return np.clip(values if first is None else np.log10(np.maximum(values, first)), low, high)
 
     def across(places: Float64) -> Float64:
-        return (places / 2 - low / 2) / (high / 2 - low / 2)  # halves, whose difference does not overflow
+        return (places / 2 - low / 2) / (high / 2 - low / 2)  # halves, as the difference of the ends may overflow
 
     even, places = np.linspace(low, high, _COLUMNS), on_axis(transfer.values)
     inner = transfer.values[(places > low) & (places < high)]
@@ -70,7 +70,7 @@ def chart_of(layer: Layer, shown: Sequence[VisibleRange]) -> VolumeChart:
     bars = zip(heights, across(edges[1:]), strict=True)
     curve = zip(across(on_axis(scalars)), 1 - 0.95 * opacities / (opacities.max() or 1.0), strict=True)
     ranges = [] if volume.is_labels else shown
-    ends = np.array([(each.low, each.high) for each in ranges], np.float64).reshape(-1, 2)  # None becomes NaN
+    ends = np.array([(each.low, each.high) for each in ranges], np.float64).reshape(-1, 2)  # NaN for None
     ends = across(np.where(np.isnan(ends), (low, high), on_axis(ends))).tolist()
     return {
         "name": layer.spec.name or Path(volume.name).name,

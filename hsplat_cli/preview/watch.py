@@ -100,10 +100,10 @@ def _shots(scene: FilmScene, maker: StageMaker) -> Iterator[Shot]:
 
 
 def _some_voxels(scene: FilmScene, maker: StageMaker) -> list[Volume] | None:
-    """Return some voxels of each volume, for a first picture; None if drawing all of them takes no longer.
+    """Return some voxels of each volume, for a first picture; None if drawing all voxels takes no longer.
 
-    That is the case for small volumes, and for layers that are kept. It is also None for volumes that are not read yet,
-    or have labels, colours or a mask.
+    Drawing all voxels takes no longer for small volumes, and for layers that are kept. Volumes that are not read yet,
+    or have labels, colours or a mask, also give None.
     """
     if not maker.layers or scene.moves:
         return None

@@ -15,7 +15,7 @@ _RIGHT = 14
 _TOP = 14
 # Pixels below the axes, for the numbers and the title of the x axis.
 _BOTTOM = 52
-# Pixels below the axes for the crosses of marks.
+# Pixels below the axes for the crosses that mark values.
 _CROSSES = 14
 # Height of the text of a label, in pixels.
 _LABEL_PX = 12.0
@@ -73,9 +73,9 @@ class Axis:
 class Curve:
     """Describes a curve of a chart, with its name in the legend.
 
-    points: in the values of the axes; None where the curve breaks. color: a key of PALETTE. marker: a key of MARKERS,
-    or empty. dash: as in SVG, `none` for a whole line, empty for points without a line. width: of the line, in pixels.
-    bars: straight lines, each from a point to another.
+    points: their values on both axes; None where the curve breaks. color: a key of PALETTE. marker: a key of MARKERS,
+    or empty. dash: as in SVG, `none` for a whole line, empty for points without a line. width: the width of the line,
+    in pixels. bars: straight lines, each from a point to another.
     """
 
     name: str
@@ -92,7 +92,7 @@ class Chart:
     """Describes a chart with its caption.
 
     alt: a description for readers who cannot see the chart. labels: texts beside points. marks: values of the x axis
-    that are marked by a cross, each with a text about it. size: in pixels.
+    that are marked by a cross, each with a text about it. size: width and height, in pixels.
     """
 
     x: Axis

@@ -30,9 +30,9 @@ from renderer.scene import (
 if TYPE_CHECKING:
     from renderer.record import FilmRecord, FinishedFilm
 
-# The option that names a volume which is not found, by the key of its file.
+# The option that gives the new path of a volume's file that is not found, by the key of the file.
 _VOLUME_OPTIONS = {"volume.file": "--volume", "volume.raw.file": "--set volume.raw.file=FILE"}
-# Keys of places of files, which change no pixel of a film.
+# Keys of paths of files; a change of a path alone changes no pixel of a film.
 _PLACE_KEYS = ("output.file", *_VOLUME_OPTIONS)
 
 # How much of the volumes is read: everything that the scene leaves open, such as channels; the labels that it names; or

@@ -63,7 +63,7 @@ _CONSTANT = "constant volume"
 # Keys of a light that are written even if they have their defaults.
 _ALWAYS_SHOWN = ("ambient", "diffuse", "light")
 
-# The option that gave a value of the scene, by the value's key.
+# The option of the command line that gives a value of the scene, by the value's key.
 _OPTIONS = {
     "volume.spacing": "--spacing",
     "volumes.0.spacing": "--spacing",
@@ -131,8 +131,8 @@ def compose_scene(
     """Return the YAML of a turntable.
 
     found: the suggestion; the path of its volume is relative to the current folder. folder: the folder of the scene's
-    file; the scene names its volume relative to it. output: relative to the current folder. under: the suggestion for
-    the volume underneath.
+    file; the scene names its volume relative to it. output: the path of the film, relative to the current folder.
+    under: the suggestion for the volume underneath.
     """
     elevation, about = format_value(film.elevation), [*_about(found)]
     subject = (_channel_lines if found.layers else _one_volume_lines)(found, folder)
@@ -185,13 +185,13 @@ def _one_volume_lines(found: VolumeSuggestion, folder: Path) -> Iterator[str]:
 
 
 def look_lines(suggestion: Suggestion) -> Iterator[str]:
-    """Yield the sections on the look of a volume: colours and opacities, light, and clip planes."""
+    """Yield the lines of the sections on the look of a volume: colours and opacities, light, and clip planes."""
     yield from transfer_lines(suggestion.transfer, suggestion.notes)
     yield from _light_lines(suggestion)
 
 
 def _volumes_lines(upper: VolumeSuggestion, lower: VolumeSuggestion, folder: Path) -> Iterator[str]:
-    """Yield the section `volumes`."""
+    """Yield the lines of the section `volumes`."""
     yield from (_TRANSFER_COMMENT, "volumes:")
     names = name_volumes([volume_file(upper.volume), volume_file(lower.volume)])
     for number, (found, name) in enumerate(zip((upper, lower), names, strict=True)):
@@ -254,7 +254,7 @@ def _volume_lines(volume: VolumeSpec, folder: Path, *, has_absent: bool) -> Iter
 
 
 def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterator[str]:
-    """Yield the section `transfer_function`, with a line and a note for each point, or the section `labels`."""
+    """Yield the lines of the section `transfer_function`, one with a note for each point, or of `labels`."""
     mapping = transfer.mapping
     yield "labels:" if isinstance(mapping, LabelsSpec) else "transfer_function:"
     if transfer.unit is not None:
@@ -278,7 +278,7 @@ def transfer_lines(transfer: TransferSpec, notes: Sequence[str] = ()) -> Iterato
 
 
 def _label_lines(labels: LabelsSpec) -> Iterator[str]:
-    """Yield the keys of the section `labels`, with a line for each label that has a colour."""
+    """Yield the lines of the section `labels`, with a line for each label that has a colour."""
     styles = labels.styles
     flow = ", ".join(str(style.value) for style in styles)
     yield from wrap(f"[{flow}]", 100, initial_indent="  show: ", subsequent_indent="         ")
@@ -292,7 +292,7 @@ def _label_lines(labels: LabelsSpec) -> Iterator[str]:
 
 
 def _light_lines(suggestion: Suggestion) -> Iterator[str]:
-    """Yield the sections `shading` and `clip`."""
+    """Yield the lines of the sections `shading` and `clip`."""
     if (shading := suggestion.shading) is not None:
         yield from ("", _SHADING_COMMENT, f"shading: {{{_shading_text(shading)}}}")
     if suggestion.clip:

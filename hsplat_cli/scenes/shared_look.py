@@ -156,7 +156,7 @@ class SharedLook:
         return "\n".join([*(f"# {line}" for line in about), dump_yaml(tree)]), notes
 
     def _match(self, volume: VolumeSpec, reporter: Reporter) -> ValueLine:
-        """Return the line that maps values of the reference to values of a volume; of steps in time, the first ones."""
+        """Return the linear map from values of the reference to values of a volume, each at its first step in time."""
         from renderer.statistics import match_values
 
         assert self.reference is not None
@@ -184,13 +184,13 @@ def _own_name(output: OutputFile) -> str:
 
 
 def _given(volume: VolumeSpec) -> dict[str, Any]:
-    """Return the values of a volume, by key and without its source, that differ from the defaults."""
+    """Return the keys and values of a volume that differ from the defaults, without its source."""
     plain = VolumeSpec(volume.source)
     return {key: value for key, value in vars(volume).items() if value != getattr(plain, key)}
 
 
 def _place_from(folder: Path, base: Path, key: str, name: str) -> str:
-    """Return the name of a file of a scene in `base` for a scene in `folder`; a name without a file stays."""
+    """Return the name that a file of a scene in `base` has in a scene in `folder`; a name of no file is unchanged."""
     file, is_preset = base / name, key == "import" and not Path(name).suffix
     return place_in(folder, str(file)) if not is_preset and (file.exists() or is_pattern(file)) else name
 

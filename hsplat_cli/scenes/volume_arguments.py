@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 # A key of a scene's `volume` in the text of a message: `time: k` or `component`.
 _KEY = re.compile(r"`(time|component|dataset|nodata|spacing)(?::( [^`]*))?`")
-# The same key with its value, as a message quotes it: `time: 7`.
+# A key of a scene's `volume` with its value, as a message quotes it: `time: 7`.
 _GOT = re.compile(r"^(time|component|dataset): (.+)$")
 _HEADERLESS_HINT = "voxels without a header are read with --shape and --dtype: --shape 512,512,300 --dtype uint16"
 
@@ -67,10 +67,11 @@ def _keyed(
     keeps_text: bool = False,
     default: str | float | None = None,
 ) -> Callable[[Command], Command]:
-    """Declare an option whose text is read as the value of a scene's key of this field type.
+    """Declare an option whose text is read as the value of a key of a scene.
 
-    split: makes a list of the text, if the field is a list. example: a correct text, for a hint. keeps_text: give the
-    command the text itself, once it is known to be correct. default: shown in the help.
+    field: the type of the key. split: a function that makes a list of the text, if the field is a list.
+    example: a correct text, for a hint.
+    keeps_text: give the command the text itself, once it is known to be correct. default: shown in the help.
     """
 
     def read(_context: click.Context, _parameter: click.Parameter, text: str | None) -> object:
@@ -187,8 +188,8 @@ film_options = packed_options(
 def volume_spec(volume: Path, options: ReadingOptions, problems: list[InputError] | None = None) -> VolumeSpec:
     """Return the volume that the options describe.
 
-    problems: gets the error about a damaged file that lists steps in time; without it the error is raised. Raises
-    InputError where only one of --shape and --dtype is given, or another option needs them.
+    problems: a list that gets the error about a damaged file that lists steps in time; without a list, the error is
+    raised. Raises InputError where only one of --shape and --dtype is given, or another option needs them.
     """
     shape, dtype, spacing = options.shape, options.dtype, options.spacing
     time, component = options.time, options.component

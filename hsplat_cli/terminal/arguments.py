@@ -22,7 +22,7 @@ _NUMBER = r"(\d+(?:\.\d*)?)"
 _FRACTION_ONLY_IN_LAST_PART = r"(?!.*\..*[hms].)"
 _PARTS = f"(?=.)(?:{_NUMBER}h)?(?:{_NUMBER}m)?(?:{_NUMBER}s)?"
 _DURATION = re.compile(f"{_FRACTION_ONLY_IN_LAST_PART}{_PARTS}|{_NUMBER}", re.ASCII)
-# Most characters of each of the three parts of a duration, on average.
+# The most characters of a duration for each of its three parts: hours, minutes and seconds.
 _MOST_DIGITS = 9
 _BYTES = re.compile(r"(\d{1,15}(?:\.\d{1,9})?) ?([KMGT]?)(i?)B?", re.ASCII | re.IGNORECASE)
 

@@ -13,7 +13,7 @@ from renderer.system import MEASURING_PACKAGES, commit, package_versions
 class Machine(TypedDict):
     """Describes the machine and the program that measured.
 
-    device: the kernels or the OpenGL renderer that draw. versions: by package.
+    device: the kernels or the OpenGL renderer that draw. versions: the version of each package.
     """
 
     processor: str

@@ -25,7 +25,8 @@ _BAR_WIDTH = 20
 class Progress:
     """Counts finished steps and shows them in a stream, until it is closed.
 
-    stream: None shows nothing. clock: returns seconds. steps, label and unit are as in `Reporter.progress`.
+    stream: None shows nothing. clock: a function that returns seconds. steps, label and unit are as in
+    `Reporter.progress`.
     """
 
     def __init__(

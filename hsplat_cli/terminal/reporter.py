@@ -70,7 +70,7 @@ class Reporter:
 def format_table(rows: Sequence[Sequence[str]], right_aligned: Collection[int] = ()) -> PrintableText:
     """Return rows of cells as lines, in columns two spaces apart, without trailing spaces.
 
-    right_aligned: the numbers of the columns that are aligned to the right.
+    right_aligned: the indices of the columns that are aligned to the right.
     """
     cells = [[printable(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]

@@ -4,8 +4,8 @@ In: a stage, and frames that are drawn. Out: metrics against whole exact picture
 Andersson et al. 2020), or an estimate from a few exact rays, with an interval; tolerances. What is drawn without a
 wanted accuracy does not depend on it.
 
-- `pixels.py`: which pixels get a ray; `prober.py`: their errors; `estimate.py`: the estimate and its interval;
-  `decibels.py`: from errors to decibels and back.
+- `pixels.py`: which pixels get a ray; `prober.py`: how many rays a frame gets, and the errors of its pixels;
+  `estimate.py`: the estimate and its interval; `decibels.py`: from errors to decibels and back.
 - `visibility.py`: the ranges of scalars whose share of the picture is recorded; `glance.py`: the faults of the pictures
   of a film before it is drawn.
 - `truths.py`: the exact picture of a frame, or of some of its pixels; `metrics.py`: RMSE, PSNR, SSIM, FLIP, Delta-E.

@@ -1,7 +1,7 @@
 """Draw titles, times, bars, legends, the orientation and a logo over finished pictures.
 
 In: the scene's `annotation`, a stage, and the pictures of its frames. Out: the same pictures with patches over them, or
-the problems that keep these from being drawn. All is computed in whole numbers: the same bytes everywhere.
+the problems for which a patch cannot be drawn. All is computed in whole numbers: the same bytes everywhere.
 
 - `film_annotation.py`: the annotation of a film, tried first for whether there is room, and drawn
 - `stage_facts.py`: the facts of a film and of a frame, as plain data

@@ -1,4 +1,4 @@
-"""Draw the annotation of a film over its pictures, and find out before whether all its frames have room for it."""
+"""Draw the annotation of a film over its pictures, and check beforehand that all pictures have room for it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _WIDEST_PSNR = 100.0
 
 
 class FilmAnnotation:
-    """The annotation of a film, drawn over pictures of its frames, whatever moves. film: its stage."""
+    """A painter of a film's annotation over the pictures of its frames. film: the stage of the film."""
 
     def __init__(self, film: FilmStage) -> None:
         self._film, self._output = film, film.scene.output
@@ -34,9 +34,10 @@ class FilmAnnotation:
         self._facts: tuple[FilmStage, dict[PictureKind, AnnotationFacts]] = film, {}
 
     def draw(self, image: Float32, kind: PictureKind, stage: Stage, frame: int, psnr: float | None) -> None:
-        """Draw over a picture of a kind, float32 [h, w, 4].
+        """Draw the annotation over a picture of a frame, float32 [h, w, 4].
 
-        stage: of the frame. psnr: in decibels, of the frame, where it was measured.
+        kind: the kind of the picture. stage: the stage of the frame. psnr: the PSNR of the frame in decibels, if it was
+            measured.
         """
         if stage is not self._facts[0]:
             self._facts = stage, {}
@@ -47,7 +48,7 @@ class FilmAnnotation:
         draw_annotation(image, annotator.patches(frame_facts(self._film.scene, stage, frame, kind, psnr)))
 
     def covered(self, frame: int, psnr: float | None) -> Bools | None:
-        """Return the pixels of a frame's first picture that are drawn over, bool [h, w]; None where there are none."""
+        """Return which pixels of a frame's first picture are covered, bool [h, w]; None without an annotation."""
         stage, kind = self._film.at(frame), self._output.kind.at(frame)
         if not stage.scene.annotation.shows_anything:
             return None
@@ -60,18 +61,18 @@ class FilmAnnotation:
 
 
 def require_annotation(film: FilmStage, frames: Sequence[int]) -> None:
-    """Raise SceneError where some of the frames cannot have their annotation, in pictures of any kind."""
+    """Raise SceneError if the annotation cannot be drawn over a picture of some frame, of any kind."""
     annotation = film.scene.at(0).annotation
     if not annotation.entries:
         return
-    # Imported here: exact rays, which are in the same room, take a while to load.
+    # Imported here, as `renderer.accuracy` takes a while to load.
     from renderer.accuracy import spread_evenly
 
     problems: list[Problem] = []
     for kind in film.scene.output.kinds:
         shown = []
         for frame in spread_evenly(frames, _MOST_TRIED, is_loop=False):
-            # With the layers of the first frame: those of others take a while to make.
+            # The layers are those of the first frame, as the layers of other frames take a while to make.
             scene = film.scene.at(frame)
             stage = replace(film.first, scene=scene, distance=scene.camera.distance or film.distance)
             shown.append(frame_facts(film.scene, stage, frame, kind, _WIDEST_PSNR))

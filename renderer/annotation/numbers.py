@@ -61,7 +61,7 @@ def find_ticks(low: float, high: float, most: int, *, is_log: bool = False) -> l
 
 
 def _log_ticks(low: float, high: float, most: int) -> list[Decimal]:
-    """Return ticks of a logarithmic axis: 1, 2 and 5 times powers of ten, or powers alone, or every second, and so on.
+    """Return ticks of a logarithmic axis: 1, 2 and 5 times powers of ten, or powers, or every second power, and so on.
 
     The first of these series that has at most `most` ticks is taken.
     """

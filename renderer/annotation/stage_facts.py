@@ -10,12 +10,12 @@ from renderer.annotation.facts import AnnotationFacts, ColorBar, FrameFacts
 from renderer.frame import FilmStage, Stage, view_of
 from renderer.scene import FilmScene, PictureKind, moving_numbers, moving_values
 
-# Samples of a transfer function along a bar of its colours.
+# The number of samples of a transfer function along its bar.
 _NUM_BAR_SAMPLES = 256
 
 
 def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
-    """Return the facts that an annotation shows of a stage, on pictures of a kind whose background does not move."""
+    """Return the facts of a stage that an annotation shows. kind: the kind of pictures, whose background is still."""
     background, volumes = kind.background_at(0), [layer.volume for layer in stage.layers]
     axes = {volume.world_axes for volume in volumes}
     return AnnotationFacts(
@@ -30,9 +30,10 @@ def film_facts(stage: Stage, kind: PictureKind) -> AnnotationFacts:
 
 
 def frame_facts(film: FilmScene, stage: Stage, frame: int, kind: PictureKind, psnr: float | None) -> FrameFacts:
-    """Return the facts that an annotation shows of a frame.
+    """Return the facts of a frame that an annotation shows.
 
-    film: the scene with all that moves. stage: of the frame. psnr: of its picture, in decibels, where it was measured.
+    film: the scene of the whole film. stage: the stage of the frame. kind: the kind of the picture.
+    psnr: the PSNR of the frame in decibels, if it was measured.
     """
     volume, view = stage.layers[0].volume, view_of(stage, frame)
     side = (view.distance if view.projection == "perspective" else 1.0) / view.scale_px
@@ -53,7 +54,7 @@ def frame_facts(film: FilmScene, stage: Stage, frame: int, kind: PictureKind, ps
 
 
 def length_unit(stage: FilmStage) -> str:
-    """Return the unit of world lengths, if all volumes have the same."""
+    """Return the unit of world lengths, if all volumes have the same unit; else an empty text."""
     units = {layer.volume.length_unit for layer in stage.layers}
     return units.pop() if len(units) == 1 else ""
 
@@ -84,7 +85,10 @@ def _bars(stage: Stage) -> Iterator[ColorBar]:
 
 
 def _legend(stage: Stage) -> Iterator[tuple[str, tuple[float, float, float]]]:
-    """Yield the names and colours of labels, and of volumes: their own, or that at their largest opacity."""
+    """Yield the names and colours of labels, and of volumes without labels.
+
+    A volume has the colour in its layer, or the colour at its largest extinction.
+    """
     for layer in stage.layers:
         labels = layer.spec.transfer_function.labels
         if labels is not None:

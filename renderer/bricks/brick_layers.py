@@ -48,7 +48,7 @@ class BrickLayers:
 
     @property
     def volume(self) -> Volume:
-        """Return a volume on the grid."""
+        """Return one of the volumes on the grid."""
         return self.layers[0].bricks.volume
 
     @cached_property

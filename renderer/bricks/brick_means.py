@@ -37,7 +37,7 @@ def stored_means(pyramid: Pyramid, level: int, cells: Int32) -> Array:
     means = np.zeros((len(cells), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), of_level.dtype)
     for first, out in zip(BRICK_SIZE * cells - HALO, means, strict=True):
         nodes, found = root_cells(pyramid)
-        for shift in range(pyramid.num_levels - level - 1, -1, -1):  # down the levels, along nodes that meet the brick
+        for shift in range(pyramid.num_levels - level - 1, -1, -1):  # from the root down to the level
             nodes, found = visible_children(nodes, found, pyramid.levels[level + shift])
             low = (found << shift) - first
             is_near = (low > -(1 << shift)) & (low < PADDED_BRICK_SIZE)

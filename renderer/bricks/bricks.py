@@ -47,7 +47,7 @@ BRICKS_PER_RAY = 4
 # with the root of their number.
 RAY_ERROR_FACTOR = math.sqrt(BRICKS_PER_RAY * BRICK_SIZE)
 
-# The number of bricks of one task: enough to hide the dispatch, few enough that their nodes take little memory.
+# The number of bricks of one task: enough to hide the time to start it, few enough that their nodes take little memory.
 _BRICKS_PER_TASK = 128
 # The smallest range of texels, as a share of the range of the control values, or of the volume's range if all control
 # values are equal. In a smaller range, clamping to MAX_NORMALIZED_SCALAR would move scalars outside of it.

@@ -52,7 +52,10 @@ def extreme_bricks(layers: BrickLayers, mode: ModeSpec, *, num_threads: int) -> 
 
 
 def extremes_at(batch: BrickBatch, tolerance: float, voxel_px: float) -> BrickBatch:
-    """Return the same bricks for a tolerance, a share of the colour range. voxel_px: the width of voxels, in pixels."""
+    """Return a batch from `extreme_bricks` with its pixels and its slack changed for a tolerance.
+
+    tolerance: the largest error, as a share of the colour range. voxel_px: the width of voxels, in pixels.
+    """
     assert batch.extremes is not None
     volume = batch.cut.volume
     thinnest = float((volume.spacing / volume.finest_spacing * volume.shape_xyz).min())

@@ -30,5 +30,5 @@ def grid_cells(shape: tuple[int, ...]) -> Int32:
 
 
 def voxels_of(volume: Volume, classifier: Classifier) -> Voxels:
-    """Return the voxels of a volume. classifier: the classifier of the volume."""
+    """Return a volume's voxels in the form that kernels read. classifier: the classifier of the volume."""
     return Voxels(raw_voxels(volume), classifier.scalars, volume.num_absent > 0, volume.is_labels)

@@ -22,8 +22,8 @@ class NodeStatistics:
 
     max_error_by_neighbour: float64 [z, y, x, 3, 3, 3], for each brick and each neighbour at -1, 0 and 1 along z, y, x,
         the largest error of the brick's nodes in the neighbour's halo. The middle entry is for all nodes of the brick.
-    bounds_by_neighbour: uint8 [z, y, x, 3, 3, 3, 2, 3], the lowest cell (x, y, z) of the visible nodes among them, and
-        one above the highest cell; BRICK_SIZE and 0 if no node is visible.
+    bounds_by_neighbour: uint8 [z, y, x, 3, 3, 3, 2, 3], the lowest cell (x, y, z) of the visible ones among these
+        nodes, and one above the highest cell; BRICK_SIZE and 0 if no node is visible.
     max_error_below: float64 [z, y, x], the largest error of the nodes in each brick of the level below, half as wide.
     squared_errors_below: float64 [z, y, x], the sum of the squares of these errors divided by the largest one, weighted
         by numbers of voxels.

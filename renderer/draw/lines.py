@@ -12,19 +12,19 @@ from renderer.kernels import kernels
 from renderer.view import View, model_view
 from renderer.volume import Float32
 
-# The least depth, in model units, by which an end of a line is divided; nearer parts of lines are cut off.
+# The least depth, in model units, by which an end of a line is divided. Parts of lines that are nearer are cut off.
 MIN_LINE_DEPTH = 1e-5
-# The opacity of a line by s p, where its cell has a side of s model units and of p pixels. Up to 2 / s cells lie behind
-# one another, and the lines of one layer cover about 2 / p of the image: together they would be a fog. With the opacity
-# LINE_COVER * s * p their total is bounded for cells of any size.
+# The opacity of a line is LINE_COVER * s * p, where the side of its cell is s model units and p pixels long. Up to 2 /
+# s cells lie behind one another, and the lines of one layer of cells cover about 2 / p of the image: with a fixed
+# opacity, all of them together would be a fog. With this one, their total is bounded for cells of any size.
 LINE_COVER = 0.75
-# The largest opacity of a line.
+# The largest opacity that a line may have.
 LINE_OPACITY = 0.8
 # Cells with a shorter side, in pixels, have no lines.
 MIN_SIDE_PX = 3.0
-# Colours of lines by level, the finest first, the last for all levels beyond: from orange to blue in even steps of
-# lightness (CIE L* 62 to 41) and hue, as saturated as sRGB allows. The contrast to black and to white is at least 3
-# (WCAG 2.2, 1.4.11, for graphics), except 2.97 of level 0 to white.
+# The colours of lines by level, the finest level first, the last colour for all coarser levels: from orange to blue in
+# even steps of lightness (CIE L* 62 to 41) and hue, as saturated as sRGB allows. The contrast to black and to white is
+# at least 3 (WCAG 2.2, 1.4.11, for graphics), except for level 0 on white, where it is 2.97.
 LEVEL_COLORS = tuple(
     tuple(channel / 255 for channel in bytes.fromhex(color))
     for color in ("ed730c", "f95b30", "fe414c", "fb2767", "f01483", "dc1e9f", "be33b8", "9446cd", "5354dc", "055ebf")
@@ -32,7 +32,7 @@ LEVEL_COLORS = tuple(
 
 
 def draw_lines(lines: Lines, view: View, image: Float32) -> None:
-    """Draw lines over an image, one over the other in their order: float32 [height, width, 4], premultiplied RGBA."""
+    """Draw lines over an image, each over the lines before it: float32 [height, width, 4], premultiplied RGBA."""
     camera = model_view(lines, view)
     if camera.perspective:
         camera = camera._replace(near=max(camera.near, MIN_LINE_DEPTH))

@@ -8,11 +8,11 @@ from renderer.system import MemoryShare, num_drawing_threads
 
 
 def open_rasterizer(scene: FilmScene, memory: MemoryShare | None = None) -> Rasterizer:
-    """Open the rasteriser of a scene's footprint. Raises RenderError where it needs OpenGL and there is none.
+    """Open the rasteriser of a scene's footprint. Raises RenderError if it needs OpenGL and there is none.
 
-    memory: for bricks, by default half of the free memory; pictures do not depend on it.
+    memory: the memory for bricks, by default half of the free memory; pictures do not depend on it.
     """
-    # Imported here: bricks need no OpenGL.
+    # The import is here because bricks need no OpenGL.
     if scene.needs_opengl:
         from renderer.draw.splats.recovery import RecoveringRasterizer
 

@@ -1,8 +1,8 @@
 """Make the lines of overlays: the edges of the cells or bricks of a cut, or the outline of the volume with ticks.
 
-A cell has twelve edges, at its true extent, which the volume's border may cut. Cells of one level share most of their
-edges: each is drawn once, because shared lines would be heavier than others. Coarse levels come first, so that fine
-cells are drawn over coarse ones.
+The twelve edges of a cell lie where its voxels end, which may be at the volume's border. Cells of one level share most
+of their edges: each edge is drawn once, because an edge drawn twice would be heavier than others. Coarse levels come
+first, so that fine cells are drawn over coarse cells.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _TICK_LENGTH = 0.02
 _LONG_TICK_LENGTH = 0.04
 # One tick in this many is long.
 _LONG_TICK_EVERY = 5
-# The level of cells whose colour the outline has.
+# The outline has the colour of the cells of this level.
 _OUTLINE_LEVEL = 1
 
 
@@ -33,9 +33,9 @@ class Lines:
     """A list of lines to draw over a picture, each along an edge of a cell; large cells come first.
 
     vertices: float32 [n, 7], start [3] and end [3] in model units and world axes, and the level of the cell.
-    voxel_side: the shortest side of a cell of level 0, model units; infinite where lines are not edges of cells.
-    origin: float64 [3], world position of the model's origin.
-    model_unit: world length of a model unit.
+    voxel_side: the shortest side of a cell of level 0, in model units; infinite if the lines are no edges of cells.
+    origin: float64 [3], the world position of the model's origin.
+    model_unit: the world length of a model unit.
     """
 
     vertices: Float32
@@ -48,10 +48,10 @@ class Lines:
 
 
 def make_edges(cut: Cut | BrickCut, levels_above: int) -> Lines:
-    """Return the edges of a cut: of its cells, or of its bricks, in the colours of their cells' levels.
+    """Return the edges of a cut's cells, or of its bricks in the colours of their cells' levels.
 
-    levels_above: a brick is this many levels larger than its cells; 0 where cells are drawn.
-    Within a level the edges are sorted by axis and position.
+    levels_above: the number of levels by which a brick is larger than its cells; 0 to draw cells. Within a level the
+    edges are sorted by axis and position.
 
     Model units are as in `renderer.splats.splats`.
     """
@@ -81,11 +81,11 @@ def make_edges(cut: Cut | BrickCut, levels_above: int) -> Lines:
 
 
 def make_outline(volume: Volume) -> Lines:
-    """Return the edges of the volume's box, and ticks along the three that meet in the corner of the first voxel.
+    """Return the edges of the volume's box, and ticks along the three edges that meet in the corner of the first voxel.
 
-    Ticks have round world distances, and each is two strokes, on both faces that meet there.
+    Ticks are at round world distances. Each consists of two strokes, one on each face that meets in the edge.
     """
-    box = volume.world_from_index[:3, :3] * volume.shape_xyz  # columns: its edges
+    box = volume.world_from_index[:3, :3] * volume.shape_xyz  # its columns are the edges of the box
     sides = np.linalg.norm(box, axis=0)
     corner, step = -box.sum(axis=1) / 2, tick_step(float(sides.max()))
     starts, spans = [], []
@@ -106,23 +106,24 @@ def make_outline(volume: Volume) -> Lines:
 
 
 def tick_step(side: float) -> float:
-    """Return the longest distance, 1, 2 or 5 times a power of ten, that leaves four ticks or more inside a side.
+    """Return the longest distance between ticks, 1, 2 or 5 times a power of ten, that puts at least four inside a side.
 
-    Because the next longer one is at most 2.5 times as long, there are at most nine.
+    There are at most nine ticks, because such distances differ by a factor of at most 2.5.
     """
     power = math.floor(math.log10(side / 4))
     return max(step for n in (0.5, 1, 2, 5) if _num_ticks(side, step := n * 10.0**power) >= 4)
 
 
 def _num_ticks(side: float, step: float) -> int:
-    """Return the number of ticks inside a side, without its ends."""
+    """Return the number of ticks inside a side; its ends have none."""
     return math.ceil(side / step - 1e-9) - 1
 
 
 def _edge_starts(cells: Int64, num_corners: Int64, axis: int) -> Int64:
-    """Return the corners where edges along an axis start, once each and ascending: int64 [n].
+    """Return the corners where edges along an axis start, each once, ascending: int64 [n].
 
-    The corners of all cells are numbered, x fastest. cells: int64 [m, 3], in units of their width.
+    Corners are given by their numbers among the corners of all cells, x fastest. cells: int64 [m, 3], the cells'
+    positions in units of their width.
     """
     strides = np.array([1, num_corners[0], num_corners[0] * num_corners[1]])
     side, other_side = np.delete(strides, axis)

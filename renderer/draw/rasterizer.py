@@ -1,4 +1,4 @@
-"""The interface of rasterisers, of splats and of bricks."""
+"""Define the interface of rasterisers, of splats and of bricks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RayColors = Callable[[Float32, Float64 | None], Float32]
 
 
 class BrickMemory(NamedTuple):
-    """The bytes that the visible bricks of a scene need if all are kept, and the most that they may take."""
+    """The bytes that a scene's visible bricks need if all of them are kept, and the most bytes that they may take."""
 
     needed: int
     limit: int
@@ -26,8 +26,9 @@ class Rasterizer(Protocol):
     """A rasteriser of the sorted elements of one footprint: of one SplatBatch, or of BrickBatches.
 
     Use it as a context manager, or call `release`.
-    device: the name of the device that draws; the bytes of pictures depend on it. threads: also work on pictures that
-        are drawn. brick_memory: of the last scene; None for splats, and before anything is drawn.
+    device: the name of the device that draws; the bytes of pictures depend on it.
+    threads: the threads that draw, which may also work on the drawn pictures.
+    brick_memory: the memory of the bricks of the last scene; None for splats, and before anything is drawn.
     notes: sentences for the user about the drawing so far.
     """
 
@@ -46,12 +47,12 @@ class Rasterizer(Protocol):
         self.release()
 
     def release(self) -> None:
-        """Free all that it holds."""
+        """Free all memory and devices that the rasteriser holds."""
 
     def upload(self, batches: Sequence[Any], orders: Sequence[UInt32], view: View) -> bool:
-        """Prepare the data that later pictures of `batch[order]` of all batches share; return whether any was missing.
+        """Prepare the data of `batch[order]` that later pictures share; return whether any data were missing.
 
-        Pictures do not depend on it. Splats share nothing.
+        Pictures do not depend on whether this was called. Splats share no data.
         """
         return False
 

@@ -1,4 +1,4 @@
-"""Compute digests of files and records: 32 hexadecimal digits that differ for different contents."""
+"""Compute digests of files and records: 32 hexadecimal digits, which differ if the contents differ."""
 
 from __future__ import annotations
 

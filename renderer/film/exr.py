@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from renderer.errors import require_package
 
-# The first bytes of a file.
+# The first bytes of an EXR file.
 EXR_BEGIN = b"v/1\x01"
 # The comment in the header about the meaning of the numbers, as EXR files of other programs are scene-linear.
 _COMMENTS = (

@@ -27,12 +27,12 @@ from renderer.scene import OutputSpec, place_of
 _LOCK_FILE = "lock"
 # The content of a lock file: the job that wrote it.
 _OWNER_PATTERN = re.compile(rb"process [0-9]+ on .+", re.DOTALL)
-# The most bytes of this content.
+# The most bytes of a lock file's content.
 _MAX_OWNER_BYTES = 200
 # The byte of a lock file that is its gate. A job locks it while it enters or leaves, so that no job is refused because
 # of another that is just leaving.
 _GATE_BYTE = 0
-# The byte of a lock file that is its first slot.
+# The byte of a lock file that is slot 0. Each further slot is the next byte.
 _FIRST_SLOT_BYTE = 1
 # The command that sets a lock. Locks of an open file exclude other threads of this process, too, as each opens the file
 # itself. POSIX locks, for systems without them, belong to the process. Both work over NFS, and need no bytes in the
@@ -92,8 +92,8 @@ def lock_slots(folder: Path, slots: Sequence[int], output: Path, *, shared_file:
     system without locks, no job is excluded.
 
     output: the name of the output, for messages. shared_file: the name of the lock file, for a folder that also holds
-    other files; they stay. Raises OutputLockedError if another job holds one of the slots; InputError if something else
-    has the name of the folder or the lock file, RenderError if the folder cannot be made.
+    other files, which stay. Raises OutputLockedError if another job holds one of the slots; InputError if something
+    else has the name of the folder or the lock file, RenderError if the folder cannot be made.
     """
     file = folder / (shared_file or _LOCK_FILE)
     with translate_os_errors(output):

@@ -65,7 +65,7 @@ def open_films(
 
 
 def film_notes(output: OutputSpec) -> list[str]:
-    """Return notes on formats that cannot have the requested frame rate, and on files whose pixels are means."""
+    """Return notes on formats that cannot have the requested frame rate, and on outputs of smaller size."""
     notes = []
     for each in output.files:
         rate = frame_rate(each)

@@ -34,11 +34,11 @@ class WrittenFiles:
     folders: Sequence[Path] = ()
 
     def __add__(self, other: WrittenFiles) -> WrittenFiles:
-        """Return the list of the files and folders of both."""
+        """Return a list of all files and folders of two lists."""
         return WrittenFiles((*self.files, *other.files), (*self.folders, *other.folders))
 
     def all_files(self) -> Iterator[Path]:
-        """Yield the files, and the present entries of the folders."""
+        """Yield the files, and all files that are now in the folders."""
         yield from self.files
         for folder in self.folders:
             yield from folder_files(folder)

@@ -23,24 +23,26 @@ from renderer.frame.primitives import LOD, TYPICAL_CELL_SECONDS, make_primitive
 from renderer.frame.stage import Clock, FilmStage, Stage, Stopwatch
 from renderer.scene import tolerance_at
 
-# The seconds to write a frame that are assumed until one was written.
+# The seconds to write a frame that are assumed until the first frame is written.
 _TYPICAL_WRITING = 2e-3
 # The number of last frames whose median shows the current speed of the machine.
 _NUM_RECENT = 9
 # The fewest trial drawings. A single size would not show how seconds grow with the size.
 _MIN_TRIALS = 3
 
-# The share of its time that an LOD is to take.
+# The share of the allowed time that a frame is meant to take.
 _TARGET_SHARE = 0.95
-# The largest change of the logarithm of this share, against its expected value, with which an LOD stays.
+# The largest difference between the logarithms of the share that a frame took and of the share that was expected, with
+# which the next frame keeps the LOD.
 _BAND = 0.13
-# The fewest frames for which an LOD stays, whatever share of its time it takes.
+# The fewest frames for which an LOD stays, however long they take.
 _MIN_FRAMES = 5
-# The relative deviation from the target within which the search for an LOD ends.
+# The relative deviation of the predicted from the meant time within which the search for an LOD ends.
 _TARGET_DEVIATION = 0.04
 # The most tries of the search for an LOD.
 _MAX_TRIES = 5
-# The exponent that bounds a change of size: if an LOD takes f times its time, the factor is at most f^_SIZE_EXPONENT.
+# The exponent that bounds a change of size: if a frame takes f times as long as meant, the size is divided by at most
+# f^_SIZE_EXPONENT.
 _SIZE_EXPONENT = 3.0
 # The lowest power of the size with which seconds may grow. The time for a few large cells depends on their pixels.
 _MIN_POWER = 0.1
@@ -65,9 +67,9 @@ class LODCostEstimator:
     def __init__(self, stage: FilmStage) -> None:
         self.stage, self.primitive = stage, make_primitive(stage.at(0))
         self._fixed, self._rate = 0.0, 1.0
-        self._trials: list[tuple[float, float]] = []  # the typical and the true seconds of each trial
-        self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)  # the same for the film's last frames
-        self._writing: deque[float] = deque([_TYPICAL_WRITING], maxlen=_NUM_RECENT)  # the seconds to write each of them
+        self._trials: list[tuple[float, float]] = []  # typical and measured seconds to draw each trial
+        self._frames: deque[tuple[float, float]] = deque(maxlen=_NUM_RECENT)  # as in _trials, of the last frames
+        self._writing: deque[float] = deque([_TYPICAL_WRITING], maxlen=_NUM_RECENT)  # seconds to write the last frames
         self._seen: dict[float, tuple[float, float]] = {}  # by size: the typical seconds, and the seconds of sorting
 
     def size(self, lod: LOD) -> float:
@@ -201,7 +203,7 @@ def find_finest_in_time(
 
 
 def _badness(share: float) -> tuple[bool, float]:
-    """Return a rating of an LOD by its share of the time aimed at: smaller is better, too long worse than too short."""
+    """Return how bad it is that a frame takes a share of the meant time. Too long is worse than too short."""
     off = math.log(share)
     return off > _BAND, abs(off)
 
@@ -266,7 +268,7 @@ class BudgetController:
         return self.choose(number, watch, (size / reach, size * reach))
 
     def choose(self, number: int, watch: Stopwatch, sizes: tuple[float, float] = _ANY_SIZE) -> tuple[DrawList, float]:
-        """Find an LOD for a frame and the frames after it. For the first frame, best called before its time begins.
+        """Find an LOD for a frame and the frames after it. For the first frame, call it before the frame's time begins.
 
         sizes: as in `find_finest_in_time`.
         """

@@ -156,8 +156,8 @@ def _clip_problem(key: str, volume: Volume) -> Problem:
 def _framing(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float, float]:
     """Return the target and the distance of the camera, so that all frames hold everything that any frame shows.
 
-    The scene's own target and distance are kept. The third value is the share of a picture that cells add which were
-    left out of the framing.
+    The scene's own target and distance are kept. The third value is the share of a picture that the cells left out
+    of the framing add.
     """
     camera, size = scene.at(0).camera, scene.output.size
     frames_of: dict[CameraSpec, list[int]] = {}

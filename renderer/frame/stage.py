@@ -31,7 +31,7 @@ class Resolution:
 
 
 class FrameStageMaker(Protocol):
-    """A maker of the stages of a film's frames."""
+    """The interface of an object that makes the stage of each frame of a film."""
 
     def stage_at(self, film: FilmStage, frame: int) -> Stage: ...
 
@@ -51,7 +51,7 @@ class FilmStage:
     order_blending: the blending of draw orders along the path.
     seconds: the time that each step of the preparation took. maker: the maker of the stages of frames; None if nothing
         moves.
-    not_framed: the share of a picture that cells add which were left out of the framing; 0 if none was.
+    not_framed: the share of a picture that the cells left out of the framing add; 0 if none was left out.
     """
 
     scene: FilmScene
@@ -104,7 +104,7 @@ class Stage(FilmStage):
     scene: Scene
 
     def at(self, frame: int) -> Stage:
-        """Return this stage."""
+        """Return this stage, which is the stage of every frame that it is asked for."""
         return self
 
     @property
@@ -140,7 +140,10 @@ class Stage(FilmStage):
         ]
 
     def near_faces(self) -> Iterator[Callable[[Float64], Bools] | None]:
-        """Yield a test for each group: which bounds, in index coordinates, are near lit faces. None without faces."""
+        """Yield a test for each group: which bounds are near lit faces; None for a group without lit faces.
+
+        The test takes bounds in index coordinates.
+        """
         for group, clips in zip(self.groups, self.lit_clips, strict=True):
             region = place_object_clips(group.volume, clips)
             yield None if region is None else partial(are_near_faces, region, group.volume)

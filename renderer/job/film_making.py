@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -207,10 +207,15 @@ class FilmInProgress:
         on_step: called between two frames; an error that it raises ends the drawing.
         """
 
-        def draw() -> Iterator[DrawnFrame]:
+        def draw() -> Generator[DrawnFrame, None, None]:
             start = 0.0
             for num, frame in enumerate(drawing):
-                yield frame
+                try:
+                    yield frame
+                except Exception as error:  # the writer ends the drawing, and wants the frames in progress
+                    yield drawing.throw(error)
+                    yield from drawing
+                    return
                 on_step()
                 start = start or time.perf_counter()  # after the first frame, which also loads the data of all
                 if num == NUM_NEIGHBOURS and isinstance(self.executor, LocalExecutor):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -63,7 +63,7 @@ class OutputWriter:
     def write_frames(
         self,
         store: FrameStore,
-        drawn: Iterator[DrawnFrame],
+        drawn: Generator[DrawnFrame, None, None],
         label: str,
         events: JobEvents,
         defer_interrupts: Callable[[], None],
@@ -91,8 +91,13 @@ class OutputWriter:
 
         films = open_films(files, self.spec.kinds, is_locked=True, before_rename=before_rename)
 
+        failures = list[Exception]()
+
         def frames() -> Iterator[DrawnFrame]:
             for number in self.frames:
+                if failures:
+                    yield from _frames_in_progress(drawn, failures[0])
+                    return
                 yield _next_frame(drawn, number) if number in missing else store.finished_frame(number)
 
         records = list[FrameRecord]()
@@ -105,8 +110,13 @@ class OutputWriter:
             with contextlib.closing(stored):
                 for record in stored:
                     records.append(record)
-                    if record.frame in shown:
-                        events.frame_finished(record)
+                    if record.frame in shown and not failures:
+                        try:
+                            events.frame_finished(record)
+                        except Exception as error:  # a listener may end the film; frames in progress are stored
+                            failures.append(error)
+            if failures:
+                raise failures[0]
         return records
 
     @property
@@ -188,6 +198,16 @@ def _relative_to(folder: Path, record: FilmRecord) -> FilmRecord:
 def _digest(file: Path) -> str:
     with translate_os_errors(file):
         return file_digest(file)
+
+
+def _frames_in_progress(drawn: Generator[DrawnFrame, None, None], error: Exception) -> Iterator[DrawnFrame]:
+    """End the drawing with an error, and yield the frames that are drawn already."""
+    try:
+        yield drawn.throw(error)
+        yield from drawn
+    except Exception as raised:
+        if raised is not error:
+            raise
 
 
 def _next_frame(drawn: Iterator[DrawnFrame], number: int) -> DrawnFrame:

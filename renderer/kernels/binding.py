@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from renderer.kernels import signatures
 
 _STATUS = {1: MemoryError, 2: IndexError}
-# A long kernel saw that the process is to end.
+# The status of a long kernel that stopped because the process is asked to end.
 STOPPED = 3
 
 
 class Kernel:
-    """A kernel, as a function of keyword arguments: the members of its struct.
+    """A kernel as a function, whose keyword arguments are the members of the kernel's struct.
 
-    is_long: whether it stops when the process is asked to end.
+    is_long: whether the kernel stops when the process is asked to end.
     """
 
     def __init__(self, name: str, function: Any, arguments: Struct, *, is_long: bool) -> None:
@@ -54,12 +54,14 @@ class Kernel:
         """Run the kernel. Raise MemoryError, or IndexError for shapes that do not fit together.
 
         Raises TypeError or ValueError for an argument that the kernel does not take, and KeyboardInterrupt, with the
-        number of the signal, where a long kernel was stopped.
+        number of the signal, if a long kernel was stopped.
         """
         self.partial(**values)()
 
     def partial(self, **values: Any) -> Callable[..., None]:
-        """Return a function of the other arguments; these are checked and converted once. Threads may share it."""
+        """Return a function of the remaining arguments. The given ones are checked and converted once. Threads may
+        share it.
+        """
         given = bytearray(self._arguments.size)
         kept: list[Any] = []
         self._fill(given, values, kept)
@@ -86,8 +88,8 @@ class Kernel:
     def _run_beside(self, block: bytes, kept: list[Any]) -> int:
         """Run the kernel on another thread, so that a signal comes to this one meanwhile.
 
-        A signal that comes while the other thread takes the kernel waits until it is known here: nobody would wait for
-        the kernel otherwise, and it would run to its end.
+        A signal that comes before this thread has noted the other thread's work is held back until then: otherwise
+        nobody would wait for the kernel, and it would run to its end.
         """
         running: Future[int] | None = None
         try:
@@ -116,7 +118,7 @@ class Kernel:
 
 
 class Kernels:
-    """A library's kernels, as attributes."""
+    """The kernels of a library, as attributes."""
 
     def __init__(self, library: ctypes.CDLL, header: Header) -> None:
         self._library, self._header = library, header
@@ -135,7 +137,7 @@ class Kernels:
 
 @cache
 def kernels() -> signatures.Kernels:
-    """Return the kernels for this processor. Raise RenderError where they cannot be loaded."""
+    """Return the kernels for this processor. Raise RenderError if they cannot be loaded."""
     found = Kernels(load_library(), read_headers(SOURCES))
     found.heed_flag(flag=np.frombuffer(memoryview(stop_flag), np.int32))
     return cast("signatures.Kernels", found)

@@ -1,4 +1,4 @@
-"""Compile the kernels into libraries, with the compiler in the wheel `ziglang`. Needs nothing else.
+"""Compile the kernels into libraries, with the compiler in the wheel `ziglang` and nothing else.
 
     python -m renderer.kernels.build              the library for this processor, for development
     python -m renderer.kernels.build --all        the libraries for all levels, as an installation does
@@ -24,24 +24,27 @@ from pathlib import Path
 SOURCES = Path(__file__).resolve().parent / "sources"
 # The folder of the libraries, in an editable installation and in a wheel.
 BUILT = SOURCES.parent / "built"
-# The list of the libraries: a digest of the sources, then a line for each library, its digest and its name.
+# The file that lists the libraries: first a digest of the sources, then a line for each library, with its digest and
+# its name.
 MANIFEST = "libraries.txt"
-# By machine: levels, the name of the processor, and its lanes of float32. Level 2 of x86-64 would gain nothing.
+# For each kind of machine, its levels: the name of the processor, and the number of float32 lanes. Level 2 of x86-64
+# would gain nothing.
 LEVELS = {
     "x86_64": {1: ("x86_64", 4), 3: ("x86_64_v3", 8), 4: ("x86_64_v4", 16)},
     "aarch64": {0: ("generic", 4)},
 }
-# Sources that are compiled for each level. The others gain nothing by a higher level than the lowest.
+# The sources that are compiled for each level. All others are compiled for the lowest level alone, because a higher
+# level gains nothing.
 _IN_LANES = ("draw/march.cpp", "draw/mixture.cpp", "draw/extremum.cpp", "lighting/light_rays.cpp")
-# Machines that libraries can be made for, with their names in zig. Linux needs glibc 2.17, of 2012, or newer.
+# The machines that libraries can be made for, with their names in zig. Linux needs glibc 2.17, of 2012, or newer.
 TARGETS = {
     "linux-x86_64": "x86_64-linux-gnu.2.17",
     "linux-aarch64": "aarch64-linux-gnu.2.17",
     "macos-x86_64": "x86_64-macos.11.0",
     "macos-aarch64": "aarch64-macos.11.0",
 }
-# No contraction and no fast mathematics: results are the same bytes at every level. zig adds a sanitizer unless it is
-# told not to. Without -g0, objects are ten times larger.
+# The flags of the compiler. Without contraction and fast mathematics, results have the same bytes at every level. zig
+# adds a sanitizer unless it is told not to. Without -g0, objects are ten times larger.
 _FLAGS = (
     *("-c", "-x", "c++", "-std=c++20", "-O3", "-g0", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off"),
     *("-fno-math-errno", "-fno-trapping-math", "-fwrapv", "-fno-exceptions", "-fno-rtti", "-fno-stack-protector"),
@@ -57,7 +60,7 @@ def source_files() -> list[Path]:
 
 
 def sources_digest() -> str:
-    """Return a digest of the sources and of this file. Libraries of another digest are out of date."""
+    """Return a digest of the sources and of this file. A library with another digest is out of date."""
     digest = hashlib.blake2b(digest_size=16)
     for path in [Path(__file__), *source_files()]:
         digest.update(os.path.relpath(path, SOURCES).encode() + path.read_bytes())
@@ -72,14 +75,15 @@ def this_target() -> str:
 
 
 def best_level(offered: int, target: str) -> int:
-    """Return the highest level of kernels that a processor can run. offered: the level that it offers."""
+    """Return the highest level of kernels that a processor can run. offered: the processor's level."""
     return max(level for level in LEVELS[target.partition("-")[2]] if level <= offered)
 
 
 def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bool = False) -> list[Path]:
     """Write libraries and their manifest into a folder, and return the libraries.
 
-    target: one of TARGETS. levels: of its machine; None for all. checked: as `--checked`.
+    target: one of TARGETS. levels: the levels to compile for; None for all. checked: whether to compile as with
+    `--checked`.
     """
     import tempfile
     from concurrent.futures import ThreadPoolExecutor
@@ -99,7 +103,8 @@ def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bo
 
         def link(name: str, objects: list[Path]) -> Path:
             library = out / f"{name}.so"
-            # Under another name until it is whole: a running process keeps the one that it has loaded.
+            # The file has another name until it is complete, because a running process keeps the library that it has
+            # loaded.
             unfinished = library.with_suffix(f".{os.getpid()}")
             _run(folder, *_linker(target, unfinished), *objects)
             unfinished.replace(library)
@@ -114,7 +119,7 @@ def build(out: Path, target: str, *, levels: set[int] | None = None, checked: bo
         objects["processor"] = [pool.submit(compile_source, SOURCES / "base" / "processor.cc", lowest)]
         libraries = [link(name, [one.result() for one in made]) for name, made in objects.items()]
     for other in set(out.glob("*.so")).difference(libraries):
-        other.unlink()  # of other sources, as far as anyone knows
+        other.unlink()  # a library of other sources, as far as anyone knows
     _write_manifest(out)
     return libraries
 
@@ -128,7 +133,7 @@ def _compiler(target: str, cpu: str) -> list[str]:
 def _linker(target: str, library: Path) -> list[str]:
     if "CXX" in os.environ:
         return [os.environ["CXX"], "-shared", "-nostdlib", "-o", str(library)]
-    # `zig c++` would first compile a C library of its own, for minutes.
+    # `zig c++` would first compile its own C library, for minutes.
     options = ("-dynamic", "-fstrip", "-fno-compiler-rt", "-fno-ubsan-rt", "-fallow-shlib-undefined")
     return [sys.executable, "-m", "ziglang", "build-lib", "-target", TARGETS[target], *options, f"-femit-bin={library}"]
 

@@ -1,4 +1,4 @@
-"""Reads beyond the end of a mapped file give zeros, where they would raise SIGBUS (sources/bus_errors.cpp)."""
+"""Make reads beyond the end of a mapped file give zeros and not raise SIGBUS (sources/base/bus_errors.cpp)."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ _MOST = 64
 
 @cache
 def guarded_regions() -> npt.NDArray[np.int64]:
-    """Return the regions that are guarded, for the caller to fill; none on systems without the handler.
+    """Return the guarded regions, for the caller to fill in; none on systems without the handler.
 
-    They are int64 [n, 4]: the addresses of the first byte and beyond the last, whole pages, 0 for a free region; the
-    descriptor and the length of the file. Set the second number last. They live as long as the process.
+    Regions are int64 [n, 4]: the address of the first byte, and the address after the last byte, which is 0 for a free
+    region; both are on page borders. Then come the file's descriptor and its length. Set the second number last. The
+    array lives as long as the process.
     """
     regions = np.zeros((_MOST if sys.platform == "linux" else 0, 4), np.int64)
     if len(regions):

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-# The number of a dtype in an AnyArray is its place here (`with_array` in arrays.h).
+# The dtypes of arrays. The number of a dtype in an AnyArray is its position here (`with_array` in arrays.h).
 DTYPES = tuple(np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"))
 
-# By the type in C++: its letter in Python's `struct`, its dtype, and the type of Python that fills it.
+# For each number type of C++, its letter in Python's `struct`, its dtype, and the type of Python that fills it.
 _NUMBERS = {
     "bool": ("?", np.bool_, "bool"),
     "uint8_t": ("B", np.uint8, "int"),
@@ -36,9 +36,12 @@ _MAYBE = re.compile(r"Maybe<(.*)>")
 
 
 class Type:
-    """A type of a member. format: its layout, as one of Python's `struct`, a letter for each number or byte of padding.
+    """The type of a member of a struct.
 
-    annotation: the type of Python that fills it. num_numbers: how many numbers it takes. alignment: in bytes.
+    format: its layout in the language of Python's `struct`, one letter for each number or byte of padding.
+    annotation: the type of Python that fills it.
+    num_numbers: how many numbers it takes.
+    alignment: its alignment in bytes.
     """
 
     def __init__(self, format: str, annotation: str) -> None:
@@ -48,7 +51,8 @@ class Type:
         self.alignment = max(struct.calcsize("=" + number) for number in format)
 
     def add(self, value: Any, numbers: list[Any], kept: list[Any]) -> None:
-        """Append the numbers of a value, and to `kept` the objects that must live as long as they are used.
+        """Append the numbers of a value, and append to `kept` the objects that must live as long as the numbers are
+        used.
 
         Raises TypeError or ValueError, which say what is wrong.
         """
@@ -56,7 +60,7 @@ class Type:
 
 
 class _Several(Type):
-    """Several numbers of one type. Integers are sizes or numbers of voxels, and others are vectors or matrices."""
+    """Several numbers of one type. Integers are numbers of voxels or other sizes; floats are vectors or matrices."""
 
     def __init__(self, kind: str, count: int) -> None:
         one, self._dtype, annotation = _NUMBERS[kind]
@@ -73,7 +77,8 @@ class _Several(Type):
 class _Array(Type):
     """An array of numbers.
 
-    dtype: None for any of DTYPES, whose number then follows the shape. last: the last sizes of the shape.
+    dtype: the dtype of the numbers; None if it may be any of DTYPES, whose number then follows the shape.
+    last: the last sizes of the shape, which are fixed.
     """
 
     def __init__(self, dtype: Any, dimensions: int, last: tuple[int, ...], *, is_written: bool) -> None:
@@ -100,7 +105,7 @@ class _Array(Type):
 
 
 class _Structs(Type):
-    """An array of structs, filled from a sequence of records."""
+    """An array of structs, which is filled from a sequence of records."""
 
     def __init__(self, one: Type) -> None:
         super().__init__("qq", f"Sequence[{one.annotation}]")
@@ -115,7 +120,7 @@ class _Structs(Type):
 
 
 class _Maybe(Type):
-    """A type, or None."""
+    """A type whose value may be None."""
 
     def __init__(self, one: Type) -> None:
         super().__init__("?" + "x" * (one.alignment - 1) + one.format, f"{one.annotation} | None")
@@ -132,7 +137,9 @@ class _Maybe(Type):
 class Member(NamedTuple):
     """A member of a struct.
 
-    offset: in bytes. comment: its lines. is_of_call: whether it differs between the calls that share other members.
+    offset: the offset in the struct, in bytes.
+    comment: the lines of the comment above the member.
+    is_of_call: whether the member differs between calls that share other members.
     """
 
     type: Type
@@ -142,7 +149,7 @@ class Member(NamedTuple):
 
 
 class Struct(Type):
-    """A struct that kernels take. comment: its lines. members: by name, in their order."""
+    """A struct that kernels take. comment: the lines of the comment above it. members: its members, by name."""
 
     def __init__(self, name: str, comment: list[str], members: dict[str, tuple[Type, list[str], bool]]) -> None:
         self.comment = comment
@@ -166,12 +173,12 @@ class Struct(Type):
 class Header:
     """A table of the structs in the text of headers, each of which is laid out when it is first needed.
 
-    names: of all structs, in their order. arguments: by kernel, the name of the struct that it takes. long_kernels: the
-    kernels that stop when they are asked to.
+    names: the names of all structs, in their order. arguments: for each kernel, the name of the struct that it takes.
+    long_kernels: the kernels that stop when they are asked to.
     """
 
     def __init__(self, text: str) -> None:
-        self._texts: dict[str, tuple[list[str], list[str]]] = {}  # by struct, the lines of its comment and of its body
+        self._texts: dict[str, tuple[list[str], list[str]]] = {}  # the lines of each struct's comment and body
         self.arguments: dict[str, str] = {}
         long_kernels = set()
         comment: list[str] = []
@@ -196,7 +203,7 @@ class Header:
         return self.struct_named(self.arguments[kernel])
 
     def struct_named(self, name: str) -> Struct:
-        """Return a struct. The file is refused, by an assertion, where a line of it cannot be read."""
+        """Return a struct. An assertion fails if a line of the struct cannot be read."""
         comment_of_struct, lines = self._texts[name]
         members: dict[str, tuple[Type, list[str], bool]] = {}
         comment: list[str] = []
@@ -233,5 +240,5 @@ def _comment_of(line: str) -> str:
 
 
 def read_headers(sources: Path) -> Header:
-    """Read the headers of all folders of the sources."""
+    """Read the headers in all folders of the sources."""
     return Header("\n".join(path.read_text("ascii") for path in sorted(sources.glob("*/kernels.h"))))

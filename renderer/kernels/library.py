@@ -1,4 +1,4 @@
-"""Find the library of kernels for this processor, and load it only if its bytes are as they were built.
+"""Find the library of kernels for this processor, and load it only if it has the same bytes as when it was built.
 
 A damaged library may end the process while it is loaded, so its digest is compared first.
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 from renderer.errors import InputError, RenderError
 from renderer.kernels.build import BUILT, LEVELS, MANIFEST, best_level, sources_digest, this_target
 
-# The environment variable that asks for a lower level than the processor has: for tests, and to compare machines.
+# The environment variable that asks for a lower level than the processor offers: for tests, and to compare machines.
 LEVEL_VARIABLE = "HSPLAT_PROCESSOR_LEVEL"
 _ROOT = Path(__file__).resolve().parents[2]
 
@@ -59,7 +59,7 @@ def describe_kernels() -> str:
 
 
 def load_library() -> ctypes.CDLL:
-    """Return the library of kernels for this processor. Raise RenderError where there is none, or it is damaged."""
+    """Return the library of kernels for this processor. Raise RenderError if there is none, or if it is damaged."""
     return _load(f"kernels-{processor_level()}")
 
 

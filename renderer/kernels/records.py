@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 
 class Voxels(NamedTuple):
-    """The voxels of a volume, as kernels read them into bricks."""
+    """The voxels of a volume, from which kernels make bricks."""
 
-    # [z, y, x]: as `raw_voxels` returns them (renderer/transfer/classify.py).
+    # [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
     raw: NDArray[Any]
-    # [patterns]: the scalar of each bit pattern; None where voxels are scalars themselves.
+    # [patterns]: the scalar of each bit pattern; None if the voxels themselves are scalars.
     scalars: NDArray[np.float64] | None
-    # Whether any voxel has no data.
+    # Whether the volume has voxels without data.
     has_absent: bool
-    # Whether scalars are numbers of labels.
+    # Whether the scalars are numbers of labels.
     is_labels: bool
 
 
@@ -63,60 +63,61 @@ class Shading(NamedTuple):
 
 
 class Light(NamedTuple):
-    """Light and extinction that depend on the view or on the length of the gradient."""
+    """The light and extinction of a layer if they depend on the view or on the length of the gradient."""
 
     shading: Shading
-    # The share of the light that reaches each place.
+    # The share of the light that reaches each position.
     grid: LightGrid
     # Whether the light comes from the viewer, and not from `toward`.
     is_camera: bool
-    # The unit vector to the light, in world axes.
+    # The unit vector towards the light, in world axes; unused if the light comes from the viewer.
     toward: NDArray[np.float64]
-    # [3, 3]: from directions in index space to the world; a common factor does not matter.
+    # [3, 3]: the matrix from directions in index space to the world, up to a common factor.
     world_from_index: NDArray[np.float64]
-    # [n, 3]: a gradient's length in texels, the factor on extinction there, and its slope up to the next one.
+    # [n, 3]: a gradient's length in texels, the factor on extinction at this length, and the factor's slope up to the
+    # next row.
     factors: NDArray[np.float32]
-    # The place of the volume's centre in `grid` (x, y, z), in cells.
+    # The position of the volume's centre in `grid` (x, y, z), in cells.
     first_cell: NDArray[np.float64]
 
 
 class FieldMask(NamedTuple):
-    """A mask of a field."""
+    """The labels that limit where a field is drawn."""
 
-    # For places relative to the volume's centre.
+    # The mask's grid, for positions relative to the centre of the field's volume.
     grid: MaskGrid
-    # [bricks]: whether a part of the brick is outside of the mask.
+    # [bricks]: whether a part of each brick is outside the mask.
     are_cut: NDArray[np.bool]
 
 
 class Field(NamedTuple):
     """The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them."""
 
-    # Of each brick of voxels PADDED_BRICK_SIZE^3 texels; with light, PADDED_BRICK_SIZE^3 gradients (x, y, z) follow.
-    # Where voxels are colours, (tau c, tau) of each.
+    # For each brick of voxels, PADDED_BRICK_SIZE^3 texels; with light, PADDED_BRICK_SIZE^3 gradients (x, y, z) follow
+    # them. If voxels are colours, each texel is (tau c, tau).
     scalars: NDArray[np.float32]
-    # Of each brick of means PADDED_BRICK_SIZE^3 texels (tau c, tau).
+    # For each brick of means, PADDED_BRICK_SIZE^3 texels (tau c, tau).
     means: NDArray[np.float32]
-    # [bricks]: the first texel of each brick in its atlas; -1 where it shows none.
+    # [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing.
     texel_offsets: NDArray[np.int64]
     pieces: PiecewiseTransfer
-    # A factor on extinction.
+    # A factor on the layer's extinction.
     weight: float
-    # The unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
+    # The unit vector towards the light (x, y, z), the ambient and the diffuse coefficient; used if `is_lit`.
     lambert: NDArray[np.float64]
-    # Whether any voxel has no data.
+    # Whether the volume has voxels without data.
     has_absent: bool
-    # Whether scalars are numbers of labels.
+    # Whether the scalars are numbers of labels.
     is_labels: bool
     # Whether voxels are colours.
     has_colors: bool
     # Whether the light follows Lambert's law alone, from a fixed direction.
     is_lit: bool
-    # Whether faces that clipping cuts are lit by their own normal.
+    # Whether faces that clipping cuts are lit by their own normals.
     lights_faces: bool
-    # None without a light, or by Lambert's law alone.
+    # The light; None without a light, or if it follows Lambert's law alone.
     light: Light | None
-    # None without a mask.
+    # The mask that limits the field; None without a mask.
     mask: FieldMask | None
 
 
@@ -124,68 +125,70 @@ class LayerBricks(NamedTuple):
     """The bricks of layers on one grid of voxels."""
 
     rays: RaySetup
-    # Finest spacings in a model unit.
+    # The number of finest voxel spacings in a model unit.
     spacings_per_model_unit: float
-    # [bricks, 11]: as in BrickView (renderer/draw/bricks/brick_cache.py).
+    # [bricks, 11]: the boxes of bricks, as in BrickView (renderer/draw/bricks/brick_cache.py).
     boxes: NDArray[np.float64]
-    # [bricks]: whether the texels of the brick are means. The means of all layers are in the first field, with their
-    # weights.
+    # [bricks]: whether the texels of a brick are means. The first field holds the means of all layers, with the
+    # layers' weights.
     is_mean: NDArray[np.bool]
-    # [bricks]: whether the brick is near a face that clipping cuts.
+    # [bricks]: whether a brick is near a face that clipping cuts.
     have_faces: NDArray[np.bool]
-    # The distance from such a face up to which it is lit by its own normal, a length in the world.
+    # The distance from such a face up to which points are lit by its normal, as a length in the world.
     face_depth: float
-    # One of each layer.
+    # One field for each layer.
     fields: Sequence[Field]
 
 
 class SearchRules(NamedTuple):
-    """The rules of a search for the most extreme scalar, the same in all bricks.
+    """The rules of a search for the most extreme scalar, which are the same in all bricks.
 
-    A texel u stands for the number `offset + slope * u`, whose maximum is sought: it is 0 where a scalar is as good as
-    none, and 1 at the other end of the colours.
+    A texel u stands for the number `offset + slope * u`, whose maximum is sought: 0 for a scalar that shows
+    nothing, and 1 at the other end of the colours.
     """
 
     offset: float
     slope: float
-    # A number counts if it exceeds the largest one that was found by this.
+    # A number counts only if it exceeds the largest number found so far by this.
     slack: float
-    # A number takes the place of the largest one if it exceeds it by this.
+    # A number replaces the largest number found so far if it exceeds it by this.
     min_rise: float
-    # A ray ends at this number.
+    # The number at which a ray ends.
     ceiling: float
-    # Whether the bounds of bricks fall; otherwise they come front to back.
+    # Whether bricks come in the order of falling bounds; otherwise they come front to back.
     is_sorted: bool
-    # Whether any voxel has no data.
+    # Whether the volume has voxels without data.
     has_absent: bool
-    # The rise of nearness by a step along each index axis; 0 where depth does not count. Nearness falls from 1 to 0
-    # through the ball around the volume.
+    # The change of nearness over a step along each index axis; zeros if depth does not count. Nearness falls from 1 to
+    # 0 through the ball around the volume.
     forward: NDArray[np.float64]
 
 
 class VisibleNodes(NamedTuple):
-    """Room for the visible nodes of some groups: for each level of all groups, one level behind the other.
+    """Room for the visible nodes of several groups: for each level, room for all groups; one level after the other.
 
     A level's visible nodes are at its beginning, in Morton order.
     """
 
-    # [n, 4]: the means.
+    # [n, 4]: the means of the nodes' channels.
     means: NDArray[np.float32]
-    # [n]: the roots of variances, which are summed over channels.
+    # [n]: the standard deviations of the nodes: the roots of their variances, summed over channels.
     deviations: NDArray[np.float32]
-    # [n]: as in Level (renderer/pyramid/pyramid.py); not of the first level of blocks.
+    # [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for the first level of
+    # blocks.
     masks: NDArray[np.uint8]
     # [n, 3]: the nodes (x, y, z); empty if not asked for.
     cells: NDArray[np.int32]
-    # [n]: their numbers of voxels; empty if not asked for.
+    # [n]: the number of voxels of each node; empty if not asked for.
     sizes: NDArray[np.int64]
     # [3]: the number of visible nodes of each level.
     counts: NDArray[np.int64]
-    # [groups, 4]: the mean of each group's root, visible or not.
+    # [groups, 4]: the means of each group's root, visible or not.
     root_means: NDArray[np.float32]
-    # [groups, channels]: the means of the channels that errors are measured on, of the roots.
+    # [groups, channels]: the means of each group's root, in the channels that errors are measured on.
     root_error_means: NDArray[np.float64]
-    # [groups, channels]: the variances of the same.
+    # [groups, channels]: the variances of the root node of each group of nodes, in the channels that errors are
+    # measured on.
     root_variances: NDArray[np.float64]
 
 
@@ -195,30 +198,33 @@ class TransferTable(NamedTuple):
     Two control points at one value are a step, whose value belongs to the upper side.
     """
 
-    # [n]: control values, not descending.
+    # [n]: the control values, none smaller than the one before.
     values: NDArray[np.float64]
-    # [n + 1, 10]: of each segment its start, its width, the channels [4] at the start, and their rise [4]. Segment k
-    # holds the scalars from control value k - 1 to control value k; the first and the last are constant. Starts and
-    # widths are multiplied by `scale`.
+    # [n + 1, 10]: for each segment its start, its width, the channels [4] at the start, and their rise [4]. Segment k
+    # holds the scalars from control value k - 1 to control value k; the first and the last segment are constant.
+    # Starts and widths are multiplied by `scale`.
     rows: NDArray[np.float64]
-    # A power of two with which differences of scalars are finite.
+    # A power of two. Multiplied by it, differences of scalars are finite.
     scale: float
-    # [GUIDE_SIZE + 3]: from guide[b] to guide[b + 3] control values are at or below a scalar in bucket b.
+    # [GUIDE_SIZE + 3]: for a scalar in bucket b, the number of control values at or below it is from guide[b] to
+    # guide[b + 3].
     guide: NDArray[np.uint64]
-    # Buckets of the guide per unit of the scaled scalar.
+    # The number of buckets of the guide in a unit of the scaled scalar.
     buckets_per_unit: float
 
 
 class LightGrid(NamedTuple):
-    """A grid of factors on light, from 0, dark, to 1, at the centres of cells, between which they are linear."""
+    """A grid of factors on light, from 0 (dark) to 1. Factors are given at the centres of cells and are linear between
+    them.
+    """
 
-    # [z + 2, y + 2, x + 2]: factors on the ambient light, in steps of 1 / 255; [0, 0, 0] if not asked for. They are 1
-    # where neither a cell nor a neighbour of it shows anything.
+    # [z + 2, y + 2, x + 2]: factors on the ambient light, in steps of 1 / 255; [0, 0, 0] if not asked for. A factor is
+    # 1 if neither the cell nor a neighbour shows anything.
     occlusion: NDArray[np.float32]
-    # [z + 2, y + 2, x + 2]: the same on the diffuse light.
+    # [z + 2, y + 2, x + 2]: factors on the diffuse light, of the same kind.
     shadow: NDArray[np.float32]
-    # For each cell the factors that are there, each in two numbers: 255 times the factors at the cell and at its
-    # neighbours, eight bytes, x before y before z. Two numbers follow.
+    # For each cell and each kind of factor asked for, two numbers: 255 times the factors at the cell and at its next
+    # neighbours, eight bytes, x before y before z. Two more numbers follow the last cell.
     corners: NDArray[np.int32]
     # The width of a cell, in voxels. Cells begin at the corner of the first voxel.
     cell_size: float
@@ -229,32 +235,32 @@ class LightGrid(NamedTuple):
 
 
 class VoxelLighting(NamedTuple):
-    """A light on voxels."""
+    """A light on voxels, by Lambert's law."""
 
-    # The unit vector towards the light in world axes, ambient, diffuse.
+    # The unit vector towards the light in world axes, then the ambient and the diffuse coefficient.
     light: NDArray[np.float64]
-    # [3, 3]: from a gradient along the index axes to the world.
+    # [3, 3]: the matrix from gradients along the index axes to the world.
     world_from_gradient: NDArray[np.float64]
-    # The share of the light that reaches each voxel; NO_LIGHT_GRID where all of it does.
+    # The share of the light that reaches each voxel; NO_LIGHT_GRID if all of the light reaches every voxel.
     grid: LightGrid
 
 
 class Classifier(NamedTuple):
-    """A set of tables with which kernels classify a voxel (renderer/transfer/classify.py)."""
+    """The tables with which kernels classify a voxel (renderer/transfer/classify.py)."""
 
-    # [patterns, 4]: channels by bit pattern; None for wider values.
+    # [patterns, 4]: the channels of each bit pattern; None for voxels of more than 16 bits.
     table: NDArray[np.float32] | None
-    # [patterns]: the scalar of each bit pattern; None for wider values.
+    # [patterns]: the scalar of each bit pattern; None for voxels of more than 16 bits.
     scalars: NDArray[np.float64] | None
-    # The transfer function, extinctions times the finest spacing; None where `table` is used.
+    # The transfer function, with extinctions multiplied by the finest voxel spacing; None if `table` is used.
     curve: TransferTable | None
     # Whether the channels are (a c, a), and not (tau c, tau).
     is_opacity: bool
-    # None without shading.
+    # The light on voxels; None without shading.
     lighting: VoxelLighting | None
-    # The visibility breakpoints (renderer/transfer/transfer_function.py).
+    # The scalars at which visibility changes (renderer/transfer/transfer_function.py).
     breakpoints: NDArray[np.float64]
-    # [z, y, x, 3]: colours of voxels, factors on the transfer function's colours; None for white.
+    # [z, y, x, 3]: the colours of voxels, which multiply the transfer function's colours; None for white.
     colors: NDArray[np.uint8] | None
     # [z, y, x]: 0 for voxels that a mask hides; None without a mask.
     shown: NDArray[np.uint8] | None
@@ -263,13 +269,15 @@ class Classifier(NamedTuple):
 class PiecewiseTransfer(NamedTuple):
     """A table of colour and extinction by u, a scalar normalized to a range: 0 is its start and 1 its end."""
 
-    # [n, PIECE_FLOATS]: of each segment its end, its origin, the extinction times the finest spacing there and its
-    # slope; (r, g, b, the same extinction) at the origin; and their slopes. Segment k holds u from the end of the one
-    # before, included, to its own end, excluded; the last end is infinite. Kernels read rows in fours.
+    # [n, PIECE_FLOATS]: for each segment its end and its origin; the extinction at the origin, times the finest voxel
+    # spacing, and its slope; (r, g, b, the same extinction) at the origin, and their slopes. Segment k holds u from
+    # the end of the segment before, included, to its own end, excluded; the last end is infinite. Kernels read four
+    # numbers of a row at a time.
     rows: NDArray[np.float32]
-    # [GUIDE_SIZE]: from u = b / GUIDE_SIZE on the segment is guide[b] or later. For u < 0 it is the first.
+    # [GUIDE_SIZE]: a scalar u >= b / GUIDE_SIZE lies in segment guide[b] or later. A scalar u < 0 lies in the first
+    # one.
     guide: NDArray[np.int32]
-    # Below this u nothing is visible.
+    # Nothing is visible below this u.
     lowest_visible: float
 
 
@@ -279,55 +287,56 @@ class Intervals(NamedTuple):
     # [n]: control values times `scale`, not descending. Interval k has knots[k - 1] <= value < knots[k]: the value of
     # a step belongs to its upper side.
     knots: NDArray[np.float64]
-    # [n + 1, 10]: base [4], slope [4], origin and the number of the first k control points that have extinction:
-    # (r, g, b, extinction) of a value is base + slope * (value - origin).
+    # [n + 1, 10]: for each interval base [4], slope [4], origin, and how many of the first k control points have
+    # extinction. The channels (r, g, b, extinction) of a value are base + slope * (value - origin).
     rows: NDArray[np.float64]
-    # Of scalars and knots: a power of two with which sums and differences neither overflow nor vanish.
+    # A factor on scalars and knots: a power of two with which sums and differences neither overflow nor vanish.
     scale: float
 
 
 class RayShading(NamedTuple):
-    """The light on rays, of scalars that are multiplied by `Intervals.scale`."""
+    """The light on rays, for scalars that are multiplied by `Intervals.scale`."""
 
-    # Whether Lambert's law is all, so that highlights, silhouettes, factors and the grid do not count.
+    # Whether the light follows Lambert's law alone; then highlights, silhouettes, factors and the grid are unused.
     is_plain: bool
     # Whether the light comes from the viewer.
     is_camera: bool
-    # As in ShadingSpec (renderer/scene/shading_section.py), and so are the next five.
+    # Whether both sides of a surface are lit, as in ShadingSpec (renderer/scene/shading_section.py); the next five are
+    # as there, too.
     two_sided: bool
     ambient: float
     diffuse: float
     specular: float
     shininess: float
     silhouette: float
-    # The distance from cut faces up to which they are lit by their own normal, a length in the world.
+    # The distance from a cut face up to which points are lit by the face's normal, as a length in the world.
     face_depth: float
-    # The unit vector to the light, in world axes; not used where the light comes from the viewer.
+    # The unit vector towards the light, in world axes; unused if the light comes from the viewer.
     light: NDArray[np.float64]
-    # [3, 3]: from positions in index space to the world.
+    # [3, 3]: the matrix from positions in index space to the world.
     world_from_index: NDArray[np.float64]
-    # [3, 3]: from gradients along the index axes to the world.
+    # [3, 3]: the matrix from gradients along the index axes to the world.
     world_from_gradient: NDArray[np.float64]
-    # [n, 3]: a gradient's magnitude, times `Intervals.scale`, the factor on extinction there and its slope up to the
-    # next one.
+    # [n, 3]: a gradient's magnitude times `Intervals.scale`, the factor on extinction at this magnitude, and the
+    # factor's slope up to the next row.
     factors: NDArray[np.float64]
-    # The share of the light that reaches each place.
+    # The share of the light that reaches each position.
     grid: LightGrid
 
 
 class RemovedSet(NamedTuple):
-    """A convex set that is clipped away: the points from `low` to `high` in axes of its own, in world lengths.
+    """A convex set that is clipped away: the points from `low` to `high` in the set's own axes, in world lengths.
 
-    A half-space has one axis, the first, and the others are 0.
+    A half-space is bounded along the first axis only; its other axes are 0.
     """
 
-    # [3, 4]: from index space to the axes of the set.
+    # [3, 4]: the transformation from index space to the set's own axes.
     own_from_index: NDArray[np.float64]
-    # [3, 3]: from directions along these axes to the world.
+    # [3, 3]: the matrix from directions along the set's own axes to the world.
     world_from_own: NDArray[np.float64]
-    # The lowest corner.
+    # The lowest corner, in the set's own axes.
     low: NDArray[np.float64]
-    # The highest corner.
+    # The highest corner, in the set's own axes.
     high: NDArray[np.float64]
 
 
@@ -336,44 +345,45 @@ class IndexRays(NamedTuple):
 
     # [n, 3]: positions (x, y, z), in voxels.
     origins: NDArray[np.float64]
-    # [n, 3]: of unit length in the world.
+    # [n, 3]: the rays' directions in index space, of unit length in the world.
     directions: NDArray[np.float64]
-    # [n, k, 2]: world lengths from the origin at which parts start and end, one behind the other; some are empty.
+    # [n, k, 2]: the distances from the origin, in the world, at which the parts of each ray start and end; some parts
+    # are empty.
     parts: NDArray[np.float64]
-    # The sets that are clipped away, where their faces are lit; none otherwise.
+    # The clip sets that are removed, given only if cut faces are lit by their own normals; empty otherwise.
     removed: Sequence[RemovedSet]
 
 
 class LayerOptics(NamedTuple):
     """A layer: the values of a volume, and how they are shown."""
 
-    # [z, y, x]: the values.
+    # [z, y, x]: the values of the voxels.
     values: NDArray[Any]
-    # [z, y, x]: the state of each macrocell; 0, unknown, at first, and updated, for calls with the same values and
-    # intervals.
+    # [z, y, x]: the state of each macrocell, UNKNOWN (0) at first. The array is updated, and later calls with the same
+    # values and intervals use it.
     macrocells: NDArray[np.uint8]
     intervals: Intervals
-    # None without a light.
+    # The light; None without a light.
     shading: RayShading | None
     # A factor on extinction.
     weight: float
-    # [z, y, x, 3]: colours of voxels, factors on the transfer function's colours; None for white.
+    # [z, y, x, 3]: the colours of voxels, which multiply the transfer function's colours; None for white.
     colors: NDArray[np.uint8] | None
-    # [labels]: the opacity of a voxel of each label, by its number; numbers above have the last one. None where values
-    # are not labels.
+    # [labels]: the opacity of a voxel of each label, by the label's number; larger numbers have the last opacity. None
+    # if values are not labels.
     label_opacities: NDArray[np.float64] | None
 
 
 class ClipRegion(NamedTuple):
-    """A region that clip planes and boxes leave: the points p of a volume in all slabs and in no removed box.
+    """The region that clip planes and boxes leave: the points p of a volume in all slabs and in no removed box.
 
-    A slab is [8]: a normal n [3], bounds of n . p, a length, with p in index space relative to the volume's centre, and
-    n as a unit vector [3] in the world.
+    A slab is [8]: a normal n [3], the lower and the upper bound of n . p, and n as a unit vector [3] in the world. The
+    product n . p is a length, with p in index space relative to the volume's centre.
     """
 
-    # [k, 8]: the slab of a plane is unbounded on one side.
+    # [k, 8]: the slabs of clip planes, which are unbounded on one side.
     slabs: NDArray[np.float64]
-    # [m, 3, 8]: of each removed box the slabs across its axes.
+    # [m, 3, 8]: for each removed box, the slabs across its axes.
     boxes: NDArray[np.float64]
 
 
@@ -385,42 +395,44 @@ class RaySetup(NamedTuple):
         origin = origins @ (1, x, y)        direction = directions @ (1, x, y)
     """
 
-    # [3, 3]: index space relative to the volume's centre.
+    # [3, 3]: the matrix to origins of rays, in index space relative to the volume's centre.
     origins: NDArray[np.float64]
-    # [3, 3]: index units per model unit of depth in perspective, per model unit of length otherwise.
+    # [3, 3]: the matrix to directions of rays, in index units per model unit of depth in perspective, and per model
+    # unit of length otherwise.
     directions: NDArray[np.float64]
     # A ray's length per unit of depth is `sqrt(1 + slope_per_px^2 (x^2 + y^2))`.
     slope_per_px: float
-    # The near plane, in model units along the direction.
+    # The distance from the origin at which rays start, on the near plane, in model units along the direction.
     start: float
-    # The image's centre (x, y).
+    # The position of the image's centre (x, y), in pixels.
     center_px: NDArray[np.float64]
-    # The rest of the volume, if the view clips it.
+    # The region that clipping leaves; None if the view clips nothing.
     clip: ClipRegion | None
 
 
 class ModelView(NamedTuple):
     """A view in model units."""
 
-    # [3, 4]: rotation and translation, model units.
+    # [3, 4]: the rotation and translation from the model to the view, in model units.
     view_from_model: NDArray[np.float64]
     # Whether the projection is in perspective; orthographic otherwise.
     perspective: bool
-    # Focal length in pixels (perspective), pixels per model unit (orthographic).
+    # The focal length in pixels in perspective; otherwise the number of pixels in a model unit.
     scale_px: float
     # The image's width and height.
     size: tuple[int, int]
     # The depth of the near plane, in model units.
     near: float
-    # Bounds on |x| / depth and |y| / depth where footprints are linearised.
+    # The largest |x| / depth and |y| / depth at which footprints are linearised; beyond, they are linearised as at
+    # this.
     slope_limit: NDArray[np.float64]
 
 
 class MaskGrid(NamedTuple):
-    """A mask on a grid of its own."""
+    """A mask of labels, on a grid of its own."""
 
-    # [z, y, x]: which of the nine voxels around each in its plane are in the mask, a bit each, x fastest; beyond the
-    # border the nearest voxels are repeated.
+    # [z, y, x]: for each voxel, nine bits that tell which voxels around it in its plane are in the mask, x fastest.
+    # Beyond the border, the nearest voxels are repeated.
     planes: NDArray[np.uint16]
-    # [3, 4]: from places in the index space of another volume to places in the mask's.
+    # [3, 4]: the transformation from the index space of another volume to that of the mask.
     from_index: NDArray[np.float64]

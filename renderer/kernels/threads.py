@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.system import result_of, start_threads
 
-# The least number of pixels for a thread: with fewer, the work takes less time than starting the thread.
+# The least number of pixels for a thread: drawing fewer pixels takes less time than starting the thread.
 MIN_PIXELS_PER_THREAD = 1 << 15
 
 Item = TypeVar("Item")
@@ -18,9 +18,9 @@ Array = npt.NDArray[Any]
 
 
 class ThreadPool:
-    """A number of threads, or the calling thread alone. A `with` block or `release` ends them.
+    """A pool of threads, or the calling thread alone. A `with` block or `release` ends the threads.
 
-    The methods raise the exceptions of the work; items that no thread has started are then dropped.
+    If the work on an item raises an exception, the methods raise it, and items that no thread has started are dropped.
     """
 
     def __init__(self, num: int = 1) -> None:
@@ -34,7 +34,7 @@ class ThreadPool:
         self.release()
 
     def release(self) -> None:
-        """End the threads. Items that none has started are dropped: after an interrupt some may be left."""
+        """End the threads. Items that no thread has started are dropped: some may be left after an interrupt."""
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
@@ -56,7 +56,7 @@ class ThreadPool:
                 each.cancel()
 
     def for_rows(self, work: Callable[[int, int], object], pixels: Array) -> None:
-        """Call `work(first, end)` for parts of the rows of pixels [h, w, ...], at most one a thread."""
+        """Call `work(first, end)` for parts of the rows of pixels [h, w, ...], at most one part for each thread."""
         num = len(pixels)
         num_parts = max(1, min(self.num, num // -(-MIN_PIXELS_PER_THREAD // pixels.shape[1])))
         ends = [num * part // num_parts for part in range(num_parts + 1)]

@@ -1,4 +1,4 @@
-"""Group the layers that are drawn as one, because they share a grid of voxels and clip planes."""
+"""Group the layers that are drawn together, because they share a grid of voxels and clip planes."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from renderer.volume import Volume
 
 @dataclass(frozen=True)
 class LayerGroup:
-    """A group of layers that are drawn as one. bricks: the bricks of all layers, None if splats are drawn."""
+    """A group of layers that are drawn together. bricks: the bricks of all layers; None if splats are drawn."""
 
     layers: tuple[Layer, ...]
     bricks: BrickLayers | None
 
     @property
     def volume(self) -> Volume:
-        """Return a volume on the grid."""
+        """Return the volume of the first layer, whose grid all layers share."""
         return self.layers[0].volume
 
     @property
     def projection(self) -> Projection | None:
-        """Return the projection of the only layer; None for emission and absorption."""
+        """Return the projection of the group's only layer; None for emission and absorption."""
         return self.layers[0].projection
 
     @property
@@ -37,7 +37,7 @@ class LayerGroup:
 
 
 def group_layers(layers: Sequence[Layer], scene: Scene) -> tuple[LayerGroup, ...]:
-    """Return the groups of a scene's layers; each layer that is projected is a group of its own."""
+    """Return the groups of a scene's layers. Each layer that is projected is a group of its own."""
     groups: dict[object, list[Layer]] = {}
     for number, layer in enumerate(layers):
         grid = layer.volume.shape_xyz, layer.volume.world_from_index.tobytes(), layer.spec.clip

@@ -69,7 +69,7 @@ def leave_out_masked(volume: Volume) -> Volume:
 
 
 def _numbers_of(values: Array, shown: Array, numbers: Array) -> Array:
-    """Return the number of each label in `values`; 0 for NaN and for labels that are not shown."""
+    """Return the number of each label in `values`; 0 for NaN and for labels that are not in `shown`."""
     if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:
         lowest = np.iinfo(values.dtype).min
         table = np.zeros(1 << 8 * values.dtype.itemsize, numbers.dtype)

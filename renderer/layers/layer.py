@@ -24,10 +24,12 @@ from renderer.volume import Volume
 class Layer:
     """A volume of a scene, with all that its pictures from any camera share.
 
-    volume: the volume; labels in it are replaced by their numbers. transfer: the scene's colours and opacities.
+    volume: the volume; labels in it are replaced by their numbers.
+    transfer: the scene's colours and opacities.
     projection: the projection of the scene's mode; None for emission and absorption.
-    bricks: the bricks, None if splats are drawn. extreme_bricks: the bricks in which rays look for an extremum; None in
-        other modes. digest: the digest of the plain data from which the layer was made, and of its voxels.
+    bricks: the bricks; None if splats are drawn.
+    extreme_bricks: the bricks in which rays look for an extremum; None in modes without extrema.
+    digest: the digest of the plain data from which the layer was made, and of its voxels.
     """
 
     spec: LayerSpec
@@ -58,7 +60,7 @@ def layer_parts(spec: LayerSpec, scene: Scene) -> tuple[Any, ...]:
 def parts_over_frames(film: FilmScene, number: int) -> OverFrames[tuple[Any, ...]]:
     """Return the parts of a scene that a layer of a film is made from, over all frames.
 
-    The choice of the parts is made on the first frame, as by `layer_parts`. number: the number of the layer.
+    The choice of the parts is made on the first frame, as by `layer_parts`. number: the layer's number in the film.
     """
     first = film.at(0)
     held = _Held.by(first.layers[number], first)
@@ -73,11 +75,12 @@ def frames_of_new_layers(film: FilmScene, number: int) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True)
 class _Held:
-    """A choice of the parts of a scene that a layer depends on.
+    """A choice of the parts of a scene on which a layer depends.
 
-    clip: whether it depends on the clip planes and boxes. shading: whether it depends on the whole shading, which is
-    then part of the means of cells; otherwise it depends on the light grid alone. light: whether it depends on the
-    direction of the light, which casts shadows.
+    clip: whether the layer depends on the clip planes and boxes.
+    shading: whether it depends on the whole shading, which is then part of the means of cells; otherwise it depends on
+        the light grid alone.
+    light: whether it depends on the direction of the light, which casts shadows.
     """
 
     clip: bool
@@ -95,7 +98,7 @@ class _Held:
 
 
 def _parts(spec: LayerSpec, scene: Scene, held: _Held) -> tuple[Any, ...]:
-    """Return the parts of a scene that a layer is made from, by the choice `held`. See `layer_parts`."""
+    """Return the chosen parts of a scene that a layer is made from; see `layer_parts`."""
     shading: Any = spec.shading
     if shading is not None and not held.shading:
         light = shading.light if held.light else None
@@ -134,7 +137,7 @@ def make_layer(
     if (labels := spec.transfer_function.labels) is not None:
         volume = number_labels(volume, labels.values)
     if volume.mask is not None and (scene.mode.is_projection or scene.needs_opengl):
-        volume = leave_out_masked(volume)  # projections and splats know absent voxels, but no masks
+        volume = leave_out_masked(volume)  # projections and splats handle absent voxels, but no masks
     projection = make_projection(scene.mode, transfer, volume)
     optics = transfer if projection is None else projection.optics
     light_grid = NO_LIGHT_GRID

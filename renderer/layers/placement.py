@@ -30,7 +30,7 @@ def reach_text(volume: Volume) -> str:
 
 
 def placement_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Problem]:
-    """Yield the problems with the places of volumes, on the first frame that has any.
+    """Yield the problems with the positions of volumes, on the first frame that has any.
 
     volumes: the volumes of the scene's layers, on its first frame.
     """
@@ -46,7 +46,7 @@ def placement_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[
 def _placed_by_frame(
     layers: Sequence[OverFrames[LayerSpec]], volumes: Sequence[Volume]
 ) -> Iterator[tuple[int, Sequence[Volume]]]:
-    """Yield the volumes at their places on the first frame, and on each frame on which one has moved."""
+    """Yield the volumes at their positions on the first frame, and on each frame on which any has moved."""
     yield 0, volumes
     transforms = [layer.map(lambda each: each.transform) for layer in layers]
     runs = OverFrames(tuple(transforms)).changing_frames
@@ -56,9 +56,9 @@ def _placed_by_frame(
 
 
 def _placed(volume: Volume, transform: OverFrames[Matrix | None], frame: int) -> Volume:
-    """Return a volume at its place on a frame.
+    """Return a volume at its position on a frame.
 
-    volume: the volume at its place on the first frame. transform: the transform of its layer, over frames.
+    volume: the volume at its position on the first frame. transform: the transform of its layer, over frames.
     """
     first, now = transform.at(0), transform.at(frame)
     if first is None or now is None or not transform.moves:
@@ -83,7 +83,7 @@ def _mixing_problems(scene: FilmScene, volumes: Sequence[Volume]) -> Iterator[Pr
 
 
 def _size_problems(volumes: Sequence[Volume]) -> Iterator[Problem]:
-    """Yield a problem for each volume that is far larger or smaller than the first, as in other units of length."""
+    """Yield a problem for each volume that is far larger or smaller than the first one, as in other units of length."""
     for number, volume in enumerate(volumes):
         ratio = volume.half_diagonal / volumes[0].half_diagonal
         if not 1 / _MAX_SIZE_RATIO <= ratio <= _MAX_SIZE_RATIO:
@@ -100,7 +100,7 @@ def placement_notes(layers: Sequence[LayerSpec], volumes: Sequence[Volume]) -> I
     lows, highs = np.array([_world_box(volume) for volume in volumes]).swapaxes(0, 1)
     overlaps = ((lows[:, None] < highs) & (lows < highs[:, None])).all(axis=2)
     for layer, volume, num in zip(layers, volumes, overlaps.sum(axis=1).tolist(), strict=True):
-        if num == 1 < len(volumes):  # each volume overlaps itself
+        if num == 1 < len(volumes):  # each volume overlaps itself, so 1 means no other
             yield f"{layer.name or volume.name} overlaps no other volume: it reaches {reach_text(volume)}"
 
 

@@ -1,7 +1,7 @@
-"""Compute the light that reaches each place of the object, for all views: ambient occlusion, and soft shadows.
+"""Compute the light that reaches each position in the object, for all views: ambient occlusion, and soft shadows.
 
-In: `Volume`, `TransferFunction`, the direction of a light that is fixed to the object. Out: `LightGrid`, factors on
-the ambient and on the diffuse light, on a grid of cells.
+In: `Volume`, `TransferFunction`, the direction of a light that is fixed to the object. Out: `LightGrid`, a grid of
+cells with factors on the ambient and on the diffuse light.
 
 - `light_grid.py`: the light grid, computed from the cells' mean extinctions
 """

@@ -1,8 +1,8 @@
-"""Compute the light grid: the shares of the ambient and of the diffuse light that reach each place of the object.
+"""Compute the light grid: the shares of the ambient and of the diffuse light that reach each position in the object.
 
 The factor of occlusion is twice the mean over all directions of exp(-D), at most 1, with D the optical depth along a
 ray up to the radius of occlusion. An opaque plane hides half of all directions, so that its surface has the factor 1,
-as an open place has; corners and buried places are darker. The factor of shadow is the mean of exp(-D) over the
+as an open position has; corners and buried positions are darker. The factor of shadow is the mean of exp(-D) over the
 directions to a round light of the angular radius LIGHT_RADIUS, with rays up to the volume's border. All rays leave out
 the first START_CELLS cells, in which surfaces would shade themselves.
 
@@ -22,17 +22,17 @@ from renderer.scene import ShadingSpec, Vector
 from renderer.transfer import TransferFunction, make_classifier, make_light_grid, raw_voxels
 from renderer.volume import Bools, Float32, Float64, Volume
 
-# The most cells along the longest axis.
+# The most cells of the light grid along its longest axis.
 MAX_CELLS = 128
 # The radius of occlusion, unless a scene gives one, as a share of the volume's diagonal.
 OCCLUSION_RADIUS = 0.1
 # The angular radius of the light, in degrees. The shadows of a smaller light would have edges sharper than cells.
 LIGHT_RADIUS = 14.0
-# The length of the first part of a ray, which is left out, in widths of cells along the axis of finest spacing.
+# The number of cells that a ray leaves out at its start, by their width along the axis of finest spacing.
 START_CELLS = 2
 
-# The number of rays for occlusion from each cell. It and the next three constants suffice by the measurements in
-# docs/benchmarks/occlusion.md.
+# The number of rays for occlusion from each cell. This number and the next three constants suffice by the measurements
+# in docs/benchmarks/occlusion.md.
 _NUM_OCCLUSION_RAYS = 24
 # The length of a step for occlusion, as a share of its distance from the cell.
 _OCCLUSION_GROWTH = 0.35
@@ -40,7 +40,7 @@ _OCCLUSION_GROWTH = 0.35
 _NUM_LIGHT_RAYS = 14
 # The length of a step to the light, as a share of its distance from the cell.
 _LIGHT_GROWTH = 0.07
-# The number of cells in a part of a row, as in the kernel `transmit`. Parts in which nothing is visible are skipped.
+# The number of cells in a part of a row, as in the kernel `transmit`. It skips parts in which nothing is visible.
 _CELLS_OF_PART = 16
 # The turn between neighbouring points of a spiral, in radians.
 _GOLDEN_ANGLE = np.pi * (1 + 5**0.5)
@@ -57,9 +57,9 @@ def compute_light_grid(
 ) -> LightGrid:
     """Return the light grid for a shading. The result does not depend on the number of threads.
 
-    are_removed: a test of the boxes that are clipped away and let all light through. Boxes are float64 [n, 2, 3], the
-        lowest and highest corners in index space relative to the volume's centre. max_cells: the most cells along the
-        longest axis. Raises InputError if the volume's file was changed.
+    are_removed: tells which boxes are clipped away and let all light through. Boxes are float64 [n, 2, 3], the lowest
+        and highest corners in index space relative to the volume's centre. max_cells: the most cells along the longest
+        axis. Raises InputError if the volume's file was changed.
     """
     level = max(0, (-(-max(volume.shape_xyz) // max_cells) - 1).bit_length())
     width = volume.finest_spacing * 2**level

@@ -23,14 +23,14 @@ _RGB_FROM_XYZ = ((3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557,
 _WHITE = (0.9505, 1.0, 1.089)
 # The share of white below which CIE L*a*b* is linear.
 _DARK = 0.008856
-# The slope of that linear part.
+# The slope of the linear part of CIE L*a*b*.
 _SLOPE = 7.787
 # The saturation up to which a colour is grey in Msh, polar L*a*b*, by Moreland, "Diverging Color Maps for Scientific
 # Visualization", 2009.
 _GRAY_SATURATION = 0.05
 # The largest difference between two hues, in radians, at which Moreland puts no white between them.
 _SIMILAR_HUES = math.pi / 3
-# The least magnitude of that white.
+# The least magnitude of the white that Moreland puts between two hues.
 _WHITE_MAGNITUDE = 88.0
 
 

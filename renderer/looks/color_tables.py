@@ -16,8 +16,8 @@ _CLEAR = (0.0, 0.0, 0.0, 0.0)
 def even_look(file: LookFile, rows: Sequence[Sequence[Any]], white: float, last: float = 0.0) -> Look:
     """Return a look with colours at even distances over a range.
 
-    rows: for each colour its place for messages, red, green and blue. last: the index of the row at the end of the
-    range, if that is not the last row.
+    rows: for each colour its place in the file (for messages), red, green and blue. last: the index of the row at the
+    end of the range, if that is not the last row.
     """
     end = last or max(len(rows) - 1, 1)
     return Look(file.curve(((at, k / end, *rgb) for k, (at, *rgb) in enumerate(rows)), 3, white), is_share=True)
@@ -26,7 +26,8 @@ def even_look(file: LookFile, rows: Sequence[Sequence[Any]], white: float, last:
 def table_look(file: LookFile, rows: Iterable[Sequence[Any]], lowest: object, highest: object) -> Look:
     """Return a look with colours at intensities of a range.
 
-    rows: for each colour its place for messages, then its intensity, red, green, blue and alpha, from 0 to 255.
+    rows: for each colour its place in the file (for messages), its intensity, red, green, blue and alpha, from 0 to
+        255.
     lowest, highest: the values of intensities 0 and 255; both are 0 if the table has no range.
     """
     low, high = file.number(lowest, "min"), file.number(highest, "max")

@@ -1,8 +1,8 @@
 """Read tables of labels from files and from the headers of images, with one parser for each format.
 
 Files are those of FreeSurfer, 3D Slicer, ITK-SNAP, FSLeyes, MRIcron and BIDS. Headers hold XML as in GIFTI and CIFTI,
-AFNI's format, or text. A row is a place for messages, a value, a name, and perhaps a colour: red, green, blue and
-perhaps an opacity. In a look, a label without an opacity is opaque, and label 0 is the transparent background.
+AFNI's format, or text. A row is a place in the file (for messages), a value, a name, and perhaps a colour: red, green,
+blue and perhaps an opacity. In a look, a label without an opacity is opaque, and label 0 is the transparent background.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _SHARES = _RGB.replace(r"\d+", r"[-+.\deE]+")
 # Patterns of the rows of each format.
 _FREESURFER = re.compile(rf'(?P<label>\d+)\s+(?P<name>"[^"]*"|\S+)\s+{_RGB}\s+(?P<alpha>\d+)(?:\s.*)?').fullmatch
 _FSLEYES = re.compile(rf"(?P<label>\d+)\s+{_SHARES}(?P<name>(?:\s.*)?)").fullmatch
-# A label that is not shown becomes transparent.
+# In ITK-SNAP's table, a label that is not shown becomes transparent.
 _ITK_SNAP = re.compile(
     rf'(?P<label>\d+)\s+{_SHARES}\s+(?P<alpha>[-+.\deE]+)\s+(?P<is_shown>[01])\s+[01]\s+(?P<name>".*")'
 ).fullmatch
@@ -274,7 +274,7 @@ def _is_bytes(content: bytes) -> bool:
 
 
 def any_content(_content: bytes) -> bool:
-    """Return that a file fits its format, for formats that are recognised by the suffix alone."""
+    """Return True: the test of contents for formats that are recognised by the suffix alone."""
     return True
 
 

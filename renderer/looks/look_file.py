@@ -84,7 +84,7 @@ class LookFile:
     def curve(self, rows: Iterable[Sequence[Any]], num_parts: int, white: float = 1.0) -> list[CurvePoint]:
         """Return a curve sorted by value, with its numbers divided by `white`.
 
-        rows: for each point its place for messages, its value, and `num_parts` numbers from 0 to `white`.
+        rows: for each point its place in the file (for messages), its value, and `num_parts` numbers from 0 to `white`.
         """
         points = list[CurvePoint]()
         for at, value, *parts in rows:

@@ -13,7 +13,7 @@ from renderer.looks.curves import merge_curves
 from renderer.looks.look import Look, Looks
 from renderer.looks.look_file import LookFile
 
-# The points of a function: for each its place for messages, its value, and a colour or an opacity.
+# The points of a function: each has its place in the file (for messages), a value, and a colour or an opacity.
 _Rows = list[tuple[Any, ...]]
 
 # VTK's default of ScalarOpacityUnitDistance.
@@ -66,7 +66,7 @@ def _from_texts(file: LookFile, texts: Mapping[str, str]) -> Look:
 def read_json(file: LookFile) -> Look:
     """Return the first volume property of a .vp.json file, with the functions of its first component.
 
-    3D Slicer also uses the first ones.
+    3D Slicer also uses the first volume property and the first component.
     """
     properties = file.member(file.json(), "volumeProperties", list, "the file")
     components = file.member((properties or [None])[0], "components", list, "volumeProperties")

@@ -1,4 +1,4 @@
-"""Measure how long rays are inside what is left of the volume's box."""
+"""Measure the lengths of rays inside the part of the volume's box that clipping leaves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Project the mean scalar of a ray, or its attenuation, both by an optical depth."""
+"""Project the mean scalar of a ray, or its attenuation; both are found from an optical depth."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Mean(Projection):
             high = float(np.nextafter(low, np.inf))
         self._low_share, self._width_share = self.share_of(low), self.share_of(high) - self.share_of(low)
         self._depth_per_length = 1.0 / (2.0 * self.volume.half_diagonal)
-        # The ratio between errors of the optical depth and errors as shares of the colour range, on a ray as long as
-        # the mean chord.
+        # The ratio of errors of the optical depth to errors as shares of the colour range, on a ray as long as the mean
+        # chord.
         self.tolerance_factor = self._mean_chord * self._depth_per_length / max(1.0, self._width_share)
         return ramp(low, high, (0.0, self._depth_per_length))
 
@@ -41,7 +41,7 @@ class Mean(Projection):
 
 
 class Attenuation(Projection):
-    """A projection of exp(-integral of mu), with mu = scale * max(s - zero, 0) per world unit."""
+    """A projection of exp(-integral of mu) along each ray, with mu = scale * max(s - zero, 0) per world unit."""
 
     def _make_optics(self) -> TransferFunction:
         assert self.spec.scale is not None and self.spec.zero is not None, "checked with the scene"

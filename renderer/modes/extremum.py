@@ -13,9 +13,9 @@ from renderer.transfer import TransferFunction
 class Extremum(Projection):
     """A projection of the extreme scalar of each ray.
 
-    Rays gather two channels. The first is the position of the scalar in the colour range, from 0 for the least extreme
-    end, which shows nothing, to 1 for the most extreme end. The second is the nearness of the scalar, from 0 at the
-    farthest point of the ball around the volume to 1 at the nearest.
+    Rays gather two numbers. The first is the position of the extreme scalar in the colour range, from 0 for the least
+    extreme end, which shows nothing, to 1 for the most extreme end. The second is its nearness to the eye, from 0 at
+    the farthest point of the ball around the volume to 1 at the nearest.
     """
 
     @property
@@ -25,7 +25,7 @@ class Extremum(Projection):
 
     @property
     def by_depth(self) -> bool:
-        """Return whether colours show the depth of the scalar, not its value."""
+        """Return whether colours show the depth of the extreme scalar, not its value."""
         return self.spec.color_by == "depth"
 
     def _make_optics(self) -> TransferFunction:

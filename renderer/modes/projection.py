@@ -17,7 +17,7 @@ class Projection(ABC):
     """A mode that shows one number of each ray as a colour. The scene's opacities have no effect.
 
     color_range: the first and the last scalar of the scene's colours. Numbers are coloured as shares of this range.
-    optics: the transfer function that is drawn in place of the scene's. From its picture the numbers of rays follow.
+    optics: the transfer function that is drawn in place of the scene's. The numbers of rays follow from its picture.
     tolerance_factor: the factor from the scene's tolerance, a share of the colour range, to the tolerance at which
         `optics` is drawn.
     """
@@ -49,7 +49,7 @@ class Projection(ABC):
         """
 
     def brightness(self, gathered: Any) -> Any:
-        """Return a factor on the colours, float [..., 1], or 1."""
+        """Return a factor on the colours of rays: float [..., 1], or 1."""
         return 1.0
 
     def picture(self, gathered: Float32, chords: Float32, threads: ThreadPool) -> Float32:

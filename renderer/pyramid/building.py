@@ -54,7 +54,7 @@ BLOCK_LEVELS = 3
 # The level of the cubes, 64^3 voxels, that tasks build as a whole, so that no two tasks have nodes in the same brick of
 # levels 0 to 2.
 CUBE_LEVELS = 6
-# The most blocks of a task: enough to hide the dispatch, few enough that their nodes take little memory.
+# The most blocks of a task: enough to hide the time to start it, few enough that their nodes take little memory.
 BLOCKS_PER_TASK = 2048
 
 # The most cells along an axis of the grid of visible cells by which volumes are framed.
@@ -123,7 +123,7 @@ class _Plan:
     error_classifier: the classifier of the channels that errors are measured on; None if these channels are averaged,
         too, or if errors are measured on scalars.
     normalization: float64 [2], the offset and the scale of the scalars that errors are measured on; None for channels.
-    error_factor: the factor from the root of a variance to its stored unit.
+    error_factor: the factor from the root of a variance to an error in stored units.
     leaf_variance_limits: the variances of nodes of levels 2 and 3 below which they are leaves in every cut.
     on_nodes: as in `build_pyramid`.
     """
@@ -254,7 +254,7 @@ class _BuildBlocks(Protocol):
 
 
 class _Scratch(NamedTuple):
-    """A task's memory for its nodes, which the next one uses again, and the kernel that fills it.
+    """A task's memory for its nodes, which the next task uses again, and the kernel that fills it.
 
     Fresh pages cost more than the arithmetic done in them.
     """
@@ -375,7 +375,7 @@ def _octants(cells: Int64) -> Int64:
 
 
 def _store_visible(plan: _Plan, nodes: VisibleNodes, part: int, target: Level) -> Level:
-    """Write the visible nodes of one level of groups to the beginning of `target`; return that part of it."""
+    """Write the visible nodes of one level of groups to the beginning of `target`, and return this part of `target`."""
     found = nodes_of_level(nodes, part)
     means, target = nodes.means[found], target.part(0, found.stop - found.start)
     target.masks[:] = nodes.masks[found][: len(target.masks)]

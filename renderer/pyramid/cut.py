@@ -97,7 +97,7 @@ def descendants(pyramid: Pyramid, nodes: Int64, cells: Int32, level: int, finer_
 
 
 def visible_children(nodes: Int64, cells: Int32, level: Level) -> tuple[Int64, Int32]:
-    """Return the visible children of nodes of a level: their indices in the level below [m], and their cells [m, 3].
+    """Return the visible children of nodes of a level: the children's indices in the level below [m], and cells [m, 3].
 
     nodes: [n], indices in the level. cells: [n, 3], the cells of these nodes.
     """

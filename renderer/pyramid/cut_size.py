@@ -107,7 +107,7 @@ def _collect_thresholds(pyramid: Pyramid, max_cells: int, finest_level: int, lim
 
 
 def _merge_level(found: CutSizes, thresholds: Float64, num_more: Int64) -> CutSizes:
-    """Return the sizes with the split nodes of a further level. num_more: the number of children of each, less 1."""
+    """Return the sizes with the split nodes of a further level. num_more: each node's number of children, less 1."""
     falling, where = np.unique(-np.concatenate([found.split_thresholds, thresholds]), return_inverse=True)
     more = np.bincount(where, np.concatenate([np.diff(found.counts), num_more]))
     counts = found.counts[0] + np.append(0, np.cumsum(more)).astype(np.int64)

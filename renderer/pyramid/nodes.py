@@ -20,10 +20,10 @@ BLOCK_SIZE = 8
 
 
 def room_for_nodes(num_groups: int, num_channels: int, *, listed: bool = False) -> VisibleNodes:
-    """Return room for the nodes of some groups.
+    """Return uninitialised arrays for the nodes of some groups.
 
-    num_channels: the channels that errors are measured on: 4, or 1 for scalars. listed: whether cells and sizes are
-        asked for.
+    num_channels: the number of channels that errors are measured on: 4, or 1 for scalars.
+    listed: whether cells and sizes get arrays, too; otherwise these two are empty.
     """
     num = num_groups * sum(NODES_OF_GROUP)
     return VisibleNodes(
@@ -40,7 +40,7 @@ def room_for_nodes(num_groups: int, num_channels: int, *, listed: bool = False) 
 
 
 def nodes_of_level(nodes: VisibleNodes, part: int) -> slice:
-    """Return the range of the visible nodes of a level of the groups."""
+    """Return the range of indices of the visible nodes of one level of the groups."""
     first = len(nodes.root_means) * sum(NODES_OF_GROUP[:part])
     return slice(first, first + int(nodes.counts[part]))
 

@@ -1,18 +1,18 @@
 """Read volume files: one file for each format.
 
-In: a `VolumeSpec`. Out: `Volume`, one step in time or between two, cropped and checked, in LPS world coordinates where
-the format has them.
-Sizes are checked before memory is taken, and all compressed voxels with a checksum are compared with it.
+In: a `VolumeSpec`. Out: a `Volume`: one step in time or a mixture of two, cropped and checked, in LPS world coordinates
+where the format has them.
+Sizes are checked before memory is taken, and the checksums of compressed voxels are compared.
 
 - `volume_reading.py`: the choice of a reader, cropping and checks
 - `sniff.py`: the format of a file, and the volumes in a folder
-- `foreign.py`: errors for known formats that are not read, by `foreign.tsv`
+- `foreign.py`: errors for known formats that are not read, which `foreign.tsv` lists
 - `headerless.py`: the shape and type in the name of a file without a header
 - `image.py`: the image that every reader returns
 - `components.py`: the choice of a step in time and a component, and which components are light or colours
 - `affines.py`: the places of voxels in the world
 - `voxel_limits.py`: checks of sizes and types
-- `scaled_values.py`: values of stored numbers
+- `scaled_values.py`: values from stored numbers, by a slope and an intercept
 - `file_errors.py`: errors for files that cannot be read
 - `statements.py`: the type of the tables of fields that change how voxels are understood, and the note on unapplied
   fields; the reader of each format has its table, `STATEMENTS`
@@ -65,10 +65,10 @@ DICOM:
 
 - `dicom_folder.py`: the files of one series, and the files that are left out
 - `dicom_tags.py`: the fields that a search needs, without a library
-- `dicom_kinds.py`: runs, tiles, and files without pixels
+- `dicom_kinds.py`: kinds of files, such as images, runs of one plane in time, tiles, and files without pixels
 - `dicom_frames.py`: the frames of one file
 - `dicom_fields.py`, `dicom_orientation.py`: the fields of a frame, and its directions
-- `dicom_values.py`, `dicom_pixels.py`: the scale of stored values, and decoded pixels
+- `dicom_values.py`, `dicom_pixels.py`: the map from stored values to values, and decoded pixels
 - `dicom_mosaic.py`: slices side by side in one image
 - `dicom_places.py`: the places of frames
 - `dicom_dimensions.py`: times and components among frames at one place

@@ -38,7 +38,7 @@ def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLi
 
 
 def in_lps(world_from_index: Float64, factors: tuple[float, ...]) -> Float64:
-    """Return an affine whose world axes are multiplied by factors, each 1 or -1; its zeros are positive."""
+    """Return an affine whose world axes are multiplied by factors, each 1 or -1, without negative zeros."""
     return np.asarray(world_from_index * np.array([*factors, 1.0])[:, np.newaxis] + 0.0, np.float64)
 
 
@@ -81,7 +81,7 @@ def check_axes(world_from_index: Float64) -> None:
 
 
 def check_lengths(world_from_index: Float64) -> None:
-    """Raise InputError unless an affine has lengths that a scene may have."""
+    """Raise InputError if the spacing or the origin of an affine is outside the range that a scene may have."""
     sizes = np.abs(world_from_index[:3])
     if sizes.max() > MAX_WORLD_LENGTH or sizes[:, :3].max(axis=0).min() < MIN_WORLD_LENGTH:
         raise InputError(

@@ -15,12 +15,13 @@ from renderer.readers.steps_in_time import TimeSteps
 from renderer.scene import join_some, short_text
 from renderer.volume import Channel
 
-# The most components that count as light of their own. More components are spectra and the like.
+# The most components that count as light of their own, like channels of a microscope. More components are spectra and
+# the like.
 MAX_LIGHTS = 8
-# The most components that are described.
+# The most components that get a `Channel` each.
 MAX_LISTED = 1000
 
-# The colours of components, by their names.
+# The colours of components with these names.
 _PRIMARIES = {"R": (1.0, 0.0, 0.0), "G": (0.0, 1.0, 0.0), "B": (0.0, 0.0, 1.0)}
 
 
@@ -42,10 +43,11 @@ def select_index(key: str, wanted: int | None, count: int) -> int:
 class Chosen(NamedTuple):
     """A choice of the part of an array that is read: one time step and one component.
 
-    part: the index of the part. step, component: the numbers of the time step and the component. is_step: whether the
-        scene asks for a time step.
-    notes: a remark if the scene asks for none of several time steps, and a remark for components.
-    channels: the descriptions of components, which have only names; components such as RGB are no light.
+    part: the index of the part in the array. step, component: the numbers of the time step and the component. is_step:
+        whether the scene asks for a time step.
+    notes: a remark if there are several time steps and the scene asks for none, and a remark on components.
+    channels: the descriptions of components, which have only names; components of a colour, such as RGB, are not marked
+        as light.
     steps: the steps in time of the array.
     """
 
@@ -93,7 +95,7 @@ def choose(
 
 
 def are_light(image: Image) -> bool:
-    """Return whether each component of an image is light of its own.
+    """Return whether each component of an image is light of its own, like a channel of a microscope.
 
     The file decides. If it does not, integers are light, but floats are vectors, and three or four bytes are colours.
     Layers of labels are no light.
@@ -115,7 +117,7 @@ def are_colors(dtype: npt.DTypeLike, channels: Sequence[Channel]) -> bool:
 def _may_be_colors(names: Sequence[str]) -> bool:
     """Return whether the names of components allow a colour: `R`, `G`, `B`, no names, or numbers in brackets.
 
-    Names of another colour space, or of several arrays, do not.
+    Names of another colour space, or of several arrays, rule it out.
     """
     are_numbered = all(not name or name.endswith(f"[{number}]") for number, name in enumerate(names))
     return are_numbered or list(names[:3]) == ["R", "G", "B"]

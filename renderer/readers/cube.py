@@ -75,7 +75,7 @@ def read_cube(path: Path, time: int | None, component: int | None) -> Image:
 
 
 def _orbitals(lines: Iterator[Field]) -> tuple[int, list[str]]:
-    """Return the number of orbitals, and their names, at least those of the first MAX_LISTED."""
+    """Return the number of orbitals, and the names of at least the first MAX_LISTED of them."""
     first = next(lines)
     count = int(first.numbers(len(first.text.split()))[0])
     names, words = list[str](), first.text.split()[1:]

@@ -29,9 +29,9 @@ _MAX_FILES = 2**16
 def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int, ...]) -> tuple[list[Path], int]:
     """Return the data files in order, and the number of slowest axes that are divided into files: 0 for one file.
 
-    name: one file, `LIST`, or a pattern. listed: the lines below the header. shape: of the whole array, from the
-        slowest axis to the fastest. Files that have all axes are slabs: all have equally many steps along the slowest
-        axis. Raises InputError for files that are missing, too few or too many, and for names of another form.
+    name: one file, `LIST`, or a pattern. listed: the lines below the header. shape: the shape of the whole array, from
+        the slowest axis to the fastest. Files that have all axes are slabs: all have equally many steps along the
+        slowest axis. Raises InputError for files that are missing, too few or too many, and for names of another form.
     """
     name = unquoted(header, name)
     numbered, is_list = _NUMBERED.fullmatch(name), _LIST.fullmatch(name)

@@ -57,7 +57,7 @@ def sort_frames(frames: Sequence[Frame]) -> Sorted:
         volumes |= {(time, (k, *component)): volume for (time, component), volume in found.items()}
         notes += [note] if note else []
     times, components = (sorted(set(indices)) for indices in zip(*volumes, strict=True))
-    if len(volumes) < len(times) * len(components):  # parts differ in their times: times become components, too
+    if len(volumes) < len(times) * len(components):  # parts with different times: times become components, too
         volumes = {((), (*component, *time)): volume for (time, component), volume in volumes.items()}
         times, components = [()], sorted(component for _, component in volumes)
     told_apart = [part] * (len(parts) > 1) + told_apart
@@ -80,7 +80,7 @@ def times_of(volumes: Sequence[Sequence[Sequence[Frame]]]) -> TimeSteps:
 
 
 def _sort_part(frames: Sequence[Frame]) -> tuple[_Volumes, list[Dimension], str | None]:
-    """Return volumes, the dimensions of their indices, and a note on frames that are left out."""
+    """Sort the frames of a part; return volumes, the dimensions of their indices, and a note on frames left out."""
     groups = by_place(frames)
     found = _told_apart(groups)
     if found is not None:
@@ -132,7 +132,7 @@ def _dimensions_of(groups: Sequence[Sequence[Frame]]) -> list[Dimension]:
 
 
 def _without_unfinished(groups: list[list[Frame]]) -> Iterator[tuple[list[Frame], str]]:
-    """Yield the frames that remain without an incomplete volume, or last place, and a note on the frames left out."""
+    """Yield the frames without an incomplete volume, or without an incomplete end of the stack, and a note on these."""
     if len(groups) < 2 or len({len(group) for group in groups}) == 1:
         return
     place_of = {id(frame): place for place, group in enumerate(groups) for frame in group}
@@ -153,7 +153,7 @@ def _without_unfinished(groups: list[list[Frame]]) -> Iterator[tuple[list[Frame]
 
 
 def _come_last(frames: Sequence[Frame], others: Sequence[Frame], dimension: Dimension) -> bool:
-    """Return whether all frames come after all others along a dimension that is an order."""
+    """Return whether a dimension is an order in which all frames come after all others."""
     if not dimension.is_order:
         return False
     marks, before = ([each.marks.get(dimension, ([], "")) for each in own] for own in (frames, others))
@@ -161,7 +161,7 @@ def _come_last(frames: Sequence[Frame], others: Sequence[Frame], dimension: Dime
 
 
 def _whole_parts(parts: Sequence[list[Frame]], place_of: dict[int, int], num_places: int) -> list[Frame]:
-    """Return the frames of the largest parts; none if a part of that size has unequally many frames at each place."""
+    """Return the frames of the largest parts, if each of these has equally many frames at each place; else none."""
     most = max(map(len, parts))
     nums = [Counter(place_of[id(frame)] for frame in part) for part in parts]
     largest = [(part, num) for part, num in zip(parts, nums, strict=True) if len(part) == most]

@@ -41,7 +41,7 @@ class Dimension(NamedTuple):
     """A dimension in which frames at one place differ, such as time.
 
     name: keywords of its fields, with `and` between them. axis: `t` for times and the like, `c` for components.
-    is_order: whether it may be no more than the order in which frames were taken.
+    is_order: whether it may only tell the order in which frames were taken.
     """
 
     name: str
@@ -61,7 +61,7 @@ SEGMENT = Dimension("ReferencedSegmentNumber", "c")
 # The dimension of kinds of images, such as magnitude and phase.
 IMAGE_TYPE = Dimension("ImageType", "c")
 
-# Fields that put frames in an order; single slices have them, too.
+# Fields with the order in which frames were taken, which single slices have, too.
 _ORDERS = (
     "FrameAcquisitionNumber",
     "AcquisitionNumber",
@@ -109,7 +109,7 @@ _NO_UNITS = ("", "US", "NONE", "NORMALIZED", "RELATIVE")
 # A date and time, or a time of day: hours, minutes and seconds.
 _CLOCK = re.compile(r"(?:[0-9]{8})?([0-9]{2})([0-9]{2})([0-9]{2}(?:\.[0-9]+)?)(?:[+-][0-9]{4})?\s*")
 
-# The vectors of nuclear medicine; each has a number for each frame.
+# The fields of nuclear medicine that are vectors with a number for each frame.
 VECTORS = (
     Dimension("EnergyWindowVector", "c"),
     Dimension("DetectorVector", "c"),
@@ -146,7 +146,7 @@ def unreadable_slice(path: Path, hint: str = "the file is truncated or damaged",
 def text_of(fields: Sequence[Dataset], keyword: str) -> str:
     """Return the values of a field as text, joined by backslashes, from the first of the datasets that has the field.
 
-    Returns an empty text if none has it.
+    Returns an empty text if no dataset has the field.
     """
     from pydicom.config import disable_value_validation
     from pydicom.datadict import tag_for_keyword
@@ -165,7 +165,7 @@ def text_of(fields: Sequence[Dataset], keyword: str) -> str:
 
 
 def numbers_of(fields: Sequence[Dataset], keyword: str) -> list[float]:
-    """Return the numbers of a field from the first of the datasets that has it; none if a value is not a number."""
+    """Return the numbers of a field from the first dataset that has it; none if a value is not a number."""
     return _numbers_in(text_of(fields, keyword))
 
 

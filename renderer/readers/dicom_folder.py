@@ -19,7 +19,7 @@ from renderer.scene import join_some, short_text
 # The most files of a folder that are searched for other slices of the series of a file that is read alone.
 _MAX_NEIGHBOURS = 1000
 
-# Images that do not fit are left out if at least this many times as many images fit.
+# Images that do not fit the others are left out if the others are at least this many times as many.
 FEW = 8
 
 # The kind of an image with several frames.

@@ -74,7 +74,7 @@ class Frame:
     position: the centre of the first pixel, float64 [3].
     across, down: the steps to the next pixel, float64 [3].
     thickness: the length along the normal; 1 without `has_thickness`.
-    has_thickness: whether the file gives the thickness, or the scene will.
+    has_thickness: whether the file gives the thickness, or the scene the spacing.
     marks: the value of each dimension that may distinguish the slice from others at its place.
     corner: the pixel across and down at which the slice begins in the stored frame.
     notes: remarks on how the slice was read; None stands for no remark.
@@ -83,7 +83,7 @@ class Frame:
     has_place: whether the file gives the position; else `keys` has the fields of PLACE_KEYS.
     has_axes: whether the file gives the directions, or gives neither directions nor a position.
     keys: the numbers of the fields of PLACE_KEYS.
-    stated: the statements that are not applied.
+    stated: the statements (`dicom_statements.py`) that are not applied.
     space: the frame of reference of the position.
     has_colors: whether the samples are red, green and blue.
     segment: the number of the segment of the slice.
@@ -236,7 +236,7 @@ def _read_layout(path: Path, dataset: Dataset) -> tuple[_File, list[list[Dataset
 
 
 def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> Frame:
-    """Return a frame, without its marks. is_needed: as for `_lengths`."""
+    """Return a frame, without its marks. is_needed: as in `_lengths`."""
     dataset = file.dataset
     fields = [*own, *file.shared, dataset, *file.items]
     has_own = any(keyword in group for keyword in _POSITIONS for group in (*own, *file.shared))
@@ -287,7 +287,7 @@ def _frame(file: _File, number: int, own: list[Dataset], *, is_needed: bool) -> 
 def _places(
     dataset: Dataset, vectors: dict[Dimension, list[float]], each: list[list[Dataset]]
 ) -> tuple[Sequence[float], str | None]:
-    """Return the index of each frame among the slices of its volume, for a file without positions.
+    """Return the index of each frame among the slices of its volume, for a file without positions, and a note.
 
     The note names the field of the indices if it is not the usual one.
     """
@@ -305,8 +305,8 @@ class _Lengths(NamedTuple):
     """The lengths of a voxel.
 
     across, down: the lengths of a pixel. between: the distance between frames, which may be negative; 1 without
-    `has_between`. note: a remark on lengths that the file does not give. are_stated: whether it gives the lengths of
-    pixels.
+    `has_between`. note: a remark on lengths that the file does not give. are_stated: whether the file gives the lengths
+    of pixels.
     """
 
     across: float

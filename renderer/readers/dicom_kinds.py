@@ -36,9 +36,9 @@ _STEPS = ("FrameTimeVector", "FrameTime")
 _NUMBERED = "frame number"
 # The beginning of the UIDs of transfer syntaxes that compress by JPEG or as a film; a number follows.
 _COMPRESSED = "1.2.840.10008.1.2.4."
-# The first number of a compression of films: MPEG2, MPEG-4 or HEVC (PS3.5, A.4).
+# The first number behind _COMPRESSED that stands for a film: MPEG2, MPEG-4 or HEVC (PS3.5, A.4).
 _FIRST_FILM = 100
-# The last number of a compression of films.
+# The last number behind _COMPRESSED that stands for a film.
 _LAST_FILM = 108
 # The transfer syntax of extended JPEG, which may have 12 bits a pixel.
 _TWELVE_BITS = "1.2.840.10008.1.2.4.51"
@@ -108,7 +108,7 @@ def _name_of(syntax: str) -> str:
 
 
 def _is_decoded(syntax: str) -> bool:
-    """Return whether there is a decoder for a transfer syntax; true for an empty one, of a file without a preamble.
+    """Return whether a transfer syntax can be decoded; true for an empty text, of a file without a preamble.
 
     Raises InputError if a package with the decoder is not installed.
     """

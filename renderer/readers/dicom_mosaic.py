@@ -21,9 +21,9 @@ _THICK = "a mosaic without a distance of slices; their thickness is taken"
 def slices_of(frame: Frame) -> list[Frame]:
     """Return the slices of a mosaic, or the frame itself if it is not a mosaic.
 
-    The stated position of a mosaic belongs to an image of the size of the whole mosaic, with the centre of a slice.
-    Without the normal in Siemens' own header, slices follow the normal of the image. Raises InputError if the pixels
-    cannot be divided into the slices.
+    The stated position is the corner of an image that is as large as the mosaic, but has the centre of a slice. Without
+    the normal in Siemens' own header, slices follow the normal of the image. Raises InputError if the pixels cannot be
+    divided into the slices.
     """
     if "MOSAIC" not in str(frame.marks.get(IMAGE_TYPE)):
         return [frame]

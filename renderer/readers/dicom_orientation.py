@@ -60,6 +60,6 @@ def _axes(numbers: list[float], *, are_of_patient: bool) -> Axes:
 
 
 def _by_letters(text: str) -> list[float]:
-    """Return the directions of two words, by the first letter of each, the main direction (PS3.3, C.7.6.1.1.1)."""
+    """Return the directions that a text of two words names; the first letter is the main one (PS3.3, C.7.6.1.1.1)."""
     row, column = ([*(_LETTERS.get(word.strip()[:1], ()) for word in text.split("\\")), (), ()])[:2]
     return [*row, *column] if row and column and not any(a * b for a, b in zip(row, column, strict=True)) else []

@@ -75,7 +75,7 @@ def turned(frames: Sequence[Frame]) -> tuple[list[Frame], str | None]:
 
 
 def _places_by(keyword: str, frames: Sequence[Frame]) -> Float64 | None:
-    """Return the positions of all frames, float64 [n, 3], by a field with a number for each; None if it does not fit.
+    """Return the positions of all frames, float64 [n, 3], by a field with a number for each; None if it does not suit.
 
     The positions are a linear function of the number, fitted to the known positions. If no position is known, slices
     follow the normal.
@@ -103,7 +103,7 @@ def _places_by(keyword: str, frames: Sequence[Frame]) -> Float64 | None:
 
 
 def without_strays(frames: list[Frame]) -> tuple[list[Frame], list[Frame]]:
-    """Return the largest group of like frames and the strays; all frames and no strays if strays would be many."""
+    """Return the largest group of frames that `difference` finds alike, and the others, unless these are many."""
     kinds: list[list[Frame]] = []
     for frame in frames:
         for kind in kinds:

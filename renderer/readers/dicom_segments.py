@@ -1,7 +1,7 @@
 """Read the segments of a DICOM segmentation, as labels with names and colours, or as fractions of voxels.
 
-Binary segments become one volume of labels; a labelmap is one already. Each fractional segment is a component with
-values from 0 to 1, unless it has no other values than 0 and 1.
+Binary segments become one volume of labels; a labelmap is a volume of labels already. Each fractional segment is a
+component with values from 0 to 1, unless it has no other values than 0 and 1.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""List the DICOM fields that change how voxels are understood, and find those of a file that are not applied."""
+"""List the DICOM fields that change how voxels are understood, and find the fields of a file that are not applied."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ _MEANING = (
 )
 STATEMENTS = FormatTable("DICOM", (*_VALUES, *_PLACE, *_VALIDITY, *_MEANING))
 
-# The values with which fields that are not applied change nothing. A missing field changes nothing either.
+# The values with which unapplied fields change nothing. A missing field changes nothing either.
 _NEUTRAL = {
     "PresentationLUTShape": ("IDENTITY",),
     "PixelIntensityRelationship": ("LIN",),

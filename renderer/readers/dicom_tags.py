@@ -17,7 +17,7 @@ _SYNTAX = (0x0002, 0x0010)
 _ITEM = (0xFFFE, 0xE000)
 _ITEM_END = (0xFFFE, 0xE00D)
 _SEQUENCE_END = (0xFFFE, 0xE0DD)
-# The transfer syntaxes without types of values, with the most significant byte first, and with compressed fields.
+# Three transfer syntaxes: without types of values, with the most significant byte first, and with compressed fields.
 _IMPLICIT = "1.2.840.10008.1.2"
 _BIG_ENDIAN = "1.2.840.10008.1.2.2"
 _DEFLATED = "1.2.840.10008.1.2.1.99"
@@ -32,7 +32,7 @@ _MAX_VALUE_BYTES = 128
 
 
 class Summary(NamedTuple):
-    """The number of frames of a file, 1 if it does not state it, and its series; an empty text for an unknown one."""
+    """A file's number of frames, 1 if it states none, and its series, an empty text if it is unknown."""
 
     num_frames: int = 1
     series: str = ""

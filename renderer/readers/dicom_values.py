@@ -22,7 +22,7 @@ _MAPPING = "RealWorldValueMappingSequence"
 _UNIT = "MeasurementUnitsCodeSequence"
 # Codes of UCUM for units that have another name here.
 _UNITS = {"[hnsf'U]": "HU", "1": ""}
-# The largest relative difference between the two slopes, and the two intercepts, that are taken for the same.
+# The largest relative difference between two slopes, or two intercepts, that count as equal.
 _SAME = 1e-6
 
 
@@ -30,7 +30,7 @@ _SAME = 1e-6
 class Table:
     """A table of the values of consecutive stored values, from `first` on.
 
-    A stored value before the first or beyond the last has the value of that end.
+    A stored value outside of the table has the value at the nearer end.
     """
 
     first: int
@@ -42,8 +42,8 @@ class Scale:
     """A map from stored values to values.
 
     table: a table of values that takes the place of slope and intercept. dtype: the type of the values. padding: the
-    first and last stored value that stand for no data. unit: the unit of the values, if the map itself states one.
-    note: a remark on the map, or None.
+    first and last of the stored values that stand for no data. unit: the unit of the values, if the map itself states
+    one. note: a remark on the map, or None.
     """
 
     slope: float
@@ -56,7 +56,7 @@ class Scale:
 
     @property
     def nodata(self) -> tuple[float, float] | None:
-        """Return the first and last value that stand for no data; None if there are none, or with a table."""
+        """Return the first and last of the values that stand for no data; None if there are none, or with a table."""
         if self.padding is None or self.table is not None:
             return None
         low, high = sorted(end * self.slope + self.intercept for end in self.padding)
@@ -100,7 +100,7 @@ def scale_of(path: Path, fields: Sequence[Dataset], dataset: Dataset) -> Scale:
 
 
 def _modality_table(path: Path, dataset: Dataset) -> Table | None:
-    """Return the table of values of a file; None if it has none. Raises InputError for a damaged one."""
+    """Return the table of values of a file; None if the file has none. Raises InputError for a damaged table."""
     if not dataset.get("ModalityLUTSequence"):
         return None
     item, is_little = dataset.ModalityLUTSequence[0], dataset.original_encoding[1] is not False
@@ -137,7 +137,7 @@ def as_stored(dataset: Dataset, number: float) -> float:
 
 
 def _padding(dataset: Dataset) -> tuple[float, float] | None:
-    """Return the first and last stored value of grey pixels that stand for no data; None if there are none.
+    """Return the first and last of the stored grey values that stand for no data; None if there are none.
 
     A labelmap has none: its padding value is the background.
     """

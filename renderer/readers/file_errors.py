@@ -41,7 +41,7 @@ def labels_or_note(read: Callable[[], tuple[T, ...]]) -> tuple[tuple[T, ...], st
 
 @contextmanager
 def errors_about(where: Path | str) -> Iterator[None]:
-    """Add a place, such as the file that is read, to errors of the block that have no place."""
+    """Add a place, such as the file that is read, to errors from inside the `with` block that have no place."""
     try:
         yield
     except InputError as error:

@@ -1,8 +1,8 @@
 """Recognise files of foreign formats by their first bytes or the ends of their names, and raise an error with a hint.
 
 `foreign.tsv` has a line for each format: its name, a pattern of its first bytes, ends of file names, and a hint, where
-`FILE` stands for the file's name. Where a line has a pattern and ends, a file must match both. The first line that
-matches a file is used.
+`FILE` stands for the file's name. Where a line has a pattern and ends of names, a file must match both. The first line
+that matches a file is used.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _kinds() -> tuple[_Kind, ...]:
 
 
 def refuse_bytes(path: Path, start: bytes) -> None:
-    """Raise InputError for a file whose first bytes are those of a known foreign format."""
+    """Raise InputError for a file that begins like a known foreign format."""
     for what, pattern, ends, hint in _kinds():
         if pattern and pattern.match(start) and (not ends or path.name.lower().endswith(ends)):
             raise _foreign(path, what, hint)

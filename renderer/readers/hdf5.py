@@ -103,7 +103,7 @@ def _steps(image: StoredImage, letters: str, chosen: Chosen) -> TimeSteps:
 
 
 def _channels(image: StoredImage, chosen: Chosen) -> tuple[Any, ...]:
-    """Return the channels that the image describes, without their colours if two are equal; else the chosen ones."""
+    """Return the channels that the image describes, without colours if two are equal; else the channels of `chosen`."""
     count = len(chosen.channels)
     if count < 2 or len(image.channels) != count:
         return chosen.channels

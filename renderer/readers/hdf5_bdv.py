@@ -54,7 +54,7 @@ _NO_XML = f"{NO_SPACING}: the .xml of BigDataViewer, which has it, is not beside
 
 @dataclass(frozen=True)
 class _Setup:
-    """A setup by the .xml file: its number, name, sizes, lengths along z, y and x, and their unit.
+    """A setup as the .xml file describes it: its number, name, sizes, lengths along z, y and x, and their unit.
 
     others: its attributes apart from the channel, such as its angle, by name. Setups that agree in them are channels of
     one image.
@@ -136,7 +136,7 @@ def _describe(
     def cells(time: int, channel: int) -> Dataset:
         return _cells(file, time, setups[channel], level, sizes)
 
-    # A voxel of a coarser level lies in the middle of the fine voxels that it is the mean of.
+    # A voxel of a coarser level is the mean of several fine voxels, and lies at their centre.
     steps = [((factor - 1) / 2 * size, factor * size) for size, factor in zip(setup.lengths, factors, strict=False)]
     names = [description.setups.get(number, _Setup(number)).name for number in setups]
     return StoredImage(

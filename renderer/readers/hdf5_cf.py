@@ -85,12 +85,12 @@ _UPWARDS = (
     "atmosphere_ln_pressure_coordinate",
     "atmosphere_hybrid_height_coordinate",
 )
-# Units of coordinates along x and y.
+# Units in degrees, by the axis of the world along which coordinates with these units lie.
 _DEGREES = {"x": re.compile("degrees?_?(e|east)", re.IGNORECASE), "y": re.compile("degrees?_?(n|north)", re.IGNORECASE)}
-# The axis of the world by the standard name of a coordinate.
+# The axis of the world along which coordinates lie, by their standard name.
 _STANDARD_WAYS = {"longitude": "x", "grid_longitude": "x", "projection_x_coordinate": "x"}
 _STANDARD_WAYS |= {"latitude": "y", "grid_latitude": "y", "projection_y_coordinate": "y"}
-# Calendars with the days of ours: an empty name stands for the standard calendar.
+# Calendars whose days are those of everyday life; an empty name stands for the standard calendar.
 _USUAL_CALENDARS = ("", "standard", "gregorian", "proleptic_gregorian")
 # The most names of the attribute `coordinates` that are looked up.
 _MAX_PLACES = 16

@@ -25,7 +25,7 @@ from renderer.volume import Channel, Float64
 _TIMES = ("t", "time", "times", "step")
 # Names of an axis of components.
 _COMPONENTS = ("c", "ch", "channel", "channels", "component", "components", "band", "bands", "member", "rgb")
-# Units of length in metres, by the spelling that is shown.
+# The lengths of units in metres, by the spelling of the unit that is shown.
 _METRES = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "Å": 1e-10}
 
 
@@ -78,12 +78,12 @@ class StoredImage:
     """An image in an HDF5 file, as a convention describes it.
 
     axes: the axes from the slowest to the fastest, without padding.
-    dataset: returns the dataset of an item of each of the first `num_outer` axes.
-    values: returns the meaning of the numbers of a dataset.
-    num_outer: the number of first axes, of times or channels, whose items are separate datasets.
+    dataset: a function that returns the dataset for an index on each of the first `num_outer` axes.
+    values: a function that returns the meaning of the numbers of a dataset.
+    num_outer: the number of outermost axes, of times or channels, whose items are separate datasets.
     sizes: the sizes of a voxel in µm, from the slowest axis of space, for axes without coordinates.
     channels: the channels of all components, if the file describes them.
-    steps: the steps in time, if they are not those of an axis.
+    steps: the steps in time, if they are not the steps of an axis.
     notes: remarks; None stands for no remark.
     lengths_note: the note for axes without coordinates.
     """
@@ -119,9 +119,9 @@ class Candidate(NamedTuple):
 def letters_of(own: Sequence[Axis], time: int | None, component: int | None) -> str:
     """Return the letter of each axis for `choose`; `-` stands for an axis that is left out.
 
-    Axes of time and components are recognised by their names. If more than three others remain, axes of length 1 are
-    left out, and then the rule for `.npy` files applies. With only two axes in space, times or components become the
-    third.
+    Axes of time and components are recognised by their names. If more than three other axes remain, axes of length 1
+    are left out, and then the rule for `.npy` files applies. With only two axes in space, times or components become
+    the third.
     """
     letters = [axis.letter for axis in own]
     for k, axis in enumerate(own):
@@ -213,5 +213,5 @@ def _unit_notes(units: dict[str, str], ways: str) -> list[str]:
 
 
 def axes_by_names(lengths: Sequence[int], names: Sequence[str], **same: Any) -> tuple[Axis, ...]:
-    """Return axes whose names are also their axes of the world. same: further fields, equal for all of them."""
+    """Return axes whose names are also their axes of the world. same: further fields, equal for all axes."""
     return tuple(Axis(n, name, way=name, **same) for n, name in zip(lengths, names, strict=True))

@@ -104,7 +104,7 @@ def _level(images: Group, number: int) -> _Level:
 
 
 def _count(group: Group, name: str) -> int:
-    """Return the number of items of a group that have a name and consecutive numbers from 0."""
+    """Return the number of items of a group that are called by a name and consecutive numbers from 0."""
     return next((k for k in range(_MAX_ITEMS) if open_inside(group, f"{name} {k}") is None), _MAX_ITEMS)
 
 
@@ -129,7 +129,7 @@ def _describe(file: Group, level: _Level, time: int | None = None, channel: int 
 
 
 def _steps(info: Group | None, axis: int, length: int) -> tuple[float, float] | None:
-    """Return the centre of the first voxel and the size of a voxel, by the ends of the image; None without ends."""
+    """Return the centre of the first voxel and the size of a voxel, by the stated ends of the image; else None."""
     first, last = (number_in(text_of(info, f"Ext{end}{axis}")) for end in ("Min", "Max"))
     size = (last - first) / length
     return (first + size / 2, size) if np.isfinite(size) and size else None

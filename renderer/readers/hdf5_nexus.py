@@ -129,7 +129,7 @@ def _names_of_space(group: Group, signal: Dataset) -> list[str]:
 
 
 def _axis(group: Group, name: str, number: int, plain: Axis) -> Axis:
-    """Return an axis with its coordinates, which are centres or edges of voxels; the plain axis if it has none.
+    """Return an axis with its coordinates, which are centres or edges of voxels; if there are none, the plain axis.
 
     name: the name of the dataset of coordinates. There is one edge more than voxels.
     """
@@ -166,6 +166,6 @@ def _values(group: Group, name: str, dataset: Dataset) -> Values:
 
 
 def _number(group: Group, name: str) -> float | None:
-    """Return the number of a dataset in a group; None unless the dataset has exactly one."""
+    """Return the number in a dataset of a group; None unless the dataset has exactly one number."""
     found = dataset_at(group, name)
     return float(found[...].ravel()[0]) if found is not None and found.size == 1 else None

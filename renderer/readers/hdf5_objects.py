@@ -24,8 +24,8 @@ Dataset = Any
 _MAX_OBJECTS = 10_000
 # The most parts of a path, parts of links included; a longer one is taken for a circle of links.
 _MAX_PARTS = 100
-# The largest ratio of the bytes of voxels to stored bytes, with several compression filters one after the other. Beyond
-# it, a file claims voxels that it does not store.
+# The largest ratio of the bytes of voxels to stored bytes, with several compression filters one after the other. With a
+# larger ratio, a file claims voxels that it does not store.
 _MAX_PACKING = 2**20
 # The most numbers or texts that are read from an attribute; an image has fewer axes.
 _MAX_ITEMS = 64

@@ -15,7 +15,7 @@ from renderer.readers.hdf5_objects import Dataset, numbers, text
 from renderer.readers.scaled_values import scaled_type
 from renderer.volume import Array, Float64, Label
 
-# The share by which the ends of the valid range are widened, as attributes are rounded.
+# The share of its value by which each end of the valid range is moved outwards, as attributes are rounded.
 _MARGIN = 1e-5
 # The attributes of the scale.
 _SCALES = ("scale_factor", "add_offset")
@@ -27,8 +27,8 @@ class Values(NamedTuple):
     """The meaning of stored numbers.
 
     dtype: the type of the values.
-    wrap: the number that is added to stored numbers below 0, first of all.
-    scale, offset: the factor, and then the offset, that are applied.
+    wrap: the number that is added to negative stored numbers, before scale and offset.
+    scale, offset: the factor that is applied, and the number that is added after it.
     nodata: the ranges of values, both ends included, that stand for no data.
     labels: the labels that the values stand for.
     unit: the unit of the values.
@@ -62,7 +62,7 @@ def values_of(dataset: Dataset) -> Values:
 
 
 def plain_values(dataset: Dataset, *, is_unsigned: bool = False) -> Values:
-    """Return the meaning of stored numbers that are the values. is_unsigned: whether to read their bits as unsigned."""
+    """Return the meaning of stored numbers that are used as they are. is_unsigned: whether their bits are unsigned."""
     stored = dataset.dtype.newbyteorder("=")
     is_unsigned = is_unsigned and stored.kind == "i"
     dtype = np.dtype(f"u{stored.itemsize}") if is_unsigned or stored.kind == "b" else stored
@@ -70,7 +70,7 @@ def plain_values(dataset: Dataset, *, is_unsigned: bool = False) -> Values:
 
 
 def scaled(values: Values, scale: float, offset: float) -> Values:
-    """Return a meaning with a scale and an offset, whose values are floats."""
+    """Return the meaning of stored numbers that a scale and an offset turn into floats."""
     if (scale, offset) == (1.0, 0.0):
         return values
     return values._replace(dtype=scaled_type(values.dtype), scale=scale, offset=offset)
@@ -106,7 +106,7 @@ def _nodata(dataset: Dataset, values: Values) -> Iterator[tuple[float, float]]:
 def _is_valid_unpacked(dataset: Dataset) -> bool:
     """Return whether the valid range applies to values rather than to stored numbers.
 
-    By netCDF's guide, it does if its type is the type of the scale, and wider than the type of the stored numbers.
+    By netCDF's guide, it applies to values if it has the type of the scale, and a wider type than the stored numbers.
     """
     types = [np.asarray(dataset.attrs[name]).dtype for name in _SCALES if name in dataset.attrs]
     ranges = [np.asarray(dataset.attrs[name]).dtype for name in _VALID if name in dataset.attrs]

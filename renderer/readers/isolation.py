@@ -36,17 +36,18 @@ from renderer.volume import Array, Channel, Label
 
 # The memory that a child may use beside voxels and files, in bytes.
 _MEMORY_BYTES = 1 << 30
-# The copies of voxels, and of the largest file, for which a child may use more memory: libraries hold the bytes that
-# they have read, the voxels that they have decoded, and copies of both.
+# The number of copies of the voxels, and of the largest file, for which a child gets memory: libraries hold the bytes
+# that they have read, the voxels that they have decoded, and copies of both.
 _NUM_COPIES = 4
 
-# The processor time of a child without voxels and files, in seconds.
+# The seconds of processor time that every child gets.
 _SECONDS = 10
-# The bytes of voxels for each further second of processor time.
+# The bytes of voxels for which a child gets another second of processor time.
 _BYTES_PER_SECOND = 1 << 20
-# The bytes of files for each further second. The slowest parser, of text in VTK, reads 32 MiB in a second.
+# The bytes of files for which a child gets another second of processor time. The slowest parser, of text in VTK, reads
+# 32 MiB in a second.
 _PARSED_BYTES_PER_SECOND = 8 << 20
-# The number of files for each further second.
+# The number of files for which a child gets another second of processor time.
 _FILES_PER_SECOND = 10
 
 # The most bytes of an answer, without the voxels.
@@ -202,7 +203,7 @@ def _extend_limit(kind: int, more: int) -> None:
 
 
 def _set_limit(kind: int, limit: int) -> None:
-    """Set a limit of this process, or the hard limit if that is lower."""
+    """Set a limit of this process, at most to its hard limit."""
     most = resource.getrlimit(kind)[1]
     resource.setrlimit(kind, (limit if most == resource.RLIM_INFINITY else min(limit, most), most))
 

@@ -27,8 +27,8 @@ from renderer.readers.stored import Layout, StoredVoxels, read_stored
 from renderer.readers.units import Units
 from renderer.volume import Float64
 
-# The fields of the header: version, sizes along x, y, z and time, type, degrees of freedom, the flag of a place; then
-# spacing, directions and middle in RAS.
+# The fields of the header: version, sizes along x, y, z and time, type, degrees of freedom, and a flag that says
+# whether the placement behind it is valid: spacing, directions and middle in RAS.
 _HEADER = struct.Struct(">7ih15f")
 # The length of the header with its padding, in bytes.
 _NUM_HEADER_BYTES = 284
@@ -46,7 +46,7 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The format's place of a volume whose flag is 0: coronal slices with a spacing of 1 mm.
+# The placement that the format prescribes if its flag is 0: coronal slices with a spacing of 1 mm.
 _CORONAL = (
     *(1.0, 1.0, 1.0),  # the spacing
     *(-1.0, 0.0, 0.0),  # the direction of x

@@ -2,7 +2,7 @@
 
 Format: https://www.ccpem.ac.uk/mrc_format/mrc2014.php. Lengths are in angstrom. Columns, rows and sections run along
 the axes of the cell in any order, and these axes need not be perpendicular. `ORIGIN` is the place of the first voxel;
-if it is 0, `NSTART` is.
+if it is 0, `NSTART` is this place.
 """
 
 from __future__ import annotations

@@ -48,9 +48,9 @@ _NIFTI_2_BYTES = 540
 # The file name of the header or the voxels of a pair.
 _PAIR = re.compile(r"(.*\.)(hdr|img)(\.gz)?", re.IGNORECASE | re.DOTALL)
 
-# The first bytes of the mark of NIfTI-1 in the header. Analyze has a number there, usually 0.
+# The bytes of the header in which NIfTI-1 has the beginning of its mark. Analyze has a number there, usually 0.
 _MARK = slice(344, 346)
-# The first letters of the mark: of a single file, and of a pair.
+# The first letters of NIfTI's mark, in a single file and in a pair.
 _MARKS = (b"n+", b"ni")
 
 # The note on an Analyze file.
@@ -118,16 +118,16 @@ _COMPONENTS = {
     2003: "R G B",
     2004: "R G B A",
 }
-# Units of the fourth axis that are not units of time, by their codes.
+# The units of the fourth axis that are not units of time, by their codes.
 _OTHER_UNITS = {32: "Hz", 40: "ppm", 48: "rad/s"}
 
 # The intent of labels. With colours of four bytes, the file is a probabilistic atlas of niivue.
 _LABEL = 1002
-# The names of the four bytes of a voxel of such an atlas.
+# The names of the four bytes of a voxel of a probabilistic atlas of niivue.
 _ATLAS = ("label", "second label", "probability", "second probability")
 
-# The largest distance between two places of a corner that count as the same, in voxels: qform and sform are rounded in
-# different ways.
+# The largest distance, in voxels, between a corner's places by qform and by sform that count as the same: the two are
+# rounded in different ways.
 _SAME_PLACE = 0.1
 
 # Units of lengths by their codes.

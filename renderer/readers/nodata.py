@@ -37,13 +37,17 @@ _USUAL_VALUES = (
 )
 # The largest relative difference between a value and a usual fill value that count as the same.
 _SAME = 1e-6
-# The least distance of a usual fill value from the range of the other values, in lengths of that range.
+# The least distance of a usual fill value from the range of the other values, as a multiple of the length of this
+# range.
 _MIN_USUAL_DISTANCE = 0.5
-# The least distance of any other negative fill value from the other values, in lengths of their range.
+# The least distance of an unusual negative fill value from the range of the remaining values, as a multiple of the
+# length of this range.
 _MIN_NEGATIVE_DISTANCE = 3.0
-# The least distance of any other positive fill value. It is larger, as a bright object may have a single value, too.
+# The least distance of an unusual positive fill value from the range of the remaining values, as a multiple of the
+# length of this range. It is larger, as a bright object may have a single value, too.
 _MIN_DISTANCE = 30.0
-# The share of voxels at each end of the values that the range does not count, for usual fill values.
+# The share of voxels with the lowest values, and with the highest, that the range of the other values leaves out when
+# usual fill values are sought.
 _OUTERMOST = 1e-3
 # The least share of voxels with a fill value that is not a usual one.
 _MIN_PART = 1e-3
@@ -107,7 +111,7 @@ def _words(ranges: Ranges, nums: Array) -> str:
 
 
 def _in_words(low: float, high: float) -> str:
-    """Return a text for a range of values; a range with an infinite end is told by its limit, which has data."""
+    """Return a text for a range of values; an infinite range is `less than` or `more than` a number."""
     if low == high:
         return f"{low:.7g}"
     if low == -math.inf:
@@ -187,7 +191,7 @@ def _float_type(dtype: np.dtype[Any], data: Iterable[Array]) -> np.dtype[Any]:
 
 
 def _with_nan(values: Array, ranges: Ranges) -> Array:
-    """Return the values as floats, with NaN where they are absent; a copy if the values are read-only."""
+    """Return the values as floats, with NaN where they lie in one of the ranges; a copy if the values are read-only."""
     dtype, marked = _float_type(values.dtype, (plane[~_are_absent(plane, ranges)] for plane in values)), values
     if dtype != values.dtype or not values.flags.writeable:
         check_memory(values.size * dtype.itemsize)
@@ -258,9 +262,9 @@ def _usual_values(distinct: Float64, counts: Int64) -> dict[float, float]:
 
 
 def _far_values(distinct: Float64, counts: Int64, known: Sequence[float]) -> dict[float, float]:
-    """Return the outermost values that are frequent and far from all others, each with the distance as above.
+    """Return the outermost values that are frequent and far from all others, each with a distance.
 
-    known: the usual fill values, which are left out.
+    known: the usual fill values, which are not looked at. No other value lies within the distance of a value.
     """
     rest = ~np.isin(distinct, known)
     distinct, counts = distinct[rest], counts[rest]

@@ -59,7 +59,7 @@ STATEMENTS = FormatTable(
 
 # The most axes that the format allows.
 _MAX_AXES = 16
-# The most choices that an error message lists.
+# The most valid words that an error message lists.
 _MAX_LISTED = 10
 # The hint for a line that cannot be read.
 _NO_EMPTY_LINE = "an empty line is missing before the voxels, or the file is damaged"
@@ -115,9 +115,9 @@ _TYPES |= {"float": "float32", "double": "float64"}
 # Encodings by their names in the format.
 _ENCODINGS: dict[str, Encoding] = {"raw": "raw", "gzip": "deflate", "gz": "deflate", "bzip2": "bzip2", "bz2": "bzip2"}
 _ENCODINGS |= {"text": "text", "txt": "text", "ascii": "text", "hex": "hex"}
-# Kinds of axes that say nothing.
+# Kinds that tell nothing about an axis.
 _UNKNOWN_KINDS = ("", "???", "none")
-# The factors of x, y and z into LPS, by the name of a space or its short form, with or without time.
+# The factors that turn x, y and z into LPS, by the name of a space or its short form, with or without time.
 _SPACES = {
     "right-anterior-superior": (-1.0, -1.0, 1.0),
     "left-anterior-superior": (1.0, -1.0, 1.0),
@@ -128,9 +128,9 @@ _SPACES |= dict.fromkeys(("scanner-xyz", "3d-right-handed"), (1.0, 1.0, 1.0)) | 
 _SPACES |= {name + ("-time" if "-" in name else "t"): factors for name, factors in _SPACES.items()}
 # A line with a key that 3D Slicer writes for a segment.
 _SEGMENT = re.compile(r"(Segment\d{1,9}_(?:Name|LabelValue|Color|Layer)):=(.*)")
-# The note on a left-handed space without directions of a body. Any axis could be turned over; z is.
+# The note on a left-handed space without directions of a body. Any axis could be turned over; z is chosen.
 _LEFT_HANDED = "its space is left-handed, and the world is not: z is turned over, so that nothing is mirrored"
-# The names of components by the kind of their axis, without the mask that may come first.
+# The names of components by the kind of their axis. A mask may come before them, and is not in the table.
 _COMPONENTS = {
     "complex": "real imaginary",
     "quaternion": "w x y z",
@@ -211,7 +211,7 @@ def _read_voxels(
 
 
 def _component_names(fields: dict[str, Field], axes: str) -> Sequence[str]:
-    """Return the names of components by the kind of their axis, such as `RGB` for rgb-color; none if it is unknown."""
+    """Return the names of components by the kind of their axis, such as `RGB` for rgb-color, if it is known."""
     kinds = fields["kinds"].text.lower().split() if "kinds" in fields else []
     kind = kinds[axes.index("c")] if kinds and "c" in axes else ""
     color, is_color, _ = kind.partition("-color")
@@ -413,7 +413,8 @@ def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Flo
 def _vectors(field: Field, count: int | None) -> list[Float64 | None]:
     """Return `count` vectors of a field in three dimensions, or None for a vector that is not in space.
 
-    Such a vector is `none`, NaN, or one of several that only runs in time. count: None for any number of vectors.
+    A vector is not in space if it is `none`, NaN, or one of several and runs in time alone. count: None for any number
+    of vectors.
     """
     vectors: list[Float64 | None] = []
     matches = list(_VECTOR.finditer(field.text))

@@ -36,7 +36,7 @@ STATEMENTS = FormatTable(
 
 # The most axes of an array in numpy 1; a volume has fewer.
 _MAX_AXES = 32
-# The most bytes of a header of a `.npy` file, as numpy has it.
+# The most bytes of a header of a `.npy` file, which is numpy's own limit.
 _MAX_HEADER_BYTES = 10_000
 
 # The largest ratio of decompressed to compressed bytes: more than any method reaches for typical voxels.
@@ -168,7 +168,7 @@ def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[
     except OSError as error:
         raise unreadable_error(error) from error
     except (ValueError, TypeError, SyntaxError, TokenError, EOFError, MemoryError, RecursionError) as error:
-        # The texts of these errors of numpy and Python are about program code, and would not help a user.
+        # The errors that numpy and Python raise here have texts about program code, which would not help a user.
         got = "too many nested expressions" if isinstance(error, MemoryError | RecursionError) else None
         raise damaged_error("cannot read the header", got, "an array saved by numpy.save") from error
     if len(shape) > _MAX_AXES or any(type(n) is not int or n < 0 for n in shape):  # booleans are integers, too

@@ -39,21 +39,21 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The exponent of sRGB; all pictures are read as sRGB.
+# The exponent (gamma) of sRGB; all pictures are read as sRGB.
 _GAMMA = 0.45455
 
 # The formats that Pillow may decode.
 _FORMATS = ("PNG", "JPEG", "BMP")
-# The first bytes of these formats.
+# The first bytes of PNG, JPEG and BMP.
 _STARTS = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"BM")
-# The number of the field of EXIF.
+# The number of EXIF's field Orientation.
 _ORIENTATION = 274
 _MM_PER_INCH = 25.4
 # The largest number of pixels for each byte of a file: JPEG reaches about 1228, and deflate 1032.
 _MAX_PACKING = 2**11
-# The place of the byte of a PNG with the bits of a sample.
+# The offset of the byte in a PNG file that holds the number of bits of a sample.
 _PNG_BITS_AT = 24
-# The place of the byte of a PNG with the kind of colours.
+# The offset of the byte in a PNG file that holds the kind of colours.
 _PNG_KIND_AT = 25
 # Kinds of colours with several samples: RGB, grey with alpha, and RGBA.
 _PNG_COLORS = (2, 4, 6)

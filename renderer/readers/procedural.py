@@ -1,6 +1,6 @@
 """Make volumes from formulas, for the demo and the tests, without a file.
 
-All are uint8, with the origin at the centre of voxel (0, 0, 0). They are the same bytes on every machine:
+All volumes are uint8, with the origin at the centre of voxel (0, 0, 0). Their bytes are the same on every machine:
 `engine_block` uses only correctly rounded operations and integer random numbers, and `marschner_lobb`, the only formula
 with sines, is rounded to 8 bits.
 """
@@ -26,7 +26,7 @@ _COOLANT = 40
 _ALUMINIUM = 96
 _IRON = 158
 _STEEL = 226
-# The standard deviation of the noise, in values.
+# The standard deviation of the noise of the engine block, in steps of its values.
 _NOISE = 2.5
 # The width over which the scanner blurs an edge, in voxels.
 _BLUR_VOXELS = 1.6
@@ -100,7 +100,7 @@ _CELL_BLUR = 0.06
 def _cells(source: ProceduralSource, *, inner: float, outer: float) -> Array:
     """Return cells that are filled between two shares of their radii, like one channel of a microscope.
 
-    inner, outer: the shares; nuclei lie at the centre of cells, and membranes at their surface.
+    inner, outer: these shares; nuclei lie at the centre of cells, and membranes at their surface.
     """
     x, y, z = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in source.shape)
     values = np.empty(source.shape[::-1], np.uint8)
@@ -121,9 +121,9 @@ def _cells(source: ProceduralSource, *, inner: float, outer: float) -> Array:
 
 # The number of labels of the atlas.
 _NUM_LABELS = 200
-# The radius of the atlas.
+# The radius of the atlas, a ball in [-1, 1]^3.
 _BALL = 0.95
-# Half of the gap between two labels.
+# Half of the width of the gap between two labels, in the unit of the radius.
 _GAP = 0.012
 
 

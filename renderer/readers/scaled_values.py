@@ -16,7 +16,7 @@ def scaled_type(stored: np.dtype[Any]) -> np.dtype[Any]:
 
 
 def scaled(values: Array, slope: float, intercept: float) -> Array:
-    """Return `slope * values + intercept` in the type of `scaled_type`; the same array for the slope 1 and 0."""
+    """Return `slope * values + intercept` in the type of `scaled_type`; for slope 1 and intercept 0, the same array."""
     if (slope, intercept) == (1.0, 0.0):
         return values
     found = np.empty(values.shape, scaled_type(values.dtype))

@@ -18,7 +18,7 @@ from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted, join_some, short_text
 from renderer.volume import Array, Int64, Label
 
-# The largest value of a segment in its layer. It limits the memory of the table of values.
+# The largest value of a segment in its layer, which limits the memory of the table of values.
 _MAX_VALUE = 2**16 - 1
 
 
@@ -37,7 +37,8 @@ def segments_of_slicer(path: Path, texts: Mapping[str, str], num_layers: int) ->
     """Return the segments of 3D Slicer, in ascending order of their labels.
 
     texts: the texts of the header, by keys such as `Segment0_Name`. In older files, a segment has neither a layer nor a
-    value, and its own number is that of its layer. Labels are the values of the file unless two segments share a value.
+    value, and its own number is the number of its layer. Labels are the values of the file unless two segments share a
+    value.
     """
     file = LookFile(path, b"", "segments of 3D Slicer")
     names = sorted({key.partition("_")[0] for key in texts}, key=lambda name: int(name.removeprefix("Segment")))

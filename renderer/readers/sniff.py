@@ -188,7 +188,7 @@ def find_volume(path: Path) -> tuple[Path, Format, str | None]:
 
 
 def is_volume_name(name: str | os.PathLike[str]) -> bool:
-    """Return whether a name is that of a folder, of a file in a known format, or a pattern of such files."""
+    """Return whether a name belongs to a folder or to a file in a known format, or is a pattern of such files."""
     if is_pattern(name):
         return True
     with suppress(InputError):

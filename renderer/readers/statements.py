@@ -1,4 +1,4 @@
-"""Tables of the fields by which files change how their voxels are understood, one table for each format.
+"""Define the tables of the fields by which files change how their voxels are understood, one for each format.
 
 The module of a format has its table as `STATEMENTS`. A reader applies an entry, or names it in a note: nothing that a
 file states is passed over in silence. `docs/formats.md` is made from the tables, and a test has a file for each entry.
@@ -17,9 +17,9 @@ Effect = Literal["values", "place", "validity", "meaning"]
 class Statement(NamedTuple):
     """A field of a format that changes how voxels are understood.
 
-    field: its name in the standard of the format. effect: the property of voxels that it changes. about: a noun phrase
-    for its content, such as `a table of values`, for the note and the documentation. is_applied: whether the reader
-    applies it; otherwise a note names it.
+    field: the name of the field in the standard of the format. effect: the property of voxels that it changes. about: a
+    noun phrase for its content, such as `a table of values`, for the note and the documentation. is_applied: whether
+    the reader applies it; otherwise a note names it.
     """
 
     field: str

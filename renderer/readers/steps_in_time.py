@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-# The spellings of units of time, by their seconds.
+# The spellings of each unit of time, by its length in seconds.
 _UNITS = {
     1.0: "s sec secs second seconds",
     1e-3: "ms msec millisecond milliseconds",

@@ -42,7 +42,8 @@ _DEFLATE_PIECE = 2**15
 
 # The largest ratio of decompressed to compressed bytes of deflate, which stores at most 258 bytes in 2 bits (RFC 1951).
 _MAX_DEFLATE_RATIO = 1032
-# The largest ratio of bzip2. Its blocks of at most 900,000 bytes store 255 equal bytes in 5 and take at least 32 bytes.
+# The largest ratio of decompressed to compressed bytes of bzip2. Its blocks of at most 900,000 bytes store 255 equal
+# bytes in 5 and take at least 32 bytes.
 _MAX_BZIP2_RATIO = 2**21
 
 # Formats by the length of their headers, for data that begin with a header of another format.
@@ -142,8 +143,8 @@ def _left_over_note(file: Path, num_left: int, skip: str | None) -> str:
 def _read_part(layout: Layout, index: tuple[int | slice, ...], *, in_time: bool) -> tuple[Array, int]:
     """Return `array[index]` of the array that `layout` describes, and the number of bytes behind the voxels.
 
-    The array may be mapped from its file. index: an item for each axis; slices are whole. Integers for the slowest axes
-        save memory. in_time: whether to keep the decoded voxels, as other steps may be read next.
+    The array may be mapped from its file. index: an integer or a full slice for each axis. Integers for the slowest
+        axes save memory. in_time: whether to keep the decoded voxels, as other steps may be read next.
     """
     num_bytes = check_size(layout.shape[::-1], layout.dtype)
     num_left = 0
@@ -247,7 +248,7 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
     least = {
         "deflate": -(-num_bytes // _MAX_DEFLATE_RATIO),
         "bzip2": -(-num_bytes // _MAX_BZIP2_RATIO),
-        "text": 2 * num_values - 1,  # at least a digit for each, and a separator between two numbers
+        "text": 2 * num_values - 1,  # at least a digit a number, and a separator between two
         "hex": 2 * num_bytes,
     }[part.encoding]
     if found < max(least, part.num_encoded or 0):
@@ -262,7 +263,8 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
 def _check_num_bytes(part: StoredVoxels, found: int, shape_xyz: tuple[int, ...], dtype: np.dtype[Any]) -> int:
     """Return how many of the found bytes follow the voxels.
 
-    Raises InputError for too few bytes, and for as many as a longer axis would have, unless a known header has as many.
+    Raises InputError for too few bytes, and for so many that an axis may be longer, unless the surplus is a known
+    header.
     """
     num_bytes = dtype.itemsize * math.prod(shape_xyz)
     is_raw = part.encoding == "raw"

@@ -138,7 +138,8 @@ def _sibling(path: Path, name: str) -> Path:
 def _fill(values: Array, numbers: dict[int, int], slices: list[Page], sample: int, path: Path) -> None:
     """Decode pages of a file into slices of `values`.
 
-    numbers: the page of each slice, by their indices. Raises InputError for pages that the file does not have.
+    numbers: the index of the page of each slice, by the index of the slice. Raises InputError for pages that the file
+    does not have.
     """
     num_planes = _num_contiguous(slices[0], path) if len(slices) == 1 else len(slices)
     for k, number in numbers.items():
@@ -302,7 +303,7 @@ def _describe(page: Page) -> str:
 def _is_preview(page: Page, first: Page) -> bool:
     """Return whether a page is marked as a reduced version of another one, and is smaller than the first page.
 
-    Thumbnails of Zeiss may be larger.
+    Thumbnails in files of Zeiss may be larger than the first page.
     """
     is_smaller = page.imagewidth * page.imagelength < first.imagewidth * first.imagelength
     return bool(page.is_reduced) and (is_smaller or bool(first.is_lsm))
@@ -364,6 +365,6 @@ def _world_from_index(first: Page, space: str, has_spacing_override: bool) -> tu
 
 
 def _nodata(page: Page) -> tuple[tuple[float, float], ...]:
-    """Return the value that stands for no data, as a range, by GDAL's field; none without it."""
+    """Return the value that stands for no data, as a range, by GDAL's field; no range without this field."""
     value = number_in(str(page.tags.valueof(_GDAL_NODATA) or "").strip())
     return ((value, value),) if math.isfinite(value) else ()

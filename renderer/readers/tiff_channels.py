@@ -16,7 +16,7 @@ from renderer.readers.tiff_statements import sample_names
 from renderer.system import attribute, number_in, unescaped
 from renderer.volume import Channel
 
-# The most characters of the name of a channel.
+# The most characters of a channel's name; further ones are cut off.
 _MAX_NAME = 60
 
 

@@ -47,7 +47,7 @@ class Layout:
     note: str | None = None
 
     def count(self, axis: str) -> int:
-        """Return the length of an axis, 1 if there is none."""
+        """Return the length of an axis, 1 if pages do not have this axis."""
         return dict(zip(self.axes, self.counts, strict=True)).get(axis, 1)
 
 
@@ -155,7 +155,7 @@ def _shaped_axes(page: Page, fields: dict[str, Any], num_pages: int) -> tuple[st
     """
     shape, plane = _shape(fields), [n for n in page.shaped if n > 1]
     axes = str(fields.get("axes") or "Q" * len(shape)).upper()
-    # A page has the last axes of the array; axes of length 1 may be anywhere among them.
+    # A page has the last axes of the array; axes of length 1 may lie anywhere between these.
     splits = [k for k in range(max(1, len(shape) - 1)) if [n for n in shape[k:] if n > 1] == plane]
     is_fit = splits and len(axes) == len(shape) and not any(axes.count(axis) > 1 for axis in "TZC")
     split = splits[-1] if is_fit else len(shape)

@@ -32,7 +32,7 @@ STATEMENTS = FormatTable(
 # The number of coefficients of ImageJ's polynomials (Calibration, CurveFitter), by the number of the function: a
 # straight line, and degrees 2 to 4.
 _POLYNOMIALS = {0: 2, 1: 3, 2: 4, 3: 5}
-# The number of ImageJ's function for no calibration.
+# The number by which ImageJ states that there is no calibration.
 _NO_FUNCTION = 20
 
 

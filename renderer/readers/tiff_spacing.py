@@ -31,7 +31,7 @@ _PREFIXES = {"Y": 24, "Z": 21, "E": 18, "P": 15, "T": 12, "G": 9, "M": 6, "k": 3
 _PREFIXES |= {"c": -2, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15, "a": -18, "z": -21, "y": -24}
 # An inch in metres.
 _INCH = Fraction(254, 10_000)
-# Other units in metres.
+# The lengths of OME's other units, in metres.
 _OTHERS = {"Å": Fraction(1, 10**10), "thou": _INCH / 1000, "pt": _INCH / 72, "li": _INCH / 12, "in": _INCH}
 _OTHERS |= {"ft": _INCH * 12, "yd": _INCH * 36, "mi": _INCH * 63_360, "ua": Fraction(149_597_870_700)}
 _OTHERS |= {"ly": Fraction(9_460_730_472_580_800), "pc": Fraction(149_597_870_700 * 648_000 / math.pi)}
@@ -40,7 +40,7 @@ _METRES = {unicodedata.normalize("NFKC", unit): metres for unit, metres in _METR
 
 # The units of the resolution, by their numbers.
 _UNITS_OF_TAG = {2: "inch", 3: "cm"}
-# The lengths of these units in mm.
+# The lengths of the units of the resolution in mm, by their numbers.
 _MM_PER_UNIT = {2: 25.4, 3: 10.0}
 # The unit of OME and Zeiss where none is stated.
 _MICRON = unicodedata.normalize("NFKC", "µm")
@@ -84,7 +84,7 @@ def _given_spacing(first: Any) -> tuple[list[float | None], str]:
     mm = _MM_PER_UNIT.get(2 if tag is None and not unit else tag or 0)
     per_inch = [25.4 / (size * mm) for size in sizes if size and mm]
     is_screen = are_of_screen(per_inch)
-    if is_screen and not unit:  # ImageJ does the same for 72
+    if is_screen and not unit:  # ImageJ ignores 72 pixels per inch, too
         sizes, tag = [1.0, 1.0], 1
     is_said = bool(unit) and not is_screen
     if is_imagej(description) and (is_said or (tag == 1 and sizes not in ([1, 1], [None, None]))):
@@ -116,12 +116,12 @@ def _imagej_spacing(description: str, sizes: list[float | None], tag: int | None
         spacing that is not a number.
     """
     step = re.search(r"^spacing=([0-9.eE+-]+)", description, re.M)  # words such as NaN stand for an unknown spacing
-    z = (abs(number(step[1], "spacing")) or 1.0) if step else None  # 0 is 1 to ImageJ
+    z = (abs(number(step[1], "spacing")) or 1.0) if step else None  # ImageJ takes 0 for 1
     units = {axis: _imagej_unit(description, key) for axis, key in zip("xyz", ("unit", "yunit", "zunit"), strict=True)}
     unit = units["x"]
     others = [name for name in (units["y"], units["z"]) if name not in ("", unit)]
     if tag is None and not unit:
-        tag = 2  # the default of TIFF
+        tag = 2  # inch, the default of TIFF
     per = _UNITS_OF_TAG.get(tag or 0, "")
     x, y = sizes
     if not others and per == "cm" and unit == _MICRON:

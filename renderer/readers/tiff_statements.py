@@ -61,9 +61,9 @@ _PALETTE = 3
 _YCBCR = 6
 # The numbers of the compressions of JPEG, which is decoded to red, green and blue.
 _JPEGS = (6, 7)
-# The number of an extra sample that is alpha by which colours are multiplied.
+# The code of an extra sample that is alpha, if the colours are multiplied by it.
 _ASSOCIATED = 1
-# The number of an extra sample that is other alpha.
+# The code of an extra sample that is alpha, if the colours are not multiplied by it.
 _UNASSOCIATED = 2
 
 

@@ -11,7 +11,7 @@ from renderer.system import attribute, number_in, unescaped
 
 # The time between two steps, by ImageJ or OME.
 _STEP = re.compile(r"""(?:^finterval=|\bTimeIncrement\s*=\s*["'])([^"'\s]*)""", re.MULTILINE)
-# The unit of that time.
+# The unit of the time between two steps.
 _UNIT = re.compile(r"""(?:^tunit=|\bTimeIncrementUnit\s*=\s*["'])([^"'\n]*)""", re.MULTILINE)
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from renderer.scene import is_unit
 
-# Prefixes of the metre as words, by the prefix that is shown.
+# Prefixes of the metre as words, by the symbols that are shown.
 _PREFIXES = {"": "", "n": "nano", "µ": "micro", "m": "milli", "c": "centi", "k": "kilo"}
 # Units of length as they are shown, by all of their spellings.
 _SPELLINGS = {

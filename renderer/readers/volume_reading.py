@@ -204,7 +204,7 @@ def _marks(path: Path, *, with_folder: bool = False) -> Iterator[FileMarks]:
 def _found_fill_values(spec: VolumeSpec, num_times: int, _of_files: tuple[FileMarks, ...]) -> tuple[float, ...]:
     """Return the fill values of some steps, in ascending order. _of_files: the marks of the files, for the cache.
 
-    A step that cannot be read has no fill values; its error is raised when it is drawn.
+    A step that cannot be read counts as one without fill values; the error is raised when the step is drawn.
     """
     found = set[float]()
     for step in some_steps(num_times):

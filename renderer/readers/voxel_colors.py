@@ -16,7 +16,7 @@ from renderer.volume import Array, UInt8, backing_file, guard_mapping
 
 # The weights of red, green and blue in luminance (Rec. 709).
 _WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)
-# The numbers that may stand for white; for floats, 1 may as well.
+# The numbers that may stand for white; in floats, 1 may, too.
 _WHITE = (255, 65535)
 
 
@@ -59,7 +59,7 @@ def join_colors(first: Image, component: str, read: Callable[[int], Image]) -> t
 
 
 def _white_of(parts: list[Array]) -> int:
-    """Return the number that stands for white: the least possible one that no component exceeds."""
+    """Return the number that stands for white: the smallest of the possible numbers that no component exceeds."""
     if parts[0].dtype == np.uint8:
         return _WHITE[0]
     finite = (plane[np.isfinite(plane)] for part in parts for plane in part)

@@ -18,8 +18,8 @@ _MAX_SHOWN_COUNT = 10**15
 # The fewest bytes of voxels that stay in their file, if it stores them ready for use. Smaller volumes are copied, as
 # copies are cheap, and the file may change.
 _MIN_MAPPED_BYTES = 64 << 20
-# The fewest numbers of float64 in the range of a volume of large integers. Integers beyond 2^53 are rounded to float64
-# when they are drawn.
+# The least number of float64 numbers between the smallest and the largest value of a volume of large integers. Integers
+# beyond 2^53 are rounded to float64 when they are drawn.
 _NUM_STEPS = 2**16
 
 

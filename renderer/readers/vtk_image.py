@@ -79,9 +79,9 @@ def read_vtk(path: Path, time: int | None, component: int | None, *, has_spacing
 class _Part:
     """One component of an image, or of a piece of an image.
 
-    values: the values, [z, y, x]. names: the names of all components. is_cells: whether the values are those of cells.
-    first: the indices of the first voxel. unit: the unit of the values. hidden: a mask of the voxels without data,
-    [z, y, x], or None.
+    values: the values, [z, y, x]. names: the names of all components. is_cells: whether the values belong to cells.
+    first: the indices of the first voxel in the whole image. unit: the unit of the values. hidden: a mask of the voxels
+    without data, [z, y, x], or None.
     """
 
     values: Array

@@ -1,11 +1,11 @@
-"""Resolve an open scene: choose all that it leaves to its volumes, once they can be read.
+"""Resolve an open scene: choose everything that it leaves to its volumes, once they can be read.
 
-In: a scene, and a function that reads its volumes. Out: the same scene, in which nothing is left open; or problems with
-labels that are not there.
+In: a scene, and a function that reads its volumes. Out: the same scene with nothing left open, or the problems found,
+such as labels that no voxel has.
 
 - `open_scene.py` resolves a scene: it makes a layer for each channel, and motions for `time: auto`.
-- `open_labels.py`: which labels are shown, with their numbers, names, colours and opacities.
-- `percentile_values.py`: values for percentiles.
+- `open_labels.py`: chooses the labels that are shown, with their numbers, names, colours and opacities.
+- `percentile_values.py`: replaces percentiles by values.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Choose the labels that a scene leaves open: which are shown, their numbers, names, colours and opacities."""
+"""Choose what a scene leaves open of its labels: which are shown, and their numbers, names, colours and opacities."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Problems = list[Problem]
 
 
 def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Problems) -> LayerSpec:
-    """Return a layer in which all labels that are shown have their number, colour and name.
+    """Return a layer in which each label that is shown has a number, a colour and a name.
 
-    place: of its labels in the scene. read: reads the voxels of volumes whose labels are not known yet. problems:
-    labels that are not there are added to it. Raises InputError for volumes that are no labels, and tables that cannot
-    be read.
+    place: the position of the layer's labels in the scene. read: reads the voxels of a volume whose labels are not
+    known yet. problems: labels that no voxel has are added to it. Raises InputError for volumes that are no labels, and
+    tables that cannot be read.
     """
     look, labels = layer.transfer_function, layer.transfer_function.labels
     if labels is None or labels.has_colors:
@@ -31,7 +31,7 @@ def with_labels(layer: LayerSpec, place: str, read: ReadVolume, problems: Proble
 
 
 def with_numbers(mask: MaskSpec | None, place: str, read: ReadVolume, problems: Problems) -> MaskSpec | None:
-    """Return a mask in which all labels that are shown have their number; as `with_labels`."""
+    """Return a mask in which each label that is shown has a number. Other parameters are as in `with_labels`."""
     if mask is None or mask.labels.has_numbers or not isinstance(mask.volume, VolumeSpec):
         return mask
     known = read_labels(OverFrames(mask.volume), read, mask.labels)
@@ -39,9 +39,9 @@ def with_numbers(mask: MaskSpec | None, place: str, read: ReadVolume, problems: 
 
 
 def label_problems(scene: FilmScene, read: ReadVolume) -> Problems:
-    """Return the labels that a scene names and no step of their volume, nor its table, has.
+    """Return the problems with labels that a scene names but neither any step of their volume nor its table has.
 
-    Only volumes of which some are named are read. Raises InputError as `read_labels`.
+    Only volumes of which the scene names labels are read. Raises InputError as `read_labels` does.
     """
     problems, choices = Problems(), dict[str, tuple[OverFrames[VolumeSpec], LabelsSpec]]()
     for number, layer in enumerate(scene.at(0).layers):
@@ -62,9 +62,9 @@ def _mask_volume(layer: LayerSpec) -> VolumeSpec:
 
 
 def choose_labels(spec: LabelsSpec, known: KnownLabels, place: str, problems: Problems) -> LabelsSpec:
-    """Return the labels that are shown with their numbers, colours, opacities and names.
+    """Return the labels that are shown, with their numbers, colours, opacities and names.
 
-    place: of the labels in the scene. problems: labels that are not there are added to it.
+    place: the position of the labels in the scene. problems: labels that no voxel has are added to it.
     """
 
     def values_of(key: LabelKey, path: str) -> Iterator[int]:

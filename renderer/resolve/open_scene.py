@@ -1,4 +1,4 @@
-"""Resolve a scene: choose all that it leaves to its volumes."""
+"""Resolve a scene: choose everything that it leaves to its volumes."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from renderer.suggest import NO_WISH, channel_layers, suggest_in_time, with_own_
 
 
 def resolve_scene(scene: AnyScene, read: ReadVolume) -> AnyScene:
-    """Return a scene that leaves nothing open.
+    """Return the scene with nothing left open.
 
-    Each `component: all` becomes a list of volumes, one for each channel; `time: auto` becomes a motion; labels get
+    Each `component: all` becomes a list of layers, one for each channel; `time: auto` becomes a motion; labels get
     numbers and colours; voxels that are colours get a transfer function; percentiles become values.
 
-    read: reads the voxels: of one channel, and of the channels without a window. Raises InputError as it does, and as
-    `with_labels`; SceneError for labels that are not there, and percentiles that do not differ.
+    read: reads the voxels of one channel, and of each channel without a range of values. Raises InputError as `read`
+    and `with_labels` do, and SceneError for labels that no voxel has and for percentiles with the same value.
     """
     return scene.changed(partial(_resolved, read=read))
 
 
 def _resolved(scene: Scene, read: ReadVolume) -> Scene:
-    """Return the scene of `resolve_scene`. It passes motions on, and does not calculate with them."""
+    """Resolve a scene as `resolve_scene` does. Motions are passed on; nothing is calculated with them."""
     problems = list[Problem]()
 
     @cache
     def with_mask(mask: MaskSpec | None, place: str) -> MaskSpec | None:
-        """Return a resolved mask; that of all layers is resolved once."""
+        """Return a resolved mask. A mask that all layers share is resolved once."""
         return with_numbers(_mask_in_time(mask, scene.num_frames, read), place, read, problems)
 
     layers = list[LayerSpec]()
@@ -53,7 +53,7 @@ def _resolved(scene: Scene, read: ReadVolume) -> Scene:
             plain = with_values(each, scene.layer_key(number, "transfer_function"), read, problems)
             layers.append(with_labels(plain, scene.layer_key(number, "labels"), read, problems))
     shared = scene.shared
-    if shared is None and scene.layers[0].volume.component == "all":  # a volume becomes a list of its channels
+    if shared is None and scene.layers[0].volume.component == "all":  # one layer becomes a layer for each channel
         shared = SharedKeys(layers[0].shading, layers[0].mask)
     elif shared is not None:
         shared = replace(shared, mask=with_mask(shared.mask, "mask"))
@@ -62,7 +62,7 @@ def _resolved(scene: Scene, read: ReadVolume) -> Scene:
 
 
 def _channels(layer: LayerSpec, read: ReadVolume) -> list[LayerSpec]:
-    """Return the layers of the channels of a volume, or the layer itself, with colours for voxels that are colours."""
+    """Return a layer for each channel of a volume, or the layer, with a transfer function if its voxels are colours."""
     if layer.volume.component == "all":
         return channel_layers(layer, read(replace(_first(layer.volume), component=0)), read)
     return [_with_colors(layer, read) if layer.has_open_colors else layer]
@@ -84,12 +84,12 @@ def _volume_in_time(volume: VolumeSpec, num_frames: int, read: ReadVolume) -> Vo
 
 
 def _with_colors(layer: LayerSpec, read: ReadVolume) -> LayerSpec:
-    """Return a layer of colours with the transfer function that is suggested for them."""
+    """Return a layer whose voxels are colours with the transfer function that is suggested for them."""
     found = suggest_in_time(OverFrames(layer.volume), read, NO_WISH)
     shown = replace(layer.volume, component=found.volume.component)
     return replace(layer, volume=shown, transfer_function=found.suggestion.transfer)
 
 
 def _first(volume: VolumeSpec) -> VolumeSpec:
-    """Return a volume as it is on the first frame."""
+    """Return the volume of the first frame."""
     return OverFrames(volume).at(0)

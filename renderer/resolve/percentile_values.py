@@ -1,4 +1,4 @@
-"""Put values in the place of the percentiles of a transfer function."""
+"""Replace the percentiles of a transfer function by values."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _HINT = "many voxels have the same value; take percentiles that differ: `hsplat 
 
 
 def with_values(layer: LayerSpec, place: str, read: ReadVolume, problems: list[Problem]) -> LayerSpec:
-    """Return a layer whose transfer function has values in the place of its percentiles.
+    """Return a layer in whose transfer function values replace the percentiles.
 
-    Of several steps in time, the first one counts. place: of the transfer function in the scene. problems: problems
-    with the values are added to it. Raises InputError as `read` does.
+    The values are those of the first step in time. place: the position of the transfer function in the scene. problems:
+    problems with the values are added to it. Raises InputError as `read` does.
     """
     transfer = layer.transfer_function
     if not transfer.relative:
@@ -40,7 +40,7 @@ def with_values(layer: LayerSpec, place: str, read: ReadVolume, problems: list[P
         what, got = f"these percentiles of {name} are one value", format_value(next(iter(found.values())))
         problems.append(Problem(place, what, got, "percentiles of different values", _HINT))
         return replace(layer, transfer_function=plain)
-    # Problems with the values are found as in a scene that has them.
+    # The values are checked as in a scene that gives values.
     wrong = list[Problem]()
     for frame in (None, 0):
         film = schema.FilmTime(None, 1.0, frame)

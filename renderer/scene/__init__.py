@@ -5,19 +5,19 @@ Its field types also check sidecars and golden records. Importing it imports no 
 
 - `scene_file.py` reads a scene file, applies `--set` and other options, and locates problems; `input_file.py` bounds
   what is read; `yaml_tree.py` keeps line and column of each key; `json_tree.py` reads JSON.
-- `spec.py` has `FilmScene`, a scene over all frames of its film, and `Scene`, which is plain, as at one frame;
-  `scene_reading.py` makes them from plain data, `scene_writing.py` plain data from them.
+- `spec.py` has `FilmScene`, a scene over all frames of its film, and `Scene`, the plain values at one frame;
+  `scene_reading.py` makes both from plain data, `scene_writing.py` makes plain data from both.
 - Each section's keys, types, defaults and checks are in `volume_section.py`, `transfer_section.py`,
   `camera_section.py`, `error_section.py` (with `MetricTarget`, an accuracy to reach, such as psnr=38),
   `splat_section.py`, `shading_section.py`, `mode_section.py`, `clip_section.py`, `labels_section.py` (and masks),
   `layers_section.py` (volumes and their looks, `LayerSpec`), `annotation_section.py` (with the formats of texts) and
   `output_section.py`.
 - `output_formats.py`: the table of all formats of pictures and films.
-- `volume_files.py`: the file of a volume, or those of its steps in time; `file_places.py`: the names of files for one
-  who reads a scene in another folder.
-- `schema.py`: the types of fields, which other rooms have as `schema.number_field(...)`; `tree_node.py`: what a type of
-  field is, and how a map from frames is read; `motion.py`: `Motion`, a value by frame, and `OverFrames`, a part of a
-  scene that is read at a frame.
+- `volume_files.py`: the file of a volume, or the files of its steps in time; `file_places.py`: the names of a scene's
+  files, as seen from another folder.
+- `schema.py`: the types of fields, which other rooms use as `schema.number_field(...)`, and the reading of sections
+  with its checks for unknown and missing keys; `tree_node.py`: the base of all field types, and the reader of values
+  that move; `motion.py`: `Motion`, a value that moves, and `OverFrames`, a part of a scene that is read at a frame.
 - `limits.py`: checks of several numbers together; `colors.py`: the colours of a scene; `colormaps.py`: named colormaps;
   `message_text.py`: values in messages; `schedule.py`: the tolerance or budget of each frame.
 """

@@ -1,4 +1,4 @@
-"""The scene's `annotation`: a title, a legend, a scale bar and others, which are drawn over finished pictures."""
+"""The scene's `annotation`: a title, a legend, a scale bar and other entries, drawn over finished pictures."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from renderer.scene.schema import INVALID, Color, TreeNode
 from renderer.scene.volume_files import file_field
 from renderer.system import printable
 
-# The most characters of a text.
+# The most characters of a line of text.
 MAX_TEXT_LENGTH = 200
 
 Position = Literal["top-left", "top", "top-right", "left", "right", "bottom-left", "bottom", "bottom-right"]
 
-# {camera.zoom} or {seconds:06.2f}: a name, and how its number is written.
+# A placeholder, such as {camera.zoom} or {seconds:06.2f}: the name of a number, and the format of its digits.
 _PLACEHOLDER = re.compile(r"\{([\w. -]+)(?::(0?[0-9]{0,2})(?:(d)|(\.[0-9]{1,2})?([feg%])?))?\}")
 FRAME_NAMES = ("frame", "seconds", "time")
 _FORMAT_WORDS = "text with names in braces, such as {seconds:.1f} s, of one line"
@@ -45,7 +45,7 @@ def _parse_format(node: TreeNode) -> Any:
 
 
 def fill_format(text: str, values: Mapping[str, float]) -> str:
-    """Return a format with numbers in place of its names. Raises InputError for a name that is not known."""
+    """Return a text with numbers in place of its placeholders. Raises InputError for a name without a value."""
 
     def number(found: re.Match[str]) -> str:
         name, width, whole, digits, kind = (part or "" for part in found.groups())
@@ -68,7 +68,7 @@ class EntrySpec:
     """An entry of the annotation.
 
     position: entries at one position stack in the order of the keys, away from the edge.
-    size: the height of the text by that of the picture; of a logo and of the orientation, of the whole.
+    size: the height of the text, or of the whole logo or orientation, as a share of the picture's height.
     color: `auto` is white on a dark background and black on a light one.
     """
 
@@ -81,8 +81,9 @@ class EntrySpec:
 class ColorBarSpec(EntrySpec):
     """An entry that shows the colours and opacities of transfer functions.
 
-    label: by default the name and the unit of the scalar. length: by the height of the picture.
-    layer: the number of one volume, from 0; None shows those of all.
+    label: the text over the bar; by default the name and the unit of the scalar.
+    length: the length of the bar, as a share of the picture's height.
+    layer: the number, from 0, of the volume whose bar is shown; None shows the bars of all volumes.
     """
 
     label: Annotated[str | None, _TEXT] = None
@@ -92,7 +93,7 @@ class ColorBarSpec(EntrySpec):
 
 @dataclass(frozen=True, kw_only=True)
 class TimeSpec(EntrySpec):
-    """A text with numbers: `frame`, `seconds` in the film, `time` of the step, and values that move, by their keys."""
+    """A line with numbers: `frame`, `seconds` in the film, `time` of the step, and moving values by their keys."""
 
     format: Annotated[str, schema.FieldType(_FORMAT_WORDS, _parse_format)] = "{seconds:.1f} s"
 
@@ -112,9 +113,9 @@ class LogoSpec(EntrySpec):
 
 
 def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None = None) -> schema.FieldType[Any]:
-    """Return the type of an entry: a mapping, the value of its key `short`, or true if no key is needed.
+    """Return the field type of an entry: a mapping, the value of its key `short`, or true if no key is needed.
 
-    position, size: by default.
+    position, size: the default values of these keys.
     """
     table = schema.field_table(cls)
     defaults: dict[str, Any] = {"position": position, "size": size}
@@ -139,7 +140,7 @@ def _entry(cls: Any, position: Position, size: float = 0.03, short: str | None =
 class AnnotationSpec:
     """A list of entries, which are drawn over finished pictures in this order.
 
-    bounds: lines around the volume, with ticks. octree: lines along the cells that are drawn.
+    bounds: whether to draw lines around the volume, with ticks. octree: whether to draw the edges of cells.
     font: the file of the font of all texts; None is DejaVu Sans.
     """
 
@@ -168,7 +169,7 @@ class AnnotationSpec:
 
     @property
     def files(self) -> list[Path]:
-        """Return the files that it names."""
+        """Return the files that the annotation names: of its font and its logo."""
         return [file for file in (self.font, self.logo.file if self.logo else None) if file is not None]
 
 
@@ -176,9 +177,9 @@ ANNOTATION_SECTION = schema.dataclass_field(AnnotationSpec)
 
 
 def check_annotation(node: TreeNode, annotation: AnnotationSpec, num_layers: int, moving: Mapping[str, object]) -> None:
-    """Check that the volumes and numbers that an annotation, whose tree is at `node`, names are in the scene.
+    """Check that the scene has the volumes and the numbers that its annotation names.
 
-    moving: the values that move in the scene, by their keys, as they are at a frame.
+    node: the node of the annotation. moving: the scene's moving values at some frame, by their keys.
     """
     bar, time = annotation.color_bar, annotation.time
     if bar is not None and bar.layer is not None and bar.layer >= num_layers:

@@ -36,7 +36,7 @@ AXES: dict[str, Vector] = {
 
 
 def direction_field(expected: str) -> schema.FieldType[Any]:
-    """Return the type of three coordinates that are not all (nearly) 0."""
+    """Return the field type of a direction: three coordinates that are not all (nearly) 0."""
     coordinate = schema.still(schema.COORDINATE_FIELD)  # a direction moves as a whole, on the sphere
     return schema.sequence_field(coordinate, expected, count=3, check=_check_direction, motion="direction")
 
@@ -51,7 +51,7 @@ def _check_direction(node: TreeNode, vector: tuple[Any, ...]) -> Any:
 _AXIS_WORDS = "x, y, z, -x, -y, -z or a direction [x, y, z], not all 0"
 _AXIS = schema.word_or(AXES, direction_field(_AXIS_WORDS), _AXIS_WORDS)
 
-# The types of fields that several paths have.
+# The types of fields that several kinds of path have.
 _NUM_FRAMES = schema.integer_field(minimum=1, maximum=schema.MAX_FRAMES)
 NumFrames = Annotated[int, _NUM_FRAMES]
 Axis = Annotated[Vector, _AXIS]
@@ -60,12 +60,12 @@ Elevation = Annotated[float, schema.number_field(minimum=-90, maximum=90)]
 
 
 class _Path:
-    """A path of a camera, or a piece of one."""
+    """The base class of all camera paths. Most of them can also be a piece of a sequence."""
 
     type: ClassVar[str]
 
     def written(self) -> object:
-        """Return its keys and their values."""
+        """Return the keys of the path with their values."""
         return {"type": self.type} | vars(self)
 
 
@@ -129,9 +129,10 @@ class HoldPath(_Path):
 
 @dataclass(frozen=True)
 class FlightKey:
-    """A place of the eye and of its target, in world units. roll: turns the picture clockwise about its middle.
+    """A point of a flight: positions of the eye and of its target, in world units.
 
-    frame: of the piece, from 0 on; None where the flight passes at its speed.
+    roll: the clockwise turn of the picture about its middle, in degrees.
+    frame: the frame, counted from the start of the flight, at which the eye is here; None to keep a constant speed.
     """
 
     position: Annotated[Vector, schema.POINT_FIELD]
@@ -156,8 +157,8 @@ _FLIGHT_KEYS = schema.sequence_field(
 class FlightPath(_Path):
     """A flight of the eye along a smooth curve through keys, from where the piece before it ended.
 
-    Its speed is constant: all along, or between keys that have frames. easing: `smooth` starts and ends at rest.
-    axis: upwards in the picture.
+    The eye's speed is constant over the whole flight, or between keys that have frames.
+    easing: with `smooth`, the eye starts and ends at rest. axis: the direction that is up in the picture.
     """
 
     type: ClassVar[str] = "flight"
@@ -195,7 +196,7 @@ _TYPE: schema.FieldType[Any] = schema.choice_field(*_PATHS)
 _SECONDS = schema.number_field(above=0, maximum=MAX_SECONDS, motion=None)
 _PATH_FIELDS = {name: {"type": _TYPE, **schema.field_table(cls), "seconds": _SECONDS} for name, cls in _PATHS.items()}
 _PATH_KEYS = {key: field for table in _PATH_FIELDS.values() for key, field in table.items()}
-# Hints for keys of other path types.
+# For each key, a hint on the types of path that have it, for a path of another type.
 _OWNERS = {
     key: f"{key} belongs to type: {join_words(name for name, table in _PATH_FIELDS.items() if key in table)}"
     for key in set().union(*_PATH_FIELDS.values())
@@ -262,12 +263,14 @@ _TARGET = schema.word_or({"visible": "visible"}, schema.POINT_FIELD, f"{schema.P
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """A camera and its path, which it goes back, too, with `loop: ping-pong`.
+    """A camera and its path. With `loop: ping-pong`, the camera goes along its path and back again.
 
-    target: None is the centre of the volume. "visible" is the centre of all voxels that are visible on any frame; with
-        `follow`, on each. distance: None fits the whole path in the frame.
-    field_of_view: an orthographic camera shows `2 distance tan(field_of_view / 2)` world units of height, as a
-        perspective one does at the target. near: nothing nearer to the eye plane is drawn.
+    target: the point that the camera looks at. None is the centre of the volume. "visible" is the centre of all voxels
+        that are visible on any frame or, with `follow`, of the voxels that are visible on the present frame.
+    distance: from the eye to the target; None is the distance at which everything stays in the picture on all frames.
+    field_of_view: the vertical angle of view, in degrees. An orthographic camera shows as much as a perspective one
+        does at the target: `2 distance tan(field_of_view / 2)` world units of height.
+    near: the distance from the plane through the eye within which nothing is drawn.
     """
 
     path: Annotated[CameraPath, _PATH]
@@ -281,17 +284,17 @@ class CameraSpec:
 
     @property
     def num_frames(self) -> int:
-        """Return the number of frames of a film: with `loop: ping-pong` the camera goes back, too."""
+        """Return the number of frames of the film, with the way back of `loop: ping-pong`."""
         num = self.path.frames
         return 2 * num - 2 if self.loop == "ping-pong" and num > 2 else num
 
     def path_frame(self, frame: int) -> int:
-        """Return the frame of the path at a frame of the film."""
+        """Return the number of the path's frame that a frame of the film shows."""
         return frame if frame < self.path.frames else 2 * self.path.frames - 2 - frame
 
 
 def _check_camera(node: TreeNode, given: dict[str, Any]) -> None:
-    """Check the length of the film, and that a camera that follows has a target to find on each frame."""
+    """Check the length of the film, and that `follow` is given only with `target: visible`."""
     path, loop = given["path"], given.get("loop")
     frames = getattr(path, "frames", INVALID)
     if isinstance(frames, int) and CameraSpec(path, loop=loop or "restart").num_frames > schema.MAX_FRAMES:

@@ -34,7 +34,7 @@ _BOX = schema.sequence_field(
 
 @dataclass(frozen=True)
 class PlaneSpec:
-    """A plane; `normal` points to the side that is clipped away."""
+    """A clip plane; `normal` points to the side that is clipped away."""
 
     point: Annotated[Vector, schema.POINT_FIELD]
     normal: Annotated[Vector, direction_field("[x, y, z], not all 0: to the side that is clipped away")]
@@ -44,9 +44,9 @@ class PlaneSpec:
 class ClipSpec:
     """A clip plane, or a clip box of a lowest and a highest corner; exactly one of them is given.
 
-    fixed: whether it turns with the object, in world axes, or stays before the camera, in view axes (x to the right, y
-        up, z toward the viewer) whose origin is the camera's target.
-    invert: keeps the part that it would clip, and clips the other.
+    fixed: whether the clip turns with the object, in world axes, or stays before the camera, in view axes (x to the
+        right, y up, z toward the viewer) whose origin is the camera's target.
+    invert: whether to keep the part that would be clipped away, and to clip the other part.
     """
 
     plane: PlaneSpec | None = None
@@ -77,7 +77,7 @@ CLIP_SECTION = schema.sequence_field(
 
 
 def check_what_is_clipped(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that a scene with `clip`, whose tree is at `node`, has nothing that cannot be clipped."""
+    """Check that a scene with `clip` shows nothing that cannot be clipped. node: the node of the whole scene."""
     splat = given.get("splat")
     if given.get("clip") and isinstance(splat, SplatSpec) and splat.footprint in ("gaussian", "gouraud"):
         got, expected = f"splat.footprint: {splat.footprint}", "splat.footprint: integrated"

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from renderer.errors import closest_match
 
-# Colormaps of ParaView whose colours, all along, are those of one that cmap has under another name: 256 of them differ
-# by less than 0.012 on average. Names that cmap has, too, mean its own.
+# The names of ParaView's colormaps that `cmap` has under another name, with that name: on average, 256 colours of both
+# differ by less than 0.012. A name that `cmap` has, too, means its own colormap.
 _PARAVIEW = {
     "cool_to_warm": "coolwarm",
     "warm_to_cool": "coolwarm_r",
@@ -36,7 +36,7 @@ def is_colormap(name: str) -> bool:
 
 
 def nearest_colormap(name: str) -> str | None:
-    """Return the colormap with the most similar name, or None; `_r` is kept."""
+    """Return the colormap with the most similar name, or None. A suffix `_r` (reversed) is kept."""
     base = _base(name)
     short = ":" not in base
     found = closest_match(base, (each for each in sorted({*_names(), *_PARAVIEW}) if (":" not in each) == short))
@@ -76,7 +76,7 @@ def _base(name: str) -> str:
 def _names() -> Iterator[str]:
     """Yield the names in the catalogue's spelling, lazily: common ones are in the first files.
 
-    They are short (`viridis`) and with their collection (`bids:viridis`).
+    Each colormap has two names: a short one (`viridis`), and one with its collection (`bids:viridis`).
     """
     spec = importlib.util.find_spec("cmap")
     assert spec is not None and spec.origin is not None, "it is required"

@@ -1,4 +1,4 @@
-"""The scene's `error`: a tolerance, or a goal that determines it."""
+"""The scene's `error`: a tolerance, or a goal for which a tolerance is found."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from renderer.scene.schema import INVALID, TreeNode
 # The smallest tolerance besides 0: smaller numbers have fewer digits, which interpolation would lose.
 MIN_TOLERANCE = 1e-300
 
-# Cells of this level are wider than any volume: voxel indices along an axis are int32.
+# The largest `finest_level`. Its cells are wider than any volume, as voxel indices along an axis are int32.
 MAX_LEVEL = 30
 
 # The largest budget of cells or bricks: more than any volume has voxels.
@@ -27,7 +27,7 @@ MIN_SECONDS = 1e-4
 # The most time for a frame, in seconds: a day.
 LONGEST_S = 86400.0
 
-# The most accuracy to ask for, in decibels.
+# The highest PSNR that can be asked for, in decibels.
 MAX_PSNR_DB = 200.0
 
 # The most exact rays for a frame: more take longer than a whole exact picture of usual size.
@@ -72,11 +72,11 @@ class MetricTarget:
 
 @dataclass(frozen=True)
 class ErrorSpec:
-    """An accuracy: a tolerance or, with a `goal`, one that is found for it.
+    """The accuracy of a film: a tolerance, or a `goal` for which a tolerance is found.
 
-    goal: a `MetricTarget` asks for the coarsest tolerance, one for the whole film, that reaches it. finest_level: cells
-        smaller than `2^finest_level` voxels are not drawn, whatever their error. probes: exact rays that measure the
-        accuracy of each frame; None for as many as its size suggests.
+    goal: a budget or a target; for a `MetricTarget`, the largest tolerance of the whole film that reaches it is found.
+    finest_level: no cells smaller than `2^finest_level` voxels are drawn, whatever their error.
+    probes: the number of exact rays that measure the accuracy of each frame; None chooses it by the picture's size.
     """
 
     tolerance: float | Motion[float] = 0.1
@@ -87,7 +87,7 @@ class ErrorSpec:
     goal: SplatBudget | TimeBudget | MetricTarget | None = None
 
     def written(self) -> dict[str, object]:
-        """Return its keys and their values: the one that sets the accuracy, and all others."""
+        """Return the keys of the section with their values: first the key that sets the accuracy, then all others."""
         others = {key: value for key, value in vars(self).items() if key not in ("tolerance", "goal")}
         return schedule_to_dict(self) | others
 
@@ -115,7 +115,7 @@ _SECONDS_HINT = "it is the time for each frame; the quickest is splats: 1"
 _PSNR_HINT = "it is in decibels, the more the better: at 30 flaws are seen, at 40 hardly any"
 _RMSE_HINT = "nothing is as exact as that; tolerance: 0 draws every voxel"
 
-# An `error` has one of these keys.
+# The keys that set the accuracy, with their types. An `error` section has at most one of them.
 _SCHEDULES: dict[str, schema.FieldType[Any]] = {
     "tolerance": TOLERANCE_FIELD,
     "splats": schema.integer_field(minimum=1, maximum=MAX_SPLATS, zero_hint=_SPLATS_HINT, motion="ratio"),
@@ -123,7 +123,7 @@ _SCHEDULES: dict[str, schema.FieldType[Any]] = {
     "psnr": schema.number_field(above=0, maximum=MAX_PSNR_DB, zero_hint=_PSNR_HINT, motion=None),
     "rmse": schema.number_field(above=0, maximum=1, zero_hint=_RMSE_HINT, motion=None),
 }
-# The goals that these are, but for the tolerance.
+# The goals that these keys stand for. `tolerance` stands for none.
 _GOALS: dict[str, Any] = {
     "splats": SplatBudget,
     "seconds": TimeBudget,

@@ -1,4 +1,4 @@
-"""The files that a scene in plain data names: where they are, for one who reads it from a file in some folder."""
+"""Find and change the names of files in a scene in plain data, which are relative to the scene file's folder."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any
 
 from renderer.scene.schema import is_file_name
 
-# Keys of a scene whose texts name files.
+# The keys of a scene whose values are names of files.
 _FILE_KEYS = ("file", "import", "names", "font", "logo")
 _ONE_UP = f"{os.pardir}{os.sep}"
 _UP = re.compile(f"(?:{re.escape(_ONE_UP)})+")
 
 
 def relative_path(file: str | os.PathLike[str], folder: str | os.PathLike[str]) -> str:
-    """Return the path of a file for one who stands in a folder, through any links on the way to both.
+    """Return the path of a file relative to a folder, after all links to folders are resolved.
 
-    A link that the file itself is stays one.
+    If the file itself is a link, the path is that of the link.
     """
     parent, name = os.path.split(os.fspath(file))
     is_place = name in ("", os.curdir, os.pardir)
@@ -28,7 +28,7 @@ def relative_path(file: str | os.PathLike[str], folder: str | os.PathLike[str]) 
 
 
 def found_path(name: str, folder: str | os.PathLike[str]) -> str:
-    """Return the path of a file that has this name for one who stands in a folder, without `..` at its beginning."""
+    """Return the path of a file from its name relative to a folder, without `..` at its beginning."""
     if (up := _UP.match(name)) is None:
         return os.path.join(folder, name)
     above = Path(os.path.realpath(folder)).parents
@@ -37,9 +37,9 @@ def found_path(name: str, folder: str | os.PathLike[str]) -> str:
 
 
 def with_files(part: Any, place: Callable[[str, str], str]) -> Any:
-    """Return a part of a scene in plain data in which its files have other names.
+    """Return a copy of a part of a scene, in plain data, with new names of its files.
 
-    place: returns the new name of a file, from its key and its name.
+    place: a function that returns the new name of a file from the file's key and its old name.
     """
 
     def moved(key: str, item: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Read files that a command is given, within bounds: scenes in YAML, sidecars in JSON."""
+"""Read the files that a command is given, up to a largest size: scenes in YAML, sidecars in JSON."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from typing import Any, BinaryIO
 from renderer.errors import InputError, closest_match
 
 MAX_SCENE_BYTES = 2**20
-# The longest film has a million frames, and a sidecar some 500 bytes for each.
+# The most bytes of a sidecar. The longest film has a million frames, and a sidecar has some 500 bytes for each.
 MAX_SIDECAR_BYTES = 2**29
 
 _VOLUME_HINT = "a volume is rendered with `hsplat turntable FILE`, or with `hsplat render SCENE --volume FILE`"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
-# The first bytes of NRRD and VTK headers, or a line that every MetaImage header has.
+# The text headers of volumes: the first bytes of NRRD and VTK, or a line that every MetaImage header has.
 _VOLUME_HEADER = re.compile(rb"\A(?:NRRD000|# vtk DataFile)|^ElementDataFile[ \t]*=", re.IGNORECASE | re.MULTILINE)
 
-# In the targets of links of git-annex.
+# A part of the path to which every link of git-annex leads.
 _ANNEX = ".git/annex/objects/"
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -38,7 +38,10 @@ def require_file(path: Path, expected: str) -> None:
 
 
 def read_bounded(path: Path, max_bytes: int, what: str) -> bytes:
-    """Return the content of a file of at most `max_bytes`; `what` it should be, for messages. Raises InputError."""
+    """Return the content of a file of at most `max_bytes`. Raises InputError.
+
+    what: the expected kind of file, for messages.
+    """
     with _open(path, what) as file:
         content = file.read(max_bytes + 1)
     if len(content) > max_bytes:
@@ -47,7 +50,7 @@ def read_bounded(path: Path, max_bytes: int, what: str) -> bytes:
 
 
 def read_content(path: Path) -> bytes:
-    """Return the content of a scene file or a sidecar, or one byte more than it may have. Raises InputError."""
+    """Return the content of a scene file or a sidecar, cut off just above the largest size. Raises InputError."""
     with _open(path, "a scene file") as file:
         content = file.read(MAX_SCENE_BYTES + 1)
         return content + file.read(MAX_SIDECAR_BYTES - MAX_SCENE_BYTES) if may_be_json(content) else content
@@ -112,20 +115,20 @@ def is_same_file(path: Path, other: Path) -> bool:
 
 
 def place_of(path: str | Path) -> str:
-    """Return the place that a name leads to, through links of files and of folders, also where these do not exist yet.
+    """Return a path without links, to be compared with others. Files and folders on it need not exist yet.
 
-    It is for comparisons alone: names that differ in case, or in how accents are encoded, are one file on some disks.
+    Paths that differ only in case, or in the encoding of accents, become equal, as they are one file on some disks.
     """
     return place_name(os.path.realpath(path))
 
 
 def place_name(name: str) -> str:
-    """Return the name that a file which is no link has in its place."""
+    """Return a name in lower case, with accents in one encoding, to be compared with others."""
     return unicodedata.normalize("NFC", name).lower()
 
 
 def missing_file_error(path: Path, what: str = "no such file") -> InputError:
-    """Return the error for a file that is not there: with a similar name, or where a link of its name leads."""
+    """Return the error for a missing file, with a similar name or, for a broken link, the link's target."""
     if path.is_symlink():
         target = os.readlink(path)
         if _ANNEX in target.replace("\\", "/"):
@@ -136,7 +139,7 @@ def missing_file_error(path: Path, what: str = "no such file") -> InputError:
 
 
 def nearest_file_hint(path: Path) -> str | None:
-    """Return a hint with the file of the most similar name in the folder, or None."""
+    """Return a hint with the most similar name of a file in the same folder; None without one."""
     try:
         names = sorted(entry.name for entry in path.parent.iterdir())
     except OSError:

@@ -1,4 +1,4 @@
-"""Read JSON objects that anybody may have edited: whole, finite, each key once, and of few levels."""
+"""Read JSON objects, which anybody may have edited: refuse cut-off files, infinite numbers and duplicate keys."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ _MOST_DIGITS = 300  # integers of fewer digits are finite as float64, too
 def load_json_object(text: str, path: Path, *, kind: str) -> dict[str, Any]:
     """Return the object in a text that begins with a brace.
 
-    Refuses NaN, infinities and duplicate keys, which Python's parser accepts. kind: of the file, for messages.
-    Raises InputError, or SceneError with all that is refused.
+    kind: the kind of the file, for messages.
+    Raises InputError if the text is not JSON, and SceneError for all NaN, infinities and duplicate keys, which Python's
+    parser accepts.
     """
     refused: list[Problem] = []
 
     def refuse(what: str, got: str | None = None, key: str = "") -> Problem:
-        """Return a problem, which stands for a value in the data until its path is known."""
+        """Return a problem to put in the data in place of the refused value, by which its path is found later."""
         refused.append(Problem(key, what, got=got))
         return refused[-1]
 
@@ -69,7 +70,7 @@ def load_json_object(text: str, path: Path, *, kind: str) -> dict[str, Any]:
 
 
 def _problems_in(data: object) -> Iterator[Problem]:
-    """Yield the problems, in the order of the file; not recursive, for any number of levels."""
+    """Yield the problems in the data, in the order of the file. It is not recursive, as there may be many levels."""
     stack: list[tuple[str, object]] = [("", data)]
     while stack:
         path, item = stack.pop()
@@ -82,7 +83,10 @@ def _problems_in(data: object) -> Iterator[Problem]:
 
 
 def is_plain_data(value: object, num_levels: int) -> bool:
-    """Return whether data can be copied to another JSON file: of at most so many levels, and with finite numbers."""
+    """Return whether unchecked data can be copied to another JSON file.
+
+    The data may have at most `num_levels` levels, and finite numbers.
+    """
     if isinstance(value, float):
         return math.isfinite(value)
     items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()

@@ -13,7 +13,7 @@ from renderer.scene.schema import INVALID, Color, TreeNode
 from renderer.scene.volume_files import file_field
 from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT_TRANSFER, VolumeSpec, build_volume
 
-# A label by its number or by its name.
+# The number or the name of a label.
 LabelKey = int | str
 # The most labels that a scene lists.
 MAX_LABELS = 2**16
@@ -34,14 +34,16 @@ class LabelStyle(NamedTuple):
 
 @dataclass(frozen=True)
 class LabelsSpec:
-    """A choice of the labels that are shown, and of their looks.
+    """A choice of the labels that are shown, with their colours, opacities and names.
 
-    colors: `auto`, as different as possible; `table`, those of the volume's table of labels; or pairs of a label and a
-        colour. Labels without one have the table's; without a table, too, as different ones as possible. None: as if no
-        pair was given.
-    opacity: of all labels, or pairs of a label and its opacity; others are opaque. None: the table's.
-    show: labels; None for all but 0. hide: labels that are not shown, even if `show` has them.
-    names: the file of a table, or pairs of a number and a name; None: the table in the volume's file, or beside it.
+    colors: `auto` for colours that differ as much as possible, `table` for the colours in the volume's table of labels,
+        or pairs of a label and a colour. A label without a pair has its colour in the table or, without a table, a
+        colour as with `auto`. None is the same as no pairs.
+    opacity: one opacity for all labels, or pairs of a label and an opacity; labels without a pair are opaque. None for
+        the opacities in the table.
+    show: the labels that are shown; None for all but 0. hide: labels that are not shown, even if `show` has them.
+    names: the file of a table of labels, or pairs of a number and a name; None for the table in the volume's file, or
+        beside it.
     """
 
     colors: Literal["auto", "table"] | tuple[tuple[LabelKey, Color], ...] | None = None
@@ -52,7 +54,7 @@ class LabelsSpec:
 
     @property
     def has_numbers(self) -> bool:
-        """Return whether it is known by their numbers which labels are shown."""
+        """Return whether the numbers of all labels that are shown are known."""
         is_listed = self.show is not None and not self.hide and not isinstance(self.names, Path)
         return is_listed and all(isinstance(label, int) for label in self.show or ())
 
@@ -65,12 +67,12 @@ class LabelsSpec:
 
     @property
     def values(self) -> tuple[int, ...]:
-        """Return the values of labels that are shown, ascending, of a choice that has numbers."""
+        """Return the numbers of the labels that are shown, ascending, if `has_numbers`."""
         assert self.has_numbers
         return tuple(sorted({label for label in self.show or () if isinstance(label, int)}))
 
     def written(self) -> dict[str, object]:
-        """Return its keys and their values."""
+        """Return the keys of the section with their values."""
         by_label = {
             key: dict(value) if isinstance(value, tuple) else value
             for key, value in vars(self).items()
@@ -80,7 +82,7 @@ class LabelsSpec:
 
     @property
     def styles(self) -> tuple[LabelStyle, ...]:
-        """Return the labels that are shown, by value, of a choice that has colours."""
+        """Return the labels that are shown, ascending by number, if `has_colors`."""
         assert self.has_colors and isinstance(self.colors, tuple)
         colors, names = dict(self.colors), dict(self.names) if isinstance(self.names, tuple) else {}
         opacities: dict[Any, float] = dict(self.opacity) if isinstance(self.opacity, tuple) else {}
@@ -91,7 +93,7 @@ class LabelsSpec:
 
 
 def _parse_label(node: TreeNode) -> Any:
-    """Return the number or the name that a value stands for; JSON has numbers of labels as text."""
+    """Return the number or the name of a label. JSON has numbers as text where they are keys."""
     if isinstance(node.value, str):
         digits = node.value.strip().removeprefix("-")
         is_number = digits.isdecimal() and digits.isascii() and len(digits) < 20
@@ -107,7 +109,7 @@ _LABEL = schema.FieldType("the number or the name of a label", _parse_label)
 def _by_label(
     item: schema.FieldType[Any], expected: str, other: schema.FieldType[Any] | None = None
 ) -> schema.FieldType[Any]:
-    """Return the type of a mapping from labels to items, as pairs, or of another type."""
+    """Return the field type of pairs, written as a mapping from labels to items, or of values of another type."""
 
     def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, Mapping):
@@ -142,7 +144,7 @@ LABELS_TABLE: schema.FieldTable = {
 
 
 def build_labels(node: TreeNode, given: dict[str, Any]) -> LabelsSpec:
-    """Return the labels from the keys of LABELS_TABLE that were given."""
+    """Return a LabelsSpec with the given values of keys of LABELS_TABLE."""
     names = given.get("names")
     if isinstance(names, tuple):
         for value, _ in names:
@@ -153,9 +155,10 @@ def build_labels(node: TreeNode, given: dict[str, Any]) -> LabelsSpec:
 
 @dataclass(frozen=True)
 class MaskSpec:
-    """A volume of labels, on a grid of its own: a layer is shown where this has one of the labels that are shown.
+    """A mask of a layer: a volume of labels, on a grid of its own. The layer is shown only inside of the given labels.
 
-    volume: or the name of a layer, until all layers are read. transform: see LayerSpec.
+    volume: the volume of labels; or the name of another layer, whose volume takes its place when all layers are read.
+    labels: the labels in which the layer is shown. transform: see LayerSpec.
     """
 
     volume: VolumeSpec | str
@@ -163,7 +166,7 @@ class MaskSpec:
     transform: tuple[tuple[float, ...], ...] | None = None
 
     def written(self) -> dict[str, object]:
-        """Return its keys and their values: the keys of its volume, or its name, and the keys of its labels."""
+        """Return the keys of the section with their values: the volume's keys or name, and the labels' keys."""
         volume = {"name": self.volume} if isinstance(self.volume, str) else self.volume.written()
         labels = {key: value for key, value in self.labels.written().items() if key != "colors"}
         return volume | labels | {"transform": self.transform}

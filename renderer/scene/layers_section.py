@@ -29,9 +29,9 @@ from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT
 
 # The largest factor on a layer's extinction.
 MAX_WEIGHT = 1e6
-# The thickness of the brightest values of a ramp that has an optical depth of 1, by the volume's longest side.
+# The thickness over which the upper end of a ramp has an optical depth of 1, as a share of the volume's longest side.
 RAMP_THICKNESS = 1 / 8
-# Hints for keys of one volume beside a list.
+# Hints for keys of a single volume that are given besides a list of volumes.
 _CONTRADICTS = {
     "volume": "put it into the list, or name a file by --set volumes.0.file=FILE",
     "transfer_function": "each volume in the list has its own",
@@ -48,11 +48,11 @@ OPEN_LOOK = TransferSpec(None)
 class LayerSpec:
     """One volume of a scene, and how it is shown.
 
-    transform: 4 x 4, row by row: moves the volume from its own place in the world, as a registration says.
-    weight: a factor on its extinction. clip: planes and boxes that clip it alone.
-    color, range: if its transfer function is a ramp between two values, from nothing to an optical depth of 1 in an
-        eighth of the volume's longest side.
-    mask: where it is shown.
+    transform: a 4 x 4 matrix, row by row, that moves the volume in the world, such as the result of a registration.
+    weight: a factor on the volume's extinction. clip: planes and boxes that clip only this volume.
+    color, range: the colour and the two ends of a ramp, if the transfer function is one. Its extinction rises from 0 to
+        an optical depth of 1 per eighth of the volume's longest side.
+    mask: the mask inside of which the volume is shown.
     """
 
     volume: VolumeSpec
@@ -68,13 +68,13 @@ class LayerSpec:
 
     @property
     def volumes(self) -> dict[str, VolumeSpec]:
-        """Return its volume, and the volume of its mask if it has one, by their keys."""
+        """Return the layer's volume and, if it has a mask, the mask's volume, by the keys `volume` and `mask`."""
         mask = self.mask and self.mask.volume
         return {"volume": self.volume} | ({"mask": mask} if isinstance(mask, VolumeSpec) else {})
 
     @property
     def has_open_colors(self) -> bool:
-        """Return whether its voxels are colours without a transfer function."""
+        """Return whether the layer's voxels are colours, and it has no transfer function."""
         return self.volume.has_colors and self.transfer_function.is_open
 
     @property
@@ -89,12 +89,12 @@ class LayerSpec:
 
     @property
     def look(self) -> dict[str, TransferSpec]:
-        """Return its transfer function by its key, which is `labels` for labels; nothing if that is open."""
+        """Return the transfer function by its key, `labels` or `transfer_function`; empty if it is not chosen yet."""
         transfer = self.transfer_function
         return {} if transfer.is_open else {"transfer_function" if transfer.labels is None else "labels": transfer}
 
     def written(self) -> dict[str, object]:
-        """Return its keys in a list of volumes, and their values."""
+        """Return the layer's keys in a list of volumes, with their values."""
         others = ("volume", "transfer_function")
         own = {key: value for key, value in vars(self).items() if key not in others and value not in ("", ())}
         return self.volume.written() | (self.look if self.color is None else {}) | own
@@ -108,11 +108,11 @@ class SharedKeys:
     mask: MaskSpec | None = None
 
     def added_to(self, layer: LayerSpec) -> LayerSpec:
-        """Return a layer with the keys that it does not have."""
+        """Return a layer that has these keys where it has none of its own."""
         return replace(layer, shading=layer.shading or self.shading, mask=layer.mask or self.mask)
 
     def taken_from(self, layer: LayerSpec) -> LayerSpec:
-        """Return a layer without these keys, as the list has it."""
+        """Return a layer without these keys, as it is written in the list."""
         shading = None if layer.shading == self.shading else layer.shading
         return replace(layer, shading=shading, mask=None if layer.mask == self.mask else layer.mask)
 
@@ -175,7 +175,7 @@ def _ramp_points(color: Color, span: tuple[float, float]) -> tuple[ControlPoint,
 
 
 def _check_names(node: TreeNode, layers: tuple[LayerSpec, ...]) -> Any:
-    """Refuse two layers of one name, and put the volumes of layers in the place of their names in masks."""
+    """Refuse two layers with one name, and replace the names of layers in masks by the volumes of these layers."""
     names: dict[str, int] = {}
     for number, layer in enumerate(layers):
         if layer.name and isinstance(layer.name, str):
@@ -193,7 +193,7 @@ def _check_names(node: TreeNode, layers: tuple[LayerSpec, ...]) -> Any:
 
 
 def name_mask(node: TreeNode, given: dict[str, Any]) -> None:
-    """Put a volume of the list in the place of its name in the mask of the whole scene."""
+    """Replace the name of a layer in the mask of the whole scene by the volume of that layer."""
     named = {each.name: each for each in _valid_layers(given.get("volumes")) if isinstance(each.name, str)}
     if "mask" in given:
         given["mask"] = _named_mask(node.child("mask"), given["mask"], named)
@@ -228,9 +228,9 @@ VOLUMES_SECTION = replace(_LIST, parser=_parse_volumes)
 
 
 def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that a scene has one volume or several, and that the optics of each fit its mode and its other sections.
+    """Check that a scene has one volume or several, and that the look of each fits the mode and the other sections.
 
-    node, given: the whole scene, and its sections as they were read, of which some may be invalid.
+    node: the node of the whole scene. given: the sections of the scene, some of which may be invalid.
     """
     for key in schema.valid_keys(given, "volume", "transfer_function") if "volumes" in given else ():
         node.key(key).reject("contradicts volumes", expected="one of volume and volumes", hint=_CONTRADICTS[key])
@@ -260,9 +260,9 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 
 def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tuple[TreeNode, Any]) -> None:
-    """Check that the scene or the layer at `node`, which shows labels, needs no scalars between them.
+    """Refuse keys that need scalars between labels, in the scene or the layer at `node`, which shows labels.
 
-    lit: see `_check_colors`.
+    lit: as in `_check_colors`.
     """
     key, (place, shading) = node.key("labels"), lit
     mode, splat = given.get("mode", ModeSpec()), given.get("splat")
@@ -284,7 +284,7 @@ def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tu
 
 
 def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, lit: tuple[TreeNode, Any]) -> None:
-    """Refuse keys that have no effect on voxels that are colours. lit: the node with the shading, and the shading."""
+    """Refuse keys that have no effect on voxels that are colours. lit: the node above the shading, and the shading."""
     place, shading = lit
     for key in pointwise_keys(shading) if isinstance(shading, ShadingSpec) else ():
         hint = "colours are lit before they are interpolated: ambient, diffuse, occlusion and shadow remain"
@@ -296,7 +296,7 @@ def _check_colors(node: TreeNode, given: Mapping[str, Any], contradicts: str, li
 
 
 def _placed_layers(node: TreeNode, given: Mapping[str, Any]) -> list[tuple[TreeNode, LayerSpec]]:
-    """Return the layers, each after its node, which is the scene's own for a single volume. Parts may be invalid."""
+    """Return the layers as pairs (node, layer); a single volume has the scene's node. Parts may be invalid."""
     if "volumes" not in given:
         return [(node, _only_layer(given))]
     layers, place = given["volumes"], node.child("volumes")
@@ -308,7 +308,7 @@ def _placed_layers(node: TreeNode, given: Mapping[str, Any]) -> list[tuple[TreeN
 
 
 def _only_layer(given: Mapping[str, Any]) -> LayerSpec:
-    """Return the layer of a scene of one volume. given: its sections, which name it."""
+    """Return the only layer of a scene without a list of volumes. given: the sections of the scene."""
     volume, transfer = given.get("volume", INVALID), given.get("transfer_function", INVALID)
     return LayerSpec(volume, transfer, given.get("shading"), mask=given.get("mask"))
 
@@ -320,7 +320,8 @@ def _valid_layers(volumes: object) -> Sequence[LayerSpec]:
 def take_layers(given: dict[str, Any]) -> tuple[tuple[LayerSpec, ...], SharedKeys | None]:
     """Take the keys of volumes from the sections of a scene, and return its layers.
 
-    Layers of a list have the shading and the mask of the scene where they have none of their own; returns these, too.
+    Layers of a list get the scene's shading and mask where they have none of their own. These two are also returned;
+    None without a list.
     """
     keys = ("volume", "transfer_function", "shading", "mask", "volumes")
     own = {key: given.pop(key) for key in keys if key in given}

@@ -1,8 +1,9 @@
 """Check that the numbers of a scene fit each other.
 
-`renderer.scene.scene_reading` checks every number by itself. The checks here are relative: a camera so far away that
-the volume vanishes, a pixel that shows less of a voxel than float32 can resolve. `hsplat check` runs them if the scene
-gives the volume's size; otherwise `renderer.frame.pipeline.prepare` does, before any work. Nothing here imports numpy.
+`renderer.scene.scene_reading` checks every number by itself. The checks here compare numbers: they refuse a camera so
+far away that the volume vanishes, or a pixel that shows less of a voxel than float32 can resolve. `hsplat check` runs
+them if the scene gives the volume's size; otherwise `renderer.frame.pipeline.prepare_stage` does, before any work.
+Nothing here imports numpy.
 
 The bounds are far outside any sensible value, and well inside what is computed exactly. Drawing is relative to the
 volume's centre and to half its diagonal, its *radius*, in float32, with eyes up to MAX_DISTANCE away.
@@ -23,15 +24,17 @@ from renderer.scene.volume_section import VolumeSpec
 if TYPE_CHECKING:
     from renderer.volume import Volume
 
-# Longest side of a voxel divided by its shortest.
+# The largest ratio of a voxel's longest side to its shortest side.
 MAX_SPACING_RATIO = 1e5
-# Distance of the volume's centre from the world's origin, in sides of a voxel: float64 places voxels to 1e-4 of a side.
+# The largest distance of a volume's centre from the world's origin, in sides of a voxel: float64 still places voxels to
+# 1e-4 of a side.
 MAX_OFFSET = 1e12
-# Distances of the target from the volume's centre, of the eye from the target, and of the near plane, in radii.
+# The largest distance, in radii, of the target from the volume's centre, of the eye from the target, and of the near
+# plane from the eye.
 MAX_DISTANCE = 1e12
-# Least width of a pixel, in shortest sides of a voxel.
+# The least width of a pixel, as a share of a voxel's shortest side.
 MIN_PIXEL_VOXELS = 1e-6
-# Largest width of a pixel, in radii.
+# The largest width of a pixel, in radii.
 MAX_PIXEL_RADII = 1e12
 
 
@@ -39,8 +42,8 @@ MAX_PIXEL_RADII = 1e12
 class Extent:
     """A volume's place and size, in world units.
 
-    centre: its middle. radius: half its diagonal, as if its axes were at right angles. finest, coarsest: sides of a
-        voxel.
+    radius: half of the volume's diagonal, as if its axes were at right angles.
+    finest, coarsest: the shortest and the longest side of a voxel.
     """
 
     centre: tuple[float, ...]
@@ -50,7 +53,7 @@ class Extent:
 
 
 def _extent(shape: Sequence[int], spacing: Sequence[float], centre: Sequence[float]) -> Extent:
-    """Return the extent of voxels: their numbers and sides along the index axes x, y, z."""
+    """Return the extent of a volume from the numbers and the sides of its voxels along the index axes x, y, z."""
     diagonal = math.hypot(*(num * side for num, side in zip(shape, spacing, strict=True)))
     return Extent(tuple(centre), diagonal / 2, min(spacing), max(spacing))
 
@@ -63,10 +66,10 @@ def volume_extent(volume: Volume) -> Extent:
 def proportion_problems(
     volume: VolumeSpec, camera: CameraSpec, size: tuple[int, int], place: Callable[[str], str]
 ) -> Iterator[Problem]:
-    """Yield the problems of proportion that are known before a volume is read.
+    """Yield the problems of `volume_problems` and `camera_problems` that are known before a volume is read.
 
-    The size of a volume in a file with a header is not known: its spacing is checked if the scene gives one.
-    size: of the picture. place: returns the dotted key of a key of the volume.
+    The size of a volume in a file with a header is not known yet: only a spacing in the scene is checked.
+    size: the size of the picture. place: a function that returns the dotted path of a key of the volume.
     """
     source = volume.source
     if isinstance(source, FileSource):
@@ -83,7 +86,7 @@ def proportion_problems(
 
 
 def volume_problems(extent: Extent, path: str) -> Iterator[Problem]:
-    """Yield the problems that a volume has in any scene; `path` is the key that they concern."""
+    """Yield the problems of a volume's own proportions and place. path: the key of the scene that is to blame."""
     yield from _ratio_problems(extent.coarsest / extent.finest, path)
     offset = max(map(abs, extent.centre)) / extent.finest
     if offset > MAX_OFFSET:
@@ -99,7 +102,7 @@ def _ratio_problems(ratio: float, path: str) -> Iterator[Problem]:
 
 
 def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -> Iterator[Problem]:
-    """Yield the lengths of a camera that do not fit the volume's size."""
+    """Yield a problem for each length of the camera that does not fit the volume's size."""
     away = math.dist(camera.target, extent.centre) if isinstance(camera.target, tuple) else 0.0
     limit = MAX_DISTANCE * extent.radius
     expected = f"at most {limit:.4g}, {MAX_DISTANCE:g} times half the volume's diagonal"
@@ -119,7 +122,7 @@ def camera_problems(camera: CameraSpec, size: tuple[int, int], extent: Extent) -
 def _pixel_problems(
     camera: CameraSpec, distance: float, away: float, size: tuple[int, int], extent: Extent
 ) -> Iterator[Problem]:
-    """Yield the problems with the width of a pixel; `away` is the target's distance from the volume's centre."""
+    """Yield the problems with the width of a pixel. away: the distance of the target from the volume's centre."""
     # In perspective the far side of the volume is at most this far from any eye of the path.
     depth = distance if camera.projection == "orthographic" else distance + away + extent.radius
     per_unit = 2 * math.tan(math.radians(camera.field_of_view) / 2) / size[1]

@@ -54,7 +54,7 @@ def _scalar(value: object) -> str:
 
 
 def short_text(value: object, max_length: int = _MAX_TEXT_LENGTH) -> str:
-    """Return printable text of at most `max_length` characters unchanged; else as `format_value` does."""
+    """Return a printable text of at most `max_length` characters unchanged, and other texts as `format_value` does."""
     is_short = isinstance(value, str) and printable(value) == value and len(value) <= max_length
     return str(value) if is_short else format_value(value)
 
@@ -90,7 +90,7 @@ def counted(num: int, one: str) -> str:
 
 
 def pluralize_range(nums: Sequence[int], one: str) -> str:
-    """Return `190 bricks`, or `1 to 3 bricks`, from the smallest to the largest."""
+    """Return a range of counts with its noun: `190 bricks`, or `1 to 3 bricks`."""
     low, high = min(nums), max(nums)
     return counted(high, one) if low == high else f"{low} to {counted(high, one)}"
 

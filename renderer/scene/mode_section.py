@@ -13,7 +13,7 @@ from renderer.scene.transfer_section import check_opacities
 
 ModeName = Literal["emission_absorption", "maximum", "minimum", "mean", "attenuation"]
 MODE_NAMES: tuple[str, ...] = get_args(ModeName)
-# Words of other programs, for hints.
+# Names that other programs use for modes, with ours, for hints.
 _ALIASES = {
     "mip": "maximum",
     "max": "maximum",
@@ -25,7 +25,7 @@ _ALIASES = {
 }
 _ATTENUATION_KEYS = ("scale", "zero")
 
-# By section and key: the value that a projection needs, and why.
+# The value that a projection needs in a key of another section, and the reason.
 _OTHER_SECTIONS = {
     ("splat", "footprint", "integrated"): "leave splat out: bricks draw every mode",
     ("error", "measure", "optical"): "the tolerance of a projection is a share of its colour range",
@@ -35,10 +35,11 @@ _OTHER_SECTIONS = {
 
 @dataclass(frozen=True)
 class ModeSpec:
-    """A mode: emission and absorption, or a projection, which colours one number of each ray.
+    """A mode: emission and absorption, or a projection, which makes one number of each ray and colours this number.
 
-    type: `maximum` and `minimum` of the interpolated scalar, its `mean` over the ray's way through the volume's box,
-        and `attenuation`, exp(-integral of mu), with mu = scale * max(s - zero, 0) per world unit.
+    type: `emission_absorption` or a projection: the `maximum` or `minimum` of the interpolated scalar s, its `mean`
+        over the ray's way through the volume's box, or the `attenuation`, exp(-integral of mu), with
+        mu = scale * max(s - zero, 0) per world unit.
     color_by: `depth` colours a maximum by where it lies, from 0 nearest to 1 farthest, as bright as its value.
     """
 
@@ -49,7 +50,7 @@ class ModeSpec:
 
     @property
     def is_projection(self) -> bool:
-        """Return whether a ray shows one number, and opacities do not count."""
+        """Return whether the mode is a projection, in which each ray shows one number and opacities do not count."""
         return self.type != "emission_absorption"
 
     @property
@@ -97,7 +98,7 @@ MODE_SECTION = schema.FieldType(f"{join_words(MODE_NAMES)}, or a mapping with ty
 def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:
     """Check that no other section contradicts the mode.
 
-    node, given: the whole scene, and its sections as they were read.
+    node: the node of the whole scene. given: the sections of the scene, some of which may be invalid.
     """
     mode = given.get("mode", ModeSpec())
     if not isinstance(mode, ModeSpec) or mode.type is INVALID or not mode.is_projection:
@@ -113,7 +114,7 @@ def check_mode(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 
 def check_optics(node: TreeNode, mode: object, transfer: object, shading: object) -> None:
-    """Check that the mode can use a transfer function and a shading, which are keys of `node`."""
+    """Check that the mode can use a transfer function and a shading. node: the node of the scene or layer with both."""
     if not isinstance(mode, ModeSpec) or INVALID in (mode.type, transfer):
         return
     if not mode.is_projection:

@@ -6,9 +6,9 @@ a frame. `smooth` is the monotone piecewise cubic of F. N. Fritsch and J. Butlan
 monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5 (1984): the velocity is continuous, and no value
 lies beyond its two keys; a motion that is not closed starts and ends at rest.
 
-A value that moves is no number: in the sections of a film's scene its `Motion` stands in its place. Only this room has
-those sections in its hands. Others have them as `OverFrames`, which gives plain values at a frame and nothing else, and
-as the few fields whose types name a `Motion`.
+In the sections of a film's scene, a `Motion` takes the place of each value that moves. Only this room reads such
+sections. Other rooms have them as `OverFrames`, which gives plain values at a frame, except for a few fields whose
+types name `Motion`.
 """
 
 from __future__ import annotations
@@ -28,15 +28,17 @@ EASINGS: tuple[Easing, ...] = get_args(Easing)
 MotionKind = Literal["linear", "ratio", "direction"]
 
 
-# Rounding may take this much from a whole number.
+# The most by which rounding may make a whole number smaller.
 _LEAST = 1e-9
 
 
 @dataclass(frozen=True)
 class Motion(Generic[T]):
-    """A value by frame: frames ascend, and all values have the same shape; it is constant before and after its keys.
+    """A value that moves: its values at key frames. It is constant before the first key and after the last one.
 
-    kind: how values between two keys are found. is_closed: the last key is the first one of the next loop.
+    frames: the key frames, ascending. values: one for each key frame, all of the same shape.
+    easing: the course of time between two keys. kind: the interpolation of values between two keys.
+    is_closed: whether the film loops, and the last key is the first key of the next loop.
     """
 
     frames: tuple[int, ...]
@@ -46,7 +48,7 @@ class Motion(Generic[T]):
     is_closed: bool = False
 
     def at(self, frame: float) -> T:
-        """Return the value at a frame, exact at keys. Whole numbers stay whole: the nearest, or below of ratios."""
+        """Return the value at a frame, exact at keys. Whole numbers are rounded to the nearest one; ratios, down."""
         following = bisect_right(self.frames, frame)
         if following == 0:
             return self.values[0]
@@ -70,13 +72,20 @@ class Motion(Generic[T]):
         return between  # type: ignore[no-any-return]
 
     def _part(self, number: int) -> tuple[Any, Any, float]:
-        """Return the values at both ends of a part between keys, and its width; at rest beside a motion's ends."""
+        """Return the values at both ends of an interval between keys, and its width in frames.
+
+        Outside of the keys of a motion that is not closed, both values are equal: it starts and ends at rest.
+        """
         num = len(self.frames) - 1
         start, end = (number % num, number % num + 1) if self.is_closed else (max(number, 0), min(number + 1, num))
         return self.values[start], self.values[end], (self.frames[end] - self.frames[start]) or 1
 
     def _number_between(self, ends: Sequence[float], widths: Sequence[float], x: float) -> float:
-        """Return a number at a share x of a part. ends: of the part before, of this one and of the one after."""
+        """Return a number at a share x of an interval between two keys.
+
+        ends, widths: the numbers at both ends, and the widths, of three intervals: the one before, this one, the one
+            after.
+        """
         pairs = list(zip(ends[::2], ends[1::2], strict=True))
         rises = [log_rise(*pair) if self.kind == "ratio" else pair[1] - pair[0] for pair in pairs]
         (start, end), way, tangents = pairs[1], _eased(x, self.easing) * rises[1], 0.0
@@ -92,10 +101,10 @@ class Motion(Generic[T]):
 
 
 def log_rise(before: float, after: float) -> float:
-    """Return the logarithm of a ratio; 0 of equal numbers, which may be 0."""
+    """Return the logarithm of the ratio `after / before`: 0 for equal numbers, also for two zeros."""
     if before == after:
         return 0.0
-    if before == 0.0 or after == 0.0:  # between neighbouring frames
+    if before == 0.0 or after == 0.0:  # only allowed between neighbouring frames
         return math.copysign(math.inf, after - before)
     # Almost equal values have an exact difference; the difference of their logarithms loses digits.
     close = 0.5 * before < after < 2.0 * before
@@ -113,7 +122,7 @@ def _velocity(before: float, after: float, width_before: float, width_after: flo
 
 
 def _eased(x: float, easing: Easing) -> float:
-    """Return the share of the way at a share of the time, both in [0, 1]."""
+    """Return the share of the way from one key to the next, from the share of the time. Both are in [0, 1]."""
     if easing == "smooth":
         return x * x * (3.0 - 2.0 * x)
     if easing == "in":
@@ -122,7 +131,7 @@ def _eased(x: float, easing: Easing) -> float:
 
 
 def _direction_between(before: Sequence[float], after: Sequence[float], x: float) -> tuple[float, ...]:
-    """Return a unit vector on the great circle between two directions; of opposite ones, on some great circle."""
+    """Return a unit vector on the great circle between two directions; if these are opposite, on any great circle."""
     start, end = _unit(before), _unit(after)
     cosine = sum(a * b for a, b in zip(start, end, strict=True))
     aside = [b - cosine * a for a, b in zip(start, end, strict=True)]
@@ -145,7 +154,7 @@ def _unit(vector: Sequence[float]) -> tuple[float, ...]:
 
 
 def numbers_in(value: object) -> Iterator[float]:
-    """Yield the numbers in a value: of tuples and dataclasses, all of theirs."""
+    """Yield all numbers in a value, also those inside of tuples and dataclasses."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         yield value
     for part in _parts(value):
@@ -153,7 +162,7 @@ def numbers_in(value: object) -> Iterator[float]:
 
 
 def shape_of(value: object) -> object:
-    """Return the shape of a value: two values that differ in their numbers alone have the same."""
+    """Return the shape of a value: two values have the same shape if they differ only in numbers."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return "number"
     parts = _parts(value)
@@ -161,7 +170,7 @@ def shape_of(value: object) -> object:
 
 
 def _with_numbers(value: Any, numbers: Iterator[float], half: float) -> Any:
-    """Return a value with other numbers; whole numbers are rounded down, after `half` is added."""
+    """Return a value with other numbers. In place of a whole number comes the new one plus `half`, rounded down."""
     if isinstance(value, bool):
         return value
     if isinstance(value, int):
@@ -191,21 +200,21 @@ def _with_parts(value: Any, parts: Sequence[object]) -> Any:
 
 @dataclass(frozen=True)
 class OverFrames(Generic[T]):
-    """A part of a scene over the frames of its film. Values in it may move, so that it is read at a frame.
+    """A part of a scene over all frames of its film. Its values may move, so that it has to be read at a frame.
 
-    _value: with a motion in the place of each value that moves; no other room reads it.
+    _value: the part, with a motion in place of each value that moves. No other room reads it.
     """
 
     _value: T
 
     def at(self, frame: float) -> T:
-        """Return the part with plain values, as it is at a frame."""
+        """Return the part at a frame, with plain values."""
         return values_at(self._value, frame)
 
     def map(self, function: Callable[[T], U]) -> OverFrames[U]:
-        """Return a part of this part, which a function picks, or a copy in which it replaces something.
+        """Return a part over all frames that a function makes of this part, by picking or replacing something.
 
-        The function may not calculate: values that it is given may be motions.
+        The function must not calculate with values, as they may be motions.
         """
         return OverFrames(function(self._value))
 
@@ -226,7 +235,7 @@ class OverFrames(Generic[T]):
 
     @property
     def changing_frames(self) -> list[tuple[int, int]]:
-        """Return the runs of frames, first and last, on which something is not as on the frame before."""
+        """Return runs of frames, as (first, last), on which some value differs from its value one frame before."""
         found = {
             frame
             for motion in motions_in(self._value)
@@ -239,18 +248,18 @@ class OverFrames(Generic[T]):
 
 
 def value_at(value: T | Motion[T], frame: float) -> T:
-    """Return a value that may move as it is at a frame."""
+    """Return the value at a frame of a motion, or a plain value as it is."""
     return value.at(frame) if isinstance(value, Motion) else value
 
 
 def motion_to_dict(motion: Motion[Any], plain: Callable[[Any], Any]) -> dict[Any, Any]:
-    """Return a motion as plain data, with values that `plain` makes; keys become text in JSON, and are read so."""
+    """Return a motion as a map from frames to values. plain: a function that makes plain data of a value."""
     by_frame = {frame: plain(value) for frame, value in zip(motion.frames, motion.values, strict=True)}
     return by_frame | ({"easing": motion.easing} if motion.easing != "linear" else {})
 
 
 def moving(motion: Motion[Any]) -> Any:
-    """Return a motion, or its value if that is the same at all keys: for a field of a film's section."""
+    """Return a motion, or its value if it has the same value at all keys."""
     first = motion.values[0]
     return first if all(value == first for value in motion.values) else motion
 
@@ -270,7 +279,7 @@ def is_plain(*values: object) -> bool:
 
 
 def values_at(value: T, frame: float) -> T:
-    """Return a part of a scene as it is at a frame, with plain values in place of motions; itself if nothing moves."""
+    """Return a part of a scene at a frame, with plain values in place of motions; the same object if nothing moves."""
     if isinstance(value, Motion):
         plain: T = value.at(frame)
         return plain
@@ -280,7 +289,7 @@ def values_at(value: T, frame: float) -> T:
 
 
 def at_keys(function: Callable[[Any], Any], value: Any) -> Any:
-    """Return the result of a function; of a value that moves, its results at the keys."""
+    """Return the result of a function for a plain value; for a motion, the motion of the results at its keys."""
     if not isinstance(value, Motion):
         return function(value)
     values = tuple(map(function, value.values))
@@ -288,12 +297,12 @@ def at_keys(function: Callable[[Any], Any], value: Any) -> Any:
 
 
 def moving_result(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return the result of a function, which is affine in each of its arguments; some of them may move."""
+    """Return the result of a function for arguments that may move. The function is affine in each argument."""
     found = list(motions_in(arguments))
     if not found:
         return function(*arguments)
     motion, frames = found[0], sorted({frame for each in found for frame in each.frames})
-    if len(found) > 1:  # not affine in the frame
+    if len(found) > 1:  # a product of two motions is not affine in the frame
         motion, frames = Motion((), ()), list(range(frames[0], frames[-1] + 1))
     made = tuple(function(*values_at(arguments, frame)) for frame in frames)
     return moving(Motion(tuple(frames), made, motion.easing, motion.kind, motion.is_closed))

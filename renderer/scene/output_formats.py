@@ -22,15 +22,19 @@ _X265_PARAMS = "log-level=error:pools=4:frame-threads=1:psy-rd=0:psy-rdoq=0"
 
 @dataclass(frozen=True)
 class Codec:
-    """An encoder of ffmpeg, and how it is used.
+    """An encoder of ffmpeg, with its options.
 
-    pixel_formats: for opaque pictures; the first is the default. with_alpha: the same for transparent ones, if it can.
-    crf: the constant rate factor at quality 0, and by how much it falls with each step of quality; None without one.
-    kept_psnr: the PSNR that films typically keep at quality 8, in decibels, and the gain of each step of quality. H.264
-        kept 44.5 dB of many scans; the difference of the others from it was measured on three.
-    marks: one of them stands in the first bytes of its films. decoder: of its films, if not ffmpeg's first choice.
-    has_percent_quality: its quality is ten times the scene's. merges_frames: equal pictures in a row become one
-        that is shown for longer.
+    pixel_formats: its pixel formats for opaque pictures, the default first. with_alpha: its pixel formats for
+        transparent pictures, the default first; empty if it has none.
+    crf: the constant rate factor at quality 0, and the amount by which the factor falls with each step of quality; None
+        for an encoder without such a factor.
+    kept_psnr: the typical PSNR of films at quality 8 against their frames, in decibels, and the gain of each step of
+        quality. H.264 kept 44.5 dB over many scans; the differences of other encoders from H.264 were measured on
+            three scans.
+    marks: texts, one of which is in the first bytes of each film of this encoder.
+    decoder: the decoder of its films, if that is not ffmpeg's default.
+    has_percent_quality: whether its scale of quality ends at 100, and not at 10.
+    merges_frames: whether equal consecutive pictures become one picture that is shown for longer.
     """
 
     encoder: str
@@ -80,11 +84,13 @@ _APNG = Codec("apng", ("rgb24",), (100.0, 0.0), with_alpha=("rgba",))
 class OutputFormat:
     """A format of pictures or films.
 
-    name: with its article. codecs: by their names in scenes, the first is the default; none where each frame is a file.
-    pixel_formats: of frames in files. begins: how a file begins; ends: its last bytes.
-    muxer, demuxer: of ffmpeg, the first with its options. filters: from pictures to what the encoder takes: colours of
-        video in their `limited` or the `full` range, or a `palette`, or as they are. has_alpha_plane: alpha is a film
-        of its own in the file. max_rate: of frames a second; ticks_per_second: delays are a whole number of them.
+    name: the format's name, with an article. begins, ends: the first and the last bytes of a file.
+    codecs: the encoders by their names in scenes, the default first; empty if each frame is a file.
+    pixel_formats: the pixel formats of a format in which each frame is a file.
+    muxer, demuxer: their names in ffmpeg; the muxer with its options.
+    filters: the conversion before encoding: to YUV in the `limited` or the `full` range, to a `palette`, or none.
+    has_alpha_plane: whether a file holds alpha as a second film.
+    max_rate: the most frames per second. ticks_per_second: the unit of delays, which are whole numbers of ticks.
     """
 
     name: str
@@ -107,11 +113,11 @@ class OutputFormat:
 
     @property
     def has_alpha(self) -> bool:
-        """Return whether its pictures may be transparent, with the encoder that it has by default."""
+        """Return whether pictures may be transparent, with the format's default encoder."""
         return self.is_frames or bool(next(iter(self.codecs.values())).with_alpha)
 
 
-# The first bytes of files of these formats.
+# The first bytes of files of ISO formats (MP4, MOV, AVIF), and of PNG files.
 _ISO_FILE = re.compile(rb"....ftyp", re.DOTALL)
 _PNG_FILE = re.compile(rb"\x89PNG\r\n\x1a\n")
 _ISO_OPTIONS = ("-movflags", "+faststart")
@@ -155,10 +161,10 @@ FRAME_SUFFIXES = tuple(suffix for suffix, each in FORMATS.items() if each.is_fra
 
 
 def output_suffix(file: PurePath | str) -> str:
-    """Return the suffix by which a file's format is known; it may be none that exists."""
+    """Return the suffix of a file that determines its format. It may be unknown."""
     return PurePath(file).suffix.lower()
 
 
 def format_of(file: PurePath | str) -> OutputFormat:
-    """Return the format of a file. Raises KeyError for one that does not exist."""
+    """Return the format of a file. Raises KeyError for an unknown suffix."""
     return FORMATS[output_suffix(file)]

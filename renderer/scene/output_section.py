@@ -22,7 +22,7 @@ FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 
 # The largest width or height of a picture, in pixels.
 MAX_SIDE = 16384
-# Keys that belong to one format's encoder.
+# The keys of an encoder, which other formats do not have.
 _ENCODER_KEYS = ("codec", "crf", "pixel_format")
 # The coarsest constant rate factor of any encoder.
 _MAX_CRF = 63
@@ -32,9 +32,9 @@ _FILE_WORDS = (
     "one frame (--frames 7), still.png"
 )
 
-# The colours at the top and at the bottom.
+# The colours of a background at its top and at its bottom.
 Gradient = tuple[Color, Color]
-# None is transparent.
+# The background of a picture; None is transparent.
 Background = Color | Gradient | None
 
 
@@ -43,7 +43,7 @@ def _parse_file(node: TreeNode) -> Any:
         return node.reject("not a file name")
     if schema.has_unexpanded_tilde(node.value):
         return node.reject("a folder named ~", hint=schema.TILDE_HINT)
-    if os.path.basename(node.value) in ("", ".", ".."):  # which a Path would leave out
+    if os.path.basename(node.value) in ("", ".", ".."):  # a Path would drop these names
         return node.reject("the output is a folder")
     path = Path(node.value)
     if output_suffix(path) not in FORMATS:
@@ -67,7 +67,7 @@ def _parse_background(node: TreeNode) -> Any:
 
 
 def _written_background(background: Background) -> Any:
-    """Return a background as it is written: by a word, as a color, or as a mapping with the ends of a gradient."""
+    """Return a background as it is written in a scene: a word, a color, or a mapping with the ends of a gradient."""
     if background is None:
         return "transparent"
     return dict(zip(_GRADIENT, background, strict=True)) if isinstance(background[0], tuple) else background
@@ -87,9 +87,9 @@ _FRAME = schema.FieldType[Any]("a frame, -1 for the last one, or seconds such as
 
 
 class PictureKind(NamedTuple):
-    """A kind of pictures that files are made of: (width, height), background, and how numbers are stored.
+    """A kind of pictures, from which output files are made.
 
-    depth: bits of a channel, 8 or 16; 32 for floats.
+    size: (width, height). depth: the bits of a channel, 8 or 16 for whole numbers, 32 for floats.
     """
 
     size: tuple[int, int]
@@ -97,7 +97,7 @@ class PictureKind(NamedTuple):
     depth: int
 
     def at(self, frame: int) -> PictureKind:
-        """Return the kind with the background as it is at a frame."""
+        """Return this kind of pictures with its background at a frame."""
         return self._replace(background=self.background_at(frame))
 
     def background_at(self, frame: int) -> Background:
@@ -106,27 +106,28 @@ class PictureKind(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return words that tell it from other kinds: `256 x 256, transparent, 8 bits`."""
+        """Return a name that no other kind has: `256 x 256, transparent, 8 bits`."""
         width, height = self.size
         behind = f"background {self.background}"
         return f"{width} x {height}, {'transparent' if self.background is None else behind}, {self.depth} bits"
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Return (height, width, channels) of the pictures: RGB, with a transparent background RGBA."""
+        """Return (height, width, channels) of the pictures, which are RGB, or RGBA if the background is transparent."""
         width, height = self.size
         return height, width, 4 if self.background is None else 3
 
 
 @dataclass(frozen=True)
 class OutputFile:
-    """An output file, or frames in files: the size of its pictures, and its encoding.
+    """An output: one file, or a file for each frame, with the size of its pictures and its encoding.
 
-    file: its suffix says the format; frames in files have a template such as `frames/{frame:04}.png`, a single one a
-        name. background: None is transparent (straight alpha); two colours are a gradient from the top to the bottom.
-    quality: 0 (smallest) to 10 (best), where the encoder has a choice. codec, crf, pixel_format: None leaves them to
-        the format and the quality; names are ffmpeg's. every: it has the frames whose numbers are multiples of this.
-    frame: the only one that it shows, of all.
+    file: the name, whose suffix determines the format; a template such as `frames/{frame:04}.png` for several pictures.
+    background: None is transparent (straight alpha); two colours are a gradient from the top to the bottom.
+    quality: from 0 (smallest file) to 10 (best picture), if the encoder has a choice.
+    codec, crf, pixel_format: the encoder, its constant rate factor, and ffmpeg's name of a pixel format; None leaves
+        them to the format and the quality.
+    every: the output shows only frames whose numbers are multiples of this. frame: the only frame that it shows.
     """
 
     file: Annotated[Path, OUTPUT_FILE_FIELD]
@@ -156,23 +157,23 @@ class OutputFile:
 
     @property
     def is_numbered(self) -> bool:
-        """Return whether frames have separate names, so that jobs may share them; a still has not."""
+        """Return whether each frame has a numbered file, so that several jobs may share the frames."""
         return FRAME_FIELD.search(str(self.file)) is not None
 
     @property
     def chosen_codec(self) -> Codec:
-        """Return the encoder of a film: the one that is named, or the first of the format."""
+        """Return the encoder of a film: the scene's choice, or the format's default."""
         codecs = self.format.codecs
         return codecs[self.codec or next(iter(codecs))]
 
     @property
     def chosen_pixel_format(self) -> str:
-        """Return the one that is named, or the first of the encoder."""
+        """Return the pixel format: the scene's choice, or the encoder's default."""
         return self.pixel_format or _pixel_formats(self)[0]
 
     @property
     def chosen_crf(self) -> float | None:
-        """Return the constant rate factor of the encoder; None where it has none."""
+        """Return the constant rate factor of a film; None if the encoder has no such factor."""
         of_quality = self.chosen_codec.crf
         if of_quality is None or self.crf is not None:
             return self.crf
@@ -181,52 +182,52 @@ class OutputFile:
 
     @property
     def kind(self) -> PictureKind:
-        """Return which pictures it is made of."""
+        """Return the kind of pictures from which the output is made."""
         pixel_format = self.chosen_pixel_format
         depth = 32 if pixel_format == "float" else 16 if pixel_format.endswith(("10", "48")) else 8
         return PictureKind(self.size, self.background, depth)
 
     def written(self) -> object:
-        """Return its keys and their values."""
+        """Return the keys of the section with their values."""
         return self._keys()
 
     def _keys(self) -> dict[str, object]:
-        """Return the keys of one file and their values; none for a rate of every frame."""
+        """Return the keys of this file with their values, without `every: 1`."""
         values = {each.name: getattr(self, each.name) for each in fields(OutputFile)}
         given = {key: value for key, value in values.items() if value is not None and (key, value) != ("every", 1)}
         return given | {"background": at_keys(_written_background, self.background)}
 
     def shows(self, frame: int) -> bool:
-        """Return whether a frame of the film is in this file."""
+        """Return whether this output shows a frame of the film."""
         return frame % self.every == 0 and self.frame in (None, frame)
 
 
 @dataclass(frozen=True)
 class OutputSpec(OutputFile):
-    """A list of the files that one drawing makes: the first one, which has every frame, and the others."""
+    """A list of the outputs of one drawing. The first output shows every frame, and has its keys here."""
 
     others: tuple[OutputFile, ...] = ()
 
     def written(self) -> object:
-        """Return the keys of its only file and their values, or the list of its files."""
+        """Return the keys of the only output with their values, or a list of all outputs."""
         return [self._keys(), *self.others] if self.others else self._keys()
 
     @property
     def files(self) -> tuple[OutputFile, ...]:
-        """Return all files, the first one first."""
+        """Return all outputs, in their order."""
         return (self, *self.others)
 
     @property
     def kinds(self) -> tuple[PictureKind, ...]:
-        """Return the kinds of pictures that the files are made of, each once, beginning with the first file's."""
+        """Return the kinds of pictures of all outputs, each once; the first output's kind comes first."""
         return tuple(dict.fromkeys(each.kind for each in self.files))
 
     def shown(self, frames: Sequence[int]) -> list[OutputFile]:
-        """Return the files that have any of these frames."""
+        """Return the outputs that show any of these frames."""
         return [each for each in self.files if any(map(each.shows, frames))]
 
     def kinds_at(self, frame: int) -> tuple[int, ...]:
-        """Return the numbers of the kinds of pictures that a frame needs."""
+        """Return the indices in `kinds` of the kinds of pictures that a frame needs."""
         kinds = self.kinds
         return tuple(sorted({kinds.index(each.kind) for each in self.files if each.shows(frame)}))
 
@@ -256,7 +257,7 @@ def _check_file(node: TreeNode, given: dict[str, Any]) -> None:
 
 
 def _check_pixels(node: TreeNode, given: dict[str, Any], file_format: OutputFormat) -> None:
-    """Refuse a transparent background, a rate factor, a pixel format or a size that an encoder does not take."""
+    """Refuse a transparent background, a rate factor, a pixel format or a size that the encoder cannot have."""
     codec_name, suffix = given.get("codec"), output_suffix(given["file"])
     is_transparent = given.get("background", INVALID) is None
     output = OutputFile(given["file"], codec=codec_name, background=None if is_transparent else (0.0, 0.0, 0.0))
@@ -282,12 +283,12 @@ def _check_pixels(node: TreeNode, given: dict[str, Any], file_format: OutputForm
 
 
 _FILE = schema.dataclass_field(OutputFile, _check_file)
-# Keys that other files take from the first, unless they have them.
+# The keys that further outputs take from the first one, unless they have their own.
 _SHARED_KEYS = ("size", "background")
 
 
 def _parse_output(node: TreeNode) -> Any:
-    """Parse one file, or a list of them, of which the first one has all frames."""
+    """Parse one output or a list of outputs. The first output shows all frames."""
     nodes = [node]
     if isinstance(node.value, (list, tuple)):
         nodes = [node.child(number, each) for number, each in enumerate(node.value)]
@@ -315,7 +316,11 @@ def _parse_output(node: TreeNode) -> Any:
 
 
 def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
-    """Return a further file with the rate that follows from the first one's; refuse a size that does not divide."""
+    """Return a further output with a frame rate. Refuse a size that is no whole fraction of the first output's size.
+
+    Unless the rate is given, the film of every n-th frame has an n-th of the first output's rate, so that both take as
+    long.
+    """
     factor = first.size[0] // other.size[0]
     if factor < 1 or tuple(factor * side for side in other.size) != first.size:
         smaller = [[side // k for side in first.size] for k in range(1, 9) if not any(side % k for side in first.size)]
@@ -331,7 +336,7 @@ def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
 
 
 def _check_names(files: Iterable[tuple[TreeNode, OutputFile]]) -> None:
-    """Refuse files that another output, or one of its frames, may have the name of."""
+    """Refuse outputs whose files may have the same name."""
     known = list[tuple[str, str]]()
     for node, each in files:
         name = os.path.join(place_of(each.file.parent), place_name(each.file.name))
@@ -346,7 +351,7 @@ OUTPUT_SECTION = schema.FieldType("a mapping with file, or a list of such", _par
 
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that the name of several frames has a number; `given` holds the sections of the whole scene."""
+    """Check that the names of several frames in files have a number. given: the sections of the whole scene."""
     camera, output = given["camera"], given["output"]
     num_frames = getattr(getattr(camera, "path", None), "frames", INVALID)
     if num_frames is INVALID or not isinstance(output, OutputFile) or output.file is INVALID:
@@ -363,17 +368,20 @@ def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 
 def outputs_of(scene: Mapping[str, Any]) -> Sequence[dict[str, Any]]:
-    """Return the outputs of a scene in plain data, which was read as one."""
+    """Return the outputs of a scene in plain data, which `parse_scene` has accepted."""
     return scene["output"] if isinstance(scene["output"], (list, tuple)) else [scene["output"]]
 
 
 def first_output(scene: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the first output of a scene in plain data, which was read as one."""
+    """Return the first output of a scene in plain data, which `parse_scene` has accepted."""
     return outputs_of(scene)[0]
 
 
 def only_output(section: Any, suffix: str) -> Any:
-    """Return a scene's `output`, as it is written, for one file of a format: the first one, as far as it fits that."""
+    """Return the first output of an `output` section in plain data, for use with a file of another format.
+
+    suffix: the suffix of the new file. For another format, the keys of the encoder are left out.
+    """
     first = section[0] if isinstance(section, list) and section else section
     if not isinstance(first, dict) or output_suffix(str(first.get("file"))) == suffix:
         return first

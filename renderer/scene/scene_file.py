@@ -38,8 +38,9 @@ def parse_scene_content(
 ) -> FilmScene:
     """Return the scene in the content of the YAML file `path`.
 
-    is_single_frame: only one frame of the path is drawn. Else parameters and errors as in `edit_scene_content`.
-    Raises SceneError with all problems in it, in the order of the file; problems of the command line come last.
+    is_single_frame: whether only one frame of the path is drawn. See `edit_scene_content` for all other parameters.
+    Raises InputError if the file is no scene, and SceneError with all problems in it, in the order of the file;
+    problems of the command line come last.
     """
     return edit_scene_content(content, path, overrides, volume, output).parse(is_single_frame=is_single_frame)
 
@@ -57,8 +58,10 @@ def edit_scene_content(
     ----------
     overrides: `path.to.key=value`, the value in YAML. Missing mappings are created, list items are counted from 0, and
         the value null removes a key. They are applied in order, before `volume` and `output`.
-    volume: replaces the volume's source, and `output` the output file; both are relative to the current folder. Volume
-        files in the scene are relative to the scene file, its output file to the current folder.
+    volume: the file that replaces the volume's source. output: the file that replaces the output file.
+
+    Both files, and the output file in the scene, are relative to the current folder. All other files in the scene are
+    relative to the scene file.
 
     Raises InputError if the file is no scene.
     """
@@ -78,7 +81,7 @@ def edit_scene_content(
 _SOURCES = ("file", "raw", "procedural", "array")
 
 
-# Where the value with a problem was written: in the file, by an option, which has this number, or unknown.
+# Where a value with a problem comes from: a place in the file, the number of an option, or None if that is unknown.
 _Origin = yaml_tree.TextPosition | int | None
 
 
@@ -90,8 +93,8 @@ class TreeEditor:
     ----------
     tree: a mapping, which is changed.
     path: the file that it was read from.
-    path_prefix: where the scene is in the file, for files that are located by keys instead of lines.
-    hints: for problems with the file's own values, by path.
+    path_prefix: the path of the scene in the file, for files in which problems are located by keys and not by lines.
+    hints: hints for problems with values of the file, by the values' paths.
     """
 
     tree: yaml_tree.YamlTree
@@ -110,7 +113,7 @@ class TreeEditor:
         for override in overrides:
             self._override(override)
         if volume is not None:
-            section = self.tree.data.get("volume")  # its other keys remain
+            section = self.tree.data.get("volume")  # all other keys of the volume remain
             others = section.items() if isinstance(section, dict) else ()
             self.tree.data["volume"] = {key: value for key, value in others if key not in _SOURCES}
             self._set(["volume", "file"], str(volume.absolute()), self._option(f"--volume {volume}"))

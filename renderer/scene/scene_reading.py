@@ -28,8 +28,9 @@ _MOST_CHECKED = 64
 def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> FilmScene:
     """Return the scene that `tree` describes.
 
-    base: the folder that volume files are relative to; they are kept as `base / file`, the output file as given.
-    is_single_frame: one frame is drawn, so the output may be a PNG without a number in its name.
+    base: the folder that volume files are relative to. The scene has `base / file` in their place; the output file
+        stays as given.
+    is_single_frame: whether only one frame is drawn, so that the output may be a PNG without a number in its name.
     Raises SceneError with every problem.
     """
     film = _film_time(tree)
@@ -51,7 +52,7 @@ def parse_scene(tree: object, *, base: Path, is_single_frame: bool = False) -> F
 
 
 def _film_time(tree: object) -> schema.FilmTime:
-    """Return how many frames a scene has, and their rate, as far as it gives them."""
+    """Return the number of frames of a scene, and their rate, as far as the scene gives them."""
     sections, film = tree if isinstance(tree, Mapping) else {}, schema.FilmTime(None, OutputSpec.frames_per_second)
     output, camera = (schema.TreeNode(sections.get(key), "", [], film=film) for key in ("output", "camera"))
     found: Any = SECTIONS["output"].read(output)
@@ -63,7 +64,7 @@ def _film_time(tree: object) -> schema.FilmTime:
 
 
 def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
-    """Return the scene in a tree; it is of no use if there are problems."""
+    """Return the scene in a tree. If there are problems, it is incomplete and must not be used."""
     tree, problems = node.value if isinstance(node.value, Mapping) else {}, node.problems
     required = _required_keys(tree)
     given = schema.read_fields(node, SECTIONS, required=required, misplaced_hints=_MISPLACED_KEY_HINTS)
@@ -84,7 +85,7 @@ def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
         for number, layer in enumerate(scene.layers if has_plain_values else ()):
             place = partial(scene.layer_key, number)
             problems += proportion_problems(layer.volume, scene.camera, scene.output.size, place)
-        if node.film is not None and node.film.at is None:  # where a frame is read, nothing moves
+        if node.film is not None and node.film.at is None:  # at a single frame, nothing moves
             section = node.child("annotation", tree.get("annotation"))
             moving = moving_values(film_scene(scene), 0) if scene.annotation.time is not None else {}
             check_annotation(section, scene.annotation, len(scene.layers), moving)

@@ -15,10 +15,10 @@ from renderer.scene.volume_section import VOLUME_TABLE
 
 @runtime_checkable
 class _Written(Protocol):
-    """A part of a scene whose keys are not its fields."""
+    """A part of a scene that is written with other keys than the names of its fields."""
 
     def written(self) -> object:
-        """Return its keys and their values, or a value of another kind; these may be parts of a scene and motions."""
+        """Return the keys with their values, which may be parts of a scene or motions; or a single value."""
 
 
 def scene_to_dict(scene: FilmScene) -> dict[str, Any]:
@@ -31,7 +31,7 @@ def scene_to_dict(scene: FilmScene) -> dict[str, Any]:
 
 
 def moving_values(scene: FilmScene, frame: int) -> dict[str, object]:
-    """Return the values that move in a scene, as they are at a frame: plain data by dotted keys."""
+    """Return the values at a frame of all that moves in a scene: plain data by dotted keys."""
 
     def differences(film: object, now: object, path: str) -> Iterator[tuple[str, object]]:
         if isinstance(film, list) and isinstance(now, list) and len(film) == len(now):
@@ -60,9 +60,9 @@ def without_sources(tree: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def spec_to_dict(value: object) -> dict[str, Any]:
-    """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data; as `scene_to_dict`.
+    """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data. See `scene_to_dict`.
 
-    value: as it is at a frame, or over the frames of its film.
+    value: the part at a frame, or over all frames of the film.
     """
     plain: dict[str, Any] = _plain(value._value if isinstance(value, OverFrames) else value)
     return plain

@@ -14,23 +14,23 @@ from renderer.scene.spec import AnyScene
 
 
 def tolerance_at(error: ErrorSpec, frame: int) -> float:
-    """Return the tolerance of a frame; a goal, if any, has been resolved."""
+    """Return the tolerance of a frame. There must be no goal any more."""
     assert error.goal is None, f"to be resolved first: {error.goal}"
     return value_at(error.tolerance, frame)
 
 
 def accuracy_of(error: ErrorSpec) -> ErrorSpec:
-    """Return the accuracy that is requested of a film: the tolerance or the goal alone."""
+    """Return the `error` section with the requested tolerance or goal alone."""
     return ErrorSpec(error.tolerance) if error.goal is None else ErrorSpec(goal=error.goal)
 
 
 def is_film_wide_goal(error: ErrorSpec) -> bool:
-    """Return whether the goal concerns all frames together, so that a part of them cannot tell whether it is met."""
+    """Return whether the goal is about all frames together, so that some frames cannot show whether it is met."""
     return isinstance(error.goal, (MetricTarget, TimeBudget))
 
 
 def with_draw_order(scene: AnyScene) -> AnyScene:
-    """Return the scene with the order in which splats are drawn: `unmixed`, a single order, for a time budget.
+    """Return the scene with a single order of its splats, `unmixed`, if it has a time budget; else the same scene.
 
     Drawing some frames in a second order would double their time, or need a far coarser cut, which flickers.
     """
@@ -61,7 +61,7 @@ def with_tolerances(scene: AnyScene, tolerances: Mapping[int, float]) -> AnyScen
 
 
 def schedule_from_tolerances(tolerances: Mapping[int, float]) -> float | Motion[float]:
-    """Return a tolerance that has exactly these values at these frames, which are in ascending order."""
+    """Return a tolerance that moves and has exactly these values at these frames, which ascend."""
     frames, values = zip(*(next(run) for _, run in groupby(tolerances.items(), key=itemgetter(1))), strict=True)
     tolerance: float | Motion[float] = moving(Motion(frames, values, "hold", "ratio"))
     return tolerance

@@ -2,8 +2,8 @@
 
 A `FieldType` says what is expected and reads it from a `TreeNode`, a value with its path. For a mistake it adds a
 problem to the node's list and returns INVALID, so that reading continues; the caller discards the result if there is
-any problem. INVALID equals no legal value and is an instance of none of their types, so checks of several values skip
-values that are already wrong.
+any problem. INVALID equals no legal value and has none of their types, so checks of several values skip values that are
+already wrong.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ TILDE_HINT = "~ is not expanded: write the whole path"
 
 
 def is_file_name(value: object) -> TypeGuard[str]:
-    """Return whether a value may name a file on this system: half of a surrogate pair, for one, may not."""
+    """Return whether a value may name a file on this system: half of a surrogate pair may not."""
     try:
         return isinstance(value, str) and bool(value.strip()) and b"\0" not in os.fsencode(value)
     except UnicodeEncodeError:
@@ -150,7 +150,7 @@ MAPPING_FIELD: FieldType[dict[str, Any]] = _instance_field(dict, "a mapping", "n
 
 
 def text_field(expected: str, what: str, is_valid: Callable[[str], object]) -> FieldType[Any]:
-    """Return the type of a text that `is_valid` accepts. what: says what is wrong with others."""
+    """Return the type of a text that `is_valid` accepts. what: the message about any other text."""
 
     def parse(node: TreeNode) -> Any:
         return node.value if isinstance(node.value, str) and is_valid(node.value) else node.reject(what)
@@ -198,8 +198,9 @@ def sequence_field(
 ) -> FieldType[Any]:
     """Return the type of a list of `count` items, or of one or more unless it `may_be_empty`; wrong items are INVALID.
 
-    check: returns the items, or INVALID; it is called if every item is right and none moves, for items that move are
-        checked at their keys. motion: by default, the items' own.
+    check: a function that returns the items, or INVALID. It is called if every item is right and none moves; items that
+        move are checked at their keys.
+    motion: how the list moves; by default, as its items do.
     """
 
     def parse(node: TreeNode) -> Any:
@@ -228,7 +229,7 @@ def pair_field(first: FieldType[Any], second: FieldType[Any], expected: str) -> 
 
 
 def mapping_field(item: FieldType[T], expected: str = "a mapping", key_name: str = "text") -> FieldType[dict[str, T]]:
-    """Return the type of a mapping of any texts to items; wrong ones are INVALID. key_name: for messages."""
+    """Return the type of a mapping from any texts to items; wrong items are INVALID. key_name: for messages on keys."""
 
     def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, Mapping):
@@ -276,7 +277,7 @@ def dataclass_field(
 def field_table(cls: Any) -> dict[str, FieldType[Any]]:
     """Return the types of a dataclass's fields, as annotations declare them, or as they follow from type hints.
 
-    Fields whose hints say too little are left out.
+    Fields whose type hints do not determine a field type are left out.
     """
     hints = get_type_hints(cls, include_extras=True)
     found = {each.name: _field_type(hints[each.name]) for each in fields(cls)}
@@ -285,7 +286,8 @@ def field_table(cls: Any) -> dict[str, FieldType[Any]]:
 
 def _field_type(hint: Any) -> FieldType[Any] | None:
     """Return the type that a hint declares or says: a boolean, text, one of a Literal's words, another dataclass,
-    or a list of any number of these."""
+    or a list of any number of these.
+    """
     if get_origin(hint) is Annotated:
         declared = (item for item in hint.__metadata__ if isinstance(item, FieldType))
         return next(declared, None) or _field_type(hint.__origin__)
@@ -335,7 +337,7 @@ def read_fields(
         close = closest_match(key, table) if isinstance(key, str) else None
         other_place = (misplaced_hints or {}).get(key) if isinstance(key, str) else None
         hint = other_place or (f"did you mean {close}?" if close else None)
-        if value is None and type(key) is int:  # as {opacity: 0,5} gives
+        if value is None and type(key) is int:  # YAML reads {opacity: 0,5} as a key `opacity` and a key 5
             hint = "decimals come after a point; in {...} and [...] a comma begins what comes next"
         node.key(key).reject("unknown key", expected=join_words(table), hint=hint)
         if close and close not in node.value:  # a misspelt key is not missing, too
@@ -350,7 +352,7 @@ def read_fields(
 def read_option(
     field: FieldType[T], value: object, location: str, problems: list[Problem], film: FilmTime | None = None
 ) -> T:
-    """Return a value from elsewhere, read as a field; add its problems, with `location`, to `problems`."""
+    """Return a value from outside of a scene, read as a field. Its problems, with `location`, go to `problems`."""
     found: list[Problem] = []
     result = field.read(TreeNode(value, "", found, film=film))
     problems += [replace(problem, location=location) for problem in found]

@@ -14,7 +14,7 @@ from renderer.scene.schema import INVALID, TreeNode
 
 # The largest exponent of a highlight.
 MAX_SHININESS = 1000.0
-# How far behind a face that clipping cuts the light of the face reaches, in finest spacings.
+# The depth behind a face cut by clipping, in finest spacings, down to which points are lit by the face's normal.
 FACE_DEPTH = 2.5
 
 _LIGHT_WORDS = "[x, y, z], not all 0: from the object to the light; or camera"
@@ -42,7 +42,7 @@ _GRADIENT_OPACITY = schema.sequence_field(
 
 @dataclass(frozen=True)
 class ShadingSpec:
-    """A light, and factors on extinction.
+    """The keys of `shading`: a light, and factors on extinction.
 
     light: points from the object to the light, in world axes; "camera" is light from the viewer. The colour of a point
         with the normal n, with l towards the light and h halfway between l and the direction to the viewer, is
@@ -54,8 +54,8 @@ class ShadingSpec:
     occlusion_radius: how far occlusion sees, in world units; None is a tenth of the volume's diagonal.
     silhouette: s in the factor `1 - s (1 - |n . v|)^3` on the lit colour, v to the viewer; it is 1 without a gradient.
     cut_faces: points near a face that clipping cuts are lit by the normal of this face. A plane or a box removes a
-        convex set, an inverted box six. At the distance d from such a set, in finest spacings, its face has the weight
-        `w = max(0, 1 - (d / FACE_DEPTH)^2)^3`, with n to the nearest point of the set. Faces have the share
+        convex set, an inverted box removes six. At the distance d from such a set, in finest spacings, its face has the
+        weight `w = max(0, 1 - (d / FACE_DEPTH)^2)^3`, with n to the nearest point of the set. Faces have the share
         `1 - product of (1 - w)` of the light, each in proportion to its weight, and the gradient has the rest.
     """
 
@@ -74,22 +74,22 @@ class ShadingSpec:
 
     @property
     def lambert(self) -> ShadingSpec | None:
-        """Return itself if it is Lambert shading by a fixed light alone, which cells of any size can hold, or None."""
+        """Return this shading if it is plain Lambert shading by a fixed light, which cells can store; else None."""
         return None if self.is_pointwise else self
 
     @property
     def is_pointwise(self) -> bool:
-        """Return whether it is more than that, so that only samples between voxels can be shaded."""
+        """Return whether each sample must be shaded, as the shading is more than Lambert's by a fixed light."""
         return bool(pointwise_keys(self))
 
     @property
     def has_light_grid(self) -> bool:
-        """Return whether it needs to know how much light reaches each place."""
+        """Return whether the shading needs a grid of the light that reaches each place."""
         return self.occlusion > 0 or self.shadow > 0
 
     @property
     def is_plain(self) -> bool:
-        """Return whether it is Lambert shading by a fixed light that nothing dims."""
+        """Return whether the shading is Lambert shading by a fixed light that nothing dims."""
         return not (self.is_pointwise or self.has_light_grid)
 
     @property
@@ -129,7 +129,7 @@ def check_shading(node: TreeNode, given: dict[str, Any]) -> None:
 
 
 def refuse_larger_cells(key: TreeNode, error: object, hint: str) -> None:
-    """Refuse a key with which only voxels are drawn where a scene's `error` asks for larger cells."""
+    """Refuse a key for which only voxels can be drawn, if the scene's `error` asks for larger cells."""
     if not isinstance(error, ErrorSpec):
         return
     if isinstance(error.finest_level, int) and error.finest_level > 0:

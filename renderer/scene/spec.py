@@ -78,7 +78,7 @@ AnyScene = TypeVar("AnyScene", bound="FilmScene")
 
 
 class FilmScene(ABC):
-    """A scene over all frames of its film. It has the sections that cannot move; a `Scene`, `at` a frame, has all.
+    """A scene over all frames of its film. It offers the sections that cannot move; `at` returns all at one frame.
 
     A `Scene` is the scene of a film in which nothing moves. Backgrounds in `output` may move, as their type says. So
     may the tolerance or the budget in `error`, which is a schedule of the whole film, also in a `Scene`.
@@ -94,14 +94,14 @@ class FilmScene(ABC):
         """Return all sections, with a motion in the place of each value that moves."""
 
     def at(self, frame: int) -> Scene:
-        """Return the scene with plain values, as it is at a frame; itself if nothing moves."""
+        """Return the scene at a frame, with plain values; this scene itself if nothing moves."""
         return replace(values_at(self._sections, frame), error=self.error)
 
     def changed(self: AnyScene, edit: Callable[..., Scene], *others: FilmScene) -> AnyScene:
         """Return a scene with other sections.
 
-        edit: takes the sections of this scene and of `others`, and replaces something in the first. It may not
-            calculate: values that it is given may be motions.
+        edit: a function of the sections of this scene and of `others`. It returns the first with some sections
+            replaced, and must not calculate with values, as they may be motions.
         """
         sections = edit(self._sections, *(other._sections for other in others))
         changed: Any = film_scene(sections)
@@ -109,7 +109,7 @@ class FilmScene(ABC):
 
     @property
     def moves(self) -> bool:
-        """Return whether anything but its tolerance moves."""
+        """Return whether anything but the tolerance moves."""
         return not _has_plain_sections(self._sections)
 
     @property
@@ -133,11 +133,11 @@ class FilmScene(ABC):
 
     @property
     def has_list(self) -> bool:
-        """Return whether its text has a list of volumes."""
+        """Return whether the text of the scene has a list of volumes."""
         return self._sections.shared is not None
 
     def layer_key(self, number: int, key: str) -> str:
-        """Return the dotted key of a layer's key in the text of the scene."""
+        """Return the dotted path, in the text of the scene, of a key of a layer."""
         layer, shared = self._sections.layers[number], self._sections.shared
         if shared is None:
             return f"volume.{key}" if key in VOLUME_TABLE else key
@@ -146,7 +146,7 @@ class FilmScene(ABC):
 
     @property
     def is_projection(self) -> bool:
-        """Return whether a ray shows one number, and opacities do not count."""
+        """Return whether the mode is a projection, in which each ray shows one number and opacities do not count."""
         return self._sections.mode.is_projection
 
     @property
@@ -156,12 +156,12 @@ class FilmScene(ABC):
 
     @property
     def primitive_name(self) -> str:
-        """Return the name of a primitive, in the singular, for messages."""
+        """Return the name of what is drawn for a cell, in the singular, for messages."""
         return self._sections.splat.primitive_name
 
     @property
     def needs_opengl(self) -> bool:
-        """Return whether it has splats; bricks are drawn by kernels."""
+        """Return whether the scene is drawn as splats, which need OpenGL. Bricks do not: kernels draw them."""
         return self._sections.splat.footprint != "integrated"
 
     @property
@@ -184,7 +184,7 @@ def _has_plain_sections(sections: Scene) -> bool:
 
 
 def film_scene(sections: Scene) -> FilmScene:
-    """Return a scene of these sections, in which motions may be in the places of values."""
+    """Return a scene of these sections, in which motions may take the place of values."""
     return sections if _has_plain_sections(sections) else _MovingScene(sections)
 
 
@@ -195,7 +195,7 @@ class _MovingScene(FilmScene):
     _in_motion: Scene
 
     def __init__(self, _in_motion: Scene, **changes: Any) -> None:
-        """Make a scene of sections in which some are changed: of this, `dataclasses.replace` makes others, too."""
+        """Make a scene of sections, with changes to some. `dataclasses.replace` calls it with the changes, too."""
         sections = replace(_in_motion, **changes)
         object.__setattr__(self, "_in_motion", sections)
         for key in ("output", "error", "blend"):
@@ -208,11 +208,11 @@ class _MovingScene(FilmScene):
 
 @dataclass(frozen=True)
 class Scene(FilmScene):
-    """A complete job with plain values: a film in which nothing moves, or one frame of another.
+    """A complete job with plain values: a film in which nothing moves, or one frame of a film in which something moves.
 
     layers: the volumes that are drawn.
-    shared: the keys that the text of a scene with a list of volumes gives to all of them; the layers have them. None
-        where the text has one volume and no list.
+    shared: the shading and the mask that the text of the scene gives to all volumes of its list, and that the layers
+        have already. None if the text has one volume and no list.
     """
 
     layers: tuple[LayerSpec, ...]
@@ -232,12 +232,12 @@ class Scene(FilmScene):
         return replace(self, layers=tuple(replace(layer, **changes) for layer in self.layers))
 
     def written(self) -> dict[str, object]:
-        """Return its keys and their values."""
+        """Return the sections of the scene by their keys."""
         found = {**vars(self), **self._written_layers()}
         return {"version": VERSION} | {key: found[key] for key in SECTIONS if key in found}
 
     def _written_layers(self) -> dict[str, object]:
-        """Return the keys of volumes and their values."""
+        """Return the keys of the volumes, or of the list of volumes, with their values."""
         if self.shared is not None:
             return {**vars(self.shared), "volumes": tuple(map(self.shared.taken_from, self.layers))}
         (layer,) = self.layers
@@ -259,7 +259,7 @@ class Scene(FilmScene):
 
     @property
     def key_for_bricks(self) -> str | None:
-        """Return a key that only bricks can show, if it has one."""
+        """Return a key of the scene that only bricks can show; None without one."""
         first = self.layers[0]
         asks = {
             "mode": self.mode.is_projection,

@@ -49,13 +49,13 @@ class SplatSpec:
     order: Literal["depth", "unmixed", "boxes"] = "depth"
 
     def written(self) -> dict[str, object]:
-        """Return the keys that its footprint has, and their values."""
+        """Return the keys that the footprint has, with their values."""
         unused = unused_splat_keys(self.footprint)
         return {key: value for key, value in vars(self).items() if key not in unused}
 
     @property
     def primitive_name(self) -> str:
-        """Return the name of a primitive, in the singular, for messages."""
+        """Return the name of what is drawn for a cell, in the singular, for messages."""
         return "brick" if self.footprint == "integrated" else "splat"
 
 
@@ -66,11 +66,11 @@ def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
     footprint = given.get("footprint", SplatSpec.footprint)
     hints = unused_splat_keys(footprint)
     for key in schema.valid_keys(given, *hints):
-        if given[key] == getattr(SplatSpec, key):  # as in a sidecar
+        if given[key] == getattr(SplatSpec, key):  # a sidecar has all defaults
             continue
         if "footprint" in given:
             node.key(key).reject(f"contradicts footprint: {footprint}", hint=hints[key])
-        else:  # nobody has written what it contradicts
+        else:  # the footprint is a default, which the user has not written
             hint = f"this section gives no footprint, so it is {footprint}, which has no {key}"
             node.key(key).reject("needs footprint: gouraud", hint=hint)
     profile = given.get("profile", INVALID)

@@ -56,8 +56,8 @@ class ControlPoint:
 class ColormapSpec:
     """A named colormap stretched over `range`, with opacity points (value, opacity).
 
-    Only projections may leave opacities out. scale: `log`: colours and opacities go with the logarithms of values, and
-    all values are above 0.
+    Only projections may leave opacities out. scale: with `log`, colours and opacities are linear in the logarithm of
+    the scalar, and all values are above 0.
     """
 
     colormap: str
@@ -68,11 +68,13 @@ class ColormapSpec:
 
 @dataclass(frozen=True)
 class ImportedLook:
-    """Where control points were imported from.
+    """The origin of imported control points.
 
-    name: of a preset, or of the file without its folder. file: None for a preset. has_opacities: whether the file or
-    the scene gives them. shading: its light, as a scene's `shading`. left_out: clauses on features that are missing.
-    look, range, opacity: from which control points are made again once percentiles are values.
+    name: the name of the preset, or of the file without its folder. file: the path of the file; None for a preset.
+    has_opacities: whether the file or the scene gives opacities. shading: the light in the file, as keys of `shading`.
+    left_out: clauses on features of the file that hsplat lacks.
+    look, range, opacity: the look and the scene's keys, from which control points are made again when percentiles have
+        been replaced by values.
     """
 
     name: str
@@ -87,12 +89,13 @@ class ImportedLook:
 
 @dataclass(frozen=True)
 class TransferSpec:
-    """A map from scalar to colour and extinction: control points, values not descending, a colormap, or labels.
+    """A map from scalars to colours and extinctions.
 
-    mapping: None is open: `renderer.resolve.resolve_scene` chooses it, for channels and for voxels that are colours.
+    mapping: control points with values that do not descend, a colormap, or labels. None if it is not chosen yet, for
+        channels and for voxels that are colours: `renderer.resolve.resolve_scene` chooses it.
     unit: the world length that opacities refer to; None is the volume's finest spacing.
-    imported: where the control points come from. It changes no picture and is not recorded.
-    relative: values are percentiles of the volume's voxels with data; `resolve_scene` replaces them.
+    imported: the origin of imported control points. It changes no picture and is not recorded.
+    relative: whether values are percentiles of the volume's voxels with data, until `resolve_scene` replaces them.
     """
 
     mapping: tuple[ControlPoint, ...] | ColormapSpec | LabelsSpec | None
@@ -102,7 +105,7 @@ class TransferSpec:
 
     @property
     def points(self) -> tuple[ControlPoint, ...]:
-        """Return its control points; none of a colormap and of labels."""
+        """Return the control points; empty for a colormap and for labels."""
         return self.mapping if isinstance(self.mapping, tuple) else ()
 
     @property
@@ -116,7 +119,7 @@ class TransferSpec:
         return self.mapping is None
 
     def written(self) -> dict[str, object]:
-        """Return its keys and their values."""
+        """Return the keys of the section with their values."""
         if isinstance(self.mapping, ColormapSpec):
             keys = vars(self.mapping)
         elif isinstance(self.mapping, LabelsSpec):
@@ -178,7 +181,7 @@ def _read_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
 
 
 def _check_percentiles(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that values are percentiles, which nothing shifts."""
+    """Check that values are percentiles, and that `shift` and `scale` are not given."""
     for key in ("points", "range", "opacity"):
         for number, item in enumerate(given[key] if isinstance(given.get(key), tuple) else ()):
             place, value = node.child(key).child(number), item
@@ -194,7 +197,7 @@ def _check_percentiles(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     unit = given.get("unit")
-    of_colormap = [] if isinstance(given.get("scale"), (float, Motion)) else ["scale"]  # a word
+    of_colormap = [] if isinstance(given.get("scale"), (float, Motion)) else ["scale"]  # `scale: log`
     if "import" in given:
         for key in schema.valid_keys(given, "points", "colormap", *of_colormap):
             node.key(key).reject(f"contradicts {node.path}.import", expected="one of them")
@@ -239,7 +242,7 @@ def _points(opacities: Sequence[tuple[float, float]]) -> tuple[ControlPoint, ...
 
 
 def _has_opacities_alone(section: Mapping[str, object]) -> bool:
-    """Return whether a transfer function has no colours: then it is white, for voxels that are colours."""
+    """Return whether a transfer function has opacities but no colours, which is enough for voxels that are colours."""
     return "opacity" in section and section.keys() <= {"opacity", "unit", "relative"}
 
 
@@ -250,7 +253,7 @@ def _require_colormap(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 
 def check_colors_given(node: TreeNode) -> None:
-    """Check that the text of a transfer function gives colours, as all need whose voxels are no colours."""
+    """Check that the text of a transfer function gives colours. Only voxels that are colours need none."""
     if isinstance(node.value, Mapping) and _has_opacities_alone(node.value):
         _require_colormap(node, node.value)
 
@@ -262,7 +265,7 @@ def _check_positive(node: TreeNode, value: Any) -> None:
 
 
 def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
-    """Return the points of a file or a preset where the scene wants them; its own opacities and unit go first."""
+    """Return the control points of a file or a preset. Opacities and a unit in the scene replace those of the file."""
     from renderer.looks import MAX_LOOK_POINTS
 
     span, opacities, num_problems = given.get("range"), given.get("opacity"), len(node.problems)
@@ -293,7 +296,7 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
 
 
 def _place_points(look: Look, span: Any, opacities: Any, scale: float = 1.0, shift: float = 0.0) -> Any:
-    """Return the control points that `place_look` makes of a look; all of these parameters may move."""
+    """Return the control points that `place_look` makes of a look. All parameters but the look may move."""
     from renderer.looks import place_look
 
     def place(span: Any, scale: float, shift: float, opacities: Any) -> tuple[ControlPoint, ...]:
@@ -308,7 +311,7 @@ def _is_valid(value: object) -> bool:
 
 
 def _read_look(node: TreeNode, source: str, name: str | None) -> tuple[Path | None, Look] | None:
-    """Return the file, None for a preset, and the look in it; None after a problem."""
+    """Return the file, or None for a preset, and the look in it. After a problem, return None in place of both."""
     from renderer.looks import MAX_LOOK_BYTES, LookNameError, read_look, read_preset
 
     path = node.base / source
@@ -328,7 +331,7 @@ def _read_look(node: TreeNode, source: str, name: str | None) -> tuple[Path | No
 def _check_points(node: TreeNode, points: list[tuple[Any, Any]], value_key: object) -> None:
     """Check the values and opacities of points.
 
-    Values do not descend: two equal values are a step, and a third between them has no effect.
+    Values must not descend. Two points at one value make a step; a point between them would have no effect.
     """
     values = [value for value, _ in points]
     for index, (before, value) in enumerate(pairwise(values), start=1):
@@ -369,9 +372,9 @@ TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _read_transfer)
 
 
 def map_values(transfer: TransferSpec, function: Callable[[float], float]) -> TransferSpec:
-    """Return a transfer function whose values a function has mapped, which does not descend; labels stay.
+    """Return a transfer function with its values mapped by a function that does not descend. Labels stay as they are.
 
-    Values that move are mapped at their keys. Of points that come to have one value, the first and the last remain.
+    Values that move are mapped at their keys. Of several points that get one value, the first and the last remain.
     """
 
     def mapped(part: Any) -> Any:
@@ -397,7 +400,7 @@ def map_values(transfer: TransferSpec, function: Callable[[float], float]) -> Tr
 
 
 def _without_ties(points: Any) -> Any:
-    """Return points without each one that has the value of both its neighbours, at all keys of a motion."""
+    """Return control points without those that have the value of both neighbours at all keys of their motions."""
     frames = {frame for motion in motions_in(points) for frame in motion.frames} or {0}
     values = list(zip(*([point.value for point in values_at(points, frame)] for frame in frames), strict=True))
     last = len(values) - 1

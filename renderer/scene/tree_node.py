@@ -21,9 +21,9 @@ T = TypeVar("T")
 
 # The most frames of a film.
 MAX_FRAMES = 10**6
-# About the most frames at which a motion of several numbers is checked.
+# About the most frames at which the values of a moving list or matrix are checked.
 _MOST_BETWEEN = 100
-# The most mistakes in one map that are told: more are likely of one kind.
+# The most mistakes in one map that are reported. Further ones are likely of the same kind.
 _MOST_PROBLEMS = 20
 
 _FRAME = re.compile(r"-?\d{1,9}|\d{1,9}(\.\d{0,9})?s", re.ASCII)
@@ -36,11 +36,13 @@ INVALID: Any = object()
 
 @dataclass(frozen=True)
 class FilmTime:
-    """A film of so many frames, in which values may move.
+    """The frames of a film in which values may move, and the motions that were read so far.
 
-    num_frames: None where that is not known. at: the frame at which values are read; None puts motions in their places.
-    keys: the frames of all motions that were read. motions: those without problems, by their paths and the types that
-        they were read as, which are kept: values are read at many frames, and motions may have many keys.
+    num_frames: None if the number of frames is not known.
+    at: the frame at which values are read; None to read motions in place of values.
+    keys: the key frames of all motions that were read.
+    motions: all motions without problems, by path and by the id of their field type, which is kept with them. So a
+        motion with many keys is read once, although values are read at many frames.
     """
 
     num_frames: int | None
@@ -54,9 +56,10 @@ class FilmTime:
 class TreeNode:
     """A value, its dotted path, and the list of the problems in the whole tree.
 
-    base: the folder that files in the tree are relative to. is_key: problems concern the last key of the path, not its
-    value. expected: describes a right value. words: texts that are allowed in place of such a value.
-    film: None where nothing may move.
+    base: the folder that files in the tree are relative to.
+    is_key: whether the node is the last key of the path, and not its value.
+    expected: a description of right values, for messages. words: texts that are allowed besides such values.
+    film: the film in which values may move; None if this value must not move.
     """
 
     value: object
@@ -73,7 +76,7 @@ class TreeNode:
         return TreeNode(value, join_keys(self.path, key), self.problems, self.base, film=self.film)
 
     def key(self, key: object, value: object = None) -> TreeNode:
-        """Return the node of the key `key` itself; `value` is the key to check, None for problems with its presence."""
+        """Return the node of the key `key` itself. value: the key, if its text is checked; None if its presence is."""
         return replace(self.child(key, value), is_key=True)
 
     def expecting(self, expected: str) -> TreeNode:
@@ -83,8 +86,8 @@ class TreeNode:
     def reject(self, what: str, **parts: str | None) -> Any:
         """Add a problem with this value or key, and return INVALID.
 
-        parts: `got`, by default the value; `expected`, by default that of the node; and `hint`, by default the most
-            similar of the node's words. An empty text leaves a part out.
+        parts: `got`, by default the value; `expected`, by default the node's; and `hint`, by default the most similar
+            of the node's words. An empty text leaves a part out.
         """
         got = None if self.value is None else format_value(self.value)
         parts = {"got": got, "expected": self.expected} | parts
@@ -108,7 +111,7 @@ class FieldType(Generic[T]):
     table: Mapping[str, FieldType[Any]] | None = None
 
     def read(self, node: TreeNode) -> T:
-        """Return the checked value, or INVALID. What moves is a map from frames to values."""
+        """Return the checked value, or INVALID. A value that moves is written as a map from frames to values."""
         if node.value is None:
             return self.reject(node, "no value", hint=self.empty_hint)
         if node.film is None or not isinstance(node.value, Mapping):
@@ -140,7 +143,7 @@ FieldTable = Mapping[str, FieldType[Any]]
 
 
 def still(field: FieldType[T]) -> FieldType[T]:
-    """Return a type of the same values, no part of which can move."""
+    """Return the same type for values that cannot move, neither as a whole nor in part."""
     return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None, table=None)
 
 
@@ -152,7 +155,7 @@ def _may_be_frame(key: object) -> bool:
 
 
 def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
-    """Return the motion of a map from frames to values of a type, or its value at the frame that is read."""
+    """Return the motion that a map from frames to values describes; if a film is read at a frame, its value there."""
     assert isinstance(node.value, Mapping) and field.motion is not None
     known = film.motions.get((node.path, id(field)))
     if known is not None and film.at is not None:
@@ -190,7 +193,7 @@ def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
 
 
 def _check_between_keys(field: FieldType[Any], node: TreeNode, motion: Motion[Any]) -> None:
-    """Check a list or a matrix on its way from one key to the next, where a matrix may have no inverse."""
+    """Check a list or a matrix at frames between its keys, where a matrix may have no inverse."""
     if any(True for part in motion.values[0] if not isinstance(part, (int, float, tuple))):
         return
     first, last = motion.frames[0], motion.frames[-1]
@@ -238,7 +241,7 @@ def check_frames_ascend(node: TreeNode, before: object, frame: object) -> bool:
 
 
 def _check_ratios(node: TreeNode, motion: Motion[Any]) -> None:
-    """Check that no number goes from or to 0, which has no logarithm, over several frames."""
+    """Check that no number moves to or from 0 over several frames, as 0 has no logarithm."""
     for (start, before), (end, after) in pairwise(zip(motion.frames, motion.values, strict=True)):
         if motion.easing != "hold" and (before == 0) != (after == 0) and end - start > 1:
             step = format_value({start: before, end - 1: before, end: after})

@@ -1,7 +1,8 @@
 """The scene's `volume.file`: a file or a folder with one volume, or several that are its steps in time.
 
-Steps are a list of files, or a pattern whose field `{:04}` stands for their numbers; a folder of files that differ in a
-number; or what a collection of ParaView (.pvd) lists. They are found by names alone, no volume is opened.
+Steps are given by a list of files, by a pattern whose field `{:04}` stands for their numbers, by a folder of files
+whose names differ in a number, or by a collection of ParaView (.pvd). They are found by their names alone: no volume is
+opened.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from renderer.scene.schema import INVALID, TreeNode
 
 # The most steps in time of a volume.
 MAX_STEPS = 10_000
-# Ends of names that volumes alone have, each in a file of its own.
+# The suffixes of files that hold a whole volume.
 VOLUME_SUFFIXES = (
     *(".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz", ".mgh", ".mgz", ".mgh.gz"),
     *(".npy", ".npz", ".vti", ".pvti", ".vtr", ".vtk", ".cube", ".cub"),
@@ -33,19 +34,20 @@ VOLUME_SUFFIXES = (
 )
 _HEADERLESS = (".raw", ".bin", ".dat")
 _SLICES = (".tif", ".tiff", ".dcm", ".ima")
-# The field of a pattern, with the least number of digits.
+# The field of a pattern, such as `{:04}`; the group is the least number of digits.
 _FIELD = re.compile(r"\{(?::0?([1-9]?))?\}")
-# The fewest files that differ in a number and are steps: fewer may be T1 and T2, for one.
+# The fewest volumes whose names differ in a number that count as steps. Two may be, for example, T1 and T2.
 _MIN_IN_FOLDER = 3
 
 
 @dataclass(frozen=True)
 class FileSource:
-    """A volume in a format that describes itself: a file, or a folder (DICOM series or TIFF stack); or several.
+    """A volume in files with headers: one file, a folder (DICOM series or TIFF stack), or a file for each step.
 
-    `spacing` replaces the lengths in the file; directions and origin are kept.
-    steps: the files of its steps in time, and `file` is the first; empty for a single file, which may have steps of
-        its own. collection: the file of ParaView that lists them, with their `times`, which have no unit.
+    spacing: replaces the spacing in the file, whose directions and origin are kept.
+    steps: the files of the steps in time, of which `file` is the first; empty for a single file, which may contain
+        steps.
+    collection: the file of ParaView that lists the steps and their `times`, which have no unit.
     """
 
     file: Path
@@ -55,12 +57,12 @@ class FileSource:
     collection: Path | None = None
 
     def written(self) -> dict[str, object]:
-        """Return its keys in the section of a volume, and their values."""
+        """Return the keys of the source in the section of a volume, with their values."""
         return {"file": self.collection or self.steps or self.file, "spacing": self.spacing}
 
 
 def is_pattern(name: str | os.PathLike[str]) -> bool:
-    """Return whether this is a pattern of the files of several steps, and no file."""
+    """Return whether a path is no file, but a pattern for the names of several files."""
     return _FIELD.search(os.path.basename(name)) is not None and not os.path.lexists(name)
 
 
@@ -136,7 +138,7 @@ def _steps(node: TreeNode, numbered: Sequence[tuple[float, TreeNode]]) -> Any:
     files = []
     for _, each in ordered:
         files.append(_ONE_FILE.read(each))
-        if files[-1] is INVALID:  # as the others may be, for the same reason
+        if files[-1] is INVALID:  # further files are likely wrong for the same reason
             return INVALID
     return FileSource(files[0], steps=tuple(files))
 
@@ -155,9 +157,9 @@ def _matched(node: TreeNode, pattern: Path) -> Any:
 
 
 def _numbered_volumes(folder: Path) -> list[tuple[int, str]]:
-    """Return the volumes directly in a folder with their numbers, if nothing else tells their names apart; else none.
+    """Return the volumes in a folder with their numbers, if their names differ in one number only; else an empty list.
 
-    There are none where anything may be a slice.
+    The list is also empty if any file in the folder may be a slice.
     """
     names = [name for name in _names_in(folder) if not name.startswith(".")]
     volumes = [name for name in names if name.lower().endswith(VOLUME_SUFFIXES)]
@@ -173,14 +175,14 @@ def _numbered_volumes(folder: Path) -> list[tuple[int, str]]:
 
 
 def _may_be_slice(name: str) -> bool:
-    """Return whether a file may be a slice by its name: of DICOM, many have a number in place of a suffix."""
+    """Return whether a file may be a slice, by its name. Many DICOM files have a number in place of a suffix."""
     has_numbers = re.search("[0-9]", name) and all(re.fullmatch("[0-9]+", part) for part in name.split(".")[1:])
     return name.lower().endswith(_SLICES) or bool(has_numbers)
 
 
 def _names_in(folder: Path) -> list[str]:
     can_be_read = os.path.isdir(folder) and os.access(folder, os.R_OK)
-    return os.listdir(folder) if can_be_read else []  # else its reader reports it
+    return os.listdir(folder) if can_be_read else []  # the reader reports a folder that cannot be read
 
 
 def _in_order(node: TreeNode, folder: Path, numbered: Sequence[tuple[int, str]]) -> Any:
@@ -222,7 +224,7 @@ def _collected(node: TreeNode, path: Path) -> Any:
 def file_source(volume: Path) -> FileSource:
     """Return the source of a file or a folder, or of the steps that a pattern or a collection of ParaView names.
 
-    Raises SceneError for steps that cannot be, with the name as the place.
+    Raises SceneError if the steps are wrong; its problems are located at the given name.
     """
     if volume.suffix.lower() != ".pvd" and not is_pattern(volume):
         return FileSource(volume)

@@ -45,8 +45,8 @@ _ALIASES = {
     **{f">{name[0]}{size}": f"{name} with byte order big" for name, size in ITEM_SIZES.items()},
 }
 
-# The most voxels along an axis. With MAX_VOXELS it keeps all indices and byte counts within 64 bits, with room for node
-# numbers.
+# The most voxels along an axis. Together with MAX_VOXELS, it keeps all indices and byte counts within 64 bits, with
+# room for node numbers.
 MAX_AXIS = 2**16
 # The most voxels of a volume, 4096 cubed. Any volume that fits in memory is accepted.
 MAX_VOXELS = 2**36
@@ -164,10 +164,10 @@ TRANSFORM_FIELD = schema.sequence_field(
 )
 
 
-# The first voxel, and the one after the last.
+# The first voxel of a range, and the voxel after the last.
 Range = tuple[int, int]
 Ranges = tuple[Range | None, Range | None, Range | None]
-# Numbers of voxels and their sides, along x, y, z.
+# The numbers of voxels along x, y, z.
 Shape = Annotated[tuple[int, int, int], _SHAPE]
 Spacing = Annotated[schema.Vector, _SPACING]
 
@@ -187,7 +187,7 @@ class RawSource:
 
 @dataclass(frozen=True)
 class ProceduralSource:
-    """A volume made from a formula. phase: of `beating_heart`, in beats."""
+    """A volume made from a formula. phase: the phase of `beating_heart`, in beats."""
 
     key: ClassVar[str] = "procedural"
     name: Annotated[str, schema.choice_field(*PROCEDURAL_NAMES)]
@@ -212,19 +212,20 @@ class ArraySource:
         return tuple(self.values.shape[::-1])
 
     def written(self) -> dict[str, object]:
-        """Return its keys and their values, which cannot be read again."""
+        """Return keys that describe the array, with their values. No scene can be read from them."""
         return {"shape": self.shape, "dtype": str(self.values.dtype), "spacing": self.spacing}
 
 
 @dataclass(frozen=True)
 class VolumeSpec:
-    """A source of voxels and the part to use; `crop` holds half-open voxel ranges (first, one past the last)
-    for x, y, z, and None for all voxels along an axis. `component: all` stands for a layer of each; `color` for voxels
-    that are colours, with their luminance as scalars, and `color_alpha` with their alpha.
+    """A source of voxels, and the part of it that is used.
 
-    time: the number of a step, from 0 on, or `auto`, for all steps in the course of the film. interpolate: `time` is a
-        float, and a mixture of two steps lies between them; else it is an int.
-    unit: of lengths in the world, in place of the file's.
+    time: the number of a step in time, from 0 on; `auto` shows all steps in the course of the film.
+    component: the number of a component, from 0 on. `all` makes a layer of each component; `color` reads voxels that
+        are colours, with their luminance as scalars, and `color_alpha`, with their alpha as scalars.
+    crop: half-open ranges of voxels (first, one past the last) along x, y, z; None for all voxels along an axis.
+    interpolate: whether two steps are mixed at a `time` between them; `time` is then a float, and else an int.
+    unit: the unit of world lengths, in place of the file's unit.
     """
 
     source: FileSource | RawSource | ProceduralSource | ArraySource
@@ -238,11 +239,11 @@ class VolumeSpec:
 
     @property
     def has_colors(self) -> bool:
-        """Return whether voxels are drawn in colours of their own."""
+        """Return whether voxels are colours, in which they are drawn."""
         return self.component in ("color", "color_alpha")
 
     def written(self) -> dict[str, object]:
-        """Return its keys and their values: the keys of its file, or the key of another source, and its own."""
+        """Return the keys of the section with their values, first the keys of the source."""
         own = {key: value for key, value in vars(self).items() if key != "source"}
         own |= {"crop": at_keys(_by_axis, self.crop), "interpolate": self.interpolate or None}
         source = self.source
@@ -250,16 +251,16 @@ class VolumeSpec:
 
 
 def _by_axis(crop: Ranges | None) -> dict[str, Range] | Ranges | None:
-    """Return a crop as it is written: a mapping if it has ranges for some of the axes alone."""
+    """Return a crop as it is written in a scene: as a mapping if some axes have no range."""
     if crop is None or None not in crop:
         return crop
     return {axis: span for axis, span in zip("xyz", crop, strict=True) if span is not None}
 
 
 def steps_in_time(volume: OverFrames[VolumeSpec]) -> list[VolumeSpec]:
-    """Return the steps that a film shows, or mixes, of a volume whose time moves, ascending; else itself.
+    """Return a volume at each step in time that the film shows or mixes, ascending. Its other keys are as on frame 0.
 
-    Whatever else moves is as on frame 0.
+    If its time does not move, only the volume itself is returned.
     """
     plain, motions = volume.at(0), volume.map(lambda spec: spec.time).motions
     if not motions:
@@ -268,14 +269,14 @@ def steps_in_time(volume: OverFrames[VolumeSpec]) -> list[VolumeSpec]:
     times: Sequence[float] = motion.values
     if motion.easing != "hold":
         times = [motion.at(frame) for frame in range(motion.frames[0], motion.frames[-1] + 1)]
-        if len(times) > max(times) - min(times):  # slow enough to meet all
+        if len(times) > max(times) - min(times):  # the film is slow enough to show every step
             times = range(math.floor(min(times)), math.ceil(max(times)) + 1)
     steps = sorted({whole for time in times for whole in (math.floor(time), math.ceil(time))})
     return [replace(plain, time=step) for step in steps]
 
 
 def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
-    """Return a volume from the keys of VOLUME_TABLE that were given, and add the problems that they have together."""
+    """Return a volume from the given keys of VOLUME_TABLE, and add problems of keys that contradict each other."""
     sources = [key for key in _SOURCES if key in given]
     if not sources:
         node.reject("no voxels", got="", expected="one of file, raw and procedural")
@@ -306,7 +307,7 @@ def build_volume(node: TreeNode, given: dict[str, Any]) -> VolumeSpec:
 
 
 def _as_step(node: TreeNode, time: Any, *, interpolates: bool) -> Any:
-    """Return a time, which may move, as a float if steps are interpolated, and else checked to be whole."""
+    """Return a time, which may move, as a float if steps are interpolated; else check that it is a whole number."""
     if time is INVALID or time == "auto":
         return time
     if interpolates:

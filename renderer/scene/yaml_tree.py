@@ -19,11 +19,12 @@ from renderer.scene.input_file import decode_utf8
 from renderer.scene.message_text import format_value, join_keys
 from renderer.system import join_lines, printable
 
-# A scene has a few hundred values in three or four levels; far more is a mistake or an attack.
+# The most values and the most levels of a scene file. Scenes have a few hundred values in three or four levels; far
+# more is a mistake or an attack.
 MAX_NODES = 20_000
 MAX_DEPTH = 50
 
-# Python refuses to convert more digits than a number that is at least this.
+# The most digits of a whole number: the lowest limit that Python can be set to.
 _MAX_DIGITS = 640
 
 LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
@@ -53,7 +54,7 @@ class SourceLocation(NamedTuple):
 class YamlTree:
     """A tree of plain data, the locations of its dotted paths, and the problems that did not prevent reading.
 
-    lines: of the text, to show with problems.
+    lines: the lines of the text, which are shown with problems.
     """
 
     data: Any = None
@@ -90,7 +91,7 @@ def with_excerpt(what: str, lines: Sequence[str], mark: TextPosition | None) -> 
     if mark is None:
         return what
     line = lines[mark.line - 1].replace("\t", " ").rstrip()
-    if printable(line) != line or not 0 < len(line) <= _MAX_LINE:  # with escapes the column would be another
+    if printable(line) != line or not 0 < len(line) <= _MAX_LINE:  # escapes would shift the column
         return what
     indent = len(line) - len(line.lstrip())
     return join_lines([what, f"    | {line[indent:]}", f"    | {' ' * (mark.column - 1 - indent)}^"])
@@ -175,7 +176,7 @@ class _Builder(YamlTree):
         self.num_nodes += 1
         if self.num_nodes > MAX_NODES:
             raise _limit_error(f"{MAX_NODES} values")
-        if depth > MAX_DEPTH:  # an anchor that contains itself
+        if depth > MAX_DEPTH:  # an anchor may contain itself
             raise _limit_error(f"{MAX_DEPTH} levels", node.start_mark)
         at_key = _mark((key or node).start_mark)
         is_block = isinstance(node, yaml.CollectionNode) and not node.flow_style
@@ -219,7 +220,7 @@ class _Builder(YamlTree):
                 return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
             if kind in ("null", "bool"):
                 return {"n": None, "~": None, "": None, "t": True, "f": False}[text[:1].lower()]
-        except (KeyError, ValueError):  # an explicit tag on something else
+        except (KeyError, ValueError):  # the tag does not fit the value
             kind = "?"
         if kind != "str":
             self._reject_tag(node, path)
@@ -231,7 +232,7 @@ class _Builder(YamlTree):
 
 
 def _join_surrogates(text: str) -> str:
-    """Return a text in which two escapes for one character, as JSON has them for an emoji, are that character."""
+    """Return a text in which a surrogate pair, which JSON has in place of an emoji, is replaced by its character."""
     return text.encode("utf-16", "surrogatepass").decode("utf-16", "surrogatepass")
 
 
@@ -265,7 +266,7 @@ _PYYAML_MESSAGES = (
 )
 
 
-# Text that is often written without its quotes.
+# Patterns of text that is often written without the necessary quotes.
 _COLOR = re.compile(r"\s#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})\b")
 _UNQUOTED = (
     (_COLOR, 'put colors in quotes, for # begins a comment: "#ff8800"'),

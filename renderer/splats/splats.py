@@ -32,9 +32,9 @@ GAUSSIAN_CUTOFF = 3.2
 class GaussianFootprint:
     """A Gaussian footprint without ripple.
 
-    The weight is `exp(-decay q) (c0 + c1 q + c2 q^2) - rim`, with q the squared distance in standard deviations, up to
-    `cutoff`, where the weight is 0. A step at the cutoff, however small, would be visible where the rims of a row of
-    splats cross a pixel's centre together.
+    The weight is `exp(-decay q) (c0 + c1 q + c2 q^2) - rim`, with q the squared distance from the centre in standard
+    deviations, up to `cutoff`, where the weight is 0. A step at the cutoff, however small, would be visible where the
+    rims of a row of splats cross a pixel's centre together.
 
     Plain Gaussians on a regular grid ripple: along an axis by `4 exp(-2 pi^2 sigma^2)`, 3 % at 0.5 cells and 11 % at
     0.425. Wide Gaussians blur. Here, a Gaussian of variance `s^2` loses its spectrum at the two lowest frequencies of
@@ -58,7 +58,7 @@ class GaussianFootprint:
 
     @classmethod
     def from_sigma(cls, sigma: float) -> GaussianFootprint:
-        """Return the footprint for cells `1 / sigma` standard deviations wide, with an integral of 1."""
+        """Return the footprint for cells that are `1 / sigma` standard deviations wide; its integral is 1."""
         s2 = sigma**2 - 3 / (4 * math.pi**2)
         a, ratio = 1 / (4 * math.pi**2 * s2), sigma**2 / s2
         decay = ratio / 2
@@ -112,7 +112,7 @@ class GouraudFootprint:
 
     @property
     def cutoff(self) -> float:
-        """Return the outer radius in standard deviations."""
+        """Return the outer radius of the mesh, in standard deviations."""
         return float(np.hypot(*self.vertices.T).max())
 
 
@@ -152,7 +152,7 @@ class SplatBatch:
 
     @property
     def centers(self) -> Float32:
-        """Return the centres of the splats, float32 [n, 3], a view of the vertices."""
+        """Return the centres of the splats, float32 [n, 3], as a view of the vertices."""
         return self.vertices[:, :3]
 
 
@@ -195,7 +195,7 @@ def _shape_codes(cut: Cut) -> npt.NDArray[np.uint16]:
 
 
 def _extents_of_codes(codes: Int64, shape: Int64) -> Int64:
-    """Return the numbers of voxels along x, y, z of cells, by the codes of their shapes: int64 [m, 3]."""
+    """Return the numbers of voxels of cells along x, y, z, from the codes of the cells' shapes: int64 [m, 3]."""
     sides = 1 << (codes[:, None] >> 3)
     is_cut = (codes[:, None] >> np.arange(3)) & 1 == 1
     return np.where(is_cut, shape % sides, sides)
@@ -209,7 +209,7 @@ def make_footprint(spec: SplatSpec) -> GaussianFootprint | GouraudFootprint:
 
 
 def _triangulate_disc(angular: int, radial: int) -> Int32:
-    """Return the triangles of a centre (vertex 0) and `radial` rings of `angular` vertices: int32 [n, 3]."""
+    """Return the triangles of a disc: a centre (vertex 0) and `radial` rings of `angular` vertices: int32 [n, 3]."""
     this = np.arange(angular)
     after = (this + 1) % angular
     triangles = [np.column_stack([np.zeros_like(this), 1 + this, 1 + after])]
@@ -221,7 +221,7 @@ def _triangulate_disc(angular: int, radial: int) -> Int32:
 
 
 def _moments(vertices: Float64, weights: Float64, triangles: Int32) -> tuple[float, float]:
-    """Return the integral of the piecewise linear weight, and its variance along an axis times that integral.
+    """Return the integral of the piecewise linear weight, and the integral times the weight's variance along an axis.
 
     The quadrature rule with the centroid and three more points is exact for the cubic integrand (Strang and Fix 1973).
     """

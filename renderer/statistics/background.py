@@ -10,31 +10,33 @@ from renderer.statistics.smoothness import is_smooth
 from renderer.statistics.voxel_sample import VoxelSample
 from renderer.volume import Bools, Float64
 
-# In a normal distribution the half of the values that is nearest to the mean lies within 0.674 standard deviations, and
-# the nearest quarter within 0.319.
+# Half of a normal distribution, the values nearest to the mean, lies within 0.674 standard deviations of it; a quarter
+# lies within 0.319.
 _SIGMAS_OF_HALF = 2 * 0.6745
 _SIGMAS_OF_QUARTER = 2 * 0.3186
-# Where the object fills much of the border, half of its values are a mixture, and a quarter tells the background. A
-# mixture shows by the width of the quarter: it is at most this part of the width of the half, as standard deviations,
+# Where the object fills much of the border, the shortest interval with half of the border's values holds values of the
+# object, too. This shows if the shortest interval with a quarter of them is much narrower. The background is then found
+# by the quarter: if its width, as standard deviations, is at most this part of the half's width,
 _MAX_QUARTER_RATIO = 0.4
-# and at most this part of the range.
+# and at most this part of the range of the values.
 _MAX_QUARTER = 0.02
-# The largest number of different values in the half for which widths tell nothing.
+# With at most this many different values in the interval that holds half of them, the two widths are not compared: grey
+# steps are too coarse.
 _MAX_GREY_STEPS = 8
-# The background ends this many standard deviations from its middle: of ten million voxels of noise six are outside.
+# The background ends this many standard deviations from its middle: of ten million voxels of noise, six are outside.
 _NOISE_SIGMAS = 5.0
-# The least standard deviation of a background, as a part of the range: for one without noise.
+# The least standard deviation of a background, as a part of the range of the values. A background without noise has it.
 _MIN_SIGMA = 1 / 500
-# The smallest range of the values, in standard deviations of the background. With less the border is like the rest of
-# the volume: the range is 10 for a normal distribution, 15 for a skewed one.
+# The smallest range of the values, in standard deviations of the background. With a smaller range, the border is like
+# the rest of the volume: a normal distribution has a range of 10, a skewed one of 15.
 _MIN_CONTRAST = 15.0
-# In a smooth field, values beyond the background have at least this share of the border, compared with their share of
-# the volume, where the border is like the rest and no background. Backgrounds of scans are noise, with second
-# differences of at least 0.85 times the first.
+# A smooth field has no background if values beyond the supposed background are about as frequent on the border as in
+# the volume: if their share of the border is at least this part of their share of the volume. Backgrounds of scans are
+# noise instead, with second differences of at least 0.85 times the first.
 _MIN_LIKENESS = 0.5
-# The smallest share of voxels on one side of the background, compared with the other side, that counts.
+# Voxels on one side of the background count if there are at least this many for each voxel on the other side.
 _ONE_SIDED_RATIO = 0.15
-# Percentiles outside which values are ignored when contrast is measured.
+# The percentiles between which the range of the values is measured for the contrast; values outside are ignored.
 _CONTRAST_PERCENTILES = (0.01, 99.99)
 
 
@@ -42,9 +44,10 @@ _CONTRAST_PERCENTILES = (0.01, 99.99)
 class Background:
     """A range of values that surrounds the object, noise included, normalised.
 
-    middle: its middle. low, high: its ends; the object is beyond them.
+    middle: the middle of the range.
+    low, high: its ends; the values of the object are beyond them.
     is_there: whether the values at the border stand apart from the others.
-    below, above: the part of all voxels on either side.
+    below, above: the shares of all voxels whose values are below and above the range.
     """
 
     middle: float
@@ -56,12 +59,12 @@ class Background:
 
     @property
     def has_much_below(self) -> bool:
-        """Return whether the part below it counts beside the part above it."""
+        """Return whether enough voxels are below the background to count beside those above it."""
         return self.below > _ONE_SIDED_RATIO * self.above
 
     @property
     def has_much_above(self) -> bool:
-        """Return whether the part above it counts beside the part below it."""
+        """Return whether enough voxels are above the background to count beside those below it."""
         return self.above > _ONE_SIDED_RATIO * self.below
 
 
@@ -69,14 +72,14 @@ def find_background(sample: VoxelSample) -> Background:
     """Find the shortest interval with half of the values on the volume's six faces, and widen it by its noise.
 
     The interval, the "shorth", is a robust estimate of the mode: objects may reach through a third of the border (P. J.
-    Rousseeuw, A. M. Leroy, "Robust Regression and Outlier Detection", Wiley 1987). Where the object fills more of it,
-    a quarter of the values tells the background better than half of them.
+    Rousseeuw, A. M. Leroy, "Robust Regression and Outlier Detection", Wiley 1987). Where the object fills more of the
+    border, the shortest interval with a quarter of the values is the better estimate.
     """
     return background_at(sample, *sample.valid_values())
 
 
 def background_at(sample: VoxelSample, border: Float64, shares: Float64) -> Background:
-    """Find the background by the values at a border, [m], as `find_background`. shares: all values, [n]."""
+    """Find the background, as `find_background` does, by the border's values [m]. shares: all normalised values [n]."""
     border = np.sort(border)
     half, quarter = shortest_interval(border, 0.5), shortest_interval(border, 0.25)
     wide, narrow = np.ptp(half) / _SIGMAS_OF_HALF, np.ptp(quarter) / _SIGMAS_OF_QUARTER
@@ -96,7 +99,7 @@ def background_at(sample: VoxelSample, border: Float64, shares: Float64) -> Back
 
 
 def fill_with_background(sample: VoxelSample, are_away: Bools) -> VoxelSample:
-    """Return a sample with background, noise included, in place of some of its voxels, bool [z, y, x]."""
+    """Return a sample in which some voxels, bool [z, y, x], have the background's values, noise included."""
     background, (border, _) = find_background(sample), sample.valid_values()
     noise = border[(border >= background.low) & (border <= background.high)]
 
@@ -104,14 +107,14 @@ def fill_with_background(sample: VoxelSample, are_away: Bools) -> VoxelSample:
 
 
 def fill_with_noise(values: Float64, are_filled: Bools, noise: Float64) -> Float64:
-    """Return values, some of which are replaced by values of noise, [n]."""
+    """Return values of which some are replaced by values drawn from `noise`, [n]."""
     values, filled = values.copy(), np.flatnonzero(are_filled)
     values.flat[filled] = noise[filled % len(noise)]
     return values
 
 
 def shortest_interval(ascending: Float64, part: float) -> tuple[float, float]:
-    """Return the ends of the shortest interval with a part of the values."""
+    """Return the ends of the shortest interval that holds the share `part` of the values."""
     num = int(len(ascending) * part)
     first = int((ascending[num:] - ascending[: len(ascending) - num]).argmin())
     return float(ascending[first]), float(ascending[first + num])

@@ -1,4 +1,4 @@
-"""Divide values into classes, which stand apart in the histogram: two of all, or the materials above the background."""
+"""Divide values into classes that stand apart in the histogram: two of all values, or materials above a background."""
 
 from __future__ import annotations
 
@@ -10,23 +10,22 @@ from renderer.statistics.background import Background
 from renderer.statistics.voxel_sample import VoxelSample
 from renderer.volume import Float64
 
-# Bins of the histogram.
+# The number of bins of the histogram.
 _NUM_BINS = 256
 # Values above this percentile are outliers.
 _TOP_PERCENTILE = 99.99
-# The number of bins in which a valley is looked for ahead.
+# The number of bins above a bin in which a valley is looked for.
 _LOOK_AHEAD = 8
-# The highest count of a bin in a valley, as a part of the count where the search stands.
+# The search for a valley descends further if one of the bins ahead has less than this part of the present bin's count.
 _DESCENT = 0.97
-# The highest end of the background, as a part of the range from its middle to the largest value.
+# The highest value at which the background may end, as a part of the way from its middle to the largest value.
 _MAX_VALLEY = 0.5
-# The most materials.
+# The most materials that the values are divided into.
 _MAX_CLASSES = 3
-# The smallest share of the voxels of a material that differ little from all of their neighbours: 0.5 to 0.95 in the
-# materials of scans. A class with less, 0.01 to 0.45, consists of edges: their values lie between a material and its
-# surroundings.
+# The smallest share of a material's voxels that differ little from all of their neighbours: 0.5 to 0.95 in scans. A
+# class with a smaller share, 0.01 to 0.45, consists of edges: its values lie between a material and its surroundings.
 _MIN_FLAT = 0.5
-# The largest little difference, as a part of the range of the class.
+# The largest difference that is little, as a part of the range of the class.
 _MAX_STEP = 0.5
 
 
@@ -49,13 +48,13 @@ def foreground_threshold(sample: VoxelSample, background: Background) -> float:
 
 
 def material_edges(sample: VoxelSample, first: float) -> tuple[float, ...]:
-    """Return the ends of one to three classes of the normalised values from `first` on, ascending.
+    """Return the ends of one to three classes of the normalised values above `first`, ascending.
 
-    A class of edges joins the one above it.
+    A class that consists of edges is joined to the class above it.
     """
     top = max(top_value(sample), first + 1e-6)
     counts, edges = np.histogram(sample.normalized, _NUM_BINS, (first, top))
-    # Roots let small materials count.
+    # Square roots of the counts, so that small materials have an influence.
     ends = [first, *(float(edges[cut]) for cut in otsu_thresholds(np.sqrt(counts), _MAX_CLASSES)), top]
     kept = [high for low, high in pairwise(ends[:-1]) if low < high and not _is_made_of_edges(sample, low, high)]
     return (first, *kept, top)
@@ -70,8 +69,9 @@ def _is_made_of_edges(sample: VoxelSample, low: float, high: float) -> bool:
 def otsu_threshold(values: Float64, low: float, high: float, min_separation: float = 0.0) -> float | None:
     """Return the threshold between two classes of the values from `low` to `high`.
 
-    It has the largest variance between its two sides, moved to the least populated bin between the medians of the
-    sides. None if there are no two, or if less than `min_separation` of the variance is between them.
+    The threshold with the largest variance between the classes is moved to the bin with the fewest voxels between the
+    medians of both. Return None if there are no two classes, or if the variance between the classes is less than
+    `min_separation` of the total variance.
     """
     if high <= low:
         return None
@@ -79,7 +79,8 @@ def otsu_threshold(values: Float64, low: float, high: float, min_separation: flo
     if np.count_nonzero(counts) < 2:
         return None
     (cut,) = otsu_thresholds(counts, 2)
-    # Sums of squared distances from the mean, in bins: of all values, and on either side.
+    # The sums of squared distances from the mean, in bins: of all values, of those below the threshold, and of those
+    # above it.
     total, below, above = (
         float(np.cov(np.arange(_NUM_BINS)[part], fweights=counts[part], ddof=0)) * counts[part].sum()
         for part in (slice(None), slice(cut), slice(cut, None))
@@ -88,22 +89,22 @@ def otsu_threshold(values: Float64, low: float, high: float, min_separation: flo
         return None
     cumulative = np.cumsum(counts)
     first, last = np.searchsorted(cumulative, (cumulative[cut - 1] / 2, (cumulative[cut - 1] + cumulative[-1]) / 2))
-    # A box of five bins keeps single empty bins of stretched data from passing for a valley.
+    # A mean over five bins, so that single empty bins, as stretched data have, are not taken for a valley.
     smooth = np.convolve(np.pad(counts, 2, mode="edge"), np.full(5, 0.2), mode="valid")[first + 1 : last + 1]
     lowest = np.flatnonzero(smooth <= smooth.min() * (1 + 1e-9))
     return float(edges[first + 1 + lowest[len(lowest) // 2]])
 
 
 def otsu_thresholds(counts: Float64, num_classes: int) -> tuple[int, ...]:
-    """Return the first bins of all classes but the lowest, with the largest variance between the classes.
+    """Return the first bin of each class except the lowest, so that the variance between the classes is largest.
 
     N. Otsu, "A Threshold Selection Method from Gray-Level Histograms", IEEE Trans. SMC 9(1), 1979; P.-S. Liao et al.,
-    "A Fast Algorithm for Multilevel Thresholding", J. Inf. Sci. Eng. 17, 2001. counts: [n].
+    "A Fast Algorithm for Multilevel Thresholding", J. Inf. Sci. Eng. 17, 2001. counts: [n], of each bin.
     """
     weights = np.append(0.0, np.cumsum(counts))
     moments = np.append(0.0, np.cumsum(counts * np.arange(len(counts))))
     weight, moment = (sums[None, :] - sums[:, None] for sums in (weights, moments))
-    # The part of the variance between classes that comes from bins i to j.
+    # The contribution of a class from bin i to bin j to the variance between the classes.
     part = np.divide(moment**2, weight, out=np.zeros_like(weight), where=weight > 0)
     part[np.tril_indices(len(part))] = -np.inf
     best, origins = part[0], []

@@ -1,4 +1,4 @@
-"""Join voxels into a coarse grid of cells, and find the voxels deep inside of the visible part."""
+"""Join voxels into a coarse grid of cells, and find the voxels deep inside the visible part."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import numpy as np
 from renderer.statistics.voxel_sample import VoxelSample
 from renderer.volume import Bools, Float64, grow, reduce_blocks
 
-# The most cells along each axis.
+# The most cells of the coarse grid along each axis.
 _MAX_CELLS = 64
-# The least depth of a voxel that is deep inside, in cells below the surface.
+# The least depth below the surface, in cells, of a voxel that is deep inside.
 _DEPTH = 3
 
 
 def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
-    """Return which voxels of the sample lie deep inside of the visible part, bool [z, y, x]."""
+    """Return which voxels of the sample lie deep inside the visible part, bool [z, y, x]."""
     cells, _ = pool_voxels(is_visible, sample.spacing)
     for _ in range(_DEPTH):
         cells = ~grow(~cells, 1)
@@ -23,7 +23,7 @@ def are_deep(sample: VoxelSample, is_visible: Bools) -> Bools:
 
 
 def pool_voxels(is_visible: Bools, spacing: tuple[float, float, float]) -> tuple[Bools, Float64]:
-    """Return which cells, of some voxels each, have a visible voxel, and the lengths of a cell along z, y, x."""
+    """Join voxels into cells. Return which cells have a visible voxel, and the lengths of a cell along z, y, x."""
     factors = _factors(is_visible)
     return reduce_blocks(np.logical_or, is_visible, factors), np.array(spacing) * factors
 

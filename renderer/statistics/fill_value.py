@@ -1,4 +1,4 @@
-"""Choose the value that voxels without data have in a sample, so that they look like the surroundings of the object."""
+"""Choose the value by which voxels without data are filled, so that they look like the surroundings of the object."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from renderer.volume import Volume
 
 
 def suggest_fill(volume: Volume, statistics: Statistics) -> float | None:
-    """Return the value for voxels without data, from the statistics of the others; None if the lowest value serves."""
+    """Return the value for voxels without data, from the statistics of all others; None for the lowest value."""
     low, high = float(statistics.minimum), float(statistics.maximum)
     sample = sample_volume(volume, statistics)
     if label_values(volume, statistics, sample) is not None:
@@ -30,7 +30,7 @@ def suggest_fill(volume: Volume, statistics: Statistics) -> float | None:
 
 
 def _surrounding_label(sample: VoxelSample, low: float) -> float | None:
-    """Return the label at the border if it has more voxels there than lack data; else a label that no voxel has."""
+    """Return the most frequent label at the border, or a label that no voxel has if more voxels there lack data."""
     is_known = faces(sample.is_valid)
     values, counts = np.unique(faces(sample.normalized)[is_known], return_counts=True)
     if counts.max(initial=0) > np.count_nonzero(~is_known):

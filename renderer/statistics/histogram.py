@@ -14,19 +14,20 @@ from renderer.statistics.isolated import OutlierValue, find_isolated
 from renderer.statistics.percentiles import Chunks, OrderedKeys, make_ordered_keys, values_at_ranks
 from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
 
-# The most bins of a histogram. Every value of 16-bit data has its own bin; wider types are resolved as finely.
+# The most bins of a histogram. Every value of 16-bit data has its own bin; values of wider types are divided into as
+# many.
 MAX_BINS = 2**16
 
-# The percentiles that statistics have.
+# The percentiles that `Statistics.percentiles` holds.
 PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
 
-# The least number of different values besides outliers. With fewer the data are steps or labels, and no value is an
-# outlier.
+# The least number of different values that a volume with outliers has besides them. A volume with fewer has steps or
+# labels: none of its values is an outlier.
 _MIN_OTHER_VALUES = 16
-# The most searches for outliers. Isolated voxels may hide others that are less far away.
+# The most rounds of the search for outliers. The outliers of one round may hide others that are less far away.
 _MAX_ROUNDS = 3
 
-# Values of a chunk. Chunks are read one by one, so that no float64 copy of the volume is made.
+# The number of values in a chunk. Chunks are read one by one, so that no float64 copy of the volume is made.
 _CHUNK = 2**20
 
 _HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
@@ -36,14 +37,15 @@ _HALF_OF_LARGEST = float(np.finfo(np.float64).max) / 2
 class Statistics:
     """A summary of all voxels.
 
-    minimum, maximum: exact, int for integer volumes and float otherwise.
-    mean: in float64.
-    counts: int64 [n], voxels by bin.
+    minimum, maximum: the exact range; int for integer volumes and float otherwise.
+    mean: the mean of all values, computed in float64.
+    counts: int64 [n], the number of voxels in each bin.
     bins: float64 [n], the middle of each bin; integers whose range fits 16 bits have a bin for every value.
-    bin_width: in data units.
-    percentiles: of PERCENTILES, exact: the smallest value that at least this part of the voxels does not exceed.
-    outliers: values that are far from all others. without_outliers: the statistics of the others; None if no value is
-        an outlier.
+    bin_width: the width of a bin, in data units.
+    percentiles: for each percentage of PERCENTILES, the smallest value that at least this share of the voxels does not
+        exceed; exact.
+    outliers: values that are far from all other values.
+    without_outliers: the statistics of the values that are no outliers; None if no value is an outlier.
     """
 
     minimum: int | float
@@ -58,12 +60,12 @@ class Statistics:
 
 
 def safe_scale(minimum: float, maximum: float) -> float:
-    """Return a power of two that brings values into [-1/2, 1/2]: neither their sum nor their range overflows."""
+    """Return a power of two that scales values to [-1/2, 1/2], where neither their sum nor their range overflows."""
     return math.ldexp(1.0, min(-1 - math.frexp(max(abs(minimum), abs(maximum)))[1], 1000))
 
 
 def compute_statistics(values: Array, source: MappedFile | None = None) -> Statistics:
-    """Compute the statistics of integer or float values, finite but for NaN without data, in bounded memory.
+    """Compute the statistics of integer or float values, finite except NaN where there are no data, in bounded memory.
 
     values: any shape, C-contiguous; at least one is finite. source: the file that they are mapped from, if any.
     Raises InputError if that file has changed.
@@ -84,7 +86,7 @@ def compute_statistics(values: Array, source: MappedFile | None = None) -> Stati
 
 
 def _chunks_of_data(values: Array, source: MappedFile | None) -> Iterator[Array]:
-    """Yield the values without NaN, some at a time."""
+    """Yield the values that are not NaN, in chunks."""
     for chunk in iter_slabs(values.reshape(-1), source, values.itemsize * _CHUNK):
         least = chunk.min()
         data = chunk if not math.isnan(least) else chunk[~np.isnan(chunk)]
@@ -110,7 +112,7 @@ def _statistics(dtype: np.dtype[np.generic], chunks: Chunks) -> Statistics:
     for chunk in chunks():
         key_counts += ordered_keys.count(chunk)
         total += float(np.sum(chunk * scale))
-        if not is_counted:  # a constant volume has the index 0
+        if not is_counted:  # the single bin of a constant volume has the index 0
             index = ((chunk * scale - low) / (extent / MAX_BINS or 1.0)).astype(np.int64)
             counts += np.bincount(np.minimum(index, len(bins) - 1), minlength=len(bins))
     percentiles = _values_at(PERCENTILES, size, key_counts, ordered_keys, chunks)
@@ -120,7 +122,7 @@ def _statistics(dtype: np.dtype[np.generic], chunks: Chunks) -> Statistics:
 def exact_percentiles(
     values: Array, source: MappedFile | None, percents: Sequence[float]
 ) -> Mapping[float, int | float]:
-    """Return percentiles, as `Statistics` has them; 0 is the smallest value.
+    """Return exact percentiles, defined as in `Statistics`; the percentile 0 is the smallest value.
 
     Parameters and errors are as in `compute_statistics`.
     """
@@ -134,7 +136,7 @@ def exact_percentiles(
 
 
 def _extent(chunks: Chunks) -> tuple[int | float, int | float, int]:
-    """Return the smallest and the largest value, and how many there are."""
+    """Return the smallest and the largest value, and the number of values."""
     ends = [(chunk.min().item(), chunk.max().item(), chunk.size) for chunk in chunks()]
     return min(low for low, _, _ in ends), max(high for _, high, _ in ends), sum(num for _, _, num in ends)
 
@@ -156,13 +158,13 @@ def _values_between(chunks: Chunks, low: float, high: float) -> Iterator[Array]:
 
 
 def rebin(statistics: Statistics, num_bins: int) -> tuple[Int64, Float64]:
-    """Return (counts, edges): int64 [m] and float64 [m + 1], m <= num_bins equal parts of the range.
+    """Join bins: return (counts, edges), int64 [m] and float64 [m + 1], of m <= num_bins equal parts of the range.
 
     Every part holds the same number of the original bins, except the last, which may hold fewer.
     """
     per_part = -(-len(statistics.counts) // num_bins)
     counts = np.add.reduceat(statistics.counts, np.arange(0, len(statistics.counts), per_part))
-    # Halves, since the range of float64 may exceed the largest number.
+    # Divided by two, because the range of float64 values may exceed the largest number.
     half_first, half_width = statistics.bins[0] / 2 - statistics.bin_width / 4, statistics.bin_width / 2
     half_edges = half_first + np.arange(len(counts) + 1) * per_part * half_width
     return counts, 2 * np.clip(half_edges, -_HALF_OF_LARGEST, _HALF_OF_LARGEST)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from renderer.statistics.histogram import Statistics
 from renderer.volume import Float64
 
-# The stored values of 0 Hounsfield units: 0, or an offset that makes 12 bits positive.
+# The stored values that may stand for 0 Hounsfield units: 0, or an offset that makes values of 12 bits positive.
 _HOUNSFIELD_ZEROS = (0.0, 1024.0, 1000.0)
 
 
 def hounsfield_zero(statistics: Statistics) -> float | None:
-    """Return the stored value of water if the values are Hounsfield units, perhaps with 1000 or 1024 added; else None.
+    """Return the stored value of 0 Hounsfield units: 0, 1000 or 1024; None if the values are no Hounsfield units.
 
     In a scan, air and lungs (-1100 to -700) and soft tissue (-150 to 150) are much more frequent than the values
     between them (-600 to -300), and something is denser. Values below -1100 are padding around the scanner's circle.
@@ -32,7 +32,7 @@ def hounsfield_zero(statistics: Statistics) -> float | None:
 
 
 def _is_narrow(statistics: Statistics, values: Float64) -> bool:
-    """Return whether soft tissue has a narrow peak, as on an absolute scale: half of -300 to 300 lies within 150."""
+    """Return whether soft tissue has a narrow peak: half of the values from -300 to 300 lie within 150."""
     counts = [float(statistics.counts[(values >= a) & (values < a + 50)].sum()) for a in range(-300, 300, 50)]
     widest = max(sum(counts[k : k + 3]) for k in range(len(counts) - 2))
     return widest > 0.5 * sum(counts) > 0

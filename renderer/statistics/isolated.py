@@ -1,4 +1,4 @@
-"""Find voxels far from all of their neighbours and beyond the range of all others, as hot and dead pixels are."""
+"""Find voxels with values far from their neighbours and beyond the range of all others, such as hot and dead pixels."""
 
 from __future__ import annotations
 
@@ -10,23 +10,25 @@ import numpy as np
 
 from renderer.volume import Array, Bools, Int64, MappedFile, iter_slabs
 
-# The largest share of all voxels that isolated voxels have. More are not noise.
+# The largest share of isolated voxels among all voxels. A larger share is no noise.
 _MAX_FRACTION = 1e-3
-# The smallest share of isolated voxels among the voxels beyond the range of the others. Where there are many, some
-# touch.
+# The smallest share of isolated voxels among all voxels beyond the range of the others. It is below 1 because, where
+# there are many, some touch.
 _MIN_ISOLATED = 0.95
-# The smallest distance of an isolated voxel from the range of its neighbours, in lengths of this range. Noise reaches
-# 0.7. Of the lowest and the highest percent of 40 volumes, 7 voxels reach 2, and they lie in the range of the others.
+# The smallest distance of an isolated voxel's value from the range of its neighbours' values, in widths of this range.
+# Noise reaches 0.7. Of the lowest and the highest percent of the voxels of 40 volumes, 7 voxels reach 2, and their
+# values lie in the range of the others.
 _MIN_DISTANCE = 2.0
-# The least number of neighbours that a voxel has. Along a single line they tell nothing.
+# The least number of neighbours of a voxel that may count as isolated. Neighbours along a single line are too few to
+# tell.
 _MIN_NEIGHBOURS = 8
-# Voxels that are read at a time.
+# The number of voxels that are read at a time.
 _CHUNK = 2**20
 
 
 @dataclass(frozen=True)
 class OutlierValue:
-    """A range of values beyond the range of all others, from `value` to `last`, that `num` isolated voxels have."""
+    """A range of values, `value` to `last`, that `num` isolated voxels have, beyond the range of all other values."""
 
     value: int | float
     num: int
@@ -40,15 +42,15 @@ OutlierSplit = tuple[tuple[OutlierValue, ...], float, float]
 def find_isolated(
     values: Array, source: MappedFile | None, ends: tuple[float, float, float, float], scale: float
 ) -> OutlierSplit | None:
-    """Return the isolated voxels at both ends, and the range of the others; None if there are none.
+    """Return the values of isolated voxels, and the range of all other values; None if no voxel is isolated.
 
-    values: C-contiguous. source: the file that they are mapped from, if any. ends: minimum, first and last of the usual
-    values, maximum; only values between the two of a side are looked at. scale: a power of two with which differences
-    are finite.
+    values: C-contiguous. source: the file that they are mapped from, if any. ends: the minimum, the first and the last
+    of the usual values, and the maximum; only voxels below the first or above the last may be isolated. scale: a power
+    of two that keeps differences finite.
     """
     minimum, *usual, maximum = ends
     cube, first = values.reshape(-1, *(1, 1, *values.shape)[-2:]), 0
-    limit = max(1, int(_MAX_FRACTION * values.size)) + 1  # the last is one of the others
+    limit = max(1, int(_MAX_FRACTION * values.size)) + 1  # the last one is no outlier
     beyond = [(np.empty(0, values.dtype), np.empty(0, bool))] * 2
     for slab in iter_slabs(cube, source, values.itemsize * _CHUNK):
         is_within = (slab >= minimum) & (slab <= maximum)
@@ -58,7 +60,7 @@ def find_isolated(
                 are_isolated = _are_isolated(cube, np.stack([z + first, y, x]), ends, scale)
                 far = np.append(beyond[k][0], slab[z, y, x])
                 are_isolated = np.append(beyond[k][1], are_isolated)
-                # From the end inwards; of equal values, isolated ones come last.
+                # The order is from the end of the range inwards; among equal values, isolated voxels come last.
                 order = np.lexsort((are_isolated ^ bool(k), far))[:: -1 if k else 1][:limit]
                 beyond[k] = far[order], are_isolated[order]
         first += len(slab)
@@ -74,14 +76,14 @@ def find_isolated(
 
 
 def _are_isolated(cube: Array, places: Int64, ends: Sequence[float], scale: float) -> Bools:
-    """Return which voxels, at `places` [3, n], are far from all of their neighbours but one."""
+    """Return which voxels, at `places` [3, n], have values far from all of their neighbours but one."""
     steps = [step for step in product(*((-1, 0, 1) if num > 1 else (0,) for num in cube.shape)) if any(step)]
     if len(steps) < _MIN_NEIGHBOURS:
         return np.zeros(places.shape[1], bool)
     lasts = np.array(cube.shape)[:, None] - 1
     lowest, low, high, highest = np.repeat([[np.inf], [np.inf], [-np.inf], [-np.inf]], places.shape[1], axis=1)
     for step in steps:
-        # Beyond the border are the neighbours on the other side.
+        # A neighbour beyond the border is replaced by the one on the opposite side.
         z, y, x = lasts - np.abs(lasts - np.abs(places + np.array(step)[:, None]))
         near = np.clip(cube[z, y, x] * scale, ends[0] * scale, ends[-1] * scale)
         # Neighbours without data, NaN, do not count.

@@ -29,8 +29,8 @@ from renderer.volume import Label, Volume, iter_slabs
 class KnownLabels:
     """The labels of a volume, as far as they are known.
 
-    present: the values that its voxels have, ascending. table: names, colours and opacities by value, from its file or
-        from a table of labels.
+    present: the labels that voxels of the volume have, ascending.
+    table: names, colours and opacities by label, from the volume's file or from a table of labels.
     """
 
     present: Collection[int]
@@ -38,17 +38,17 @@ class KnownLabels:
 
     @cached_property
     def names(self) -> dict[int, str]:
-        """Return the names of labels that have one."""
+        """Return the names of all labels that have a name."""
         return {value: label.name for value, label in self.table.items() if label.name}
 
     def find(self, key: LabelKey) -> list[int]:
-        """Return the values of a label that is in the volume or in the table; of a name several may be."""
+        """Return the known labels with this number or name; several labels may share a name."""
         if isinstance(key, int):
             return [key] * (key in self.present or key in self.table)
         return [value for value, name in self.names.items() if name == key]
 
     def hint(self, key: LabelKey) -> str | None:
-        """Return a hint with the label that is most like one that is not known."""
+        """Return a hint that names the known label most similar to an unknown one."""
         if isinstance(key, str):
             close = closest_match(key, self.names.values())
             return f"did you mean {close}?" if close else None if self.names else "its labels have no names"
@@ -61,7 +61,8 @@ NO_LABELS = KnownLabels((), {})
 def read_labels(volume: OverFrames[VolumeSpec], read: ReadVolume, labels: LabelsSpec) -> KnownLabels:
     """Return the labels of a volume, which are the values of any of its steps in time.
 
-    labels: their names go before the names in a table. Raises InputError for a volume that is no labels.
+    labels: the labels that the scene names; these names take precedence over a table's. Raises InputError for a volume
+    that is no labels.
     """
     known = _labels_of(steps_in_time(volume), read)
     table = known.table
@@ -73,7 +74,7 @@ def read_labels(volume: OverFrames[VolumeSpec], read: ReadVolume, labels: Labels
 
 
 def _labels_of(steps: Sequence[VolumeSpec], read: ReadVolume) -> KnownLabels:
-    """Return the labels of the steps of a volume; of two steps that describe a label, the first one counts.
+    """Return the labels of the steps of a volume. If two steps describe a label, the first step's description counts.
 
     Raises InputError for volumes that are no labels, and tables that cannot be read.
     """
@@ -87,7 +88,7 @@ def _labels_of(steps: Sequence[VolumeSpec], read: ReadVolume) -> KnownLabels:
 
 
 def label_table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:
-    """Return the table of labels in the file of a volume, or beside it."""
+    """Return the table of labels in the file of a volume, or in a file beside it."""
     source = spec.source
     if volume.labels or not isinstance(source, FileSource):
         return volume.labels
@@ -99,7 +100,7 @@ def label_table_of(spec: VolumeSpec, volume: Volume) -> Sequence[Label]:
 def count_labels(volume: Volume) -> dict[int, int]:
     """Return the number of voxels of each label, ascending by value.
 
-    Raises InputError for values that are no whole numbers, larger ones than MAX_LABEL, and more than MAX_LABELS.
+    Raises InputError for values that are no whole numbers or exceed MAX_LABEL, and for more than MAX_LABELS labels.
     """
     found: dict[int, int] = {}
     start = 0

@@ -9,24 +9,24 @@ from renderer.statistics.histogram import Statistics
 from renderer.statistics.voxel_sample import SAME, VoxelSample, faces
 from renderer.volume import Bools, Volume, iter_slabs
 
-# The most values that are always labels.
+# With at most this many different values, all values are labels.
 _MAX_CERTAIN_LABELS = 3
-# The smallest share of the neighbours of voxels outside the background that have the voxel's own value, where more
-# values are labels. Scans have up to 0.6.
+# The smallest share of equal neighbours in a volume of more labels: for voxels outside the background, the share of
+# neighbours that have the voxel's own value. Scans have up to 0.6.
 _MIN_EQUAL_NEIGHBOURS = 0.75
-# The same for labels of a few voxels each, which lie in one place.
+# The smallest share of equal neighbours if each label has a few voxels, which lie in one place.
 _MIN_EQUAL_NEIGHBOURS_OF_SMALL = 0.45
-# The largest scatter of such labels, as a part of the scatter of all: they have 0.02 to 0.3, the values of a scan 0.6
-# to 1.
+# The largest scatter of the voxels of such a label, as a part of the scatter of all voxels: labels have 0.02 to 0.3,
+# the values of a scan 0.6 to 1.
 _MAX_SCATTER_OF_SMALL = 0.5
-# The most labels that may be steps of a field.
+# Up to this many labels may be graded, with small steps between neighbours.
 _MAX_GRADED_LABELS = 16
-# The largest share of the unequal neighbours that differ by one or two, where there are more labels. Steps of a smooth
-# field have more.
+# The largest share of small steps in a volume with more labels: among unequal neighbours, the share of those that
+# differ by one or two. Steps of a smooth field have a larger share.
 _MAX_SMALL_STEPS = 0.6
-# The largest share of the values that only occur in transitions. A clipped image and a smoothed edge have more.
+# The largest share of the values that only occur in transitions. Clipped images and smoothed edges have a larger share.
 _MAX_TRANSITION_FRACTION = 0.5
-# The largest integer that float64, in which values are found here, does not round.
+# The largest integer that float64 does not round; values are compared in float64 here.
 _MAX_EXACT = 2**53
 
 
@@ -58,9 +58,9 @@ def is_piecewise_constant(sample: VoxelSample) -> bool:
 
 
 def _scatter(sample: VoxelSample, are_outside: Bools) -> float:
-    """Return the variance of the places of voxels with one value, as a part of the variance of all places.
+    """Return the variance of the positions of voxels with one value, as a part of the variance of all positions.
 
-    Voxels of the background do not count. Low for labels, about 1 for scans.
+    Voxels of the background do not count. The result is low for labels and about 1 for scans.
     """
     _, number, counts = np.unique(sample.normalized[are_outside], return_inverse=True, return_counts=True)
     places = np.argwhere(are_outside).T * np.array(sample.spacing)[:, None]
@@ -70,9 +70,10 @@ def _scatter(sample: VoxelSample, are_outside: Bools) -> float:
 
 
 def _transition_value_fraction(sample: VoxelSample) -> float:
-    """Return the part of the distinct values most of whose voxels lie strictly between their neighbours along x or y.
+    """Return the share of the distinct values that are transitions: most of their voxels lie between two neighbours.
 
-    The edges of an image have such values; the voxels of a label lie side by side.
+    Such a voxel's value lies strictly between those of its two neighbours along x or along y. Blurred edges of an
+    image have such values. A label has none, since its voxels lie side by side.
     """
     here, (left, right, down, up) = sample.normalized, sample.neighbours
     passed = ((left < here) & (here < right)) | ((left > here) & (here > right))
@@ -82,7 +83,7 @@ def _transition_value_fraction(sample: VoxelSample) -> float:
 
 
 def _small_step_fraction(sample: VoxelSample, step: float) -> float:
-    """Return the part of the unequal neighbours that differ by at most `step`, normalised."""
+    """Return the share of unequal neighbours whose values differ by at most `step`, normalised."""
     differences = np.abs(sample.neighbours - sample.normalized)
     unequal = differences[differences > SAME]
     return float(np.mean(unequal <= step)) if unequal.size else 0.0

@@ -7,16 +7,16 @@ from itertools import pairwise
 from renderer.statistics.classes import top_value
 from renderer.statistics.voxel_sample import VoxelSample
 
-# The most crossings of a level by a ray, in the mean. Surfaces that a ray crosses more often hide all others.
+# The largest mean number of times that a ray crosses a level. Surfaces that rays cross more often hide all others.
 MAX_CROSSINGS = 3.0
-# The most crossings of a level inside another one, as a part of the crossings of the outer one.
+# The largest ratio of the crossings of a level to the crossings of the next lower one that it lies inside.
 _MAX_NESTED_RATIO = 0.85
 
 
 def has_nested_levels(sample: VoxelSample, first: float) -> bool:
-    """Return whether the levels above `first` lie inside one another, as in a smooth field: the higher, the smaller.
+    """Return whether the surfaces of levels above `first` lie inside one another, as in a smooth field.
 
-    The levels of a material are all at its surface.
+    In a scan of one material, all of them lie at its surface.
     """
     top = top_value(sample)
     found = [crossings(sample, first + (top - first) * part) for part in (0.15, 0.4, 0.65, 0.9)]
@@ -24,7 +24,7 @@ def has_nested_levels(sample: VoxelSample, first: float) -> bool:
 
 
 def crossings(sample: VoxelSample, level: float) -> float:
-    """Return how often a ray through the volume crosses a level, in the mean."""
+    """Return how often a ray through the volume crosses a level, on average."""
     changes = (sample.neighbours > level) != (sample.normalized > level)
     num_y, num_x = (n * stride for n, stride in zip(sample.normalized.shape[1:], sample.strides[1:], strict=True))
     return float(changes[:2].mean() * num_x + changes[2:].mean() * num_y) / 2

@@ -1,7 +1,7 @@
 """Recognise level sets: fields made for their surface at 0, such as signed distances.
 
-One sign at the border and some of the other inside is not enough: a temperature field with one cold place and a scan
-with an overshooting edge have that, too.
+One sign at the border and the other one somewhere inside are not enough: they also occur in a temperature field with
+one cold place and in a scan with an overshooting edge.
 """
 
 from __future__ import annotations
@@ -11,29 +11,29 @@ import numpy as np
 from renderer.statistics.voxel_sample import VoxelSample
 from renderer.volume import Bools, Float64
 
-# The smallest share of the border that has one sign, in a level set.
+# The smallest share of the border's voxels that have the same sign, in a level set.
 _MIN_ONE_SIGN_FRACTION = 0.97
-# The smallest chance that the neighbour of a voxel inside is inside, too. Noise crosses 0 in single voxels; a ball
-# reaches this from a radius of 4 voxels on.
+# The smallest probability that the neighbour of a voxel inside a level set is inside, too. Noise crosses 0 in single
+# voxels; a ball of at least 4 voxels in radius reaches this probability.
 _MIN_COHERENCE = 0.5
-# The largest ratio of the upper to the lower quartile of the gradients in a distance. It is near 1: a distance has the
-# same gradient everywhere, except where two surfaces are equally far. In a smooth random field it is 1.8.
+# The largest ratio of the upper to the lower quartile of the gradients of a distance field. It is near 1: a distance
+# has the same gradient everywhere, except where two surfaces are equally far. In a smooth random field it is 1.8.
 _MAX_GRADIENT_RATIO = 1.4
-# The largest median gradient inside of a distance, compared with the median gradient of the whole. A distance is not
-# steeper inside, but a room that gets warmer upwards may have ice in it.
+# The largest median gradient inside the surface of a distance field, as a multiple of the median gradient of the whole
+# field. A distance is not steeper inside, but a temperature field that gets warmer upwards is, if it has ice inside.
 _MAX_INNER_STEEPNESS = 2.0
-# The smallest share of the voxels that is inside, in other level sets.
+# The smallest share of voxels inside the surface, in a level set that is no distance field.
 _MIN_INSIDE_FRACTION = 0.03
-# The smallest share of the voxels that is inside, compared with the share of the border that is. The valleys of a
-# random field are as frequent at the border as elsewhere.
+# The smallest ratio of this share to the share of the border's voxels that are inside. The valleys of a random field
+# are as frequent at the border as elsewhere.
 _MIN_INSIDE_RATIO = 4.0
-# The smallest median depth inside, compared with the one outside. An edge overshoots by 9 % at most (Gibbs), and by
-# half of this in the median.
+# The smallest median difference of the values inside from the border value, as a part of the median difference of those
+# outside. A smaller one may be ringing: an edge overshoots by 9 % at most (Gibbs), and by half of this in the median.
 _MIN_INSIDE_DEPTH = 0.05
 
 
 def is_level_set_interior(sample: VoxelSample, border: float) -> bool:
-    """Return whether the voxels above `border` are the inside of a level set, which the others surround."""
+    """Return whether the voxels above `border` are the inside of a level set, and the other voxels surround it."""
     within, around = (sample.normalized > border) & sample.is_valid, (sample.normalized <= border) & sample.is_valid
     if not within.any() or not around.any():
         return False
@@ -48,13 +48,12 @@ def is_level_set_interior(sample: VoxelSample, border: float) -> bool:
 
 
 def _coherence(sample: VoxelSample, above: float) -> float:
-    """Return the probability that a neighbour of a voxel above `above` is above it, too: low for noise, high for
-    objects."""
+    """Return the probability that a neighbour of a voxel over a threshold is over the threshold, too; low in noise."""
     return float(np.mean((sample.neighbours > above)[:, sample.normalized > above]))
 
 
 def _is_distance(sample: VoxelSample, within: Bools) -> bool:
-    """Return whether the gradient is even, for lengths in world units or in voxels."""
+    """Return whether the field is a distance: whether its gradient is even, for lengths in world units or in voxels."""
     axes = [axis for axis in range(3) if sample.normalized.shape[axis] > 1]
     changes = {axis: np.gradient(sample.normalized, axis=axis) for axis in axes}
     return any(

@@ -1,6 +1,6 @@
-"""Find the line by which values of one volume become values of another.
+"""Find the linear relation by which values of one volume become values of another.
 
-Scans of magnetic resonance have no absolute scale.
+It is needed because magnetic resonance has no absolute scale of values.
 """
 
 from __future__ import annotations
@@ -20,32 +20,33 @@ from renderer.statistics.padding import without_padding
 from renderer.statistics.voxel_sample import sample_volume
 from renderer.volume import Float64, Volume
 
-# The percentiles that are matched.
+# The percentiles of both volumes that are matched.
 _PERCENTILES = range(10, 100, 10)
 
 
 @dataclass(frozen=True)
 class ValueLine:
-    """A line by which values of a reference become values of a scan."""
+    """A linear relation by which values of a reference become values of a scan."""
 
     scale: float
     shift: float
 
     def __call__(self, value: float) -> float:
-        """Return the value of the scan for one of the reference."""
+        """Return the value of the scan that corresponds to a value of the reference."""
         return float(f"{self.scale * value + self.shift:.9g}")
 
     def __str__(self) -> str:
-        """Return `times 1.83, plus 12`."""
+        """Return the relation as text, such as `times 1.83, plus 12`."""
         return f"times {self.scale:.4g}, {'minus' if self.shift < 0 else 'plus'} {abs(self.shift):.4g}"
 
 
 def match_values(reference: Volume, scan: Volume) -> ValueLine:
-    """Return the line between the deciles of the values that are not background in two volumes.
+    """Return the linear relation between the deciles of two volumes, of the values that are not background.
 
-    Landmarks of the histogram as by L. G. Nyul and J. K. Udupa, "On Standardizing the MR Image Intensity Scale", Magn.
-    Reson. Med. 42 (1999); one line for all, the median of the lines through two of them (Theil and Sen), so that a
-    lesion or a bright coil changes little. Raises InputError for a volume without contrast, of labels or of colours.
+    The deciles serve as landmarks of the histogram, as in L. G. Nyul and J. K. Udupa, "On Standardizing the MR Image
+    Intensity Scale", Magn. Reson. Med. 42 (1999). The relation is the median of the lines through any two of
+    them (Theil and Sen), so that a lesion or a bright coil changes it little. Raises InputError for a volume without
+    contrast, of labels or of colours.
     """
     before, after = _landmarks(reference), _landmarks(scan)
     slopes = [

@@ -1,4 +1,4 @@
-"""Find an even medium around an object, such as water or resin in a dish: it is background, too."""
+"""Find an even medium around an object, such as water or resin in a dish. It counts as background, too."""
 
 from __future__ import annotations
 
@@ -8,34 +8,36 @@ from renderer.statistics.background import Background, shortest_interval
 from renderer.statistics.coarse_cells import are_deep
 from renderer.statistics.voxel_sample import VoxelSample
 
-# Voxels along each axis of a block. Means of blocks tell the medium from noise.
+# The number of voxels along each axis of a block. Means over blocks tell the medium from noise.
 _SIDE = 4
-# The smallest share of visible voxels in a whole block.
+# The smallest share of visible voxels in a block that counts as whole.
 _MIN_WHOLE = 0.97
-# The smallest share of the visible voxels that whole blocks have, in a bulky medium.
+# The smallest share of the visible voxels that lie in whole blocks, in a bulky medium.
 _MIN_BULK = 0.7
-# The least number of whole blocks.
+# The least number of whole blocks in a medium.
 _MIN_BLOCKS = 64
-# The smallest share of whole blocks with means near the middle of the medium. 13 bulky scans without a medium have 0.02
-# to 0.65.
+# The smallest share of the whole blocks whose means are near the middle of the medium. In 13 bulky scans without a
+# medium it is 0.02 to 0.65.
 _MIN_SHARE = 0.7
-# The largest distance of such a mean from the middle, as a part of the contrast to the background.
+# The largest distance of such a mean from the middle of the medium, as a part of the contrast between medium and
+# background.
 _NEAR = 0.1
-# The largest width of the interval with half of the means, as a part of the same contrast. 13 bulky scans without a
-# medium have 0.12 to 1.6.
+# The largest width of the shortest interval that holds half of the blocks' means, as a part of this contrast. In 13
+# bulky scans without a medium it is 0.12 to 1.6.
 _MAX_WIDTH = 0.1
-# The share of the denser voxels that must lie deep inside, for the medium to be around an object.
+# The smallest share of the voxels denser than the medium that lie deep inside it. With less, the medium is not around
+# an object.
 _MIN_ENCLOSED = 0.4
-# The smallest share of the visible voxels that is denser than the medium.
+# The smallest share of the visible voxels that are denser than the medium.
 _MIN_OBJECT = 1e-3
 # The medium ends this many standard deviations of its noise from its middle.
 _NOISE_SIGMAS = 5.0
 
 
 def find_medium(sample: VoxelSample, background: Background, first: float) -> Background | None:
-    """Return an even medium that surrounds an object within the background, like a background; None without one.
+    """Return an even medium that surrounds an object, described as a background; None without such a medium.
 
-    first: the normalised value from which on voxels are visible.
+    first: the normalised value above which voxels are visible.
     """
     is_visible = sample.normalized > first
     nz, ny, nx = (num // _SIDE for num in is_visible.shape)

@@ -1,6 +1,6 @@
-"""Find padding: one value at the border of a volume whose air, behind it, has another one.
+"""Find padding: voxels of one value, mostly 0, that enclose the scanned box and its air.
 
-Templates and resampled scans have zeros there. They are no background: the air behind them is.
+Brain templates and resampled scans have it. Padding is no background: the air inside it is.
 """
 
 from __future__ import annotations
@@ -13,29 +13,30 @@ from renderer.statistics.background import Background, background_at, fill_with_
 from renderer.statistics.voxel_sample import SAME, ValueRange, VoxelSample, faces, sample_volume
 from renderer.volume import Array, Bools, Float64, Volume
 
-# The smallest share of the border that padding has.
+# The smallest share of the border's voxels that are padding.
 _MIN_OF_BORDER = 0.5
-# The largest share of all voxels that it has: the corners around a ball that touches the border have 0.48.
+# The largest share of all voxels that are padding: the corners around a ball that touches the border have 0.48.
 _MAX_OF_VOXELS = 0.35
-# The largest median thickness on each face, as a part of the side. Around a ball it is 0.15.
+# The largest median thickness of padding on each face, as a part of the volume's side. Around a ball it is 0.15.
 _MAX_THICKNESS = 0.1
-# The smallest share of the voxels behind padding that air has: in a template a quarter.
+# The smallest share of air among the voxels inside padding. A brain template has a quarter.
 _MIN_AIR = 0.1
-# The highest place of air in the range of the values behind padding, from 0 to 1. Above, it may be an object that fills
-# its box. In a template it is 0.05.
+# The highest level of air in the range of the other values, which are scaled to 0 to 1. A higher background may be an
+# object that fills its box. The air of a brain template is at 0.05.
 _MAX_AIR_VALUE = 0.25
-# The smallest share of the voxels that is denser than air.
+# The smallest share of the voxels that are denser than air.
 _MIN_OBJECT = 0.01
-# The fewest voxels along an axis. Thinner volumes have no inside.
+# The fewest samples along each axis of a volume that may have padding. Thinner volumes have no inside.
 _MIN_SIDE = 8
-# Percentiles of the values of a volume between which its range is measured: a few outliers do not count.
+# The percentiles between which the range of a volume's values is measured, so that a few outliers do not count.
 _RANGE_OF_ALL = (0.01, 99.99)
-# The same for the values behind padding, where more may be outliers at the edges.
+# The percentiles between which the range of the values inside padding is measured; more of them may be outliers, at the
+# edges.
 _RANGE_BEHIND = (0.01, 99.9)
 
 
 def without_padding(sample: VoxelSample) -> VoxelSample:
-    """Return a sample with air, noise included, in place of padding that is darker than it; others as they are."""
+    """Return a sample in which padding, if it is darker than the air, has the air's values, noise included."""
     values, counts = np.unique(faces(sample.normalized)[faces(sample.is_valid)], return_counts=True)
     is_thin = min(sample.normalized.shape) < _MIN_SIDE
     if is_thin or not counts.size or counts.max() < _MIN_OF_BORDER * counts.sum():
@@ -57,9 +58,9 @@ def without_padding(sample: VoxelSample) -> VoxelSample:
 
 
 def background_value(volume: Volume) -> float | None:
-    """Return the value of the background of a volume; None where there is none.
+    """Return the value of the background of a volume; None if it has no background.
 
-    A background lies at an end of the values: values that fill the box, with others on both sides, are an object.
+    A background lies at one end of the range: a value in its middle that fills the border is an object.
     """
     low, high = volume.value_range()
     if low == high or volume.is_labels:
@@ -75,7 +76,7 @@ def background_value(volume: Volume) -> float | None:
 
 
 def _is_air(air: Background, inside: Float64) -> bool:
-    """Return whether a background behind padding is air around an object."""
+    """Return whether a background inside padding is air around an object."""
     low, high = np.percentile(inside, _RANGE_BEHIND).tolist()
     share = float(np.mean((inside >= air.low) & (inside <= air.high)))
     is_dark = air.middle - low < _MAX_AIR_VALUE * (high - low)
@@ -83,9 +84,9 @@ def _is_air(air: Background, inside: Float64) -> bool:
 
 
 def _values_behind(sample: VoxelSample, has_value: Bools) -> tuple[Float64, Bools] | None:
-    """Return the values a voxel behind padding, as many from each face, [n], and which voxels are padding.
+    """Return the first values inside padding, as many from each face, [n], and which voxels are padding.
 
-    has_value: which voxels have the value of padding. None where it is too thick.
+    has_value: which voxels have the value of padding. Returns None if the padding is too thick.
     """
     values, is_padding = list[Array](), np.zeros_like(has_value)
     for axis in range(3):

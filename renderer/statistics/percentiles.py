@@ -1,7 +1,8 @@
 """Find the values at given ranks among all values of a volume: exact, in a few passes and in bounded memory.
 
-Integers and IEEE floats, with their signs turned, are unsigned integers in the same order. The first pass counts the 16
-upper bits that differ. Each further pass counts the next 16 bits of the values that may have a wanted rank.
+Integers and IEEE floats become unsigned integers in the same order once their signs are turned. The first pass counts
+the upper 16 of the bits in which values differ. Each further pass counts the next 16 bits of the values that may have a
+wanted rank.
 """
 
 from __future__ import annotations
@@ -17,16 +18,18 @@ from renderer.volume import Array
 Chunks = Callable[[], Iterator[Array]]
 Counts = npt.NDArray[np.int64]
 
-# Bits that one pass counts.
+# The number of bits that one pass counts.
 _BITS = 16
 
 
 @dataclass(frozen=True)
 class OrderedKeys:
-    """A numbering of values by unsigned keys that are in their order.
+    """A mapping of values to unsigned integer keys that ascend as the values do.
 
-    dtype: of the values. low: the integer of the smallest value, subtracted from all. shift: lower bits left out in
-        `count`. num: counted numbers, at most 2**16.
+    dtype: the dtype of the values.
+    low: the integer of the smallest value, which is subtracted from all.
+    shift: the number of lower bits that `count` leaves out.
+    num: the number of counters, at most 2**16.
     """
 
     dtype: np.dtype[np.generic]
@@ -40,11 +43,11 @@ class OrderedKeys:
         return np.asarray(ordered - ordered.dtype.type(self.low % (1 << 8 * chunk.itemsize)))
 
     def count(self, chunk: Array) -> Counts:
-        """Return how many values have each number; int64 [num]."""
+        """Count the values by the upper bits of their keys: int64 [num]."""
         return np.bincount((self.keys(chunk) >> self.shift).astype(np.int64), minlength=self.num)
 
     def value(self, key: int) -> int | float:
-        """Return the value of a key."""
+        """Return the value that has a key."""
         is_float = self.dtype.kind == "f"
         integer = np.array([key + self.low], f"i{self.dtype.itemsize}" if is_float else self.dtype)
         number: int | float = (_turned(integer).view(self.dtype) if is_float else integer)[0].item()
@@ -63,12 +66,12 @@ def values_at_ranks(
 ) -> dict[int, int | float]:
     """Return the value of each rank, from 0 for the smallest.
 
-    counts: of all values, from `OrderedKeys.count`. chunks: begins a pass over all values; called at most three times,
-        and not at all if the counted numbers are the values.
+    counts: the counts of all values, from `OrderedKeys.count`. chunks: a function that begins a pass over all values;
+        called at most three times, and not at all if each value has a counter of its own.
     """
     keys, within = dict.fromkeys(ranks, 0), {rank: rank for rank in ranks}
     tables, shift, step = {0: counts}, ordered_keys.shift, _BITS
-    is_near = np.zeros(ordered_keys.num, bool)  # by counted number: few values share one with a wanted rank
+    is_near = np.zeros(ordered_keys.num, bool)  # by counter: few values share one with a wanted rank
     while True:
         for rank, key in keys.items():
             before = np.concatenate([[0], np.cumsum(tables[key])])
@@ -90,12 +93,12 @@ def values_at_ranks(
 
 
 def _ordered_integers(chunk: Array) -> Array:
-    """Return integers of the same size in the order of the values; -0 is 0."""
+    """Return integers that ascend as the values do, of the same size; -0 becomes 0."""
     if chunk.dtype.kind != "f":
         return chunk
     return _turned((chunk + chunk.dtype.type(0)).view(f"i{chunk.itemsize}"))
 
 
 def _turned(bits: Array) -> Array:
-    """Turn the lower bits of negative floats, so that the bits, as signed integers, ascend; or turn them back."""
+    """Turn the lower bits of negative floats, so that the bits ascend as signed integers; or turn them back."""
     return np.asarray(bits ^ (bits >> (8 * bits.itemsize - 1) & np.iinfo(bits.dtype).max))

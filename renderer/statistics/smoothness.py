@@ -8,9 +8,9 @@ import numpy as np
 
 from renderer.statistics.voxel_sample import VoxelSample
 
-# The largest ratio of second to first differences in a smooth field.
+# The largest ratio of second to first differences between neighbours in a smooth field.
 _SMOOTH = 0.58
-# The largest correlation of neighbours in noise. In the noisiest of 20 scans they have 0.7.
+# The largest correlation of neighbouring voxels in noise. In the noisiest of 20 scans it is 0.7.
 _MIN_CORRELATION = 0.3
 
 
@@ -28,6 +28,6 @@ def is_smooth(sample: VoxelSample, low: float, high: float = math.inf) -> bool:
 
 
 def is_noise(sample: VoxelSample) -> bool:
-    """Return whether the values are nothing but noise: neighbours along x are not alike."""
+    """Return whether the values are nothing but noise: whether neighbours along x are hardly correlated."""
     here, beside = (values - sample.normalized.mean() for values in (sample.normalized, sample.neighbours[1]))
     return float((here * beside).mean()) < _MIN_CORRELATION * float(here.var())

@@ -1,4 +1,4 @@
-"""Measure how the values are spread around a middle: around 0, as noise in a map of statistics, or with a long tail."""
+"""Measure how values spread around a middle: near 0, as noise in a statistical map, or with a long tail."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import numpy as np
 from renderer.statistics.voxel_sample import SAME, VoxelSample
 from renderer.volume import Float64
 
-# The values of a map of statistics, such as t or z, are noise around a middle, with a normal distribution: the 30 %
-# that are nearest reach 0.385 standard deviations, 70 % reach 1.036.
+# The values of a statistical map, such as t or z, are noise with a normal distribution around a middle: the 30 % of the
+# values that are nearest to it lie within 0.385 standard deviations, 70 % within 1.036.
 _SIGMAS_OF_70_PERCENT = 1.036
-# The least and the largest ratio of both in such a map; the exact one is 2.69. It is 2.7 in a map with a few active
-# places, 115 in an orbital, 3.4 in seismic waves, 1.9 in a distance, 2.3 in uniform values.
+# The least and the largest ratio of these two distances in a statistical map; a normal distribution has 2.69. A map
+# with a few active places has 2.7, an orbital 115, seismic waves 3.4, a distance field 1.9, uniform values 2.3.
 _NORMAL_RATIOS = (2.45, 3.2)
 # Noise ends this many standard deviations from the middle: 6 of 100,000 voxels are outside.
 _MAP_NOISE_SIGMAS = 4.0
-# The least distance, in standard deviations, of a voxel that stands out from noise. In noise alone one of two million
-# voxels does.
+# The least distance from the middle, in standard deviations, of a voxel that stands out from noise. In noise alone, one
+# of two million voxels does.
 _OUTSTANDING_SIGMAS = 5.0
-# The least number of sampled voxels that stand out in a map of statistics.
+# The least number of sampled voxels that stand out in a statistical map.
 _MIN_OUTSTANDING = 8
 
 
@@ -29,9 +29,10 @@ def is_about_zero(sample: VoxelSample) -> bool:
 
 
 def noise_reach(sample: VoxelSample, middle: float) -> float:
-    """Return how far noise reaches from the middle of a map of statistics, normalised; 0 where there is no such map.
+    """Return how far noise reaches from the middle of a statistical map, normalised; 0 for other volumes.
 
-    Voxels of exactly the middle lie outside of the object of the map, and do not count. Some voxels must stand out.
+    Voxels whose value is exactly the middle lie outside the mapped object, and do not count. A map needs some voxels
+    that stand out.
     """
     distances = np.abs(sample.normalized[sample.is_valid] - middle)
     distances = distances[distances > SAME]
@@ -45,5 +46,5 @@ def noise_reach(sample: VoxelSample, middle: float) -> float:
 
 
 def tail_ratio(distances: Float64) -> float:
-    """Return the largest of positive distances, without outliers, divided by their median."""
+    """Return the largest of some positive distances, outliers left out, divided by their median."""
     return float(np.percentile(distances, 99.8)) / float(np.median(distances)) if distances.size else 1.0

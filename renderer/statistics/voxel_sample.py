@@ -15,9 +15,9 @@ from renderer.volume import Array, Bools, Float64, Volume
 
 # The most samples along each axis. Two million voxels are enough for a transfer function.
 _MAX_SAMPLES_PER_AXIS = 128
-# The smallest share of the voxels at the border that have data, for the border to tell the background.
+# The smallest share of the border's voxels that must have data, for the background to be found there.
 _MIN_VALID_FRACTION = 0.1
-# Normalised values that differ by no more than this are the same.
+# Normalised values that differ by no more than this count as equal.
 SAME = 1e-9
 
 
@@ -27,14 +27,15 @@ class VoxelSample:
 
     normalized: float64 [z, y, x] in [0, 1].
     is_valid: bool [z, y, x]; False for voxels without data, and for values outside of the range.
-    strides: voxels from one sample to the next along z, y, x.
-    neighbours: float64 [4, z, y, x], the neighbouring voxels at -x, +x, -y, +y; at the border the voxel itself.
-    minimum, maximum: the range, data units.
+    strides: the numbers of voxels from one sample to the next along z, y, x.
+    neighbours: float64 [4, z, y, x], the values of the voxels at -x, +x, -y, +y; beyond the border, the value of the
+        voxel itself.
+    minimum, maximum: the range of the volume, in data units.
     spacing: world distance between samples along z, y, x.
-    diagonal: of the whole volume, world units.
+    diagonal: the diagonal of the whole volume, in world units.
     directions: float64 [3, 3], whose columns are the directions of the axes x, y, z in the world.
-    centre: of the volume, in the world.
-    is_interpolated: whether there are values between two samples; between two labels there are none.
+    centre: the centre of the volume, in the world.
+    is_interpolated: whether values are interpolated between two samples; labels are not.
     """
 
     normalized: Float64
@@ -61,15 +62,15 @@ class VoxelSample:
         return (value * scale - low) / extent
 
     def _scaled_range(self) -> tuple[float, float, float]:
-        """Return the lowest value and the extent of the range, and the power of two that they are multiplied by."""
+        """Return the lowest value of the range and its width, both scaled, and their factor, a power of two."""
         scale = safe_scale(self.minimum, self.maximum)
         return self.minimum * scale, self.maximum * scale - self.minimum * scale, scale
 
     def round_value(self, value: float, gap: float = 1.0) -> float:
         """Round a data value to about a thousandth of the range, or to a twentieth of `gap`.
 
-        gap: the normalised distance to the next point; points stay apart. Values without such decimals are returned
-            unchanged.
+        gap: the normalised distance to the next point; points stay apart. Values that have no such decimals are
+            returned unchanged.
         """
         extent = abs(self.maximum - self.minimum) * min(1.0, 50 * gap)
         if not 1e-290 < extent < 1e290:
@@ -77,14 +78,15 @@ class VoxelSample:
         decimals = 3 - math.floor(math.log10(extent))
         if decimals > -12 and abs(value) < 1e15:
             return float(round(value, max(decimals, 0))) + 0.0
-        # On a large offset keep as many digits as tell values apart, and zeros before the point.
+        # On a large offset, keep as many digits as tell values apart, and zeros before the decimal point.
         digits = 1 + decimals + math.floor(math.log10(abs(value))) if value else 1
         return float(f"{value:.{min(max(digits, 5), 17)}g}")
 
     def valid_values(self) -> tuple[Float64, Float64]:
         """Return the valid values on the six faces, [m], and all valid values, [n].
 
-        Where hardly any is valid on the faces, the fill value is the background, and all values count.
+        If hardly any voxel on the faces is valid, the fill value is the background, and all values are returned for the
+        faces.
         """
         border, are_valid = faces(self.normalized), faces(self.is_valid)
         if np.mean(are_valid) < _MIN_VALID_FRACTION:
@@ -92,17 +94,17 @@ class VoxelSample:
         return border[are_valid], self.normalized[self.is_valid]
 
     def mapped(self, function: Callable[[Float64], Float64]) -> VoxelSample:
-        """Return the sample with a function of its normalised values."""
+        """Return the sample with a function applied to its normalised values."""
         return replace(self, normalized=function(self.normalized), neighbours=function(self.neighbours))
 
     def with_inverted_range(self) -> VoxelSample:
-        """Return the sample with the range inverted."""
+        """Return the sample with its values mirrored in their range: 0 becomes 1."""
         return replace(self.mapped(lambda values: 1 - values), minimum=self.maximum, maximum=self.minimum)
 
     def with_logarithms(self, smallest: float) -> VoxelSample:
-        """Return the sample with logarithms to base 10 in place of its values, none of which is negative.
+        """Return the sample with its values, none of them negative, replaced by their logarithms to base 10.
 
-        smallest: the share of the maximum that stands for all that is less.
+        smallest: the share of the maximum by which all smaller values are replaced.
         """
         first, high = math.log10(smallest), math.log10(self.maximum)
 
@@ -112,13 +114,13 @@ class VoxelSample:
         return replace(self.mapped(logarithms), minimum=high + first, maximum=high)
 
     def shares(self, normalized: Float64) -> Float64:
-        """Return normalised values as shares of the maximum, where no value is negative."""
+        """Return normalised values as shares of the maximum; no value of the volume is negative."""
         low, extent, _ = self._scaled_range()
         return np.asarray((low + extent * normalized) / (low + extent))
 
 
 class ValueRange(NamedTuple):
-    """The range of values."""
+    """A range of values, by which a sample can be normalised."""
 
     minimum: float
     maximum: float
@@ -127,8 +129,8 @@ class ValueRange(NamedTuple):
 def sample_volume(volume: Volume, statistics: Statistics | ValueRange, fill: float = 0.0) -> VoxelSample:
     """Return a sample of a volume that is not constant.
 
-    statistics: give the range. fill: the normalised value of voxels outside it, and of voxels without data.
-    Raises InputError if the volume's file has changed.
+    statistics: the range to normalise by. fill: the normalised value for voxels outside of this range, and for voxels
+    without data. Raises InputError if the volume's file has changed.
     """
     volume.require_unchanged()
     values = volume.values
@@ -153,7 +155,7 @@ def sample_volume(volume: Volume, statistics: Statistics | ValueRange, fill: flo
     here = sampled(0, 0)
     own, is_within = normalized(here), are_within(here)
     neighbours = np.stack([normalized(sampled(*step)) for step in ((0, -1), (0, 1), (-1, 0), (1, 0))])
-    # Isolated voxels leave no hole.
+    # Isolated voxels are not left as holes.
     is_isolated = ~is_within & ~np.isnan(here)
     own[is_isolated] = np.median(neighbours[:, is_isolated], axis=0)
     side_x, side_y, side_z = volume.spacing.tolist()
@@ -174,9 +176,10 @@ def sample_volume(volume: Volume, statistics: Statistics | ValueRange, fill: flo
 
 
 def faces(cube: Array) -> Array:
-    """Return values on the six faces of [z, y, x], as many of each face; [n].
+    """Return the values on the six faces of an array [z, y, x], the same number from each face: [n].
 
-    Small ones are repeated: an object that reaches through two faces of a slab does not fill most of its border.
+    Values of small faces are repeated, so that an object which fills the two large faces of a slab does not fill most
+    of its border.
     """
     sides = [side.ravel() for axis in range(3) for side in (cube.take(0, axis), cube.take(-1, axis))]
     num = max(side.size for side in sides)

@@ -1,4 +1,4 @@
-"""Make a layer of each channel of a volume: name, colour and window are the file's, or else suggested."""
+"""Make a layer of each channel of a volume. Its name, colour and value range come from the file, or are suggested."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from renderer.statistics import compute_statistics, find_background, sample_volu
 from renderer.suggest.palette import in_8_bits
 from renderer.volume import Channel, Volume
 
-# The colours of channels without one, in turn. People who see no difference of red and green tell the
-# first two apart.
+# The colours for channels whose file gives none, used in turn. People who cannot tell red from green can tell the first
+# two apart.
 _COLORS: tuple[Color, ...] = (
     (0.0, 1.0, 0.0),
     (1.0, 0.0, 1.0),
@@ -27,28 +27,28 @@ _COLORS: tuple[Color, ...] = (
     (1.0, 0.5, 0.0),
     (1.0, 1.0, 1.0),
 )
-# The most channels.
+# The most channels of a volume that are shown.
 _MAX_CHANNELS = 64
-# The percentile of the values above the background that has the full colour.
+# The percentile of the values above the background that is shown in the full colour.
 _BRIGHT_PERCENTILE = 99.0
-# The percentile that is dark where no background stands apart, as in tissue that fills the picture: there the light of
-# lower values would burn it out.
+# The percentile that is shown as nothing if no background stands apart, as in tissue that fills the picture: there, the
+# light of lower values would add up to white.
 _DARK_PERCENTILE = 80.0
-# The most voxels along each axis whose light is summed up.
+# The most voxels along each axis whose light is added up along rays.
 _SAMPLED_SIDE = 96
-# The least light of a bright ray, as a part of the most light.
+# The least light of a bright ray, as a part of the light of the brightest ray.
 _LEAST_BRIGHT = 0.1
-# The percentile of the bright rays that is fully bright.
+# The percentile of the bright rays' light that becomes full brightness.
 _FULL_PERCENTILE = 93.0
-# The largest weight, and one over the smallest.
+# The largest weight of a channel; the smallest is its reciprocal.
 _MOST_WEIGHT = 50.0
 
 
 def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[LayerSpec]:
-    """Return a layer for each channel of a volume; a transfer function that is given is for all of them.
+    """Return a layer for each channel of a volume. A given transfer function applies to all of them.
 
-    layer: of a film, in which values may move. first: the first channel, or the volume if that has no others.
-    read: reads the voxels of others.
+    layer: a layer of a film, whose values may move. first: the voxels of the first channel, or of a volume without
+    channels. read: reads the voxels of another channel.
     """
     channels, made = first.channels or (Channel(color=(1.0, 1.0, 1.0)),), []
     if len(channels) > _MAX_CHANNELS:
@@ -73,9 +73,9 @@ def channel_layers(layer: LayerSpec, first: Volume, read: ReadVolume) -> list[La
 
 
 def _common_window(steps: Iterable[Volume]) -> tuple[tuple[float, float], Volume]:
-    """Return the values of a channel that are shown as nothing and as its full colour, by some of its steps in time.
+    """Return the range in which a channel is shown, from nothing to its full colour, by some of its steps in time.
 
-    They are the highest of any step. Returns the brightest step, too.
+    Each end of the range is the highest of any step. The brightest step is returned, too.
     """
     (low, high), brightest = (-math.inf, -math.inf), None
     for volume in steps:
@@ -87,7 +87,7 @@ def _common_window(steps: Iterable[Volume]) -> tuple[tuple[float, float], Volume
 
 
 def suggest_window(volume: Volume) -> tuple[float, float]:
-    """Return the values of a channel that are shown as nothing and as its full colour."""
+    """Return the range of values in which a channel is shown: from nothing to its full colour."""
     statistics = compute_statistics(volume.values, volume.source)
     shown = statistics.without_outliers or statistics
     if shown.minimum == shown.maximum:
@@ -101,7 +101,7 @@ def suggest_window(volume: Volume) -> tuple[float, float]:
 
 
 def suggest_weight(volume: Volume, window: tuple[float, float]) -> float:
-    """Return the weight, of two digits, with which the light of bright rays along the axes is about full."""
+    """Return the weight, rounded to two digits, with which bright rays along the axes are about fully bright."""
     steps = [max(1, num // _SAMPLED_SIDE) for num in volume.values.shape]
     sampled = volume.values[tuple(slice(None, None, step) for step in steps)].astype(np.float64)
     low, high = window
@@ -116,7 +116,7 @@ def suggest_weight(volume: Volume, window: tuple[float, float]) -> float:
 
 
 def with_own_names(layers: list[LayerSpec]) -> Iterator[LayerSpec]:
-    """Yield layers in which a name that others have, too, has a number."""
+    """Yield layers; a name that an earlier layer has, too, gets a number."""
     names: list[str] = []
     for number, layer in enumerate(layers, 1):
         name = f"{layer.name} ({number})" if layer.name and layer.name in names else layer.name

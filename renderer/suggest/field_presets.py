@@ -1,6 +1,6 @@
 """Choose layers and colours for fields: thin shells at some levels, or a glow that gets denser.
 
-A field has no materials, but values that rise from the background to a peak.
+A field has no materials: its values rise smoothly from the background to a peak.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST
 from renderer.suggest.presets import SHADING, Preset
 from renderer.volume import Float64
 
-# The mean opacity, in the picture of shells, of the rays that meet anything.
+# The mean opacity that a picture of shells aims at, over the rays that meet anything.
 _SHELL_COVERAGE = 0.8
-# The same for a glow.
+# The mean opacity that a picture of a glow aims at, over the rays that meet anything.
 _GLOW_COVERAGE = 0.65
-# Shells of a field with one sign.
+# The number of shells of a field with one sign.
 _NUM_SHELLS = 4
-# The place of the lowest shell on the way from the first value to the second shell, from 0 to 1.
+# The position of the lowest shell, in steps between shells, above the value at which the field begins.
 _FIRST_SHELL = 0.6
-# The width of a shell, as a part of the distance of shells.
+# The width of a shell, as a part of the distance between two shells.
 _SHELL_WIDTH = 0.36
-# The smallest normalised width, so that the steps of 8 bits do not show.
+# The smallest normalised width of a shell. In narrower shells, the steps of 8-bit values would show.
 _MIN_SHELL_WIDTH = 0.012
-# The largest optical depth of 1 % of the diagonal. Shells are thin, and so dense; from 40 on they look the same, but a
-# frame takes up to 1.4 times as long.
+# The largest optical depth of a shell, for 1 % of the volume's diagonal. Shells are thin, and so dense. From 40 on they
+# look the same, but a frame takes up to 1.4 times as long.
 _MAX_SHELL_DEPTH = 12.0
-# Up to twice this tail ratio, levels are at even steps.
+# The levels of a field are at even steps if its tail ratio is at most twice this.
 _SHORT_TAIL = 4.0
 
 
 def field_preset(sample: VoxelSample, first: float, *, origin: float) -> Preset:
-    """Return the preset of a field that rises from `first` on; ratios are counted from `origin`."""
+    """Return the preset of a field that rises from `first`; ratios of values are measured from `origin`."""
     levels = origin + _shell_levels(sample.normalized - origin, first - origin, _NUM_SHELLS)
     palette = colormap_points(FIELD_COLORMAP, 256)
     colors = [palette[int(255 * at)] for at in np.linspace(FIELD_DARKEST, 1.0, _NUM_SHELLS)]
@@ -47,9 +47,10 @@ def field_preset(sample: VoxelSample, first: float, *, origin: float) -> Preset:
 
 
 def _shell_levels(distances: Float64, first: float, num: int) -> Float64:
-    """Return levels from a first distance to the largest ones.
+    """Return the levels of shells, between a first distance and the largest distances from the origin.
 
-    They are at even steps of the distances, or nearly of their logarithms where few are much larger than the others.
+    Levels are at even steps of the distances. If few distances are much larger than the others, they are nearly at even
+    steps of the logarithms.
     """
     visible = distances[distances > first]
     top = max(float(np.percentile(visible, 99.8)) if visible.size else 1.0, first * 1.01 + 1e-6)
@@ -59,7 +60,7 @@ def _shell_levels(distances: Float64, first: float, num: int) -> Float64:
     return np.asarray((low + (high - low) * steps) ** (1 / power))
 
 
-# The colours of the shells of a field with two signs, from the middle outwards.
+# The colours of the shells of a field with two signs, from the middle outwards: below it, and above it.
 _NEGATIVE = ((0.62, 0.84, 1.0), (0.34, 0.62, 0.98), (0.16, 0.42, 0.92))
 _POSITIVE = ((1.0, 0.80, 0.62), (0.98, 0.52, 0.34), (0.90, 0.25, 0.16))
 
@@ -67,7 +68,7 @@ _POSITIVE = ((1.0, 0.80, 0.62), (0.98, 0.52, 0.34), (0.90, 0.25, 0.16))
 def diverging_preset(sample: VoxelSample, middle: float, dead_zone: float) -> Preset:
     """Return the preset of values on both sides of `middle`, blue below and red above.
 
-    Values nearer than `dead_zone` to it are transparent.
+    Values within `dead_zone` of the middle are transparent.
     """
     away = _shell_levels(np.abs(sample.normalized - middle), dead_zone, len(_POSITIVE))
     pairs = zip(away.tolist(), _NEGATIVE, _POSITIVE, strict=True)
@@ -75,7 +76,7 @@ def diverging_preset(sample: VoxelSample, middle: float, dead_zone: float) -> Pr
 
 
 def _shells_preset(sample: VoxelSample, shells: Sequence[tuple[tuple[float, Color], ...]]) -> Preset:
-    """Return the preset of thin shells, each at one or two (normalised value, colour), which are equally dense."""
+    """Return the preset of thin, equally dense shells; each shell is one or two pairs (normalised value, colour)."""
     found = [shell for shell in shells if 0 < max(crossings(sample, at) for at, _ in shell) < MAX_CROSSINGS]
     if len(found) < 2:
         return glow_preset(shells)
@@ -90,7 +91,7 @@ def _shells_preset(sample: VoxelSample, shells: Sequence[tuple[tuple[float, Colo
 
 
 def glow_preset(shells: Sequence[tuple[tuple[float, Color], ...]]) -> Preset:
-    """Return the preset of a field that gets denser from the first to the last shell, each as in `_shells_preset`."""
+    """Return the preset of a field that gets denser from the first to the last of `shells`, as in `_shells_preset`."""
     weights = np.linspace(0.0, 1.0, len(shells)) ** 2
     knots = sorted((at, weight) for shell, weight in zip(shells, weights.tolist(), strict=True) for at, _ in shell)
     colors = sorted(level for shell in shells for level in shell)

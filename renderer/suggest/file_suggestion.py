@@ -1,4 +1,4 @@
-"""Suggest how to show a volume that is still to be read: all of its channels, and all of its steps in time."""
+"""Suggest how to show a volume that is still to be read, with all of its channels and steps in time."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from renderer.volume import Volume
 def suggest_for(volume: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH) -> VolumeSuggestion:
     """Read a volume and suggest how to show it.
 
-    read: reads voxels: of several channels first one, which tells of all; of several steps in time some.
-    Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
+    read: reads the voxels of one channel at one step in time. The first channel that is read names all channels; only
+    some of several steps are read. Raises InputError for a volume that cannot be read or drawn, and as `suggest`.
     """
     may_have_channels = wish == NO_WISH and volume.component in (None, "all")
     asked: int | Literal["all"] | None = 0 if volume.component == "all" else "all"
     found = read(replace(volume, component=asked) if may_have_channels else volume)
-    if found.labels and found.channels and volume.component is None:  # layers of segments, which are one volume
+    if found.labels and found.channels and volume.component is None:  # segments, read as one volume
         found = read(volume)
     raise_problems(volume_problems(volume_extent(found), found.name))
     num_times = found.num_times if volume.time is None else 1

@@ -1,4 +1,4 @@
-"""Declare the options of a suggested film besides its transfer function: a turntable, and its defaults."""
+"""Declare the options of a suggested film besides its volume and transfer function, such as those of a turntable."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from pathlib import Path
 
 from renderer.scene import OutputSpec, VolumeSpec, file_source
 
-# The words by which a suggestion can be steered; `wishes.py` has a function for each. They are here, so that options
-# are declared without numpy.
+# The words by which a user can steer a suggestion; `wishes.py` has a function for each. They stand here so that options
+# are declared without importing numpy.
 PRESET_WORDS = ("bone", "vessels", "skin", "brain", "xray", "surface", "glow", "labels")
 
 
 @dataclass(frozen=True)
 class FilmOptions:
-    """A choice of the options of a turntable besides its volume.
+    """The options of a turntable besides its volume.
 
-    background: a colour or `transparent`. colormap, preset: as in `Wish`. over: the volume underneath.
+    background: a colour or `transparent`.
+    colormap, preset: as in `Wish`.
+    over: the file of a second volume, over which the first one is drawn.
     """
 
     frames: int = 120
@@ -32,5 +34,5 @@ class FilmOptions:
 
     @property
     def under(self) -> VolumeSpec | None:
-        """Return the volume underneath."""
+        """Return the volume over which the first one is drawn; None without one."""
         return None if self.over is None else VolumeSpec(file_source(self.over))

@@ -1,4 +1,4 @@
-"""Take the transfer function of a preset by name, or of a file of another program."""
+"""Take the transfer function from a named preset, or from a file of another program."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ from renderer.suggest.recognition import offset_text
 from renderer.suggest.suggestion import LEAST_OPACITY, Suggestion, transparent_between
 from renderer.suggest.wishes import LABELS_WISH, WISHES
 
-# The smallest share of the range of a transfer function that the values of the volume have, where it suits them.
+# The smallest share of a transfer function's range that the values of the volume cover, if the function suits them.
 _LEAST_COMMON = 0.5
 
 
 def imported_suggestion(sample: VoxelSample, zero: float | None, wish: str) -> Suggestion:
-    """Return the transfer function of a preset or a file. Raises SceneError where it cannot be read.
+    """Return a suggestion with the transfer function of a preset or a file. Raises SceneError if it cannot be read.
 
-    Shares become the range of the values above the middle of the background. Others are shifted by the stored value of
-    0 Hounsfield units; where that is not known, a note says if they lie elsewhere than the values of the volume.
+    A function given in shares of a range is stretched over the values above the middle of the background. A function
+    given in values is shifted by `zero`, the stored value of 0 Hounsfield units; if `zero` is None, a note says if the
+    function's values do not fit the volume's.
     """
     file, _, name = wish.partition("#")
     given: dict[str, Any] = {"import": file} | ({"name": name} if name else {})
@@ -68,7 +69,7 @@ def _opacity_at(points: Sequence[ControlPoint], value: float) -> float:
 
 
 def _misfits(points: Sequence[tuple[float, float]], name: str, span: Sequence[float]) -> Iterator[str]:
-    """Yield a note if most of the values that points tell apart are outside of `span`, the range of an object.
+    """Yield a note if the points suit other values than those of the object, whose range is `span`.
 
     points: (value, opacity).
     """

@@ -1,4 +1,4 @@
-"""Suggest how to show a volume of labels: a colour for each, and translucent labels around others."""
+"""Suggest how to show a volume of labels: a colour for each label, and translucent labels around others."""
 
 from __future__ import annotations
 
@@ -26,20 +26,21 @@ from renderer.suggest.suggestion import ShownLayer, Suggestion
 from renderer.suggest.turntable_rays import TurntableRays, cast_rays
 from renderer.volume import Bools, Float64, Volume
 
-# Occlusion, which is found for voxels, would show the stairs of a label.
+# The light has no occlusion: it is computed for whole voxels, and would show the stairs of a label's surface.
 _SHADING = replace(SHADING, ambient=0.45, diffuse=0.6, occlusion=0.0)
-# The optical depth of 1 % of the diagonal in a label that is not around others: its surface looks solid.
+# The least optical depth, for 1 % of the volume's diagonal, of a label that does not enclose others. Its surface looks
+# solid.
 _SOLID_DEPTH = 6.0
-# The most labels that have a density each.
+# The most labels whose densities are solved one by one; more labels all have the same density.
 _MAX_SOLVED = 10
-# The smallest share of the projections of smaller labels, along each axis, that an enclosing label covers.
+# The smallest share that an enclosing label covers of the projections of all smaller labels, along each axis.
 _ENCLOSING_COVERAGE = 0.85
-# The share of the picture of an enclosing label, compared with the share of another label.
+# The share of the picture that an enclosing label gets, compared with a label that does not enclose others.
 _ENCLOSING_SHARE = 0.4
 
 
 def _background_label(sample: VoxelSample, values: Sequence[float]) -> float | None:
-    """Return the label that is most frequent at the border; None if the value for voxels without data is no label."""
+    """Return the most frequent label at the border; None if voxels without data are more frequent there."""
     mode = border_mode(sample)
     at_border = sample.denormalize(mode)
     nearest = min(values, key=lambda value: abs(value / 2 - at_border / 2))
@@ -47,11 +48,11 @@ def _background_label(sample: VoxelSample, values: Sequence[float]) -> float | N
 
 
 def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float], known: KnownLabels) -> Suggestion:
-    """Return the suggestion for labels: every one but the background has a colour and an opacity.
+    """Return the suggestion for labels: each label except the background has a colour and an opacity.
 
-    The background is the most frequent label at the volume's border, if voxels have data there. What a table says holds
-    as in a scene: names, colours, and which labels are hidden or translucent. known: the table, and labels of other
-    steps in time.
+    The background is the most frequent label at the volume's border, if voxels have data there. A table of labels
+    applies as in a scene: it gives names and colours, and says which labels are hidden or translucent. known: the
+    labels of all steps in time, and their table.
     """
     voxels = count_labels(volume)
     outside = _background_label(sample, values)
@@ -87,7 +88,7 @@ def label_suggestion(volume: Volume, sample: VoxelSample, values: Sequence[float
 
 
 def _labels_with_table(solved: Mapping[int, float], known: KnownLabels) -> LabelsSpec:
-    """Return labels with the colours, the names and the translucency that a table gives them.
+    """Return the labels that are shown, with the colours, names and translucency that a table gives them.
 
     solved: the opacity of each label that is shown.
     """
@@ -104,7 +105,7 @@ def _labels_with_table(solved: Mapping[int, float], known: KnownLabels) -> Label
 def labels_with_looks(
     opacities: Mapping[int, float], colors: Mapping[int, Color], names: Mapping[int, str]
 ) -> LabelsSpec:
-    """Return the labels that are shown, in the order of `opacities`; the other two may have more labels."""
+    """Return the labels that `opacities` has, in its order. `colors` and `names` may have further labels."""
     named = tuple((value, names[value]) for value in opacities if value in names)
     different = {*opacities.values()}
     return LabelsSpec(
@@ -122,7 +123,7 @@ def _hidden_note(hidden: Sequence[int], known: KnownLabels) -> tuple[str, ...]:
 
 
 def number_sample(sample: VoxelSample, shown: Sequence[int]) -> VoxelSample:
-    """Return a sample with the numbers of labels that are shown, ascending, for their values; 0 for all others."""
+    """Return a sample in which the shown labels, ascending, have the numbers 1, 2, ... and all others have 0."""
     at = np.array([sample.normalize(value) for value in shown])
     number = np.minimum(np.searchsorted(at, sample.normalized - SAME), len(at) - 1)
     numbers = np.where(np.abs(at[number] - sample.normalized) <= SAME, number + 1, 0)
@@ -130,7 +131,7 @@ def number_sample(sample: VoxelSample, shown: Sequence[int]) -> VoxelSample:
 
 
 def _solve_label_depths(sample: VoxelSample, rays: TurntableRays, num: int) -> Float64:
-    """Return the optical depth of each label, float64 [num], as `solve_depths`. sample: of their numbers."""
+    """Return the optical depth of each label, float64 [num], as `solve_depths` does. sample: of the labels' numbers."""
     first = 0.5 / num
     all_alike = Layer("", ((first, 0.0), (first, 1.0)), min_depth=_SOLID_DEPTH)
     layers = _layers(sample, num) if num <= _MAX_SOLVED else [all_alike]
@@ -138,7 +139,7 @@ def _solve_label_depths(sample: VoxelSample, rays: TurntableRays, num: int) -> F
 
 
 def _visible_shares(rays: TurntableRays, depths: Float64) -> Float64:
-    """Return the share of the picture of each label. rays: through the numbers of labels."""
+    """Return each label's share of the picture. rays: rays through the sample of the labels' numbers."""
     number = np.rint(np.nan_to_num(rays.values) * len(depths)).astype(np.int64)
     taken = 100 * rays.step * np.append(0.0, depths)[number]
     visible = np.exp(taken - np.cumsum(taken, axis=1)) * -np.expm1(-taken)
@@ -147,7 +148,10 @@ def _visible_shares(rays: TurntableRays, depths: Float64) -> Float64:
 
 
 def _layers(sample: VoxelSample, num: int) -> list[Layer]:
-    """Return a layer for each label: opaque, but translucent around smaller labels. sample: of their numbers."""
+    """Return a layer for each label: opaque, or translucent if it encloses smaller labels.
+
+    sample: a sample of the labels' numbers.
+    """
     parts = [np.rint(sample.normalized * num) == number for number in range(1, num + 1)]
     shadows = [[np.asarray(part.any(axis=axis)) for axis in range(3)] for part in parts]
     areas = [sum(int(shadow.sum()) for shadow in of_label) for of_label in shadows]
@@ -162,6 +166,6 @@ def _layers(sample: VoxelSample, num: int) -> list[Layer]:
 
 
 def _covers(shadow: Bools, others: Sequence[Bools]) -> bool:
-    """Return whether a projection covers most of the union of the others."""
+    """Return whether a label's projection covers most of the union of other labels' projections."""
     together = np.any(others, axis=0)
     return int((shadow & together).sum()) > _ENCLOSING_COVERAGE * int(together.sum())

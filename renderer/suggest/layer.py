@@ -1,4 +1,4 @@
-"""Describe a layer of values: how much of it each value has."""
+"""Describe a layer of values: a weight for each value, which is large where the value is typical of the layer."""
 
 from __future__ import annotations
 
@@ -10,19 +10,21 @@ import numpy as np
 
 from renderer.volume import Bools, Float64
 
-# The smallest weight of a value that is a part of a layer. Below, it is an edge.
+# The smallest weight of a value that is a part of a layer. Values with less weight are edges.
 _MIN_PART_WEIGHT = 0.5
-# Values that differ by less are the same.
+# Two values that differ by less count as equal.
 _EVEN = 1e-9
 
 
 @dataclass(frozen=True)
 class Layer:
-    """A material, or a range of values, with its part of the picture.
+    """A material, or a range of values, with the share of the picture that it is to have.
 
-    name: of the material, in words. knots: (normalised value, weight), ascending; linear between, constant outside.
-    share: of the picture, relative to the shares of the other layers.
-    min_depth, max_depth: of 1 % of the diagonal at weight 1; surfaces look crisp from about 1 on.
+    name: the name of the material, in words.
+    knots: pairs (normalised value, weight), ascending; weights are linear between them and constant outside.
+    share: the share of the picture, relative to the shares of the other layers.
+    min_depth, max_depth: bounds of the optical depth at weight 1, for 1 % of the volume's diagonal; from about 1 on,
+        surfaces look crisp.
     """
 
     name: str
@@ -36,11 +38,11 @@ class Layer:
         return np.asarray(np.interp(values, *np.transpose(self.knots)), np.float64)
 
     def covers(self, values: Float64) -> Bools:
-        """Return which normalised values are parts of it: where it is thinner than half, there are edges."""
+        """Return which normalised values are parts of the layer, and not of its edges."""
         return self.weights(values) >= _MIN_PART_WEIGHT
 
     def mean_weights(self, one: Float64, other: Float64) -> Float64:
-        """Return the mean weights over values between two, normalised, of any shape: thin layers are not missed."""
+        """Return the mean weights of all values between two normalised values, so that thin layers are not missed."""
         (begin, first), (end, last) = self.knots[0], self.knots[-1]
         # Beyond the outermost knots, weights are constant.
         at, weights = np.array([(begin - 2, first), *self.knots, (end + 2, last)]).T
@@ -58,7 +60,7 @@ class Layer:
         return np.where(is_even, self.weights((one + other) / 2), means)
 
     def ranges(self) -> list[tuple[float, float]]:
-        """Return the ranges of normalised values that have weight; infinite where a range does not end."""
+        """Return the ranges of normalised values that have a weight; a range that does not end has an infinite end."""
         knots = [(-math.inf, self.knots[0][1]), *self.knots, (math.inf, self.knots[-1][1])]
         found: list[tuple[float, float]] = []
         for (low, first), (high, last) in pairwise(knots):

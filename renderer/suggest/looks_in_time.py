@@ -1,7 +1,8 @@
-"""Suggest a look for all steps in time of a volume.
+"""Suggest a look that suits all steps in time of a volume.
 
-A look of one step may show nothing of the others, or the air of one. Some steps are read. Each look of one is tried on
-all, along the same rays, also without the values that are background in any step, and the one that suits most is taken.
+A look made from one step may show nothing in other steps, or show their air. So several steps are read, and a look is
+made from each: with all of its values, and without the values that are background in any step. Each look is tried on
+all steps, along the same rays, and the look that suits most steps is taken.
 """
 
 from __future__ import annotations
@@ -31,20 +32,27 @@ from renderer.suggest.wishes import Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float64, Volume
 
-# The least mean opacity of a step's rays with a look that suits it, as a part of the opacity with the step's own look.
+# A look suits a step only if the mean opacity of the step's rays is at least this part of the opacity that the step's
+# own look gives them.
 _LEAST_SHOWN = 0.1
-# The largest share of the voxels on the border, where the air is, that such a look shows beyond the step's own look.
+# A look suits a step only if it shows at most this much more of the border's voxels, where the air is, than the step's
+# own look does, as a share of them.
 _MOST_AIR = 0.02
-# The opacity of a step that shows next to nothing, as a part of the opacity of the most visible step.
+# A step with less than this part of the most visible step's opacity shows next to nothing.
 _NEXT_TO_NOTHING = 0.05
 
 
 @dataclass(frozen=True)
 class _Step:
-    """A step in time: the look that is suggested for it, and the measurements by which other looks suit it or not.
+    """A step in time: the look suggested for it, and measurements that tell whether another look suits it.
 
-    number: of the step. span: of its values. sample: tells how values are normalised; it has no voxels.
-    border: the values on its faces. background: its own, normalised.
+    number: the number of the step.
+    found: the suggested look.
+    span: the width of the range of values.
+    rays: samples along rays.
+    sample: the normalisation of values, without voxels.
+    border: the values on the volume's faces.
+    background: the background of this step, normalised.
     """
 
     number: int
@@ -56,18 +64,18 @@ class _Step:
     background: Background
 
     def shown(self, look: Suggestion) -> float:
-        """Return the mean opacity of rays that meet the volume."""
+        """Return the mean opacity that a look gives to the step's rays."""
         depths = depths_along(look.transfer, self.sample, self.rays, self.sample.diagonal).sum(axis=1)
         return float(-np.expm1(-depths.astype(np.float64)).mean())
 
     def air_shown(self, look: Suggestion) -> float:
-        """Return the part of the voxels on the faces that is visible."""
+        """Return the share of the voxels on the volume's faces that a look shows."""
         transfer = make_transfer_function(look.transfer, min(self.sample.spacing))
         return float(np.mean(transfer.classify(self.border)[1] * transfer.unit > LEAST_OPACITY))
 
 
 def suggest_in_time(volume: OverFrames[VolumeSpec], read: ReadVolume, wish: Wish) -> VolumeSuggestion:
-    """Suggest a look for the steps of a volume whose time may move: one that suits as many of them as possible."""
+    """Suggest a look for all steps of a volume whose time may move: one that suits as many steps as possible."""
     all_steps = steps_in_time(volume)
     if len(all_steps) == 1:
         return suggest_read(*_read(volume.at(0), read, wish), wish)
@@ -91,7 +99,7 @@ def suggest_in_time(volume: OverFrames[VolumeSpec], read: ReadVolume, wish: Wish
 
 
 def _counted_steps(numbers: Sequence[str]) -> str:
-    """Return `step 3`, or `steps 0, 3 and 7`."""
+    """Return the numbers of steps in words: `step 3`, or `steps 0, 3 and 7`."""
     *others, last = numbers or [""]
     return f"steps {', '.join(others)} and {last}" if others else f"step {last}"
 
@@ -122,9 +130,9 @@ def _look_at(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> _Step:
 
 
 def _most_suitable(steps: Sequence[_Step], widest: _Step) -> tuple[_Step, Suggestion]:
-    """Return the step whose look suits most of some steps, and the look; of equal ones the first, of the widest range.
+    """Return the step whose look suits most steps, and this look. Among equals, `widest` comes first.
 
-    Steps without a background do not count, for nothing tells the object from its surroundings.
+    Steps without a background are left out, because nothing tells the object from its surroundings there.
     """
     backed = [step for step in steps if step.background.is_there]
     own = [(step.shown(step.found.suggestion), step.air_shown(step.found.suggestion)) for step in backed]

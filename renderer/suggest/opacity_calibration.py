@@ -1,10 +1,11 @@
-"""Solve opacities for the picture: each layer of values gets a share of it.
+"""Solve the opacities of layers of values, so that each layer has its share of the picture.
 
-Rays of a turntable pass the sampled volume. The *visibility* of a layer is the sum over all rays of transmittance times
-the layer's part of the opacity (C. D. Correa, K.-L. Ma, "Visibility Histograms and Visibility-Driven Transfer
-Functions", IEEE TVCG 17(2), 2011). Densities are scaled until visibilities are as asked for, as M. Ruiz et al. minimise
-a divergence between visibility and target ("Automatic Transfer Functions Based on Informational Divergence", IEEE TVCG
-17(12), 2011), and until the rays that meet anything are covered as asked for.
+Rays of a turntable pass through the sampled volume. The *visibility* of a layer is the sum over all rays of
+transmittance times the layer's part of the opacity (C. D. Correa, K.-L. Ma, "Visibility Histograms and
+Visibility-Driven Transfer Functions", IEEE TVCG 17(2), 2011). Densities are scaled until visibilities match the layers'
+shares, as M. Ruiz et al. minimise a divergence between visibility and target ("Automatic Transfer Functions Based on
+Informational Divergence", IEEE TVCG 17(12), 2011), and until the rays that meet anything have the mean opacity asked
+for.
 """
 
 from __future__ import annotations
@@ -22,26 +23,27 @@ from renderer.suggest.turntable_rays import TurntableRays
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float32, Float64
 
-# The smallest opacity of a ray that meets anything.
+# The smallest opacity of a ray that counts as meeting anything.
 _MIN_RAY_OPACITY = 0.01
-# Steps of the search for densities. More steps change opacities by less than 2 %.
+# The number of steps of the search for densities. With more steps, opacities change by less than 2 %.
 _NUM_STEPS = 24
-# The natural logarithm of the largest factor by which a layer under another one becomes thinner: 20,000.
+# The natural logarithm of the largest factor, 20,000, by which the second of two layers becomes thinner.
 _MAX_LOG_FACTOR = 10.0
-# The natural logarithm of the largest factor by which it becomes denser: 8.
+# The natural logarithm of the largest factor, 8, by which the second of two layers becomes denser.
 _MAX_LOG_DENSER = math.log(8)
-# The smallest optical depth of 1 % of the diagonal.
+# The smallest optical depth of a layer, for 1 % of the volume's diagonal.
 _MIN_DEPTH = 0.01
-# The optical depth of 1 % of the diagonal with which the search begins.
+# The optical depth with which the search begins, for 1 % of the volume's diagonal.
 _FIRST_DEPTH = 0.3
-# The optical depth of 1 % of the diagonal from which on a surface looks crisp.
+# The optical depth from which on a surface looks crisp, for 1 % of the volume's diagonal.
 CRISP_SURFACE_DEPTH = 0.8
 
 
 class Visibility(NamedTuple):
     """The shares of layers in a picture, and how much of it they cover.
 
-    shares: of each layer, float64 [layers], with the sum 1. coverage: mean opacity of the rays that meet anything.
+    shares: the share of each layer, float64 [layers], with the sum 1.
+    coverage: the mean opacity of the rays that meet anything.
     """
 
     shares: Float64
@@ -49,16 +51,16 @@ class Visibility(NamedTuple):
 
 
 def measure_visibility(rays: TurntableRays, layers: Sequence[Layer], depths: Float64) -> Visibility:
-    """Return the shares in a picture of layers with the given optical depths of 1 % of the diagonal."""
+    """Return the shares in a picture of layers whose optical depths, for 1 % of the diagonal, are given."""
     return _measure(_weights(rays, layers), depths)
 
 
 def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float, *, by_area: bool = False) -> Float64:
-    """Return the optical depth of 1 % of the diagonal of each layer at weight 1.
+    """Return the optical depth of each layer at weight 1, for 1 % of the volume's diagonal.
 
-    coverage: the mean opacity of the rays that meet any of them. by_area: multiply shares by the part of the rays that
-    meet a layer, so that a small one inside of others is not asked for more than it can have, and hides nothing. Layers
-    that no ray meets become crisp.
+    coverage: the mean opacity of the rays that meet any layer. by_area: multiply each layer's share by the part of the
+    rays that meet the layer, so that a small layer inside others is not given a share that it cannot reach, and does
+    not hide them. Layers that no ray meets become crisp.
     """
     weights = _weights(rays, layers)
     areas = weights.any(axis=2).mean(axis=1)
@@ -76,10 +78,10 @@ def solve_depths(rays: TurntableRays, layers: Sequence[Layer], coverage: float, 
 
 
 def balance(weights: Float32, share: float) -> tuple[float, float]:
-    """Return factors on the densities of two layers, so that the first has this share of the picture.
+    """Return factors on the densities of two layers that give the first layer this share of the picture.
 
-    The second becomes thinner, or denser within a bound; only where that is not enough, the first becomes thinner.
-    weights: of `step_weights`, [2, rays, steps], on rays that meet both.
+    The second layer becomes thinner, or denser up to a bound; only if this is not enough, the first layer becomes
+    thinner. weights: the weights from `step_weights`, [2, rays, steps], on rays that meet both layers.
     """
     weights = _compact(weights)
     low, high = -_MAX_LOG_FACTOR, _MAX_LOG_FACTOR
@@ -91,14 +93,14 @@ def balance(weights: Float32, share: float) -> tuple[float, float]:
 
 
 def _weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
-    """Return the weights of the steps between samples; steps without any are left out."""
+    """Return the weights of the steps between samples, without the steps in which no layer has a weight."""
     return _compact(step_weights(rays, layers))
 
 
 def step_weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
-    """Return the weights of the steps between samples, times their lengths in 1 % of the diagonal.
+    """Return the layers' weights in the steps between samples, times the steps' lengths in 1 % of the diagonal.
 
-    [layers, rays, steps].
+    The array is [layers, rays, steps].
     """
     before, after = rays.values[:, :-1], rays.values[:, 1:]
     is_inside = ~(np.isnan(before) | np.isnan(after))
@@ -111,9 +113,9 @@ def step_weights(rays: TurntableRays, layers: Sequence[Layer]) -> Float32:
 
 
 def depths_along(look: TransferSpec, sample: VoxelSample, rays: TurntableRays, unit: float) -> Float32:
-    """Return the optical depths of the steps of rays, [rays, steps].
+    """Return the optical depths of the steps of rays with a look, [rays, steps].
 
-    sample: of the volume that the rays are of. unit: the length that theirs are given in.
+    sample: a sample of the volume that the rays pass. unit: the world length of which the rays' steps are shares.
     """
     transfer = make_transfer_function(look, min(sample.spacing))
     at, depths = map(sample.normalize, transfer.values.tolist()), (transfer.extinctions * unit / 100).tolist()
@@ -121,7 +123,7 @@ def depths_along(look: TransferSpec, sample: VoxelSample, rays: TurntableRays, u
 
 
 def _compact(weights: Float32) -> Float32:
-    """Leave out steps without any weight: the remaining steps of a ray move together."""
+    """Leave out the steps without a weight; the remaining steps of each ray close up."""
     is_seen = weights.any(axis=0)
     order = np.argsort(~is_seen, axis=1, kind="stable")[:, : max(1, int(is_seen.sum(axis=1).max(initial=0)))]
     return np.take_along_axis(weights, order[None], axis=2)

@@ -1,4 +1,4 @@
-"""Suggest how to show a volume over another one: the one underneath becomes a translucent shell around it."""
+"""Suggest how to show a volume over another one, which becomes a translucent shell around it."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from renderer.suggest.wishes import NO_WISH, Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float64
 
-# The share of the upper volume in the picture, on the rays that meet both.
+# The upper volume's share of the picture, on the rays that meet both volumes.
 UPPER_SHARE = 2 / 3
-# The percentiles of the gradients of visible voxels between which a shell fades in.
+# The percentiles, of the gradients of visible voxels, between which a shell fades in.
 _SHELL_PERCENTILES = (60, 98)
-# Ends of a shell that shows all gradients alike.
+# The gradients between which a shell fades in if it shows all gradients alike.
 _EVERY_GRADIENT = (-1.0, 0.0)
-# The largest chroma of a grey colour, in CIELAB.
+# The largest chroma of a colour that counts as grey, in CIELAB.
 _MAX_GREY_CHROMA = 15.0
 _WARM = (1.0, 0.68, 0.36)
 _GREY = (1.0, 1.0, 1.0)
@@ -37,9 +37,9 @@ _LUMINANCE = (0.2126, 0.7152, 0.0722)
 def suggest_over(
     volume: VolumeSpec, under: VolumeSpec, read: ReadVolume, *, wish: Wish = NO_WISH
 ) -> tuple[VolumeSuggestion, VolumeSuggestion]:
-    """Suggest how to show a volume and the one underneath, each in its place in the world, with weights.
+    """Suggest how to show a volume over the volume `under`, each at its position in the world, with weights for both.
 
-    wish: for the upper one. Other parameters and errors are as in `suggest_for`.
+    wish: the wish for the upper volume. Other parameters and errors are as in `suggest_for`.
     """
     (upper, above), (lower, below) = _suggest(volume, read, wish), _suggest(under, read, NO_WISH)
     if wish == NO_WISH and not upper.volume.has_colors and _has_grey(upper.suggestion):
@@ -60,7 +60,7 @@ def suggest_over(
     if not are_both.any():
         return upper, lower
     of_upper, of_lower = (float(f"{weight:.2g}") for weight in balance(weights[:, are_both], UPPER_SHARE))
-    if (shading := lower.suggestion.shading) is not None:  # no shadows inside of a shell
+    if (shading := lower.suggestion.shading) is not None:  # there are no shadows inside a shell
         is_even = ends == _EVERY_GRADIENT or lower.volume.has_colors
         points = None if is_even else ((ends[0], 0.0), (ends[1], 1.0))
         shading = replace(shading, occlusion=0.0, gradient_opacity=points)
@@ -69,7 +69,7 @@ def suggest_over(
 
 
 def _suggest(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> tuple[VolumeSuggestion, VoxelSample]:
-    """Return the part of a suggestion that holds beside another volume, too, and a sample of the visible part."""
+    """Return the parts of a suggestion that hold beside another volume, too, and a sample of the visible part."""
     volume = read(spec)
     raise_problems(volume_problems(volume_extent(volume), volume.name))
     if volume.num_times > 1 and spec.time is None:
@@ -89,7 +89,7 @@ def _suggest(spec: VolumeSpec, read: ReadVolume, wish: Wish) -> tuple[VolumeSugg
 
 
 def _gradients(sample: VoxelSample) -> Float64:
-    """Return the magnitudes of gradients, in data units by world units, float64 [z, y, x]."""
+    """Return the magnitudes of gradients, in data units per world unit, float64 [z, y, x]."""
     spacing = np.array(sample.spacing) / sample.strides
     along_z = np.gradient(sample.normalized, sample.spacing[0], axis=0) if len(sample.normalized) > 1 else 0.0
     left, right, down, up = sample.neighbours
@@ -98,7 +98,7 @@ def _gradients(sample: VoxelSample) -> Float64:
 
 
 def _shell_ends(found: VolumeSuggestion, sample: VoxelSample) -> tuple[float, float]:
-    """Return the gradients from and to which a shell fades in; labels, and data without surfaces, are shown whole."""
+    """Return the gradients between which a shell fades in. Labels, and data without surfaces, are shown whole."""
     suggestion = found.suggestion
     transfer = make_transfer_function(suggestion.transfer, min(sample.spacing))
     values = sample.minimum + (sample.maximum - sample.minimum) * sample.normalized
@@ -118,7 +118,7 @@ def _has_grey(suggestion: Suggestion) -> bool:
 
 
 def _tinted(suggestion: Suggestion, tint: Color) -> Suggestion:
-    """Return the suggestion with colours of one hue that are as bright as its own; colormaps become grey."""
+    """Return the suggestion with all colours in one hue, as bright as before; colormaps become grey."""
     given = suggestion.transfer.points
     if not given:
         return with_colormap(suggestion, "gray")

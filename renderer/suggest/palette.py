@@ -1,4 +1,4 @@
-"""Choose colours that differ as they are seen, by distances in CIELAB (ISO/CIE 11664-4), and colours for labels."""
+"""Choose colours that people can tell apart, by distances in CIELAB (ISO/CIE 11664-4), and colours for labels."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from renderer.looks import lab_from_rgb
 from renderer.scene import Color, colormap_points
 from renderer.volume import Float64
 
-# The colormap of fields.
+# The colormap whose colours are suggested for fields.
 FIELD_COLORMAP = "viridis"
-# The place in the colormap, from 0 to 1, of the colour for the lowest level of a field.
+# The position in the colormap, from 0 to 1, of the colour for the lowest level of a field.
 FIELD_DARKEST = 0.4
 
-# Steps of each of red, green and blue among the colours that are tried.
+# The number of values that each of red, green and blue takes among the colours that are tried.
 _STEPS = 12
-# The least lightness of a colour. Darker ones are lost on black.
+# The least lightness of a colour, in CIELAB. Darker colours are lost on black.
 _MIN_LIGHTNESS = 45.0
-# The largest lightness. Lighter colours look alike.
+# The largest lightness of a colour. Lighter colours look alike.
 _MAX_LIGHTNESS = 92.0
-# The largest chroma. Among more saturated colours one outshines all others.
+# The largest chroma of a colour. A more saturated colour outshines all others.
 _MAX_CHROMA = 80.0
-# The colours of the first labels.
+# The colours of the first labels; further colours are as different from them as possible.
 _FIRST_OF_LABELS: tuple[Color, ...] = (
     (0.90, 0.47, 0.29),
     (0.29, 0.56, 0.85),
@@ -37,14 +37,14 @@ _FIRST_OF_LABELS: tuple[Color, ...] = (
     (0.54, 0.48, 0.85),
     (0.79, 0.60, 0.42),
 )
-# The most labels with colours that are as different as possible.
+# The most labels that get colours as different as possible; further labels get the colours of a colormap.
 _MAX_DISTINCT_COLORS = 255
-# The colormap whose colours more labels have in turn.
+# The colormap whose colours are used in turn if there are more labels.
 _MANY_LABELS_COLORMAP = "glasbey"
 
 
 def distinct_colors(first: Sequence[Color], count: int) -> list[Color]:
-    """Return `first` and further colours, each as different as possible from all before it; `count` in all."""
+    """Return `count` colours: those of `first`, then colours each as different as possible from all before it."""
     levels = np.linspace(0.0, 1.0, _STEPS)
     colors = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(-1, 3)
     lightness, a, b = to_lab(colors).T
@@ -63,19 +63,19 @@ def distinct_colors(first: Sequence[Color], count: int) -> list[Color]:
 
 
 def in_8_bits(color: Sequence[float]) -> Color:
-    """Return the nearest colour that `#rrggbb` can say."""
+    """Return the nearest colour that can be written as `#rrggbb`."""
     red, green, blue = (round(255 * part) / 255 for part in color)
     return red, green, blue
 
 
 def to_lab(colors: Float64) -> Float64:
-    """Return the lightness, a and b of sRGB colours, float64 [n, 3] in [0, 1]."""
+    """Return the CIELAB lightness, a and b of sRGB colours, float64 [n, 3] in [0, 1]."""
     return np.array([lab_from_rgb((red, green, blue)) for red, green, blue in colors.tolist()])
 
 
 @cache
 def label_colors(num: int) -> tuple[Color, ...]:
-    """Return colours for this many labels, which differ as much as possible."""
+    """Return as many colours as different from one another as possible, for labels."""
     if num <= _MAX_DISTINCT_COLORS:
         return tuple(map(in_8_bits, distinct_colors(_FIRST_OF_LABELS, num)))
     colors = colormap_points(_MANY_LABELS_COLORMAP, _MAX_DISTINCT_COLORS + 1)
@@ -83,6 +83,6 @@ def label_colors(num: int) -> tuple[Color, ...]:
 
 
 def colors_by_label(labels: Iterable[int]) -> dict[int, Color]:
-    """Return a colour for each label: as different as possible, and white for 0, which mostly is no label."""
+    """Return a colour for each label: as different as possible, and white for 0, which usually is no label."""
     others = [label for label in labels if label]
     return {0: (1.0, 1.0, 1.0)} | dict(zip(others, label_colors(len(others)), strict=True))

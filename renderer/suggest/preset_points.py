@@ -1,4 +1,4 @@
-"""Turn a preset into control points: solve its densities for a volume, and note the share that each layer shows."""
+"""Turn a preset into control points: solve its densities for a volume, and note each layer's share of the picture."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from renderer.volume import Float64
 
 
 def preset_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plane]) -> Suggestion:
-    """Return the suggestion of a preset. sample: without the voxels that planes clip away."""
+    """Return the suggestion of a preset. sample: a sample without the voxels that planes clip away."""
     kind, reason, preset = choice
     rays = cast_rays(sample)
     solved = solve_depths(rays, preset.layers, preset.coverage, by_area=not preset.is_scan)
@@ -39,9 +39,9 @@ def preset_suggestion(choice: Choice, sample: VoxelSample, planes: Sequence[Plan
 def _control_points(
     sample: VoxelSample, preset: Preset, solved: Float64, visible: Sequence[ShownLayer]
 ) -> tuple[tuple[ControlPoint, ...], tuple[str, ...]]:
-    """Return a point for each knot of layers and of colours, and a note on its layer if that peaks there.
+    """Return a control point for each knot of layers and of colours, with a note on the layer that peaks there.
 
-    solved: the optical depths of the layers, as from `solve_depths`.
+    solved: the optical depths of the layers, from `solve_depths`.
     """
     knots = sorted({at for curve in (preset.colors, *(layer.knots for layer in preset.layers)) for at, _ in curve})
     depths = solved @ np.stack([layer.weights(np.array(knots)) for layer in preset.layers])
@@ -59,7 +59,7 @@ def _control_points(
         if value not in points or point.opacity > points[value][0].opacity:
             points[value] = point, note
     found = [points[value] for value in sorted(points)]
-    # The first point is the look of all that is below it, too.
+    # All values below the first point look as it does, so another point makes them transparent.
     if found[0][0].opacity > 0 and not any(layer.knots[0][1] for layer in preset.layers):
         found.insert(0, (replace(found[0][0], opacity=0.0), ""))
     mapping, notes = zip(*found, strict=True)
@@ -67,7 +67,7 @@ def _control_points(
 
 
 def _shown_layers(sample: VoxelSample, preset: Preset, shares: Float64) -> tuple[ShownLayer, ...]:
-    """Return the values of each layer of a preset, with its share of the picture."""
+    """Return each layer of a preset as the values that it shows, with its share of the picture."""
 
     def in_data(low: float, high: float) -> tuple[float, float]:
         one, other = sorted(sample.round_value(sample.denormalize(min(max(end, 0.0), 1.0))) for end in (low, high))

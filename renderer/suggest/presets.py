@@ -1,7 +1,7 @@
 """Describe a preset: the layers of values and the colours that suit a kind of data.
 
-Values are normalised to the volume's range, as in `renderer.statistics.VoxelSample`. `opacity_calibration.py` finds how
-dense the layers are.
+Values are normalised to the volume's range, as in `renderer.statistics.VoxelSample`. A preset does not say how dense
+its layers are: `opacity_calibration.py` solves this.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from renderer.suggest.layer import Layer
 from renderer.suggest.opacity_calibration import CRISP_SURFACE_DEPTH
 from renderer.volume import Bools, Float64
 
-# The mean opacity, in the picture of a scan, of the rays that meet anything.
+# The mean opacity that the picture of a scan aims at, over the rays that meet anything.
 DEFAULT_COVERAGE = 0.94
-# The same for a single opaque surface.
+# The mean opacity that the picture of a single opaque surface aims at, over the rays that meet it.
 OPAQUE_COVERAGE = 0.97
 
-# Ambient light, which occlusion dims, shows surfaces that face away from the lamp, too. The lamp is above and in front,
-# on the side that a turntable shows first.
+# Occlusion dims the ambient light, so that surfaces facing away from the lamp have contrast, too. The lamp is above and
+# in front, on the side that a turntable shows first.
 SHADING = ShadingSpec(ambient=0.7, diffuse=0.55, light=(0.5, -0.8, 1.0), occlusion=0.8)
 
-# The colour of a material that is alone.
+# The colour of an object of a single material.
 STONE = (0.86, 0.83, 0.76)
-# The place in the range of a material, from 0 to 1, from which on it is in full. It begins to show at the end of the
-# material below.
+# The position in the range of a material, from 0 to 1, above which it has its full weight. It begins to show at the end
+# of the material below.
 RAMP = 0.35
 
 
@@ -37,9 +37,11 @@ RAMP = 0.35
 class Preset:
     """A set of layers and colours for a kind of data.
 
-    layers: their sum is the extinction. colors: (normalised value, colour), ascending; linear between. coverage: the
-        mean opacity of the rays that meet anything. is_scan: of an object, perhaps with a table or the like around it.
-        is_closed: the object's outside hides its inside, so that a corner is clipped.
+    layers: the layers, whose sum is the extinction.
+    colors: pairs (normalised value, colour), ascending; colours are linear between them.
+    coverage: the mean opacity, to aim at, of the rays that meet anything.
+    is_scan: whether the data are a scan of an object, perhaps with a table or the like around it.
+    is_closed: whether the object's outside hides its inside, so that a corner is clipped.
     """
 
     layers: tuple[Layer, ...]
@@ -50,11 +52,11 @@ class Preset:
     is_closed: bool = False
 
     def covers(self, values: Float64) -> Bools:
-        """Return which normalised values are parts of a layer, and not edges."""
+        """Return which normalised values are parts of a layer, and not of edges between layers."""
         return np.asarray(np.any([layer.covers(values) for layer in self.layers], axis=0))
 
     def with_inverted_range(self) -> Preset:
-        """Return the preset for values with the range inverted."""
+        """Return the preset for the same values with their range inverted."""
         layers = tuple(
             replace(layer, knots=tuple((1 - at, weight) for at, weight in reversed(layer.knots)))
             for layer in self.layers
@@ -65,7 +67,7 @@ class Preset:
 
 
 class Choice(NamedTuple):
-    """A preset that was chosen. kind: of the data. reason: the signs by which it was recognised, a clause."""
+    """A preset that was chosen. kind: the kind of data. reason: the signs by which it was recognised, a clause."""
 
     kind: str
     reason: str
@@ -73,7 +75,7 @@ class Choice(NamedTuple):
 
 
 def flip_light(shading: ShadingSpec) -> ShadingSpec:
-    """Return the light for surfaces with lower values inside, where gradients point the other way."""
+    """Return the light for surfaces with lower values inside, whose gradients point the other way."""
     if isinstance(shading.light, str):
         return shading
     x, y, z = shading.light
@@ -81,13 +83,13 @@ def flip_light(shading: ShadingSpec) -> ShadingSpec:
 
 
 def two_phase_preset(sample: VoxelSample, threshold: float) -> Preset:
-    """Return the preset of the upper of two phases that fill the volume."""
+    """Return the preset that shows the upper of two phases that fill the volume."""
     inside, extent = sample.normalized[sample.normalized >= threshold], 1 - threshold
     full = float(np.clip(np.median(inside), threshold + 0.05 * extent, 1 - 0.05 * extent))
     return opaque_preset("the upper phase", threshold, full)
 
 
 def opaque_preset(name: str, first: float, full: float, color: Color = STONE, *, is_scan: bool = False) -> Preset:
-    """Return the preset of one material, opaque: it begins at a normalised value and is in full from another one on."""
+    """Return the preset of one opaque material, whose weight rises from 0 at the value `first` to 1 at `full`."""
     layer = Layer(name, ((first, 0.0), (max(full, first + 1e-6), 1.0)), min_depth=CRISP_SURFACE_DEPTH)
     return Preset((layer,), ((first, color),), OPAQUE_COVERAGE, is_scan=is_scan)

@@ -29,32 +29,34 @@ from renderer.suggest.field_presets import diverging_preset, field_preset
 from renderer.suggest.presets import Choice, opaque_preset, two_phase_preset
 from renderer.suggest.scan_presets import ct_preset, materials_preset
 
-# The least normalised distance from the background of the values that are shown, in a smooth field with two signs.
+# The least normalised distance of the values that are shown from the background, in a smooth field with two signs.
 _MIN_AWAY = 0.015
-# The same where the values are noisy.
+# The least normalised distance of the values that are shown from the background, in a noisy field with two signs.
 _MIN_AWAY_OF_NOISE = 0.025
-# The least ratio of the largest values to the median in a field of floats with a long tail, whose values spread over
-# orders of magnitude.
+# The least ratio of the largest values to the median, in a field with a long tail: its values are floats that spread
+# over orders of magnitude.
 _HEAVY_TAIL = 25.0
-# The largest share of voxels above the background for which values may be shown by their logarithms.
+# The least share of all voxels that lie above the background if there is an object. With fewer voxels above it, values
+# may be shown by their logarithms.
 _MIN_TAIL = 0.01
-# The least ratio of the quartiles of values over many orders of magnitude. Noise has 1.2.
+# The least ratio of the upper to the lower quartile of values that are shown by their logarithms. Noise has 1.2.
 _MIN_MIDDLE_RATIO = 3.0
-# The least ratio of nearly the largest to nearly the smallest of these values. Noise has 2.
+# The least ratio of the 99.9th to the 1st percentile of values that are shown by their logarithms. Noise has 2.
 _MIN_RATIO = 1000.0
-# The least part of the variance that lies between two phases. A normal distribution has 0.64, a uniform one 0.75.
+# The least share of the variance that lies between two phases. A normal distribution has 0.64, a uniform one 0.75.
 _TWO_PHASE_SEPARATION = 0.85
-# The smallest reach of the weaker sign of a field with two signs, compared with the stronger sign. Below, it is noise.
+# The smallest extent of the weaker sign, as a part of the extent of the stronger sign, in a field with two signs. A
+# smaller one is noise.
 _MIN_SECOND_SIGN = 0.2
-# The largest distance from the middle at which the values that are shown begin in such a field, as a part of the way to
-# the farthest value.
+# The largest distance from the middle at which a field with two signs begins to show, as a part of the distance to the
+# farthest value.
 _MOST_AWAY = 0.75
-# A filled volume shows the values above this percentile.
+# In a volume without a background, the values above this percentile are shown.
 _FILLED_PERCENTILE = 60.0
 
 
 def recognise(sample: VoxelSample, zero: float | None, *, is_float: bool) -> Choice:
-    """Return the preset for data that are no labels.
+    """Return the preset for values that are no labels.
 
     zero: the stored value of 0 Hounsfield units; None for values in other units. is_float: whether the values are
     floats.
@@ -79,7 +81,7 @@ def recognise(sample: VoxelSample, zero: float | None, *, is_float: bool) -> Cho
 
 
 def logarithmic_choice(sample: VoxelSample) -> tuple[VoxelSample, Choice] | None:
-    """Return the logarithms of values over many orders of magnitude, and the preset for them; None for other values."""
+    """Return the logarithms of values that span many orders of magnitude, with a preset; None for other values."""
     background = find_background(sample)
     if sample.minimum < 0 or (background.is_there and background.above >= _MIN_TAIL):
         return None
@@ -117,7 +119,7 @@ def _object_preset(sample: VoxelSample, background: Background, is_float: bool) 
 
 
 def _two_signs_choice(sample: VoxelSample, middle: float, away: float, reason: str) -> Choice:
-    """Return the preset of values on both sides of a middle, from `away` on; of a map, from the end of its noise on."""
+    """Return the preset of values at least `away` from a middle, or beyond its noise in a statistical map."""
     if noise := noise_reach(sample, middle):
         away = noise
         reach = sample.round_value(sample.denormalize(middle + noise) - sample.denormalize(middle))
@@ -126,7 +128,7 @@ def _two_signs_choice(sample: VoxelSample, middle: float, away: float, reason: s
 
 
 def _filled_volume_preset(sample: VoxelSample) -> Choice:
-    """Return the preset for a volume without a background."""
+    """Return the preset for a volume without a background, which the object fills."""
     shares, zero = sample.normalized[sample.is_valid], sample.normalize(0.0)
     if 0 < zero < 1:
         weaker, stronger = sorted((zero, 1 - zero))

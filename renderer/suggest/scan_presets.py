@@ -17,7 +17,7 @@ from renderer.suggest.presets import DEFAULT_COVERAGE, OPAQUE_COVERAGE, RAMP, SH
 
 T = TypeVar("T")
 
-# Computed tomography, in Hounsfield units: translucent soft tissue around opaque bone, without lungs and air.
+# Computed tomography, in Hounsfield units: translucent soft tissue around opaque bone; lungs and air are not shown.
 
 _TISSUE = ((-300.0, 0.0), (-100.0, 0.5), (30.0, 1.0), (140.0, 1.0), (300.0, 0.0))
 _BONE = ((150.0, 0.0), (350.0, 0.6), (900.0, 1.0))
@@ -29,9 +29,9 @@ _CT_COLORS = (
     (300.0, (0.96, 0.87, 0.70)),
     (900.0, (1.0, 0.98, 0.94)),
 )
-# The least Hounsfield units of bone, metal and contrast agents.
+# The least value of bone, metal and contrast agents, in Hounsfield units.
 _BONE_THRESHOLD = 250.0
-# The smallest share of such voxels in a scan that has some.
+# The smallest share of such voxels in a scan that counts as having bone.
 _MIN_BONE_FRACTION = 3e-4
 
 
@@ -47,13 +47,13 @@ def ct_preset(sample: VoxelSample, zero: float) -> Preset:
     return Preset((tissue, bone) if has_bone else (tissue,), normalized(_CT_COLORS), is_scan=True)
 
 
-# Scans: materials that stand out from a background.
+# Scans of materials that stand out from a background.
 
 _BLUE = (0.36, 0.50, 0.86)
 _CLAY = (0.80, 0.47, 0.34)
 _SAND = (0.91, 0.68, 0.42)
 _IVORY = (0.98, 0.95, 0.88)
-# By the number of materials, from the thinnest to the densest: names, colours, and shares of the picture.
+# The materials by their number, from the thinnest to the densest: name, colour, and share of the picture.
 _MATERIALS: dict[int, tuple[tuple[str, Color, float], ...]] = {
     1: (("the object", STONE, 1.0),),
     2: (("the thinner material", _CLAY, 0.4), ("the denser material", _IVORY, 0.6)),
@@ -66,7 +66,7 @@ _MATERIALS: dict[int, tuple[tuple[str, Color, float], ...]] = {
 
 
 def materials_preset(sample: VoxelSample, first: float) -> Preset:
-    """Return the preset of one to three materials, which begin at a normalised value."""
+    """Return the preset of one to three materials, the first of which begins at the normalised value `first`."""
     ends = material_edges(sample, first)
     if _is_closed(sample, ends):
         return _closed_preset(sample, ends)
@@ -82,19 +82,20 @@ def materials_preset(sample: VoxelSample, first: float) -> Preset:
     return Preset(tuple(layers), tuple(colors), coverage, is_scan=True)
 
 
-# A closed object: solid, with its densest material outside, such as fat around a head in magnetic resonance. The
-# material that this hides has the same values as the rest, so that no opacity shows it.
+# A closed object is solid, with its densest material outside, such as fat around a head in magnetic resonance. The
+# hidden inside has the same values as the outside, so that no opacity can show it.
 
-# The smallest share of the visible voxels that lies deep inside. Brains have 0.29 to 0.41, but no denser material
-# outside; a pot with a tree has 0.24.
+# The smallest share of the visible voxels that lie deep inside a closed object. Brains have 0.29 to 0.41, but no denser
+# material outside; a pot with a tree has 0.24.
 _MIN_SOLID = 0.27
-# The smallest share of the innermost material that lies deep inside.
+# The smallest share of the innermost material's voxels that lie deep inside.
 _MIN_INNER = 0.35
-# The smallest ratio of this share to the share of the densest material that lies deep inside.
+# The smallest ratio of this share to that of the densest material, of whose voxels few lie deep inside.
 _MIN_INNER_RATIO = 2.0
-# The colours where the object begins, at its second material, at its densest material and at the largest value.
+# The colours at four values: where the object begins, at its second material, at its densest material, and at the
+# largest value.
 _CLIP_COLORS = ((0.28, 0.15, 0.13), (0.74, 0.50, 0.41), (0.98, 0.86, 0.74), (1.0, 1.0, 0.97))
-# Most of the light is ambient, so that no face of the clip box is much darker than another.
+# Most of the light is ambient, so that all faces of the clip box are about equally bright.
 _CLIP_SHADING = replace(SHADING, ambient=0.9, diffuse=0.3, occlusion=0.6)
 
 

@@ -1,7 +1,7 @@
-"""Tell the object from its surroundings, and clip these away: tables, holders, frames and specks.
+"""Tell the object from its surroundings, such as tables, holders, frames and specks, and clip these away.
 
-The visible voxels fall into connected parts. The object is the largest part that is not a sheet, with the parts beside
-it that are not much smaller. Planes that touch the object clip away the parts beyond them.
+The visible voxels fall into connected parts. The object is the largest part that is not a sheet, the main part,
+together with other parts that are not too small. Planes that touch the object clip away the parts beyond them.
 """
 
 from __future__ import annotations
@@ -17,41 +17,43 @@ from renderer.scene import MAX_CLIPS, ClipSpec, PlaneSpec, Vector
 from renderer.statistics import VoxelSample, pool_voxels
 from renderer.volume import Bools, Float64, Int64, grow, label_parts
 
-# The smallest volume of a part of the object, compared with the main part. Smaller parts are specks, unless they are
-# near.
+# The smallest volume of a part of the object, as a share of the main part's volume. Smaller parts are specks, unless
+# they are near the main part.
 _MIN_VOLUME = 0.002
-# Parts are near the main one if gaps of less than twice these cells lead to it.
+# A part is near the main part if the gap between them is less than twice this many cells.
 _GAP = 2
-# The smallest volume of a part that touches a sheet and is no piece of the sheet, compared with the main part.
+# The smallest volume, as a share of the main part's volume, of a part that touches a sheet and belongs to the object.
+# Smaller parts are pieces of the sheet.
 _MIN_VOLUME_AT_SHEET = 0.1
-# The largest thickness of a sheet, as a part of its diagonal: plates have 0.03 to 0.06, a ball 0.2. A sheet that
+# The largest thickness of a sheet, as a share of its diagonal: plates have 0.03 to 0.06, a ball has 0.2. A sheet that
 # reaches the border is a table, a holder or a frame.
 _MAX_SHEET_THICKNESS = 0.09
-# Planes are worth it if they clip away this share of the visible cells,
+# Planes are used if they clip away at least this share of the visible cells,
 _MIN_CLIPPED = 0.01
-# or if they make the diagonal of the visible cells smaller by this part.
+# or if they shorten the diagonal of the visible cells by at least this share.
 _MIN_SHRINKAGE = 0.1
-# The smallest share of a part beyond the planes that touch the object. A part with less is within the object.
+# The smallest share of a part's cells that lie beyond the planes touching the object. A part with a smaller share is
+# within the object.
 _MIN_BEYOND = 0.3
-# The smallest share of the visible cells that is left. A larger sheet is a part of the object, such as the plate on an
-# engine.
+# The smallest share of the visible cells that clipping leaves. A sheet too large for this is a part of the object, such
+# as the plate on an engine.
 _MIN_LEFT = 0.35
-# Percentiles of places along an axis that are outermost.
+# The percentiles of positions along an axis outside which cells are outermost.
 _OUTERMOST = (2, 98)
-# The smallest share of its length that a part with one cross-section fills.
+# The smallest share of its own length that a holder fills: a part that has one cross-section from end to end.
 _MIN_FILLED = 0.95
-# The least length of such a part, in cells.
+# The least length of such a holder, in cells.
 _MIN_LENGTH = 16
-# The least second length of a sheet, in thicknesses. Rods are no sheets: they are about twice as wide as thick, by
-# volume and surface.
+# The least ratio of a sheet's second longest side to its thickness. Rods are no sheets: by volume and surface, they are
+# about twice as wide as thick.
 _MIN_WIDTH = 5.0
-# The directions in which planes may face, and the same as unit vectors.
+# The directions in which planes may face; `_NORMALS` has the unit vectors.
 _DIRECTIONS = np.array([each for each in product(range(-2, 3), repeat=3) if math.gcd(*each) == 1], np.float64)
 _NORMALS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 
 class Plane(NamedTuple):
-    """A plane: a point on it, from the centre of the volume, and its normal away from the object; in the world."""
+    """A plane in the world: a point on it, relative to the volume's centre, and its normal, away from the object."""
 
     point: Float64
     normal: Float64
@@ -60,7 +62,7 @@ class Plane(NamedTuple):
 def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
     """Return up to six planes that clip away the surroundings of the object.
 
-    is_visible: bool [z, y, x], of the sample's voxels.
+    is_visible: which of the sample's voxels are visible, bool [z, y, x].
     """
     if not is_visible.any():
         return []
@@ -71,21 +73,21 @@ def separating_planes(sample: VoxelSample, is_visible: Bools) -> list[Plane]:
     places = np.argwhere(cells)[:, ::-1] + 0.5 - np.array(cells.shape[::-1]) / 2
     heights, reach = places @ axes.T @ _NORMALS.T, np.abs(_NORMALS @ axes).sum(axis=1) / 2
     is_kept = _are_of_object(cells, parts)
-    # What planes do not reach is not beside the object.
+    # A part that reaches beyond no plane is not beside the object.
     is_beyond = (heights > _limits(heights, is_kept[parts.of_cell], reach)).any(axis=1)
     is_kept |= np.bincount(parts.of_cell, is_beyond) < _MIN_BEYOND * np.bincount(parts.of_cell)
     return _touching_planes(places @ axes.T, heights, _limits(heights, is_kept[parts.of_cell], reach))
 
 
 def _limits(heights: Float64, of_object: Bools, reach: Float64) -> Float64:
-    """Return how far the object reaches along each normal. reach: of a cell, from its centre."""
+    """Return how far the object reaches along each normal. reach: how far a cell reaches from its centre."""
     return np.asarray(heights[of_object].max(axis=0) + reach)
 
 
 def corner_box(sample: VoxelSample, is_visible: Bools) -> tuple[Float64, Float64]:
-    """Return the lowest and the highest corner of a box around an eighth of the visible part: right, front and top.
+    """Return the lowest and the highest corner of a box around one eighth of the visible part: right, front and top.
 
-    In the world, from the centre of the volume.
+    Corners are in the world, relative to the volume's centre.
     """
     spacing, shape = np.array(sample.spacing[::-1]), np.array(is_visible.shape[::-1])
     ends = np.percentile(np.argwhere(is_visible)[:, ::-1], _OUTERMOST, axis=0)
@@ -97,9 +99,9 @@ def corner_box(sample: VoxelSample, is_visible: Bools) -> tuple[Float64, Float64
 def clip_specs(
     planes: Sequence[Plane], corner: tuple[Float64, Float64] | None, centre: Float64, diagonal: float
 ) -> tuple[ClipSpec, ...]:
-    """Return planes, and a box if a corner is clipped, as a scene has them: rounded to a thousandth of the diagonal.
+    """Return the planes, and the box of a clipped corner, as a scene has them: rounded to a thousandth of the diagonal.
 
-    centre: of the volume, in the world.
+    centre: the volume's centre in the world.
     """
     clip = [ClipSpec(plane=PlaneSpec(_rounded(at + centre, diagonal), _rounded(normal, 1.0))) for at, normal in planes]
     if corner is not None:
@@ -115,7 +117,7 @@ def _rounded(vector: Float64, extent: float) -> Vector:
 
 
 def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
-    """Return which of the sample's voxels planes clip away, bool [z, y, x]."""
+    """Return which of the sample's voxels the planes clip away, bool [z, y, x]."""
     found = np.zeros(sample.normalized.shape, bool)
     sides = zip(sample.normalized.shape, sample.spacing, strict=True)
     places = [(np.arange(num) + 0.5 - num / 2) * side for num, side in sides]
@@ -127,7 +129,7 @@ def are_beyond(sample: VoxelSample, planes: Sequence[Plane]) -> Bools:
 
 
 def _are_holders(cells: Bools, sides: Float64) -> Bools:
-    """Return which cells belong to sheets that have one cross-section from end to end, and may touch the object."""
+    """Return which cells belong to holders, sheets of one cross-section from end to end. They may touch the object."""
     extruded = np.zeros_like(cells)
     for axis in range(3):
         if cells.shape[axis] >= _MIN_LENGTH:
@@ -142,8 +144,14 @@ def _are_holders(cells: Bools, sides: Float64) -> Bools:
 
 
 class _Parts(NamedTuple):
-    """Measurements of connected parts. of_cell: the number of each cell's part. volumes; thickness: as a share of the
-    diagonal. low, high: ends along z, y, x, in cells. is_sheet: whether it is thin and reaches the border."""
+    """Measurements of connected parts.
+
+    of_cell: the number of each cell's part.
+    volumes: the parts' volumes.
+    thickness: their thicknesses, as shares of their diagonals.
+    low, high: their ends along z, y, x, in cells.
+    is_sheet: whether a part is thin and reaches the border.
+    """
 
     of_cell: Int64
     volumes: Float64
@@ -172,12 +180,12 @@ def _measure_parts(cells: Bools, labels: Int64, sides: Float64) -> _Parts:
 
 
 def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
-    """Return which parts belong to the object."""
+    """Return which connected parts belong to the object."""
     of_cell, num = parts.of_cell, len(parts.volumes)
     main = int((parts.volumes * parts.thickness).argmax())
     sheets = np.zeros_like(cells)
     sheets[cells] = parts.is_sheet[of_cell] & (of_cell != main)
-    # What is thin may be broken: legs of an insect, vessels, but sheets, too.
+    # A thin structure may be broken, such as an insect's leg or a vessel, but so may a sheet.
     grown = label_parts(grow(cells & ~sheets, _GAP))[cells]
     is_near = np.bincount(of_cell, grown == grown[of_cell == main][0], num) > 0
     of_sheet = np.bincount(of_cell, grow(sheets, 1)[cells], num) > 0
@@ -188,9 +196,10 @@ def _are_of_object(cells: Bools, parts: _Parts) -> Bools:
 
 
 def _touching_planes(points: Float64, heights: Float64, limits: Float64) -> list[Plane]:
-    """Return planes that touch the object, by the cells that they clip away, most first; none if they are not worth it.
+    """Return planes that touch the object, in the order of how many cells they clip away; none if too few are clipped.
 
-    points: of the centres of all cells, float64 [n, 3]. heights: along each normal. limits: of the object.
+    points: the centres of all cells, float64 [n, 3]. heights: their positions along each normal. limits: how far the
+    object reaches along each normal.
     """
     is_beyond, is_left, chosen = heights > limits, np.ones(len(points), bool), list[int]()
     while len(chosen) < MAX_CLIPS:

@@ -1,4 +1,4 @@
-"""Hold a suggestion, and change one: hide outliers, take the colours of a colormap, round colours."""
+"""Hold a suggestion, and change it: hide outliers, apply a colormap, round colours."""
 
 from __future__ import annotations
 
@@ -14,18 +14,21 @@ from renderer.statistics import OutlierValue, Statistics, VoxelSample, format_nu
 from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST, in_8_bits
 
 # The widest margin around the values that are shown, as a part of their range: values farther away are transparent.
-# Half of the gap to outliers that are nearer.
+# Beside nearer outliers, it is half of the gap to them.
 _OUTLIER_MARGIN = 0.02
-# The least opacity of a unit length, about 1 % of the diagonal, that is seen in a background.
+# The least opacity of a unit length, about 1 % of the diagonal, at which a background becomes visible.
 LEAST_OPACITY = 1e-3
 
 
 @dataclass(frozen=True)
 class ShownLayer:
-    """Values that are shown.
+    """The values of one layer that is shown.
 
-    name: of the material, in words. ranges: from low to high, in data units. voxels: their share of all voxels. share:
-        of the picture. target: the share that was asked for.
+    name: the name of the material, in words.
+    ranges: pairs of the lowest and the highest value, in data units.
+    voxels: the share of all voxels that have these values.
+    share: their share of the picture.
+    target: the share of the picture that was aimed at.
     """
 
     name: str
@@ -39,12 +42,14 @@ class ShownLayer:
 class Suggestion:
     """A transfer function that shows the content of a volume, and why it was chosen.
 
-    kind: the kind of data. reason: the signs by which it was recognised, a clause without a full stop.
-    transfer: the transfer function, with its unit. notes: a comment for each of its points, mostly empty.
-    shading: None where the data have no surfaces.
+    kind: the kind of data.
+    reason: the signs by which it was recognised, a clause without a full stop.
+    transfer: the transfer function, with its unit.
+    notes: a comment for each of its points, mostly empty.
+    shading: the light; None if the data have no surfaces.
     outlier_notes: a clause for each outlier or nodata value that is not shown.
     clip: planes that clip away the surroundings of the object, and a box to look into it.
-    visible: the values that the pictures of a turntable show.
+    visible: the layers of values that the pictures of a turntable show.
     """
 
     kind: str
@@ -58,7 +63,7 @@ class Suggestion:
 
 
 def with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:
-    """Return the suggestion with its points, or its colormap, replaced by a colormap with the same opacities."""
+    """Return the suggestion with a colormap in place of its colours, and with the same opacities."""
     mapping, points = suggestion.transfer.mapping, suggestion.transfer.points
     if colormap is None:
         return suggestion
@@ -68,7 +73,7 @@ def with_colormap(suggestion: Suggestion, colormap: str | None) -> Suggestion:
     if not isinstance(mapping, ColormapSpec):
         low, high = points[0].value, points[-1].value
         span = (low, high) if low < high else (low - max(1.0, abs(low)), low + max(1.0, abs(low)))
-        # Points between others of the same opacity tell nothing.
+        # A point between two points of the same opacity has no effect, as the colormap gives the colours.
         runs = [list(run) for _, run in groupby(points, attrgetter("opacity"))]
         ends = [end for run in runs for end in ((run[0], run[-1]) if len(run) > 1 else run)]
         mapping = ColormapSpec(colormap, span, tuple((point.value, point.opacity) for point in ends))
@@ -80,11 +85,11 @@ def _with_mapping(suggestion: Suggestion, mapping: tuple[ControlPoint, ...] | Co
 
 
 def with_logarithmic_scale(suggestion: Suggestion, colormap: str | None) -> Suggestion:
-    """Return the suggestion for logarithms to base 10 as one for the values, with a colormap on a logarithmic scale."""
+    """Turn a suggestion for logarithms to base 10 into one for the values, with a colormap on a logarithmic scale."""
     mapping = with_colormap(suggestion, colormap or FIELD_COLORMAP).transfer.mapping
     assert isinstance(mapping, ColormapSpec)
     first, last = mapping.range
-    if colormap is None:  # the colours of a field begin with a light one
+    if colormap is None:  # a field's own colours begin with a light one
         first -= FIELD_DARKEST / (1 - FIELD_DARKEST) * (last - first)
 
     def value(logarithm: float) -> float:
@@ -104,7 +109,7 @@ def with_logarithmic_scale(suggestion: Suggestion, colormap: str | None) -> Sugg
 
 
 def with_8_bit_colors(suggestion: Suggestion) -> Suggestion:
-    """Round the colours to `#rrggbb`, as a scene file has them, so that both draw the same."""
+    """Round the colours to `#rrggbb`, as a scene file has them, so that suggestion and file draw the same picture."""
     points, labels = suggestion.transfer.points, suggestion.transfer.labels
     if labels is not None and isinstance(labels.colors, tuple):
         colors = tuple((label, in_8_bits(color)) for label, color in labels.colors)
@@ -115,9 +120,9 @@ def with_8_bit_colors(suggestion: Suggestion) -> Suggestion:
 
 
 def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelSample) -> Suggestion:
-    """Return a suggestion for the values without outliers, with the outliers transparent.
+    """Return a suggestion for the values without outliers as one for all values, with the outliers transparent.
 
-    statistics: of all values. sample: with the range of the values without outliers.
+    statistics: the statistics of all values. sample: a sample normalised to the range of the values without outliers.
     """
     below = (-sample.normalize(outlier.last) for outlier in statistics.outliers if outlier.last < sample.minimum)
     above = (sample.normalize(outlier.value) - 1 for outlier in statistics.outliers if outlier.value > sample.maximum)
@@ -132,7 +137,7 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
     )
     suggestion = replace(suggestion, outlier_notes=(*outlier_notes, *suggestion.outlier_notes))
     mapping = suggestion.transfer.mapping
-    if isinstance(mapping, LabelsSpec):  # which leave out all labels that they do not name
+    if isinstance(mapping, LabelsSpec):  # labels that a scene does not name are not shown in any case
         return suggestion
     points: Sequence[ControlPoint]
     if isinstance(mapping, ColormapSpec):
@@ -150,7 +155,7 @@ def hide_outliers(suggestion: Suggestion, statistics: Statistics, sample: VoxelS
 
 
 def with_points(suggestion: Suggestion, points: Sequence[ControlPoint]) -> Suggestion:
-    """Return the suggestion with other points; points that stay keep their notes."""
+    """Return the suggestion with other points; points that it had before keep their notes."""
     named = dict(zip(suggestion.transfer.points, suggestion.notes, strict=False))
     return replace(_with_mapping(suggestion, tuple(points)), notes=tuple(named.get(point, "") for point in points))
 

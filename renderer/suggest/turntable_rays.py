@@ -1,4 +1,4 @@
-"""Sample volumes along the rays of a turntable: parallel rays, in views of one turn."""
+"""Sample volumes along the rays of a turntable: parallel rays, in several views around the volume."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ import numpy as np
 from renderer.statistics import VoxelSample
 from renderer.volume import Bools, Float32, Float64
 
-# Views of a turn.
+# The number of views of a turn.
 _NUM_VIEWS = 8
-# Rays along each side of a view.
+# The number of rays along each side of a view.
 _RAYS_PER_SIDE = 22
-# The most samples of one ray.
+# The most samples of a ray.
 _MAX_SAMPLES = 256
-# The same for volumes that are so thin that rays would miss them.
+# The most samples of a ray through volumes so thin that rays would miss them.
 _MAX_SAMPLES_OF_SLABS = 1024
-# The elevation of the eye, in radians.
+# The elevation of the eye above the horizon, in radians.
 _ELEVATION = math.radians(20)
 
 
 class TurntableRays(NamedTuple):
     """Samples of a volume along rays, front to back.
 
-    values: float32 [rays, samples], normalised; NaN outside of the volume, and without data. step: the distance of two
-        samples, as a share of the diagonal. is_interpolated: as of VoxelSample.
+    values: float32 [rays, samples], normalised; NaN outside of the volume, and without data.
+    step: the distance of two samples, as a share of the diagonal.
+    is_interpolated: as in VoxelSample.
     """
 
     values: Float32
@@ -37,14 +38,14 @@ class TurntableRays(NamedTuple):
 
 
 def cast_rays(sample: VoxelSample) -> TurntableRays:
-    """Sample a volume along the rays of a turntable around z, at random places of a regular pattern."""
+    """Sample a volume along the rays of a turntable around z, one at a random position in each cell of a grid."""
     return cast_through([sample])[0]
 
 
 def cast_through(samples: Sequence[VoxelSample]) -> list[TurntableRays]:
-    """Sample volumes, each in its place in the world, along the same rays, around the largest one's centre.
+    """Sample volumes at their positions in the world along the same rays, around the centre of the largest volume.
 
-    The unit of length is the first one's diagonal.
+    The unit of length is the diagonal of the first volume.
     """
     random, unit = np.random.default_rng(0), samples[0].diagonal
     middle = max(samples, key=attrgetter("diagonal")).centre
@@ -59,7 +60,7 @@ def cast_through(samples: Sequence[VoxelSample]) -> list[TurntableRays]:
         sides = [
             max(abs(box.offset @ axis) + box.half @ np.abs(axis @ box.directions) for box in boxes) for axis in axes
         ]
-        across, along = (2 * cells + 2 * random.random(cells.shape)) / _RAYS_PER_SIDE - 1  # one place in each
+        across, along = (2 * cells + 2 * random.random(cells.shape)) / _RAYS_PER_SIDE - 1  # one ray in each cell
         lengths = (np.arange(count) + random.random((len(across), 1))) * step - radius
         of_view = [_values_along(box, axes, (across * sides[0], along * sides[1]), lengths) for box in boxes]
         is_met = np.any([is_inside.any(axis=1) for _, is_inside in of_view], axis=0)
@@ -71,9 +72,13 @@ def cast_through(samples: Sequence[VoxelSample]) -> list[TurntableRays]:
 
 
 class _Box(NamedTuple):
-    """A sampled volume in units of a common length. offset: of its centre, in the world. half: of its sides, x, y, z.
+    """A sampled volume, with lengths in a unit that several volumes share.
 
-    values: float32 [z, y, x], NaN without data. spacing: of the samples along x, y, z. directions: as in VoxelSample.
+    values: float32 [z, y, x], NaN without data.
+    spacing: the distances of samples along x, y, z.
+    half: half of the sides along x, y, z.
+    offset: the position of its centre in the world.
+    directions: as in VoxelSample.
     """
 
     values: Float32
@@ -92,9 +97,10 @@ def _box(sample: VoxelSample, middle: Float64, unit: float) -> _Box:
 def _values_along(
     box: _Box, axes: Sequence[Float64], places: tuple[Float64, Float64], lengths: Float64
 ) -> tuple[Float32, Bools]:
-    """Return the values at samples of rays, NaN outside of the volume, and which of them are inside.
+    """Return the values at the samples of rays, NaN outside the volume, and which samples are inside.
 
-    axes: to the right, up and forward. places: of the rays along the first two. lengths: [rays, samples].
+    axes: the directions to the right, up and forward. places: the positions of the rays along the first two axes.
+    lengths: the positions of the samples along the third axis, [rays, samples].
     """
     shape = np.array(box.values.shape[::-1])
     right, up, forward = (axis @ box.directions for axis in axes)
@@ -106,7 +112,7 @@ def _values_along(
 
 
 def _view_axes(azimuth: float) -> tuple[Float64, Float64, Float64]:
-    """Return the directions to the right, up and away from the camera, in the world."""
+    """Return the directions to the right, up, and away from the camera, in the world."""
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
     outward, rise = np.array([math.cos(azimuth), math.sin(azimuth), 0.0]), np.array([0.0, 0.0, 1.0])
     sine, cosine = math.sin(_ELEVATION), math.cos(_ELEVATION)

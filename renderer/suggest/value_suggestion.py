@@ -1,7 +1,8 @@
 """Suggest a transfer function for the values of a volume, and give the reason in words.
 
-Labels, or the kind of data (`recognition.py`) or a wish (`wishes.py`), give a preset. Planes clip away the surroundings
-of the object (`separation.py`), and densities are solved for the picture (`opacity_calibration.py`).
+The values are labels, or a preset is chosen, by the kind of data (`recognition.py`) or by a wish (`wishes.py`). Planes
+clip away the surroundings of the object (`separation.py`), and densities are solved for the picture
+(`opacity_calibration.py`).
 """
 
 from __future__ import annotations
@@ -38,14 +39,15 @@ from renderer.suggest.suggestion import Suggestion, hide_outliers, with_colormap
 from renderer.suggest.wishes import LABELS_WISH, NO_WISH, WISHES, Wish, choose_by_word
 from renderer.volume import Volume
 
-# Finds the labels of a volume.
+# A function that finds the labels of a volume.
 KnowLabels = Callable[[], KnownLabels]
 
-# The value from which on outliers are no labels.
+# An outlier from this value on is no label.
 _MAX_OUTLYING_LABEL = 2**16
-# The opacity of a constant volume: a ray along the diagonal is covered by about two thirds.
+# The opacity of a constant volume, with which a ray along the diagonal has an opacity of about two thirds.
 _CONSTANT_OPACITY = 0.02
-# The optical depth of a constant volume that has a shape, by voxels without data, along the side of a cube of its size.
+# The optical depth of a constant volume in which voxels without data leave a shape, along the side of a cube of the
+# same size.
 _MASK_DEPTH = 3.0
 
 
@@ -54,9 +56,9 @@ def suggest(
 ) -> Suggestion:
     """Return a transfer function for a volume.
 
-    statistics: of the volume, by `compute_statistics`. known: returns the labels of other steps in time, and a table of
-    labels; called only for a volume of labels. Raises InputError for a preset that cannot be read, or does not suit the
-    volume.
+    statistics: the statistics of the volume, from `compute_statistics`. known: returns the labels of other steps in
+    time, and a table of labels; called only for a volume of labels. Raises InputError for a preset that cannot be read,
+    or does not suit the volume.
     """
     if statistics.minimum == statistics.maximum:
         return with_colormap(_constant_suggestion(volume, float(statistics.minimum)), wish.colormap)
@@ -74,7 +76,7 @@ def suggest(
 
 
 def _are_far_labels(volume: Volume, statistics: Statistics) -> bool:
-    """Return whether the outliers are labels, as all values are."""
+    """Return whether all values are labels, the outliers included."""
     if not all(0 <= outlier.value < _MAX_OUTLYING_LABEL for outlier in statistics.outliers):
         return False
     return label_values(volume, statistics, sample_volume(volume, statistics)) is not None
@@ -95,7 +97,7 @@ def _constant_suggestion(volume: Volume, value: float) -> Suggestion:
 def _suggest_from(
     volume: Volume, statistics: Statistics, sample: VoxelSample, wish: Wish, known: KnowLabels
 ) -> Suggestion:
-    """Return a suggestion from the statistics of the values to show and a sample of their range."""
+    """Return a suggestion from the statistics of the values to show and from a sample normalised to their range."""
     word = wish.preset
     if word in (None, LABELS_WISH):
         values = distinct_values(volume, statistics) if word else label_values(volume, statistics, sample)
@@ -114,7 +116,7 @@ def _suggest_from(
     choice, planes = choose(sample, zero), list[Plane]()
     if choice.preset.is_scan:
         planes = separating_planes(sample, choice.preset.covers(sample.normalized))
-    if planes:  # materials lie on this side of the planes alone
+    if planes:  # only voxels on this side of the planes count as materials
         sample = fill_with_background(sample, are_beyond(sample, planes))
         again = choose(sample, zero)
         choice = again if again.kind == choice.kind else choice

@@ -15,7 +15,7 @@ from renderer.suggest.wishes import NO_WISH, Wish
 from renderer.volume import Volume
 
 _COLORS = "voxels that are colours"
-# The opacity of a voxel is its alpha.
+# The control points for voxels that have an alpha: each voxel's opacity is its alpha.
 _ALPHA_POINTS = tuple(
     ControlPoint(value, (r, g, b), opacity)
     for value, (r, g, b, opacity) in linear_in_extinction([(0.0, (1.0, 1.0, 1.0, 0.0)), (255.0, (1.0, 1.0, 1.0, 1.0))])
@@ -26,8 +26,9 @@ _ALPHA_POINTS = tuple(
 class VolumeSuggestion:
     """A suggestion for a volume whose voxels are no longer in memory.
 
-    volume: which voxels. has_absent: whether any of them has no data. layers: of its channels, if each is to be seen;
-        the suggestion is then for the first.
+    volume: the file and the part of it that was read.
+    has_absent: whether any voxel has no data.
+    layers: the layers of its channels, if each is shown; the suggestion is then for the first one.
     weight: as in `renderer.scene.LayerSpec`.
     """
 
@@ -38,7 +39,7 @@ class VolumeSuggestion:
     weight: float = 1.0
 
     def applied_to(self, scene: Scene) -> Scene:
-        """Return a scene of the volume with the suggestion in it; planes that the scene has stay."""
+        """Return a scene with the volume and its suggestion; clip planes that the scene has stay."""
         found, first = self.suggestion, scene.layers[0]
         if self.layers:
             shared = SharedKeys(first.shading, first.mask)
@@ -52,7 +53,7 @@ def read_in_colors(
 ) -> tuple[VolumeSpec, Volume, Statistics]:
     """Return a volume, its voxels and their statistics.
 
-    Without a wish, voxels that are colours are read as colours, with the opacities of alpha where alpha varies.
+    Without a wish, voxels that are colours are read as colours; if their alpha varies, it gives the opacities.
     found: the volume as it was read first.
     """
     component = volume.component
@@ -73,7 +74,7 @@ def suggest_read(
 ) -> VolumeSuggestion:
     """Suggest how to show a volume that is in memory. Raises as `suggest`.
 
-    known: as in `suggest`; None for the labels of this volume, and the table in its file or beside it.
+    known: as in `suggest`; None to take the labels of this volume, and the table in its file or beside it.
     """
     if volume.has_colors:
         suggestion = _color_suggestion(found, statistics, wish)
@@ -90,7 +91,7 @@ def _labels_in_table(spec: VolumeSpec, volume: Volume) -> KnownLabels:
 
 
 def _color_suggestion(volume: Volume, statistics: Statistics, wish: Wish) -> Suggestion:
-    """Return a suggestion for colours by their luminance. Colours of a wish are multiplied by the voxels' own."""
+    """Return a suggestion for voxels that are colours, by their luminance. A wish's colours multiply them."""
     found = suggest(volume, statistics, Wish(wish.colormap, wish.preset or "surface"))
     transfer = found.transfer
     if wish == NO_WISH and transfer.points:

@@ -1,4 +1,4 @@
-"""Steer a suggestion by a word, such as `bone` or `glow`, each a function here.
+"""Steer a suggestion by a word, such as `bone` or `glow`; this file has a function for each word.
 
 The meaning of a word depends on the scan: a range of Hounsfield units in computed tomography, else a material.
 """
@@ -21,10 +21,11 @@ from renderer.suggest.recognition import offset_text
 
 @dataclass(frozen=True)
 class Wish:
-    """A wish that steers a suggestion.
+    """A wish by which a user steers a suggestion.
 
-    colormap: the name of a colormap that replaces its colours. preset: a word of WISHES or LABELS_WISH, the name of a
-        preset, or a file of another program, of whose transfer functions #NAME picks one.
+    colormap: the name of a colormap that replaces the suggested colours.
+    preset: a word of WISHES or LABELS_WISH, the name of a preset, or a file of another program; `file#NAME` picks one
+        of its transfer functions.
     """
 
     colormap: str | None = None
@@ -33,10 +34,11 @@ class Wish:
 
 @dataclass(frozen=True)
 class Materials:
-    """The materials of a scan, as words pick them.
+    """The materials of a scan, from which words choose.
 
-    ends: of the materials, ascending, normalised. sample: of the scan. zero: the stored value of 0 Hounsfield units;
-        None where the values are no such units.
+    ends: the normalised values at which materials begin and end, ascending.
+    sample: a sample of the scan.
+    zero: the stored value of 0 Hounsfield units; None for values in other units.
     """
 
     ends: tuple[float, ...]
@@ -44,11 +46,11 @@ class Materials:
     zero: float | None
 
     def at(self, hounsfield: float, otherwise: float) -> float:
-        """Return the normalised value of Hounsfield units, or another value where the scan has none."""
+        """Return the normalised value of Hounsfield units, or `otherwise` if the scan is in other units."""
         return otherwise if self.zero is None else self.sample.normalize(hounsfield + self.zero)
 
     def named(self, in_hounsfield: str, otherwise: str) -> str:
-        """Return the name of a material by its Hounsfield units, or another one where the scan has no such units."""
+        """Return a material's name for a scan in Hounsfield units, or `otherwise` for a scan in other units."""
         return otherwise if self.zero is None else in_hounsfield
 
 
@@ -60,7 +62,7 @@ _BONE = (0.97, 0.93, 0.84)
 _BLOOD = (0.85, 0.22, 0.16)
 _BRAIN = (0.90, 0.70, 0.66)
 _VEIL = (0.45, 0.52, 0.66)
-# The mean opacity, in a picture like an X-ray, of the rays that meet anything.
+# The mean opacity that a picture like an X-ray aims at, over the rays that meet anything.
 _XRAY_COVERAGE = 0.4
 
 
@@ -83,14 +85,14 @@ def _vessels(scan: Materials) -> Preset:
     colors = ((low, _VEIL), (full, _BLOOD), (high, _BONE))
     shading = replace(SHADING, specular=0.2)
     begin = scan.at(-200, others[0] if others else low)
-    if begin >= low:  # there is nothing around
+    if begin >= low:  # there is nothing around the object
         return Preset((vessels,), colors, OPAQUE_COVERAGE, shading, is_scan=True)
     veil = Layer("the surroundings", ((begin, 0.0), ((begin + low) / 2, 1.0), (low, 1.0), (full, 0.0)), share=0.15)
     return Preset((veil, vessels), colors, OPAQUE_COVERAGE, shading, is_scan=True)
 
 
 def _densest_name(scan: Materials, in_hounsfield: str) -> str:
-    """Return the name of the densest material, or of the object where it is the only one."""
+    """Return the name of the densest material, or of the object if it has no other material."""
     return scan.named(in_hounsfield, "the densest material" if len(scan.ends) > 2 else "the object")
 
 
@@ -129,7 +131,7 @@ WISHES: dict[str, Callable[[Materials], Preset]] = {
 
 
 def choose_by_word(sample: VoxelSample, zero: float | None, *, word: str) -> Choice:
-    """Return the preset of a word of WISHES. zero: the stored value of 0 Hounsfield units, if the values are such."""
+    """Return the preset for a word of WISHES. zero: the stored value of 0 Hounsfield units; None in other units."""
     background = find_background(sample)
     is_dark = zero is None and background.is_there and background.below > background.above
     if is_dark:
@@ -144,5 +146,5 @@ def choose_by_word(sample: VoxelSample, zero: float | None, *, word: str) -> Cho
     return Choice(f"shown as --preset {word}", reason, preset.with_inverted_range() if is_dark else preset)
 
 
-# The word for values that are labels, although they do not look like some.
+# The word that has values shown as labels although they are not recognised as labels.
 LABELS_WISH = "labels"

@@ -18,8 +18,8 @@ from renderer.system.cores import control_groups
 _MEMINFO = Path("/proc/meminfo")
 # The file that resets the peak memory of this process.
 _RESET = Path("/proc/self/clear_refs")
-# The files of limits, the file of the memory in use, and the names of its cached parts, by the version of control
-# groups.
+# By the version of control groups: the files of limits, the file of the memory in use, and the names of the cached
+# memory.
 _FILES = {
     2: (("memory.max", "memory.high"), "memory.current", ("inactive_file", "active_file")),
     1: (("memory.limit_in_bytes",), "memory.usage_in_bytes", ("total_inactive_file", "total_active_file")),

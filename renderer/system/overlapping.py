@@ -1,4 +1,4 @@
-"""Works on one item in a thread while the next item is made."""
+"""Work on one item in a thread while the next item is made."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Result = TypeVar("Result")
 
 
 def overlap(items: Iterable[Item], work: Callable[[Item], Result]) -> Generator[Result, None, None]:
-    """Yield `work` of each item, in their order: it runs in a thread of its own while the next item is made.
+    """Yield the result of `work` for each item, in order. It runs in a thread of its own while the next item is made.
 
-    However the items end, each that was made is worked on, and is yielded before the error of the next one is raised.
-    Where `work` fails, it gets no further item. Closing the generator waits for the work that has begun.
+    If making an item raises an error, the results of all items before it are yielded first. If `work` fails, it gets no
+    further item. Closing the generator waits for the work that has begun.
     """
     with start_threads(1, "hsplat-background") as thread:
         begun: list[Future[Result]] = []
@@ -41,7 +41,7 @@ def overlap(items: Iterable[Item], work: Callable[[Item], Result]) -> Generator[
 
 
 def _work_after(before: Sequence[Future[Result]], work: Callable[[Item], Result], item: Item) -> Result:
-    """Return the work of an item; raise the error of the work before, if that has failed."""
+    """Return the result of `work` for an item, or raise the error of the item before if its work has failed."""
     for each in before:
         each.result()
     return work(item)

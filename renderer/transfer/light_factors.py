@@ -12,7 +12,7 @@ import numpy as np
 from renderer.kernels import LightGrid
 from renderer.volume import Float32
 
-# The factors of a kind that was not asked for.
+# The factors of occlusion, or of shadow, in a scene without it.
 _NO_FACTORS = np.empty((0, 0, 0), np.float32)
 # The light grid of a scene in which all light reaches every place.
 NO_LIGHT_GRID = LightGrid(_NO_FACTORS, _NO_FACTORS, np.empty(0, np.int32), 1.0, 0.0, 0.0)

@@ -66,7 +66,7 @@ class TransferFunction:
         return float(self.extinctions.max())
 
     def curve(self, finest_spacing: float = 1.0) -> TransferTable:
-        """Return the table of (r, g, b, extinction times `finest_spacing`)."""
+        """Return the transfer function as a table of (r, g, b, extinction times `finest_spacing`)."""
         scale = math.ldexp(1.0, min(0, LARGEST_EXPONENT - _binary_exponent(self.values)))
         curve = make_transfer_table(self.values, np.column_stack([self.colors, self.extinctions]), scale)
         curve.rows[:, [5, 9]] *= finest_spacing

@@ -1,4 +1,4 @@
-"""Sort splats and bricks back to front; ties are broken by the cell's place in the cut.
+"""Sort splats and bricks back to front. Cells of equal depth are drawn in the order of the cut.
 
 `order_by_depth` sorts splats that overlap by depth. `box_order` is the exact visibility order of the octree's cells as
 boxes (the traversal of Laur and Hanrahan 1991). It is right for bricks, and for footprints inside their cells;
@@ -15,14 +15,17 @@ from renderer.volume import Float32, Int32, UInt8, UInt32, Volume
 
 
 def order_by_depth(depths: Float32) -> UInt32:
-    """Return the order of descending depths, equal depths by ascending index: uint32 [n]. depths: without NaN."""
+    """Return the indices of depths in descending order, and of equal depths in ascending order: uint32 [n].
+
+    depths: [n], without NaN.
+    """
     order = np.empty(len(depths), np.uint32)
     kernels().depth_order(depths=depths, order=order)
     return order
 
 
 def box_order(levels: UInt8, cells: Int32, volume: Volume, view: View) -> UInt32:
-    """Return nodes of the octree back to front as boxes, exactly, in perspective or parallel projection: uint32 [n].
+    """Return the indices of octree nodes, drawn as boxes, in their exact order from back to front: uint32 [n].
 
     levels: [n], the levels of the nodes. cells: [n, 3], x, y, z in units of the node's own width, 2^level voxels.
     """

@@ -182,7 +182,10 @@ def volume_corners(volume: Volume) -> Float64:
 
 
 def _extreme_around_corners(extreme: np.ufunc, of_rows: Int64, outside: int) -> Int64:
-    """Return the extreme value of the four rows of cells around each corner: [nz + 1, ny + 1], for [nz, ny] rows."""
+    """Return the extreme value of the four rows of cells around each corner: [nz + 1, ny + 1].
+
+    extreme: np.minimum or np.maximum. of_rows: [nz, ny], a value for each row. outside: the value beyond the border.
+    """
     padded = np.pad(of_rows, 1, constant_values=outside)
     in_y = extreme(padded[:, 1:], padded[:, :-1])
     return np.asarray(extreme(in_y[1:], in_y[:-1]), np.int64)

@@ -74,7 +74,7 @@ class CameraPoses(NamedTuple):
         return np.stack([self.right, self.up, self.direction], axis=1)
 
     def rows(self, which: Any) -> CameraPoses:
-        """Return the poses that an index of numpy selects."""
+        """Return some of the poses. which: a numpy index of frames."""
         parts: Any = (each[which] for each in self)
         return CameraPoses(*parts)
 

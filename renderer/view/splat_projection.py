@@ -70,9 +70,10 @@ class Region(NamedTuple):
 def covered_region(batch: SplatBatch, camera: ModelView) -> Region:
     """Return a rectangle of the image that holds all footprints of the batch.
 
-    All centres lie in a ball about the model's origin (x0, z0), at depths of `nearest` or more. On the image, a centre
-    (x, z) is at most `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` away from the origin,
-    and its footprint extends by its cutoff under the steepest slope.
+    All splats have their centres in a ball about the model's origin, which is at (x0, z0) in view space, and at depths
+    of `nearest` or more. On the image, a centre at (x, z) is at most
+    `scale |x / z - x0 / z0| <= scale radius sqrt(1 + (x0 / z0)^2) / nearest` away from the model's origin. A footprint
+    reaches further by its cutoff radius, as projected at the largest angle to the view that SLOPE_LIMIT allows.
     """
     size = np.array(camera.size)
     centers = batch.centers
@@ -138,7 +139,7 @@ def _square_areas_px(batch: SplatBatch, splats: UInt32, camera: ModelView) -> Fl
 
 
 def _scale_px(camera: ModelView, depths: Float64) -> Float64 | float:
-    """Return the pixels per model unit at given depths, or at the near plane if that is farther: float64 [n, 1]."""
+    """Return the number of pixels per model unit at depths, or at the near plane if that is farther: float64 [n, 1]."""
     if not camera.perspective:
         return camera.scale_px
     return np.asarray(camera.scale_px / np.maximum(depths, max(camera.near, 1e-6)))[:, None]

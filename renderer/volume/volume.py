@@ -33,7 +33,7 @@ class Volume:
         reading values, and again before using them.
     num_absent: the number of absent voxels.
     file_spacing: the spacing in the file, if the scene gives another; else None.
-    note: a remark on how the volume was read.
+    note: a remark for the user on how the volume was read.
     has_lengths: whether its file, or the scene, gives the lengths of a voxel.
     channels: all components of its file; empty for a file with one component.
     is_labels: whether the values are numbers of labels, 0 for none, between which nothing is interpolated.

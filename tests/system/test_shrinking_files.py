@@ -50,7 +50,7 @@ def folder(tmp_path: Path) -> Path:
     ("footprint", "caller"),
     [
         ("integrated", "volume.make_volume"),
-        ("integrated", "pyramid.work"),
+        ("integrated", "building.work"),
         ("integrated", "texels.scalar_texels"),
         ("gaussian", "cut._join_leaves"),
     ],

@@ -40,7 +40,7 @@ _FETCH_TIMEOUT_S = 2.0
 _MAX_THREADS = 1000
 # Workers that may be lost at the same frame before the film fails.
 MAX_LOSSES = 3
-# Frames for each worker that are under way, or finished before a frame that precedes them.
+# Most frames for each worker that are under way, or are finished and wait for an earlier frame.
 _WINDOW_PER_WORKER = 4
 # Consecutive frames that one worker draws where something moves: they often share layers.
 _RUN_IN_MOTION = 8
@@ -49,7 +49,7 @@ _RUN_IN_MOTION = 8
 class ClusterDrawing:
     """Draws the frames of a plan with the workers of a cluster, until it is closed.
 
-    where: the option that chose the cluster, for messages. memory: as of ExecutorSpec. `draw` raises RenderError where
+    where: the option that chose the cluster, for messages. memory: as in ExecutorSpec. `draw` raises RenderError where
     workers are missing or cannot draw.
     """
 
@@ -136,7 +136,7 @@ class ClusterDrawing:
                 except (KeyError, OSError, TimeoutError):  # the worker is gone
                     self._registry.recheck(worker)
                     continue
-                share = MemoryShare(self._memory, self._registry.num_beside(worker) + 1)  # and this process, if there
+                share = MemoryShare(self._memory, self._registry.num_beside(worker) + 1)  # and this process
                 future = self._client.submit(draw_on_worker, stage_data, number, share, workers=[worker], pure=False)
                 is_done = threading.Event()
                 future.add_done_callback(lambda _, is_done=is_done: is_done.set())

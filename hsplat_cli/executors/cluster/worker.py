@@ -26,8 +26,8 @@ from renderer.system import MemoryShare, package_versions, sources_digest
 class DrawnPictures(NamedTuple):
     """Holds the result of drawing a frame on a worker.
 
-    contents: the files of its pictures, by kind. record: for the sidecar. versions: of the packages and the device that
-    drew it, by name.
+    contents: the files of its pictures, by kind. record: the frame's record for the sidecar. versions: the versions of
+    the packages and of the device that drew it, by name.
     """
 
     contents: dict[int, bytes]
@@ -59,7 +59,7 @@ class SerializedStage:
     def draw(self, number: int, num_threads: int, memory: MemoryShare) -> DrawnPictures:
         """Draw a frame, after the frames that other threads have requested.
 
-        num_threads: number of threads that draw, unless LP_NUM_THREADS is set. memory: as of `open_rasterizer`.
+        num_threads: number of threads that draw, unless LP_NUM_THREADS is set. memory: as in `open_rasterizer`.
         """
         return self._thread.submit(self._draw, number, num_threads, memory).result()
 
@@ -104,7 +104,7 @@ _sources_digest = functools.cache(sources_digest)
 def draw_on_worker(stage_data: SerializedStage, number: int, memory: MemoryShare) -> DrawnPictures:
     """Draw a frame in this worker.
 
-    memory: as of `open_rasterizer`, which is called for the first frame only.
+    memory: as in `open_rasterizer`, which is called for the first frame only.
     """
     from distributed import get_worker
 

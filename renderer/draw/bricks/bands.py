@@ -1,4 +1,4 @@
-"""Divide the tiles of a picture into bands whose bricks have slots at once, and say when each brick is used next."""
+"""Divide the tiles of a picture into bands whose bricks fit into the slots, and say when each brick is used next."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ import numpy as np
 
 from renderer.volume import Int64
 
-# A band takes at most one slot in this many where not all bricks of a picture have slots: the slots of a band are lost
-# for bricks that could stay. A turntable of a lit head of 15,168 bricks, with slots for 10,716, made 10,500 bricks anew
-# for each frame with 1, 6900 to 7200 with 4, 6850 with 8, and 6850 with 64. With slots for 5487 it made 14,600, 12,800,
-# 12,600 and 12,600.
+# If the bricks of a picture do not all fit into the slots, a band takes at most one slot in this many, because bricks
+# that could stay lose the slots of a band. A turntable of a lit head of 15,168 bricks, with slots for 10,716, made
+# 10,500 bricks anew for each frame with 1, 6900 to 7200 with 4, 6850 with 8, and 6850 with 64. With slots for 5487
+# bricks, it made 14,600, 12,800, 12,600 and 12,600.
 _BANDS_IN_SLOTS = 8
 
 
 class Band(NamedTuple):
     """A band of tiles that are drawn together.
 
-    tiles: their numbers. met: int64 [n], the bricks over them, ascending.
+    tiles: the numbers of the tiles.
+    met: int64 [n], the numbers of the bricks over the tiles, ascending.
     next_use: int64 [n], the number of the next band that meets each of these bricks. The next picture is taken to have
         the same bands, whose numbers go on from the last one.
     """
@@ -32,10 +33,11 @@ class Band(NamedTuple):
 def plan_bands(
     starts: Int64, numbers: Int64, num_bricks: int, have_slots: Callable[[Int64, int], bool]
 ) -> tuple[list[Band], Int64]:
-    """Return bands of all tiles with bricks, and for each brick the first band that meets it, or -1: int64 [bricks].
+    """Return bands of all tiles with bricks, and the first band that meets each brick, or -1: int64 [bricks].
 
-    starts, numbers: the bricks over tiles, as `make_grid` returns them. have_slots: whether a multiple
-    of the number of these bricks, ascending, has slots at once. A single tile is a band in any case.
+    starts, numbers: the bricks over tiles, as `make_grid` returns them. have_slots: a function that tells whether a
+    multiple of the number of some bricks, ascending, fits into the slots. A band has at least one tile, even if its
+    bricks do not fit.
     """
     bands, waiting, is_divided = list[tuple[Int64, Int64]](), [np.flatnonzero(np.diff(starts))], False
     while waiting:

@@ -1,11 +1,11 @@
 """Keep the texels of bricks in slots of atlases, and evict the bricks whose next use is farthest away.
 
-An atlas has a share of memory. The size of a volume is therefore no limit: with less memory bricks are made more
-often. One atlas holds the scalars of level 0, another the means of the levels above.
+Each atlas has a fixed share of memory. The size of a volume is no limit: with less memory, bricks are made more often.
+One atlas holds the scalars of level 0, another the means of the levels above.
 
-L. A. Belady, "A study of replacement algorithms for a virtual-storage computer", IBM Systems Journal 5 (1966): no
-other order of eviction makes fewer bricks again. A picture is drawn in bands that are known before, and the next
-picture is taken to have the same bands. Of bricks that do not fit, as many stay as there is room for. An eviction of
+L. A. Belady, "A study of replacement algorithms for a virtual-storage computer", IBM Systems Journal 5 (1966): no other
+order of eviction has to make fewer bricks again. A picture is drawn in bands that are known beforehand, and the next
+picture is assumed to have the same bands. Of bricks that do not fit, as many stay as there is room for. An eviction of
 the least recently used brick would take each brick just before it is needed.
 """
 
@@ -33,19 +33,20 @@ from renderer.transfer import toward_light
 from renderer.view import View, are_near_faces, ray_setup, screen_rectangles
 from renderer.volume import Bools, Float32, Float64, Int32, Int64, UInt32
 
-# The most bricks whose texels a thread makes before it writes them.
+# The most bricks whose texels a thread makes before it writes them to the atlas.
 _UPLOAD_BATCH = 64
-# The number of floats behind the last texel that loads of whole rows touch.
+# The number of floats after the last texel that loads of whole rows may read.
 _READ_BEHIND = 2
-# The number of a use that is not known: it is farther away than any other.
+# The number of the next use for a brick whose next use is not known: larger than all others.
 _NEVER = 1 << 62
 
 
 class Atlas:
-    """A store of bricks of one kind, in slots. The caller gives each brick a key, a number from 0 to `num_keys` - 1.
+    """A store of bricks of one kind, each in a slot. The caller gives each brick a key, from 0 to `num_keys` - 1.
 
-    num_channels: 1 or 4, float32. max_slots: the number of bricks that it may hold, one at least.
-    num_bytes: the memory that it may take. threads: make texels and write them; None for the calling thread.
+    num_channels: 1 or 4, float32. max_slots: the number of bricks that the atlas may hold, one at least.
+    num_bytes: the memory that the atlas may take.
+    threads: the threads that make texels and write them; None for the calling thread.
     texels: float32 [slots * PADDED_BRICK_SIZE^3 * num_channels], brick after brick.
     """
 
@@ -54,25 +55,25 @@ class Atlas:
         fitting = max(1, num_bytes // brick_bytes(num_channels))
         self.num_channels, self.max_slots = num_channels, min(num_keys, fitting)
         self.texels = np.empty(0, np.float32)
-        self._slot_from_key = np.full(num_keys, -1, np.int64)  # -1: not in the atlas
-        self._key_from_slot = np.empty(0, np.int64)  # -1: free
+        self._slot_from_key = np.full(num_keys, -1, np.int64)  # -1 for a brick that is not in the atlas
+        self._key_from_slot = np.empty(0, np.int64)  # -1 for a free slot
         self._next_use = np.empty(0, np.int64)
-        self._last_used = np.empty(0, np.int64)  # of bricks whose next use is not known, the oldest one goes first
+        self._last_used = np.empty(0, np.int64)  # among bricks without a known next use, the oldest is evicted
         self._use_counter = 0
 
     def texel_offsets(self, slots: Int64) -> Int64:
-        """Return the first texels of the bricks in these slots, halo included: int64 [n]."""
+        """Return the position of the first texel of the brick in each slot, halo included: int64 [n]."""
         return slots * self._brick_floats
 
     def reserve(self, num: int = 0) -> None:
-        """Make all slots, or `num` if that is more. Unused slots take no memory; bricks in former slots are lost."""
+        """Make all slots, or `num` slots if these are more, and forget all bricks. Unused slots take no memory."""
         if not len(self.texels) or num > self.max_slots:
             self.max_slots = max(num, self.max_slots)
             self.texels = np.empty(self.max_slots * self._brick_floats + _READ_BEHIND, np.float32)
             self._resize(self.max_slots)
 
     def release(self) -> None:
-        """Free the memory."""
+        """Free the memory of the atlas."""
         self.texels = np.empty(0, np.float32)
         self._resize(0)
 
@@ -81,7 +82,7 @@ class Atlas:
         return int(np.count_nonzero(self._slot_from_key[keys] < 0))
 
     def plan(self, keys: Int64, next_use: Int64) -> None:
-        """Note when bricks will be used next: int64 [n], by ascending numbers of uses; no other brick is expected."""
+        """Note the number of each brick's next use, int64 [n], ascending in time. Other bricks have no next use."""
         slots = self._slot_from_key[keys]
         self._next_use[:] = _NEVER
         self._next_use[slots[slots >= 0]] = next_use[slots >= 0]
@@ -89,15 +90,15 @@ class Atlas:
     def upload(self, keys: Int64, make_texels: Callable[[Int64], Float32], next_use: Int64 | None = None) -> Int64:
         """Upload the bricks that are missing, and return the slots of all: int64 [n].
 
-        keys: int64 [n], all different, at most as many as there are slots. make_texels: returns the texels of missing
-        bricks, float32 [m, ...], from their indices in `keys`; several threads call it. Where it raises, the bricks
-        that were written before stay, and the others are not in the atlas. next_use: int64 [n], the numbers of their
-        next uses; None where they are not known.
+        keys: int64 [n], all different; at most as many as there are slots. make_texels: returns the texels of missing
+        bricks, float32 [m, ...], from their indices in `keys`; several threads call it. If it raises, the bricks
+        already written stay in the atlas, and the others are not in it. next_use: int64 [n], the numbers of the bricks'
+        next uses; None if they are not known.
         """
         self._use_counter += 1
         slots = self._slot_from_key[keys]
         missing = np.flatnonzero(slots < 0)
-        self._next_use[slots[slots >= 0]] = -1  # first, so that none of them is evicted
+        self._next_use[slots[slots >= 0]] = -1  # before the eviction, so that none of these bricks is evicted
         if len(missing):
             free = np.lexsort((self._last_used, -self._next_use))[: len(missing)]
             evicted = self._key_from_slot[free]
@@ -117,23 +118,24 @@ class Atlas:
         return slots
 
     def _resize(self, num: int) -> None:
-        """Note that there are `num` slots now, all of them free."""
+        """Make room for `num` slots, all of them free."""
         self._slot_from_key[:] = -1
         self._key_from_slot, self._last_used = np.full(num, -1, np.int64), np.zeros(num, np.int64)
         self._next_use = np.full(num, _NEVER, np.int64)
 
 
 def brick_bytes(num_channels: int) -> int:
-    """Return the bytes of the texels of a brick."""
+    """Return the number of bytes that the texels of a brick take."""
     return 4 * PADDED_BRICK_SIZE**3 * num_channels
 
 
 class BrickView(NamedTuple):
-    """A view of the bricks `batch[order]`, front to back. Positions are in index space, from the volume's centre.
+    """The bricks `batch[order]` in a view, front to back. Positions in index space are relative to the volume's centre.
 
-    keys: int64 [n], their numbers: level 0 is counted on its own, all other levels one after the other.
-    is_mean: bool [n], whether they are above level 0. have_faces: bool [n], whether they are near a face that clipping
-        cuts and that has a light of its own; only on level 0.
+    keys: int64 [n], the bricks' keys: numbers within level 0, and numbers through all other levels.
+    is_mean: bool [n], whether a brick is above level 0 and so holds means.
+    have_faces: bool [n], whether a brick of level 0 is near a face that clipping cuts and that is lit by its own
+        normal.
     rectangles_px: float64 [n, 4], as `screen_rectangles` returns them.
     boxes: float64 [n, 11]: the lowest [3] and the highest corner [3] of the visible bounds, the lowest corner of the
         first cell [3], cells per voxel, and the length of a step in cells.
@@ -180,7 +182,7 @@ def make_brick_view(batch: BrickBatch, order: UInt32, view: View) -> BrickView:
 
 
 def needed_bytes(bricks: BrickLayers) -> list[int]:
-    """Return the bytes of all visible bricks, in each atlas of a BrickCache: of each layer's scalars, and of means."""
+    """Return the bytes of all visible bricks in each atlas of a BrickCache: of each layer's scalars, then of means."""
     scalars = [
         int(np.count_nonzero(layer.bricks.levels[0].is_visible)) * brick_bytes(_num_channels(layer))
         for layer in bricks.layers
@@ -190,7 +192,7 @@ def needed_bytes(bricks: BrickLayers) -> list[int]:
 
 
 def drawn_bytes(batch: BrickBatch) -> list[int]:
-    """Return the bytes of the bricks of a batch, in each atlas as of `needed_bytes`."""
+    """Return the bytes that the bricks of a batch take in each atlas, in the order of `needed_bytes`."""
     is_mean = batch.cut.levels > 0
     x, y, z = batch.cut.cells[~is_mean].T
     scalars = [
@@ -201,15 +203,17 @@ def drawn_bytes(batch: BrickBatch) -> list[int]:
 
 
 def _num_channels(layer: BrickLayer) -> int:
-    """Return the channels of a layer's voxels: a scalar, or with light and with colours four."""
+    """Return the number of channels of a layer's voxels: one for a scalar, four with light or with colours."""
     return 4 if layer.shading or layer.bricks.volume.colors is not None else 1
 
 
 class BrickCache:
-    """A cache of the bricks of layers on one grid of voxels: an atlas of scalars for each, and one of all their means.
+    """A cache of the bricks of layers on one grid of voxels: an atlas for each layer's scalars, and one for all means.
 
-    threads: compute the texels of bricks. num_bytes: the memory that each atlas may take, in the order of
-        `needed_bytes`. scalars: an atlas of each layer. means: an atlas of all means.
+    threads: the threads that compute the texels of bricks.
+    num_bytes: the memory that each atlas may take, in the order of `needed_bytes`.
+    scalars: an atlas for each layer.
+    means: an atlas for the means of all layers.
     """
 
     def __init__(self, bricks: BrickLayers, threads: ThreadPool, num_bytes: Sequence[int]) -> None:
@@ -220,12 +224,12 @@ class BrickCache:
         ]
         self.means = Atlas(4, sum(nums), num_bytes[-1], threads)
         self.num_bytes = num_bytes
-        self._brick_view: BrickView | None = None  # the last one: it may be uploaded and then drawn
+        self._brick_view: BrickView | None = None  # the last view: it may be uploaded and then drawn
 
     def upload(self, batch: BrickBatch, order: UInt32, view: View) -> bool:
         """Upload the bricks `batch[order]`, and return whether any of them was missing.
 
-        Do nothing where there are not enough slots: then bricks are uploaded while they are drawn.
+        Do nothing if there are not enough slots: bricks are then uploaded while the picture is drawn.
         """
         brick_view = self._prepare(batch, order, view)
         keys = [(atlas, brick_view.keys[is_chosen]) for atlas, is_chosen, _ in self._parts(brick_view)]
@@ -236,27 +240,27 @@ class BrickCache:
         return True
 
     def begin_frame(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
-        """Return the bricks `batch[order]` as they are drawn, front to back."""
+        """Return the view of the bricks `batch[order]` for a frame, front to back."""
         return self._prepare(batch, order, view)
 
     def plan(self, brick_view: BrickView, next_use: Int64) -> None:
-        """Note the first band that uses each brick of the view: int64 [n]; -1 for none."""
+        """Note the first band of the next picture that uses each brick of the view: int64 [n]; -1 for none."""
         for atlas, is_in, _ in self._parts(brick_view):
             is_used = is_in & (next_use >= 0)
             atlas.plan(brick_view.keys[is_used], next_use[is_used])
 
     def have_slots(self, brick_view: BrickView, numbers: Int64, times: int) -> bool:
-        """Return whether `times` as many bricks as these numbers in the view have slots at once."""
+        """Return whether `times` as many bricks as the bricks with these numbers in the view fit into the slots."""
         parts = self._parts(brick_view)
         return all(times * np.count_nonzero(is_in[numbers]) <= atlas.max_slots for atlas, is_in, _ in parts)
 
     def upload_bricks(self, brick_view: BrickView, numbers: Int64, next_use: Int64 | None = None) -> Int64:
-        """Upload the bricks with these numbers in the view, and return the first texel of all its bricks.
+        """Upload the bricks with these numbers in the view, and return where the texels of all its bricks begin.
 
-        It is int64 [layers, n], in the atlas of each layer; -1 where a layer shows nothing. Means are in the row of the
-        first layer.
+        Positions are int64 [layers, n], in the atlas of each layer; -1 where a layer shows nothing. Those of means are
+        in the row of the first layer.
 
-        next_use: of these bricks, as of `Atlas.upload`.
+        next_use: the next uses of these bricks, as in `Atlas.upload`.
         """
         offsets = np.full((len(self.scalars), len(brick_view.order)), -1, np.int64)
         for layer, (atlas, is_in, make_texels) in enumerate(self._parts(brick_view)):
@@ -276,7 +280,7 @@ class BrickCache:
         self._brick_view = None
 
     def _prepare(self, batch: BrickBatch, order: UInt32, view: View) -> BrickView:
-        """Return a view of bricks: the last view, if it is of the same bricks."""
+        """Return a view of the bricks: the last view, if it has the same bricks."""
         last = self._brick_view
         if last is None or not (last.batch is batch and last.order is order and last.view is view):
             last = self._brick_view = make_brick_view(batch, order, view)
@@ -285,7 +289,8 @@ class BrickCache:
     def _parts(self, brick_view: BrickView) -> list[tuple[Atlas, Bools, Callable[[Int64, Int64], Float32]]]:
         """Return the atlases of layers and of means, each with its bricks and a function that makes their texels.
 
-        The bricks are bool [n]. The function takes some numbers in the view, and a choice of indices among them.
+        An atlas's bricks are marked in a bool [n]. The function takes the numbers of bricks in the view, and indices of
+        those whose texels it makes.
         """
         layers, is_mean = brick_view.batch.bricks.layers, brick_view.is_mean
         cells = brick_view.batch.cut.cells[brick_view.order]
@@ -307,11 +312,11 @@ class BrickCache:
         return make(cells[among[chosen]])
 
     def _mean_texels(self, brick_view: BrickView, cells: Int32, among: Int64, chosen: Int64) -> Float32:
-        """Return the sums of all layers' means, times their weights."""
+        """Return the texels of means: the sum of all layers' means, times the layers' weights."""
         numbers = among[chosen]
         levels = brick_view.batch.cut.levels[brick_view.order[numbers]]
         texels = np.zeros((len(numbers), PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE, 4), np.float32)
-        for level in sorted(set(levels.tolist())):  # np.unique would import masked arrays
+        for level in sorted(set(levels.tolist())):  # np.unique would import masked arrays, which takes time
             at = np.flatnonzero(levels == level)
             for layer in brick_view.batch.bricks.layers:
                 means = mean_texels(layer.bricks, level, cells[numbers[at]])

@@ -8,13 +8,13 @@ from renderer.bricks import BrickBatch
 from renderer.kernels import SearchRules
 from renderer.view import View
 
-# By depth, a later number must exceed the largest one by this share of the colour range: rounding must not choose
-# between equal ones.
+# In searches by depth, a later number must exceed the largest one by this share of the colour range, so that rounding
+# does not choose between equal numbers.
 _MIN_RISE = 2.0**-18
 
 
 def search_of(batch: BrickBatch, view: View) -> SearchRules:
-    """Return the rules of the search in a view."""
+    """Return the rules of the search for the extremum in a view."""
     extremes, volume = batch.extremes, batch.cut.volume
     assert extremes is not None
     nearer = -0.5 / batch.model_unit * (view.forward @ volume.world_from_index[:3, :3])

@@ -16,7 +16,7 @@ from renderer.volume import Float32, Int64
 def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64, brick_view: BrickView) -> Field:
     """Return the field of a layer: the texels of all bricks, in two atlases, and the table that classifies them.
 
-    scalars, means: the atlases, as in Field. offsets: as `texel_offsets` there, of the bricks of `brick_view`.
+    scalars, means: the atlases, as in Field. offsets: the texel offsets of the bricks of `brick_view`, as in Field.
     """
     shading = layer.shading if layer.shading and layer.shading.is_plain else ShadingSpec()
     return Field(
@@ -37,7 +37,7 @@ def field_of(layer: BrickLayer, scalars: Float32, means: Float32, offsets: Int64
 
 
 def _mask_of(layer: BrickLayer, brick_view: BrickView) -> FieldMask | None:
-    """Return the mask of a layer, and the bricks of the view that it cuts; None without a mask."""
+    """Return the mask of a layer, with the bricks of the view that the mask cuts; None without a mask."""
     volume, are_cut = layer.bricks.volume, layer.bricks.are_cut
     if volume.mask_grid is None or are_cut is None:
         return None

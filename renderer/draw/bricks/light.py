@@ -14,7 +14,7 @@ from renderer.volume import Float32
 
 
 def make_light(layer: BrickLayer) -> Light | None:
-    """Return the light of a layer; None without one, or by Lambert's law alone."""
+    """Return the light of a layer; None without a light, or if it follows Lambert's law alone."""
     shading = layer.shading
     if shading is None or shading.is_plain:
         return None
@@ -40,10 +40,10 @@ def make_light(layer: BrickLayer) -> Light | None:
 
 
 def _factors(layer: BrickLayer) -> Float32:
-    """Return `Light.factors` of a layer: factors on extinction by the gradient."""
+    """Return the factors on a layer's extinction by the length of the gradient, as in `Light.factors`."""
     points = np.array((layer.shading and layer.shading.gradient_opacity) or (), np.float64).reshape(-1, 2)
     gradients, factors = texel_gradients(layer.bricks, points[:, 0]), points[:, 1]
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         slopes = (np.append(np.diff(factors) / np.diff(gradients), 0.0)[: len(points)]).astype(np.float32)
-    slopes[~np.isfinite(slopes)] = 0.0  # so steep that it is a step
+    slopes[~np.isfinite(slopes)] = 0.0  # an infinite slope is a step
     return np.column_stack([gradients.astype(np.float32), factors.astype(np.float32), slopes])

@@ -14,11 +14,13 @@ from renderer.volume import Float64, Int64
 
 
 class Mixture(NamedTuple):
-    """A list of bricks of several views of one camera, by ascending nearest depth, and the rays in each view's grid.
+    """The bricks of several views of one camera, by ascending nearest depth, and the rays in each view's grid.
 
-    unit: the world length of a model unit. members: int64 [n, 2], the number of the view, and of the brick in it.
-    depths: float64 [n, 3], the nearest and the farthest depth, and the depth of a step, in model units, from the plane
-        where all rays begin. rectangles_px: float64 [n, 4], as in BrickView.
+    unit: the world length of a model unit.
+    members: int64 [n, 2], the number of each brick's view, and the number of the brick in this view.
+    depths: float64 [n, 3], the nearest and the farthest depth of each brick, and the depth of a step in it, in model
+        units. Depths are measured from the plane where all rays begin.
+    rectangles_px: float64 [n, 4], as in BrickView.
     """
 
     rays: Sequence[RaySetup]
@@ -29,7 +31,7 @@ class Mixture(NamedTuple):
 
 
 def make_mixture(brick_views: Sequence[BrickView]) -> Mixture:
-    """Join the bricks of several views. Another order of the views changes their numbers alone."""
+    """Join the bricks of several views. The order of the views has no effect but on their numbers."""
     volumes, view = [each.batch.cut.volume for each in brick_views], brick_views[0].view
     middle = np.mean(np.sort([volume.centre for volume in volumes], axis=0), axis=0)
     unit = max(volume.half_diagonal for volume in volumes)
@@ -43,7 +45,7 @@ def make_mixture(brick_views: Sequence[BrickView]) -> Mixture:
 
 
 def _depths(brick_view: BrickView, rays: RaySetup, unit: float) -> Float64:
-    """Return Mixture.depths of the bricks of a view."""
+    """Return the depths of the bricks of a view, as in Mixture."""
     volume, view, boxes = brick_view.batch.cut.volume, brick_view.view, brick_view.boxes
     plane = view.near / unit - rays.start
     centre = -view.view_from_world(volume.centre)[2] / unit - plane

@@ -11,28 +11,29 @@ import numpy.typing as npt
 
 from renderer.view import CLIPPED_SIGMAS, CULLED_SIGMAS
 
-# The uniform block of shapes holds 48 bytes for each; GL guarantees 16 KiB.
+# The most shapes of splats: the uniform block holds 48 bytes for each shape, and GL guarantees 16 KiB.
 MAX_SHAPES = 256
 
-# Shaders use these by name.
+# The constants that shaders use by these names.
 _CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "CLIPPED_SIGMAS": CLIPPED_SIGMAS,
     "CULLED_SIGMAS": CULLED_SIGMAS,
     "MAX_SHAPES": MAX_SHAPES,
-    # Stands for infinity where float32 is needed.
+    # A number that stands for infinity where float32 is needed.
     "LARGE_FLOAT32": 1e30,
-    # 1 - exp(-x) below x = 1/2, where the difference would cancel, is x (1 - x (a - x (b - x (c - x d)))): the
-    # polynomial with 1 at 0 whose largest relative error is least (9e-8, by linear programming).
+    # The coefficients a, b, c, d of 1 - exp(-x) below x = 1/2, where the difference would cancel: it is x (1 - x (a - x
+    # (b - x (c - x d)))), the polynomial with 1 at 0 whose largest relative error is least (9e-8, by linear
+    # programming).
     "OPACITY_SERIES": (0.49999463, 0.16656359, 0.04104245, 0.00680757),
 }
 
-# The vertices of splats (SplatBatch.vertices), and of the mesh of a Gouraud footprint.
+# The layout of the vertices of splats (SplatBatch.vertices), and of the mesh of a Gouraud footprint.
 SPLAT_VERTEX = np.dtype([("center", "f4", 3), ("areas", "f4", 4), ("shape", "f4")])
 MESH_VERTEX = np.dtype([("mesh_vertex", "f4", 2), ("mesh_weight", "f4")])
 
 
 def load_shader(*names: str) -> str:
-    """Return one program stage from several files: the version, the constants that the files use, and the files."""
+    """Return the text of one program stage: the version, the constants that its files use, and the files."""
     text = "\n".join((files("renderer.draw.splats") / "shaders" / name).read_text("utf-8") for name in names)
     used = sorted(_CONSTANTS.keys() & re.findall(r"\w+", text))
     declarations = [_declaration(name, _CONSTANTS[name]) for name in used]
@@ -40,7 +41,7 @@ def load_shader(*names: str) -> str:
 
 
 def vertex_content(buffer: Any, layout: npt.DTypeLike, step: str = "") -> tuple[Any, ...]:
-    """Return a buffer with a vertex layout as moderngl takes it. step: "/i" for one element per instance."""
+    """Return a buffer with its vertex layout, as moderngl takes them. step: "/i" if each instance takes one element."""
     fields: Any = np.dtype(layout).fields
     return buffer, " ".join(f"{field[0].itemsize // 4}f" for field in fields.values()) + step, *fields
 

@@ -1,4 +1,4 @@
-"""Continue after a GL context is lost: draw the image again with a new context."""
+"""Continue after a GL context is lost: make a new context, and draw the image again."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class RecoveringRasterizer(Rasterizer):
     """A rasteriser of splats that makes another one when its context is lost; used like a SplatRasterizer.
 
     An image whose context was lost is drawn again, to the same bytes, because no image depends on earlier ones.
-    Raises ContextLostError where the new context is lost, too, and where no new context can be made, or only one of
-    another device or driver, which would draw other bytes. Without a new context every later image raises it.
-    make: returns a new rasteriser.
+    Raises ContextLostError if the new context is lost, too, and if a new context cannot be made, or only on another
+    device or driver, which would draw other bytes. Without a new context, every later image raises this error.
+    make: a function that returns a new rasteriser.
     """
 
     def __init__(self, make: Callable[[], SplatRasterizer] = SplatRasterizer) -> None:
         self._make, self._current, self._num_lost = make, make(), 0
-        self._last_loss: ContextLostError | None = None  # set where no context is left
+        self._last_loss: ContextLostError | None = None  # set if no context is left
         self.device = self._current.device
 
     def release(self) -> None:
@@ -47,13 +47,13 @@ class RecoveringRasterizer(Rasterizer):
         try:
             return self._current.rasterize(batches, orders, view)
         except ContextLostError as lost:
-            self._current.release()  # first, because memory may not suffice for two
+            self._current.release()  # before the new one, because memory may not suffice for two contexts
             self._current = self._make_replacement(lost)
             self._num_lost += 1
         return self._current.rasterize(batches, orders, view)
 
     def _make_replacement(self, lost: ContextLostError) -> SplatRasterizer:
-        """Return a new rasteriser of the same device. Where none can be made, raise `lost`."""
+        """Return a new rasteriser on the same device. If none can be made, raise `lost`."""
         with contextlib.suppress(RenderError):
             replacement = self._make()
             if replacement.device == self.device:

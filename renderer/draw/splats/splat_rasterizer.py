@@ -41,12 +41,12 @@ from renderer.volume import Array, Float32, Float64, Int64, UInt32
 
 DrawSplats = Callable[[UInt32], None]  # draws these splats of a batch, back to front
 
-# The number of splats that are on the device at a time: 8 MiB of vertices.
+# The most splats that are on the device at a time: 8 MiB of vertices.
 BATCH_SIZE = 1 << 18
-# The bytes of a splat's vertex.
+# The number of bytes of a splat's vertex.
 VERTEX_BYTES = SPLAT_VERTEX.itemsize
 
-# EGL devices that are tried; a machine has one for each GPU and one for the software renderer.
+# The most EGL devices that are tried; a machine has one for each GPU and one for the software renderer.
 MAX_EGL_DEVICES = 9
 
 EGL_PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
@@ -55,15 +55,15 @@ EGL_PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 class SplatRasterizer(Rasterizer):
     """A rasteriser of splats: a GL context with its programs, for any number of frames of any size.
 
-    Use as a context manager, or call `release`. Raises RenderError where no context can be made, or for a picture that
-    is too large for the device, and ContextLostError where the context is lost while it draws; then the rasteriser
-    cannot be used any more, and RecoveringRasterizer makes another.
+    Use it as a context manager, or call `release`. Raises RenderError if no context can be made, or if a picture is too
+    large for the device, and ContextLostError if the context is lost while it draws; the rasteriser cannot be used any
+    more then, and RecoveringRasterizer makes another one.
     """
 
     def __init__(self) -> None:
         self._context = _create_context()
         info = self._context.info
-        # The names of device and driver; a lost context has no info.
+        # The names of the device and the driver. They are read now, because a lost context does not tell them.
         self.device = f"{info['GL_RENDERER']}, GL {info['GL_VERSION']}"
         self._largest_point_px = float(info["GL_POINT_SIZE_RANGE"][1])
         sides = info["GL_MAX_TEXTURE_SIZE"], info["GL_MAX_RENDERBUFFER_SIZE"], *info["GL_MAX_VIEWPORT_DIMS"]
@@ -71,13 +71,13 @@ class SplatRasterizer(Rasterizer):
         with self._drawing():
             self._splat_buffer = self._context.buffer(reserve=BATCH_SIZE * VERTEX_BYTES, dynamic=True)
             self._shape_buffer = self._context.buffer(reserve=MAX_SHAPES * 48, dynamic=True)
-        self._programs: dict[str, Any] = {}  # by the name of the footprint
+        self._programs: dict[str, Any] = {}  # the programs, by the name of their footprint
         self._target: Any = None
-        # By the name of a footprint: draws splats with its program, back to front.
+        # The functions that draw splats with a program, back to front, by the name of its footprint.
         self._draw_functions = {"gaussian": self._draw_gaussians, "gouraud": self._draw_fans}
 
     def release(self) -> None:
-        """Free the context and all that it holds."""
+        """Free the context, and all programs and buffers in it."""
         self._context.release()
 
     def rasterize(
@@ -92,17 +92,17 @@ class SplatRasterizer(Rasterizer):
 
     @contextmanager
     def _drawing(self) -> Iterator[None]:
-        """Make the context current, and raise ContextLostError where drawing fails in it.
+        """Make the context current, and raise ContextLostError if drawing in it fails.
 
-        GL itself does not raise where a device is reset or runs out of memory: it goes on, and images are wrong.
+        GL raises no error if the device is reset or runs out of memory: it goes on, and images are wrong.
         """
         try:
-            with self._context:  # another one may have been made since
+            with self._context:  # another context may have become current since
                 try:
                     yield
                     self._context.gc()
                 finally:
-                    got = self._context.error  # also where something is refused: the next picture is another one
+                    got = self._context.error  # read in any case, so that the next picture starts without an error
         except moderngl.Error as error:
             raise self._context_lost_error(str(error)) from error
         if got != "GL_NO_ERROR":
@@ -129,7 +129,7 @@ class SplatRasterizer(Rasterizer):
         return image
 
     def _prepare_splats(self, batch: SplatBatch, camera: ModelView) -> DrawSplats:
-        """Upload shapes and uniforms, and return the function that draws some of the splats with them."""
+        """Upload shapes and uniforms of a batch, and return the function that draws some of its splats with them."""
         footprint = batch.footprint
         self._shape_buffer.write(_shape_block(batch, camera))
         self._shape_buffer.bind_to_uniform_block(0)
@@ -142,7 +142,7 @@ class SplatRasterizer(Rasterizer):
         return partial(self._draw_functions[footprint.name], program, batch, camera)
 
     def _rasterize_chunk(self, draw: DrawSplats, order: UInt32, size: tuple[int, int], region: Region) -> Float32:
-        """Draw a region of the image of some splats, over nothing, blended in float32."""
+        """Draw some splats into a region of the image, without a background, blended in float32."""
         with self._render_region(size, region) as image:
             for first in range(0, len(order), BATCH_SIZE):
                 draw(order[first : first + BATCH_SIZE])
@@ -150,7 +150,7 @@ class SplatRasterizer(Rasterizer):
 
     @contextmanager
     def _render_region(self, size: tuple[int, int], region: Region) -> Iterator[Float32]:
-        """Clear a region of an image of (width, height), and read it back at the end of the `with` block."""
+        """Clear a region of an image of size (width, height), and read it back at the end of the `with` block."""
         image = np.empty((region.height, region.width, 4), np.float32)
         viewport = (region.left, region.top, region.width, region.height)
         self._context.enable_only(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
@@ -163,7 +163,7 @@ class SplatRasterizer(Rasterizer):
             target.read_into(image, viewport=viewport, components=4, dtype="f4")
 
     def _draw_gaussians(self, program: Any, batch: SplatBatch, camera: ModelView, order: UInt32) -> None:
-        """Draw splats as points, and as quads where the driver's points are too small, in their order."""
+        """Draw splats in their order, as points, or as quads where they are larger than the driver's points."""
         vertices = batch.vertices.take(order, axis=0)
         self._splat_buffer.orphan()
         self._splat_buffer.write(vertices)
@@ -181,7 +181,7 @@ class SplatRasterizer(Rasterizer):
                 points.render(moderngl.POINTS, vertices=end - start, first=start)
 
     def _draw_fans(self, program: Any, batch: SplatBatch, _: ModelView, order: UInt32) -> None:
-        """Draw Gouraud footprints: one instance of the mesh for each splat."""
+        """Draw splats with a Gouraud footprint: each splat is an instance of the mesh."""
         footprint: Any = batch.footprint
         self._splat_buffer.orphan()
         self._splat_buffer.write(batch.vertices.take(order, axis=0))
@@ -195,11 +195,11 @@ class SplatRasterizer(Rasterizer):
         fans.render(moderngl.TRIANGLES, instances=len(order))
 
     def _buffer(self, data: Array) -> Any:
-        """Return a buffer; GL has no empty buffers, so that one without data has four bytes."""
+        """Return a buffer. GL has no empty buffers, so a buffer without data has four bytes."""
         return self._context.buffer(data if data.size else bytes(4))
 
     def _program(self, footprint: str) -> Any:
-        """Return the program of a footprint; it is compiled at its first use."""
+        """Return the program of a footprint, which is compiled at its first use."""
         if footprint not in self._programs:
             self._programs[footprint] = self._context.program(
                 vertex_shader=load_shader("project.glsl", "opacity.glsl", f"{footprint}_vertex.glsl"),
@@ -208,16 +208,16 @@ class SplatRasterizer(Rasterizer):
         return self._programs[footprint]
 
     def _target_of_size(self, size: tuple[int, int]) -> Any:
-        """Return a float32 RGBA framebuffer of (width, height), which is reused for images of one size.
+        """Return a float32 RGBA framebuffer of size (width, height), which is reused while the size stays the same.
 
-        Raises RenderError where the device refuses this size; a lost context refuses a single pixel, too.
+        Raises RenderError if the device refuses this size; a lost context refuses a single pixel, too.
         """
         if self._target is not None and self._target.size == size:
             return self._target
         self._target = None
         got, hint = f"{size[0]} x {size[1]} pixels", "choose a smaller output.size"
         fails = partial(RenderError, where=self.device, got=got, hint=hint)
-        if max(size) > self._largest_side_px:  # larger viewports are cut off in silence
+        if max(size) > self._largest_side_px:  # GL would cut off larger viewports without an error
             most = f"at most {self._largest_side_px} pixels a side"
             raise fails("this device cannot draw a picture of this size", expected=most)
         try:
@@ -243,10 +243,10 @@ def _create_context() -> Any:
         settings: dict[str, Any] = {"backend": "egl", "device_index": device}
         try:
             context = moderngl.create_context(require=330, standalone=True, **settings)
-        except Exception as error:  # the loader raises plain Exceptions
+        except Exception as error:  # the loader raises nothing more specific
             failures.append(error)
             continue
-        context.gc_mode = "context_gc"  # `gc` frees objects that nothing refers to any more
+        context.gc_mode = "context_gc"  # `gc` frees objects without references
         return context
     raise RenderError(
         "no OpenGL 3.3 context could be made",
@@ -258,14 +258,14 @@ def _create_context() -> Any:
 
 @functools.cache
 def _first_process() -> int:
-    """Return the process that used OpenGL first. In its forks the threads of the driver are missing, and calls hang."""
+    """Return the process that used OpenGL first. In its forks the driver's threads are missing, and calls hang."""
     return os.getpid()
 
 
 def _set_camera(program: Any, camera: ModelView) -> None:
     """Set the uniforms of the programs of splats."""
     to_depth = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model
-    program["view_rotation"] = tuple(to_depth[:, :3].T.ravel())  # GL matrices are column by column
+    program["view_rotation"] = tuple(to_depth[:, :3].T.ravel())  # GL stores matrices column by column
     program["view_translation"] = tuple(to_depth[:, 3])
     program["perspective"] = camera.perspective
     program["scale_px"] = camera.scale_px
@@ -273,14 +273,14 @@ def _set_camera(program: Any, camera: ModelView) -> None:
 
 
 def _shape_block(batch: SplatBatch, camera: ModelView) -> bytes:
-    """Return the uniform block of shapes: right, up and depth rows of their axes, each padded to four floats."""
+    """Return the uniform block of shapes: right, up and depth rows of each shape's axes, padded to four floats."""
     rows = np.zeros((MAX_SHAPES, 3, 4), np.float32)
     rows[: len(batch.axes), :, :3] = np.diag([1.0, 1.0, -1.0]) @ camera.view_from_model[:, :3] @ batch.axes
     return rows.tobytes()
 
 
 def _size_bound_px(batch: SplatBatch, vertices: Float32, camera: ModelView) -> Float64:
-    """Bound the sides of the footprints' squares: float64 [n]; infinite where the near plane may cut the splat."""
+    """Bound the side of each footprint's square, float64 [n]; infinite where the near plane may cut the splat."""
     sigma = longest_sigma(batch)[vertices[:, 7].astype(np.int64)]
     if not camera.perspective:
         sigma_px = sigma * camera.scale_px

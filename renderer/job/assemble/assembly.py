@@ -88,6 +88,6 @@ def _write(
     files = {frame.number: frame.file for frame in picked}
     store = FrameStore(film.spec, {frame.number: frame.record for frame in picked}, lambda number, _: files[number])
     with deferrable_interrupts() as defer_interrupts:
-        film.write_frames(store, iter(()), film.spec.file.name, events, defer_interrupts, is_overlapped=True)
+        film.write_frames(store, (_ for _ in ()), film.spec.file.name, events, defer_interrupts, is_overlapped=True)
         record = merged_record(picked, film.spec, time.perf_counter() - start)
         return film.write_record(record, fingerprint)

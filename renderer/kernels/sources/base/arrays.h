@@ -1,5 +1,5 @@
-// Arrays of numpy, as kernels take them: contiguous, in C order, at any address, which x86-64 and aarch64 can read; and
-// memory of a kernel's own.
+// Arrays of numpy, as kernels take them: contiguous, in C order, at any address (x86-64 and aarch64 read unaligned
+// numbers). Also memory that a kernel takes for itself.
 #pragma once
 #include <stdint.h>
 
@@ -7,10 +7,11 @@
 
 constexpr double INFINITE = __builtin_inf();
 
-// A kernel returns one of these; Python raises MemoryError, IndexError or KeyboardInterrupt.
+// The result of a kernel. Python raises MemoryError, IndexError or KeyboardInterrupt for the last three.
 enum Status : int32_t { DONE = 0, NO_MEMORY = 1, OUT_OF_BOUNDS = 2, STOPPED = 3 };
 
-// `array(z, y, x)` is an element. A checked build traps where an index is out of bounds; others check nothing.
+// An array whose elements are `array(z, y, x)`. A checked build traps if an index is out of bounds; other builds check
+// nothing.
 template <class T, int DIMENSIONS>
 struct Array {
     T* data;
@@ -25,7 +26,7 @@ struct Array {
         return data[place];
     }
 
-    // The array behind the first index: a row of a matrix, a plane of a volume.
+    // The array behind the first index: a row of a matrix, or a plane of a volume.
     INLINE Array<T, DIMENSIONS - 1> operator[](int64_t index) const
         requires(DIMENSIONS > 1)
     {
@@ -56,13 +57,13 @@ struct Array {
     }
 };
 
-// The elements from a place on.
+// The elements of an array from a position on.
 template <class T>
 INLINE Array<T, 1> rest_of(const Array<T, 1>& array, int64_t place) {
     return {array.data + Array<T, 1>::checked(place, array.shape[0] + 1), {array.shape[0] - place}};
 }
 
-// An Array whose last sizes are these; Python checks them.
+// An Array whose last sizes are fixed; Python checks them.
 template <class T, int DIMENSIONS, int64_t...>
 using Sized = Array<T, DIMENSIONS>;
 
@@ -73,7 +74,7 @@ INLINE bool has_shape(const Array<T, DIMENSIONS>& array, Sizes... sizes) {
     return ((array.shape[axis++] == sizes) && ...);
 }
 
-// Read-only, of any of the dtypes of `with_array`. dtype: its number there.
+// A read-only array of any of the dtypes of `with_array`. dtype: the number of its dtype there.
 template <int DIMENSIONS>
 struct AnyArray {
     const void* data;
@@ -87,7 +88,8 @@ struct Maybe {
     T value;
 };
 
-// Call a generic lambda with the Array that an AnyArray is; the numbers are those of DTYPES in header.py.
+// Call a generic lambda with an AnyArray as an Array of its dtype; the numbers of dtypes are those of DTYPES in
+// header.py.
 template <int DIMENSIONS, class Function>
 INLINE Status with_array(const AnyArray<DIMENSIONS>& any, Function function) {
     auto call = [&]<class T>(const T* data) {
@@ -113,7 +115,8 @@ INLINE Status with_array(const AnyArray<DIMENSIONS>& any, Function function) {
 extern "C" void* calloc(__SIZE_TYPE__ num, __SIZE_TYPE__ size) noexcept;
 extern "C" void free(void* memory) noexcept;
 
-// Zeros, aligned, and freed at the end of the block. False where there is no memory for them: then return NO_MEMORY.
+// A buffer of zeros, aligned, which is freed at the end of the block. It is false if there is no memory for it: then
+// the kernel returns NO_MEMORY.
 template <class T>
 struct Buffer : Array<T, 1> {
     void* memory;
@@ -134,7 +137,7 @@ INLINE T least(T a, T b) { return b < a ? b : a; }
 template <class T>
 INLINE T most(T a, T b) { return b > a ? b : a; }
 
-// Whether the first sizes of other arrays are all sizes of the first one.
+// Return whether the first sizes of other arrays all equal the sizes of the first array.
 template <class T, int DIMENSIONS, class... Others>
 INLINE bool match(const Array<T, DIMENSIONS>& first, const Others&... others) {
     bool are_equal = true;

@@ -1,8 +1,8 @@
 // The structs that kernels take, declared once for C++ and for Python. Each folder has the header of its kernels.
 //
 // Python reads these files, too (header.py), and fills each struct by the names of its members, from a record or from
-// keyword arguments. `tests/support/kernel_records.py` writes the records and the signatures for Python, with the
-// comments. A member has its own line, below its comment. These types of members are known, and a file with others is
+// keyword arguments. `tests/support/kernel_records.py` writes Python's records and signatures from them, comments
+// included. A member has its own line, below its comment. These types of members are known, and a file with others is
 // refused:
 //
 //     int64_t, float, double, bool, ...   a number
@@ -10,11 +10,11 @@
 //     double x[3]                         an array of three numbers
 //     Array<const float, 2>               an array of that dtype and number of dimensions, contiguous; without `const`
 //                                         it must be writeable, too
-//     Sized<const float, 3, 5, 4>         the same of 3 dimensions, of which the last have sizes 5 and 4
+//     Sized<const float, 3, 5, 4>         an array of 3 dimensions, the last two of which have sizes 5 and 4
 //     AnyArray<3>                         an array of any dtype, contiguous, read only
-//     Struct                              one that is defined above, or in a header that is included
+//     Struct                              a struct that is defined above, or in an included header
 //     Array<const Struct, 1>              a sequence of such records
-//     Maybe<any of these but numbers>     the same, or None
+//     Maybe<any of these but numbers>     a value of one of these types, or None
 //
 // KERNEL(name, Struct) declares a kernel that takes a Struct; LONG_KERNEL one that may take longer than a tenth of a
 // second, and stops when it is asked to (stopping.h). Members marked EACH_CALL differ between the calls that share the
@@ -29,19 +29,19 @@
 #define LONG_KERNEL KERNEL
 #define EACH_CALL
 
-// Install the handler of SIGBUS.
+// Install a handler of SIGBUS, which makes reads beyond the end of mapped files give zeros.
 struct GuardRegions {
-    // As `guarded_regions` returns them (renderer/kernels/bus_errors.py). They stay in their place while the process
-    // lives.
+    // [n, 4]: the guarded regions, as `guarded_regions` returns them (renderer/kernels/bus_errors.py). The array stays
+    // at its address while the process lives.
     Sized<int64_t, 2, 4> regions;
-    // The size of a page, in bytes.
+    // The size of a page of memory, in bytes.
     int64_t page_size;
 };
 KERNEL(guard_regions, GuardRegions)
 
 // Tell long kernels which flag stops them.
 struct HeedFlag {
-    // [1]: 0 as long as kernels may run. It stays in its place while the process lives.
+    // [1]: 0 as long as kernels may run. The array stays at its address while the process lives.
     Array<const int32_t, 1> flag;
 };
 KERNEL(heed_flag, HeedFlag)

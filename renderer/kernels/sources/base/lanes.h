@@ -1,15 +1,15 @@
 // Vectors of lanes: each lane computes for a ray of its own, all by the same instructions.
 //
 // These are clang's own vectors: `a + b`, `a < b`, `-a` apply to each lane, and a number beside lanes is used in all.
-// The result in a lane depends neither on the number of lanes nor on the other lanes. LANES is set where this is
-// compiled: 16 with AVX-512, 8 with AVX2, 4 otherwise.
+// The result in a lane depends neither on the number of lanes nor on the other lanes. The build sets LANES: 16 with
+// AVX-512, 8 with AVX2, 4 otherwise.
 #pragma once
 #include "base/arrays.h"
 #if defined(__AVX2__)
 #include <immintrin.h>
 #endif
 
-// Lanes are passed in registers only where calls are inlined, so all functions that take them are INLINE.
+// Lanes are passed in registers only if calls are inlined, so all functions that take them are INLINE.
 
 template <class T, int NUM>
 using Vector = T __attribute__((ext_vector_type(NUM)));
@@ -18,9 +18,9 @@ using Floats = Vector<float, LANES>;
 using Ints = Vector<int32_t, LANES>;
 using Mask = Vector<bool, LANES>;
 
-// Operators that clang's vectors do not have, or have with another meaning.
+// Operators that clang's vectors lack, or have with another meaning.
 
-// The comparisons of vectors give 0 and -1 in integers; masks have one bit for a lane.
+// A mask with one bit for each lane, from a comparison of vectors, which gives 0 or -1 as an integer in each lane.
 template <class V>
 INLINE auto mask_of(V compared) { return __builtin_convertvector(compared, Vector<bool, __builtin_vectorelements(V)>); }
 
@@ -30,24 +30,24 @@ INLINE bool any_of(Vector<bool, NUM> mask) { return __builtin_reduce_or(mask); }
 template <int NUM, class T>
 INLINE Vector<T, NUM> where(Vector<bool, NUM> mask, Vector<T, NUM> a, Vector<T, NUM> b) { return mask ? a : b; }
 
-// A number in all lanes of a vector.
+// A vector with a number in all lanes.
 template <class V, class T>
 INLINE V in_all(T number) { return (V)number; }
 
-// What Python's max and min do: `a` where the two are equal, or one of them is NaN.
+// The maximum, and below it the minimum, as in Python: `a` if both are equal, or if one of them is NaN.
 template <class V>
 INLINE V max_of(V a, V b) { return where(mask_of(b > a), b, a); }
 
 template <class V>
 INLINE V min_of(V a, V b) { return where(mask_of(b < a), b, a); }
 
-// x * y + z, rounded once.
+// Return x * y + z, rounded once.
 #if defined(__FMA__) || defined(__ARM_FEATURE_FMA)
 template <class V>
 INLINE V fused(V x, V y, V z) { return __builtin_elementwise_fma(x, y, z); }
 #else
-// In float64 the product is exact. The sum is rounded to odd: to the neighbour whose last bit is 1, unless it is exact.
-// The rounding of that sum to float32 then has the result of a single rounding.
+// Return x * y + z for float32, by float64. In float64 the product is exact. The sum is rounded to odd: unless it is
+// exact, to the neighbour whose last bit is 1. Rounding that sum to float32 gives the result of a single rounding.
 template <int NUM>
 INLINE Vector<float, NUM> fused(Vector<float, NUM> x, Vector<float, NUM> y, Vector<float, NUM> z) {
     using Doubles = Vector<double, NUM>;
@@ -58,7 +58,7 @@ INLINE Vector<float, NUM> fused(Vector<float, NUM> x, Vector<float, NUM> y, Vect
     Longs bits;
     __builtin_memcpy(&bits, &sum, sizeof bits);
     Longs is_inexact = (error < 0.0) | (error > 0.0);
-    Longs towards = ((error > 0.0) ^ (sum > 0.0)) | 1;  // 1 away from 0, -1 towards it
+    Longs towards = ((error > 0.0) ^ (sum > 0.0)) | 1;  // 1 away from 0, -1 towards 0
     bits += is_inexact & ~(-(bits & 1)) & towards;
     __builtin_memcpy(&sum, &bits, sizeof sum);
     return __builtin_convertvector(sum, Vector<float, NUM>);
@@ -72,7 +72,7 @@ INLINE V root(V x) { return __builtin_elementwise_sqrt(x); }
 template <class V>
 INLINE V magnitude(V x) { return __builtin_elementwise_abs(x); }
 
-INLINE Ints to_int32(Floats x) {  // towards 0
+INLINE Ints to_int32(Floats x) {  // rounds towards 0
     return __builtin_convertvector(x, Ints);
 }
 
@@ -106,8 +106,8 @@ INLINE V lane_numbers() { return numbers_of<V>(UpTo<__builtin_vectorelements(V)>
 template <class V>
 INLINE auto join(V one, V other) { return shuffle(one, other, UpTo<2 * __builtin_vectorelements(V)>()); }
 
-// Memory. A place is the number of an element. Of an Array, a checked build traps where an element is out of bounds;
-// nothing checks places behind a pointer.
+// Loads and stores. A `place` is the index of an element. In an Array, a checked build traps if an element is out of
+// bounds; behind a pointer, nothing checks places.
 
 template <class V, class T>
 INLINE V load(const T* base, int64_t place) {
@@ -119,7 +119,7 @@ INLINE V load(const T* base, int64_t place) {
 template <class V, class T>
 INLINE void store(T* base, int64_t place, V lanes) { __builtin_memcpy(base + place, &lanes, sizeof lanes); }
 
-// The address of an array whose elements from a place on are there.
+// Return the address of an array, after a check that it has NUM elements from a place on.
 template <int NUM, class T>
 INLINE T* checked(const Array<T, 1>& array, int64_t place) {
     Array<T, 1>::checked(place, array.shape[0]);
@@ -139,7 +139,7 @@ INLINE void store(const Array<T, 1>& array, int64_t place, V lanes) {
 
 INLINE int64_t address(Ints places, int lane) { return (uint32_t)places[lane]; }
 
-// The rows with the numbers FIRST, FIRST + STEP, ..., one behind the other, of a function that loads a row.
+// Join rows into one vector: the rows with the numbers FIRST, FIRST + STEP, ..., each loaded by `load_row`.
 template <int FIRST, int STEP, int NUM, class LoadRow>
 INLINE auto joined_rows(const LoadRow& load_row) {
     if constexpr (NUM == 1) {
@@ -155,7 +155,7 @@ struct Four {
     V a, b, c, d;
 };
 
-// Take the lanes A to D of each four lanes of two vectors; numbers from 4 on are lanes of the second vector.
+// Take the lanes A to D of each group of four lanes of two vectors; the numbers 4 to 7 are lanes of the second vector.
 template <int A, int B, int C, int D, class V, int... LANE>
 INLINE V interleave(V one, V other, Lanes<LANE...>) {
     constexpr int num = sizeof...(LANE), picked[4] = {A, B, C, D};
@@ -163,7 +163,7 @@ INLINE V interleave(V one, V other, Lanes<LANE...>) {
         one, other, (LANE / 4 * 4 + picked[LANE % 4] % 4 + (picked[LANE % 4] >= 4 ? num : 0))...);
 }
 
-// Transpose four vectors: of each four of their lanes, which hold 4 x 4 elements.
+// Transpose four vectors: in each group of four lanes, the 4 x 4 elements are transposed.
 template <class V>
 INLINE Four<V> transpose(V a, V b, V c, V d) {
     UpTo<__builtin_vectorelements(V)> lanes;
@@ -177,7 +177,7 @@ INLINE Four<V> transpose(V a, V b, V c, V d) {
     };
 }
 
-// All first, second, third and fourth elements of LANES rows, which have four elements each.
+// Load LANES rows of four elements, and return four vectors: the first elements of all rows, the second, and so on.
 template <class LoadRow>
 INLINE auto columns_of(const LoadRow& load_row) {
     constexpr int fours = LANES / 4;
@@ -185,14 +185,14 @@ INLINE auto columns_of(const LoadRow& load_row) {
                      joined_rows<2, 4, fours>(load_row), joined_rows<3, 4, fours>(load_row));
 }
 
-// array[places] and the three elements that follow it. Base: Array or a pointer, here and below.
+// Return array[places] and the three elements after each. Base: an Array or a pointer, here and below.
 template <class Base>
 INLINE auto load_four(const Base& array, Ints places) {
     using T = __remove_cvref(decltype(array[0]));
     return columns_of([&](int lane) { return load<Vector<T, 4>>(array, address(places, lane)); });
 }
 
-// array[places] and the element that follows it. Gather instructions take a quarter longer, on a Zen 4.
+// Return array[places] and the element after each. Gather instructions would take a quarter longer, on a Zen 4.
 template <class Base>
 INLINE void load_pairs(const Base& array, Ints places, Floats& first, Floats& second) {
     auto load_two = [&](int lane) {
@@ -204,7 +204,7 @@ INLINE void load_pairs(const Base& array, Ints places, Floats& first, Floats& se
     second = interleave<1, 3, 5, 7>(one, other, UpTo<LANES>());
 }
 
-// The row of one lane, of its elements in four vectors that have been transposed.
+// Return the row of one lane, from four vectors that have been transposed.
 template <int LANE, class V>
 INLINE auto row_of(const Four<V>& transposed) {
     constexpr int number = LANE % 4;
@@ -222,7 +222,7 @@ INLINE auto gather(const Base& array, Ints places) {
     return lanes;
 }
 
-// table[at]; the compiler does not find these instructions itself.
+// Return table[at], by instructions that the compiler does not find itself.
 INLINE Floats permute(Floats table, Ints at) {
 #if LANES == 16 && defined(__AVX512F__)
     return __builtin_bit_cast(

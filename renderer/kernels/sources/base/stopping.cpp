@@ -1,4 +1,4 @@
-// The flag at which long kernels look (stopping.h).
+// The flag that tells long kernels to stop (stopping.h).
 #include "base/kernels.h"
 #include "base/stopping.h"
 
@@ -10,7 +10,7 @@ const int32_t never = 0;
 
 const int32_t* stop_flag = &never;
 
-// Heed a flag: from now on, long kernels stop where it is not 0.
+// Set the flag that long kernels watch: from now on they stop if it is not 0.
 Status heed_flag(const HeedFlag* arguments) {
     if (!has_shape(arguments->flag, 1)) return OUT_OF_BOUNDS;
     stop_flag = arguments->flag.data;

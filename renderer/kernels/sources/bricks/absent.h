@@ -2,7 +2,8 @@
 //
 // A voxel covers the points that are nearest to it: points that a voxel without data covers are not drawn. Between a
 // voxel and one without data, the field is interpolated to the mean of the nearest of the latter's 26 neighbours that
-// have data. Beside a plane of voxels that is the voxel itself, so that data surrounded by NaN look as they do alone.
+// have data. Beside a plane of voxels with data, this mean is the voxel itself, so that data look the same with NaN
+// around them or without.
 #pragma once
 #include "base/lanes.h"
 #include "bricks/brick_voxels.h"
@@ -11,14 +12,14 @@ namespace {
 
 using Eight = Vector<double, 8>;
 
-// Of eight voxels, the means of the nearest data among their 26 neighbours; NaN without any. cells_at: loads the 27 cells
-// around each by number, x before y before z.
+// For eight voxels, return the mean of the nearest data among their 26 neighbours; NaN if no neighbour has data.
+// cells_at: a function that loads, by number, one of the 27 cells around each, x before y before z.
 template <class Load>
 INLINE Eight means_of_nearest(const Load& cells_at) {
     constexpr double scale = 16;  // means of up to twelve numbers do not overflow
     Eight means = in_all<Eight>(__builtin_nan(""));
 #pragma clang loop unroll(full)
-    for (int distance = 3; distance > 0; distance--) {  // squared; the nearest last, so that they count
+    for (int distance = 3; distance > 0; distance--) {  // squared; the nearest come last, so that they count
         Eight totals = {}, nums = {};
 #pragma clang loop unroll(full)
         for (int number = 0; number < 27; number++) {
@@ -35,7 +36,7 @@ INLINE Eight means_of_nearest(const Load& cells_at) {
 }
 
 // Write the inside of a field [n + 2, n + 2, n + 2] to `filled` [n, n, n], continued into voxels without data; n is at
-// least 8. What has no neighbour with data stays NaN. Return whether all voxels inside have data.
+// least 8. A voxel without any neighbour with data stays NaN. Return whether all voxels inside have data.
 inline bool fill_absent(const Field& field, const Field& filled) {
     int64_t side = filled.shape[0];
     bool is_whole = true;
@@ -46,7 +47,7 @@ inline bool fill_absent(const Field& field, const Field& filled) {
                 auto cells_at = [&](int number) {
                     return load<Eight>(&field(z + number / 9, y + number / 3 % 3, x + number % 3), 0);
                 };
-                Eight values = cells_at(13);  // in the middle
+                Eight values = cells_at(13);  // the cells themselves, in the middle
                 Vector<bool, 8> are_absent = mask_of(values != values);
                 if (any_of<8>(are_absent)) {
                     is_whole = false;

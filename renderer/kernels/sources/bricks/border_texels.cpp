@@ -4,15 +4,15 @@
 
 namespace {
 
-// Texels from one to the next along x, y, z.
+// The number of texels from one texel to the next along x, y, z.
 constexpr int64_t STRIDES[3] = {1, PADDED_BRICK_SIZE, PADDED_BRICK_SIZE * PADDED_BRICK_SIZE};
 
 struct Border {
-    Array<float, 2> texels;  // [18^3, 4]
+    Array<float, 2> texels;  // the texels of a brick, [18^3, 4]
     double brightest;
 
-    // Write to the texel `at` the line through `before` and `last`, a mean over `share` of a cell, `distance` cells
-    // beyond the middle of the latter.
+    // Write to the texel `at` a value extrapolated `distance` cells beyond the middle of `last`, along the line through
+    // the texels `before` and `last`. The texel `last` is a mean over `share` of a cell.
     INLINE void extrapolate(int64_t before, int64_t last, double share, double distance, int64_t at) const {
         double depth = 0;
         for (int k = 3; k < 7; k++) {
@@ -24,10 +24,13 @@ struct Border {
         }
     }
 
-    // Move the last cells along an axis to their centres, and continue the field beyond the volume's border. cell: the
-    // brick's, along the axis. extent: the volume's, in cells; num_cells: rounded up.
+    // Move the values of the last cells along an axis to cell centres, and continue the field beyond the volume's
+    // border.
+    //
+    // cell: the brick's position along the axis. extent: the volume's extent in cells. num_cells: the extent, rounded
+    // up.
     void extrapolate_axis(int axis, int64_t cell, double extent, int64_t num_cells) const {
-        int64_t last = num_cells - BRICK_SIZE * cell;  // its texel
+        int64_t last = num_cells - BRICK_SIZE * cell;  // the last cell's texel
         if (cell > 0 && last > PADDED_BRICK_SIZE - 1) return;
         int64_t step = STRIDES[axis], other = STRIDES[(axis + 1) % 3], another = STRIDES[(axis + 2) % 3];
         double share = extent - (double)num_cells + 1, to_centre = 0.5 - 0.5 * share;
@@ -48,7 +51,7 @@ struct Border {
 
 }  // namespace
 
-// Turn texels of cells into texels of the field.
+// Turn texels that hold means of cells into texels of the field.
 Status extrapolate_border(const ExtrapolateBorder* arguments) {
     const auto& [cells, extents, brightest, texels] = *arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE;

@@ -2,11 +2,11 @@
 #include "bricks/kernels.h"
 #include "bricks/brick_voxels.h"
 
-// Write the ranges of bricks and of their halo.
+// Write the range of scalars in each brick and its halo.
 Status measure_ranges(const MeasureRanges* arguments) {
     const auto [voxels, cells, ranges] = *arguments;
     if (!fit_together(voxels, cells) || !has_shape(ranges, cells.shape[0], 2)) return OUT_OF_BOUNDS;
-    // What takes the place of voxels without data may lie outside of their brick.
+    // The values that replace voxels without data may lie outside the brick of these voxels.
     Cube around(PADDED_BRICK_SIZE + 2 * voxels.has_absent);
     if (!around) return NO_MEMORY;
     for (int64_t i = 0; i < cells.shape[0]; i++) {

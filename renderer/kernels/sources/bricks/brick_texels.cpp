@@ -5,7 +5,7 @@
 
 namespace {
 
-// A difference times its weight, one-sided beside a voxel without data; NaN in one.
+// Return a difference times its weight: one-sided beside a voxel without data, and NaN in such a voxel.
 template <bool HAS_ABSENT>
 INLINE double difference(double before, double here, double after, double scale, double weight) {
     if constexpr (HAS_ABSENT) {
@@ -17,13 +17,13 @@ INLINE double difference(double before, double here, double after, double scale,
     return (after * scale - before * scale) * weight;
 }
 
-// Along an axis, for each of the places in a brick: the place of the voxel that is taken there, the nearest, and the
-// reciprocal of the number of voxels from the one before to the one after it, or another weight.
+// For each texel along an axis: the nearest voxel of the volume, and the weight of the difference of the two voxels
+// beside it, which is the reciprocal of their distance unless another weight is given.
 struct Places {
     int64_t nearest[PADDED_BRICK_SIZE + 2];
     double weights[PADDED_BRICK_SIZE + 2];
 
-    // num: the voxels of the volume along the axis. start: of these, that at place 0.
+    // num: the number of voxels of the volume along the axis. start: the voxel of the volume at place 0.
     Places(int64_t num, int64_t start, int64_t side, double weight) {
         for (int64_t t = 0; t < side; t++) {
             int64_t voxel = least(most<int64_t>(start + t, 0), num - 1);
@@ -34,9 +34,11 @@ struct Places {
     }
 };
 
-// Write the gradients of a brick, which `m` takes to the world, to [3, n, n, n]; NaN without data. field: the scalars,
-// [n + 2, n + 2, n + 2] or larger. shape: the volume's. With the factor `scale`, no difference of two scalars overflows.
-// weight: of differences along each axis; 0 for one over their distance in voxels, as scalars need.
+// Write the gradients of a brick, in world axes, to `gradients` [3, n, n, n]; NaN without data.
+//
+// field: the scalars, [n + 2, n + 2, n + 2] or larger. shape: the volume's shape. m: the matrix from gradients along
+// the index axes to the world. scale: a factor with which no difference of two scalars overflows. weight: the weight of
+// differences along each axis; 0 for the reciprocal of their distance in voxels, as scalars need.
 template <bool HAS_ABSENT>
 void fill_gradients(const Field& field, const int64_t (&shape)[3], const Array<const int32_t, 1>& cell,
                     const double (&m)[9], double scale, const Array<double, 4>& gradients, double weight = 0) {
@@ -75,12 +77,16 @@ void smooth(const Field& field) {
         }
 }
 
-// The turn of the normals of labels to the light, beside the slopes of smoothed opacities, up to 3/8. Where a clip plane
-// cuts a label, far from its surface, there is no slope: without the turn the cut would be dark.
+// The length of the vector towards the light that is added to the normals of labels, whose own length, the slope of
+// smoothed opacities, is at most 3/8. Where a clip plane cuts a label far from its surface there is no slope, and the
+// cut would be dark.
 constexpr double TILT = 0.05;
 
-// Write the gradients of the smoothed opacities of labels to [3, n, n, n], else as `fill_gradients`. opacities: by the
-// number of a label; beyond the volume's border they are 0. field: scratch, [n + 6, n + 6, n + 6].
+// Write the gradients of the smoothed opacities of labels to `gradients` [3, n, n, n]; other parameters are as in
+// `fill_gradients`.
+//
+// opacities: the opacity of each label, by its number; beyond the volume's border opacities are 0. field: scratch
+// space, [n + 6, n + 6, n + 6].
 void fill_label_gradients(const Voxels& voxels, const Array<const int32_t, 1>& cell, const double (&m)[9],
                           const Array<const double, 1>& opacities, const double (&toward_light)[3], const Field& field,
                           const Array<double, 4>& gradients) {
@@ -102,7 +108,7 @@ Status fill_scalar_texels(const FillScalarTexels* arguments) {
     const bool is_lit = texels.shape[1] == 4 * num, has_absent = voxels.has_absent;
     if (!fit_together(voxels, cells) || !has_shape(texels, cells.shape[0], is_lit ? 4 * num : num))
         return OUT_OF_BOUNDS;
-    // Gradients need the voxels next to the texels, and so do means in place of voxels without data.
+    // Gradients need the voxels next to the texels, and so do the means that replace voxels without data.
     int64_t margin = is_lit, side = size + 2 * margin, gradient_side = is_lit * (size + 2 * has_absent);
     Cube field(side), around(side + 2), smoothed(size + 6);
     Buffer<double> memory(3 * gradient_side * gradient_side * gradient_side), filled(3 * num);
@@ -124,7 +130,7 @@ Status fill_scalar_texels(const FillScalarTexels* arguments) {
             for (int64_t y = 0; y < size; y++)
                 for (int64_t x = 0; x < size; x++) {
                     double scalar = field.field(z + margin, y + margin, x + margin);
-                    if (is_nan(scalar)) scalar = first;  // far from data
+                    if (is_nan(scalar)) scalar = first;  // a voxel far from any data
                     double inside = (scalar * factor - first * factor) / width;
                     float u = (float)least(most(inside, -MAX_NORMALIZED_SCALAR), MAX_NORMALIZED_SCALAR);
                     if (has_absent) {

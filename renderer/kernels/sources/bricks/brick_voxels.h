@@ -1,28 +1,28 @@
-// Bricks of voxels and their surroundings (renderer/bricks/layout.py).
+// Read bricks of voxels and their surroundings (renderer/bricks/layout.py).
 #pragma once
 #include "bricks/kernels.h"
 #include "volume/voxels.h"
 
-// The levels of the octree inside a brick.
+// The number of levels of the octree inside a brick.
 constexpr int64_t BRICK_LEVELS = 4;
-// Cells along each axis of a brick.
+// The number of cells along each axis of a brick.
 constexpr int64_t BRICK_SIZE = 1 << BRICK_LEVELS;
-// Cells around a brick, on each side, that its texels hold besides.
+// The number of cells on each side of a brick that its texels hold, too.
 constexpr int64_t HALO = 1;
-// Texels along each axis of a brick.
+// The number of texels along each axis of a brick.
 constexpr int64_t PADDED_BRICK_SIZE = BRICK_SIZE + 2 * HALO;
 
 namespace {
 
 using Field = Array<double, 3>;
 
-// Memory for a field.
+// A field with its own memory: a cube of numbers.
 struct Cube : Buffer<double> {
     Field field;
     explicit Cube(int64_t side) : Buffer(side * side * side), field{data, {side, side, side}} {}
 };
 
-// Whether all cells [n, 3] are bricks of the volume, and each bit pattern has a scalar.
+// Return whether all `cells` [n, 3] are bricks of the volume, and each bit pattern has a scalar.
 inline bool fit_together(const Voxels& voxels, const Array<const int32_t, 2>& cells) {
     if (cells.shape[1] != 3 || !fits(voxels.scalars, voxels.raw)) return false;
     for (int64_t i = 0; i < cells.shape[0]; i++)
@@ -31,8 +31,8 @@ inline bool fit_together(const Voxels& voxels, const Array<const int32_t, 2>& ce
     return true;
 }
 
-// Write the scalars of a brick and around it to `out` [n, n, n]. Beyond the volume's border the nearest voxel is
-// repeated. cell: [3] (x, y, z).
+// Write the scalars in a brick and around it to `out` [n, n, n]. Beyond the volume's border the nearest voxel is
+// repeated. cell: the brick, [3] (x, y, z).
 inline void load_brick(const Voxels& voxels, const Array<const int32_t, 1>& cell, const Field& out) {
     int64_t side = out.shape[0], margin = (side - BRICK_SIZE) / 2;
     int64_t first[3];
@@ -40,7 +40,7 @@ inline void load_brick(const Voxels& voxels, const Array<const int32_t, 1>& cell
     load_scalars(voxels.raw, voxels.scalars, box_of(voxels.raw), first, side, out.data);
 }
 
-// Put 0, no label, beyond the volume's border in a field from `load_brick`: lit labels end there.
+// Put 0, no label, beyond the volume's border in a field from `load_brick`, so that lit labels end at the border.
 inline void clear_beyond_border(const Voxels& voxels, const Array<const int32_t, 1>& cell, const Field& field) {
     auto is_beyond = [&](int axis, int64_t at) {
         int64_t voxel = BRICK_SIZE * cell[axis] - (field.shape[0] - BRICK_SIZE) / 2 + at;
@@ -56,11 +56,11 @@ struct Range {
     double low, high;
 };
 
-// The smallest and the largest number of a field; infinity and minus infinity if all are NaN.
+// Return the smallest and the largest number of a field; infinity and minus infinity if all numbers are NaN.
 inline Range range_of(const Field& field) {
     Range range = {INFINITE, -INFINITE};
     for (int64_t k = 0; k < field.size(); k++)
-        // NaN, being neither smaller nor larger, does not count as the second of two.
+        // NaN as the second number has no effect, because it is neither smaller nor larger.
         range = {least(range.low, field.data[k]), most(range.high, field.data[k])};
     return range;
 }

@@ -4,8 +4,8 @@
 
 namespace {
 
-// Add a node to the largest errors [3, 3, 3] and to the bounds [3, 3, 3, 2, 3] of visible nodes, by the neighbours of
-// its brick in whose halo it is. x, y, z: its place in the brick.
+// Add a node to the largest errors [3, 3, 3], and to the bounds [3, 3, 3, 2, 3] of visible nodes, of each neighbour of
+// its brick in whose halo the node lies. x, y, z: the node's position in the brick.
 INLINE void add_by_neighbour(int64_t x, int64_t y, int64_t z, double error, bool is_visible,
                              const Array<double, 3>& largest, const Array<uint8_t, 5>& bounds) {
     constexpr int64_t last = BRICK_SIZE - 1 - HALO;
@@ -25,9 +25,11 @@ INLINE void add_by_neighbour(int64_t x, int64_t y, int64_t z, double error, bool
 
 }  // namespace
 
-// Add nodes to the statistics. Errors times sizes are added to
-// the bricks of the level below: to the largest of each, and to the sums of squares, divided by the square of the
-// largest so that they neither overflow nor vanish.
+// Add nodes to the statistics.
+//
+// Errors, multiplied by the nodes' sizes, are added to the bricks of the level below: to the largest error of each
+// brick, and to its sum of squares, which is divided by the square of the largest so that it neither overflows nor
+// vanishes.
 Status add_nodes(const AddNodes* arguments) {
     const auto [cells, sizes, errors, is_visible, largest, bounds, largest_below, squares_below] = *arguments;
     int64_t num = errors.shape[0];

@@ -1,51 +1,56 @@
 // Measure bricks of voxels: their visible bounds, and the sub-voxel variation.
 //
-// A dual cell has eight voxels as its corners. By the min-max test of `renderer.transfer`, it may be visible if anything
-// between the smallest and the largest of their scalars is.
+// A dual cell has eight voxels as its corners. By the min-max test of `renderer.transfer`, it may be visible if any
+// scalar between the smallest and the largest of theirs is visible.
 //
-// The sub-voxel variation measures two things that nodes do not tell: colours and extinctions that the transfer function
-// shows between two voxels but at neither, and differences between voxels that belong to two nodes.
+// The sub-voxel variation measures two things that the octree's nodes do not show: colours and extinctions that the
+// transfer function shows between two voxels but at neither, and differences between voxels that belong to two nodes.
 //
-// On level 0 the scalar is interpolated and then classified. Between two voxels it passes through all values between
-// theirs, and the transfer function may be far from both there: an opaque peak between 0 and 1 of a mask, for example,
-// which no voxel has. Means of classified voxels, and their errors, miss it. They are right about the straight line
-// between the values at the ends. Over a dual cell, whose corners are eight voxels with scalars from a to b,
+// On level 0 the scalar is interpolated and then classified. Between two voxels the scalar passes through all values
+// between theirs, and the transfer function may be far from its values at both voxels: a mask, for example, may have an
+// opaque peak between 0 and 1, which no voxel shows. Means of classified voxels, and their errors, miss the peak. They
+// are exact only if the transfer function is a straight line between the two voxels. Over a dual cell, whose corners
+// are eight voxels with scalars from a to b,
 //
 //     D^2 = mean over s from a to b of |w(s) - line(s)|^2,    line(a) = w(a), line(b) = w(b)
 //
-// with w the channels that errors are of (renderer/pyramid/pyramid.py). A ray through the cell meets at most D times its
-// length that voxels do not show, if scalars are spread evenly along it. At a step, w has the value of the upper side.
+// with w the channels that errors are measured on (renderer/pyramid/pyramid.py). A ray through the cell meets at most D
+// times its length that voxels do not show, if scalars are spread evenly along it. At a step, w has the value of the
+// upper side.
 //
-// w is taken as linear between control values, so that D is exactly 0 where none lies between a and b. (tau c, tau) is
-// not linear where both change, but the difference is at most a quarter of that between the ends. Opacities also lie
-// between their ends. The distance is then linear in every segment between control values, with ends d and e, and its
-// square has the mean (d^2 + d e + e^2) / 3: no large numbers are subtracted.
+// w is assumed to be linear between control values, so that D is exactly 0 if no control value lies between a and b.
+// The product tau c is not linear where both factors change, but its deviation is at most a quarter of the difference
+// of the ends. Opacities lie between those at the ends, too. The distance is then linear in every segment between
+// control values, with ends d and e, and its square has the mean (d^2 + d e + e^2) / 3: no large numbers are
+// subtracted.
 //
 // Of two peaks with the same D, the thinner one needs shorter steps. With E^2 the mean square of the distance's slope,
 // for a ray through the cell of length 1,
 //
 //     width^2 = 12 D^2 / E^2,    between MIN_PEAK_WIDTH^2 and 1
 //
-// is the width of a triangle on the line. Longer steps h meet it by chance, and err by D h^0.5; shorter ones err by
-// D h^2 / width^1.5. Steps are chosen as if errors were step_error * h^2.5 (renderer/bricks/sampling.py), which covers
-// both with
+// is the width of a triangular peak above the line. Longer steps h meet the peak by chance, and err by D h^0.5; shorter
+// ones err by D h^2 / width^1.5. Steps are chosen as if errors were step_error * h^2.5 (renderer/bricks/sampling.py),
+// which covers both with
 //
 //     step_error = D / width^2
 //
-// Nodes do not show a difference between two nodes that are each constant either, such as boxes on even voxels, blocks
-// of a phantom, or an enlarged mask. Coarser cells blur it over their width all the same, and steps must be as short as
-// for a difference inside a node. There half of the difference is the error; here, for every dual cell,
+// Nodes do not show a difference between two constant nodes either, such as boxes on even voxels, blocks of a phantom,
+// or an enlarged mask. Coarser cells blur this difference over their width all the same, and steps must be as short as
+// for a difference inside a node. Inside a node, half of the difference is the error. For differences between nodes, in
+// every dual cell,
 //
 //     J = DIFFERENCE_ERROR_SHARE |w(b) - w(a)|
 //
-// stands for it, whatever the nodes are. DIFFERENCE_ERROR_SHARE is less than a half: the eight voxels of a dual cell of
-// noise have a range of 2.85 standard deviations in the mean, and count for no more than they do in nodes.
+// is taken as the error, wherever nodes begin and end. DIFFERENCE_ERROR_SHARE is less than a half: the eight voxels of
+// a dual cell of noise have a range of 2.85 standard deviations in the mean, and count for no more than they do in
+// nodes.
 //
-// Where some voxels of a dual cell have no data, rays meet a step from w to nothing, at a place that no scalar tells. D
-// is taken from the step of a transfer function in the middle of a ray, D^2 = w^2 / 12. Segments are divided there, so
-// that longer ones do: width^2 = 1 / 4 in place of 1 / 17.
+// Where some voxels of a dual cell have no data, rays meet a step from w to nothing, at a position that the scalars do
+// not tell. D is taken from the step of a transfer function in the middle of a ray, D^2 = w^2 / 12. Segments are
+// divided there, so that longer ones do: width^2 = 1 / 4 in place of 1 / 17.
 //
-// Between two labels there is nothing but such a step. D is taken from the largest difference in each channel.
+// Between two labels there is only such a step. D is taken from the largest difference in each channel.
 #include "bricks/kernels.h"
 #include "base/stopping.h"
 #include "transfer/transfer.h"
@@ -53,26 +58,27 @@
 
 namespace {
 
-// Peaks and steps count as at least this wide, as a share of a ray through the cell: the longest step at tolerance 0.
+// The least width of peaks and steps, as a share of a ray through the cell. It limits the shortness of steps at
+// tolerance 0.
 constexpr double MIN_PEAK_WIDTH = 1.0 / 16;
 
 // The share of the difference between a dual cell's ends that counts as its error.
 constexpr double DIFFERENCE_ERROR_SHARE = 0.35;
 
-// 1 / width^2 of the step between data and nothing. With it, a ball of 120^3 in NaN has 61 dB at tolerance 0.05, and the
-// whole cube 59 dB.
+// The value of 1 / width^2 for the step between data and nothing. With it, a ball of 120^3 in NaN has 61 dB at
+// tolerance 0.05, and the whole cube 59 dB.
 constexpr double EDGE_INVERSE_WIDTH = 4;
 
 INLINE double squared(double x) { return x * x; }
 
-// The transfer function by scaled scalars. Segment k lies between the control values k - 1 and k.
+// The transfer function as a function of scaled scalars. Segment k lies between the control values k - 1 and k.
 struct Curve {
     Array<const double, 2> rows;
     double scale;
 
     INLINE double value(int64_t k) const { return rows(k + 1, 0); }
 
-    // How many values are at or below a scalar; the search starts from `near`.
+    // Return how many control values are at or below a scalar; the search starts from `near`.
     INLINE int64_t num_at_or_below(double scalar, int64_t near) const {
         int64_t num = near;
         while (num > 0 && value(num - 1) > scalar) num--;
@@ -85,8 +91,8 @@ struct Curve {
     INLINE bool is_flat(int64_t segment) const { return !any_of(mask_of(load<Channels>(&rows(segment, 6), 0) != 0.0)); }
 };
 
-// The dual cells of a brick, nums + 1 along z, y, x, and the smallest and the largest scalar at the corners of each. Dual
-// cell k lies between the centres of the cells k - 1 and k.
+// The dual cells of a brick, nums + 1 along z, y, x, with the smallest and the largest scalar at the corners of each.
+// Dual cell k lies between the centres of the cells k - 1 and k.
 struct DualCells {
     Field low, high;
     int64_t nums[3];
@@ -103,7 +109,7 @@ struct DualCells {
         for_places([&](int64_t z, int64_t y, int64_t x) { function(z, y, x, Range{low(z, y, x), high(z, y, x)}); });
     }
 
-    // The share of a dual cell that lies in the brick.
+    // Return the share of a dual cell that lies in the brick.
     INLINE double share(int64_t z, int64_t y, int64_t x) const {
         auto along = [](int64_t at, int64_t num) { return at == 0 || at == num ? 0.5 : 1.0; };
         return along(z, nums[0]) * along(y, nums[1]) * along(x, nums[2]);
@@ -112,7 +118,7 @@ struct DualCells {
     double size() const { return (double)(nums[0] * nums[1] * nums[2]); }
 };
 
-// Turn scalars at voxel centres, in `low`, into the ranges of dual cells. NaN do not count, as in `range_of`.
+// Turn scalars at voxel centres, in `low`, into the ranges of dual cells. NaN have no effect, as in `range_of`.
 void to_ranges(const DualCells& cells) {
     auto [low, high, nums] = cells;
     for (int64_t z = 0; z < nums[0] + 2; z++)
@@ -137,7 +143,8 @@ void to_ranges(const DualCells& cells) {
             }
 }
 
-// Write the lowest and highest corner (x, y, z) of the visible dual cells to `bounds` [2, 3]. At least one is visible.
+// Write the lowest and the highest corner (x, y, z) of the visible dual cells to `bounds` [2, 3]. At least one is
+// visible.
 void find_visible_bounds(const DualCells& cells, const Array<const double, 1>& breakpoints,
                          const Array<float, 2>& bounds) {
     int64_t lowest[3] = {BRICK_SIZE, BRICK_SIZE, BRICK_SIZE}, highest[3] = {};
@@ -147,7 +154,7 @@ void find_visible_bounds(const DualCells& cells, const Array<const double, 1>& b
                 Range range = {cells.low(z, y, x), cells.high(z, y, x)};
                 return range.low <= range.high && is_range_visible(breakpoints, range.low, range.high);
             };
-            // From both ends of the row, as far as it can widen what was found.
+            // Search from both ends of the row, and only outside the bounds found so far.
             bool is_between = lowest[2] <= z && z <= highest[2] && lowest[1] <= y && y <= highest[1];
             int64_t first = 0, end = cells.nums[2] + 1;
             while (first < (is_between ? lowest[0] : end) && !is_visible(first)) first++;
@@ -162,7 +169,7 @@ void find_visible_bounds(const DualCells& cells, const Array<const double, 1>& b
     }
 }
 
-// |w|^2 of channels.
+// Return |w|^2, the sum of the squared channels.
 INLINE double squared_length(Channels w) {
     w *= w;
     return w[0] + w[1] + w[2] + w[3];
@@ -172,13 +179,14 @@ struct Distance {
     double square, squared_width;
 };
 
-// D^2 and width^2 of scaled scalars, in the segments `first` and `last`, with the channels w0 and w1.
+// Return D^2 and width^2 of a range of scaled scalars, from the segment `first` to `last`, where the ends have the
+// channels w0 and w1.
 Distance distance(const Curve& curve, Range range, int64_t first, int64_t last, Channels w0, Channels w1) {
-    Channels d = {};  // the distance at the control value before
+    Channels d = {};  // the distance from the line at the control value before
     double before = 0, total = 0, slopes = 0;
     for (int64_t k = first; k < last; k++) {
         double t = (curve.value(k) - range.low) / (range.high - range.low), u = 1 - t;
-        Channels w = load<Channels>(&curve.rows(k + 1, 2), 0);  // a segment's row begins at its control point
+        Channels w = load<Channels>(&curve.rows(k + 1, 2), 0);  // at the start of segment k + 1
         Channels e = u * (w - w0) + t * (w - w1), products = d * (d + e), squares = e * e;
         double sum = 0;
         for (int channel = 0; channel < 4; channel++) sum = sum + products[channel] + squares[channel];
@@ -192,7 +200,7 @@ Distance distance(const Curve& curve, Range range, int64_t first, int64_t last, 
     return {total / 3, least(most(width, MIN_PEAK_WIDTH * MIN_PEAK_WIDTH), 1.0)};
 }
 
-// The largest D or J, and the root mean squares of D / width^2 and of J.
+// The variation in a brick: the largest D or J, and the root mean squares of D / width^2 and of J.
 struct Variation {
     double largest, steps, differences;
 };
@@ -200,7 +208,7 @@ struct Variation {
 Variation variation(const DualCells& cells, const Curve& curve) {
     double largest = 0, total = 0, total_difference = 0;
     int64_t first = 0;
-    Range flat = {INFINITE, -INFINITE};  // the last segment that was seen to be flat
+    Range flat = {INFINITE, -INFINITE};  // the last segment that was found to be flat
     cells.for_each([&](int64_t z, int64_t y, int64_t x, Range range) {
         Range scaled = {curve.scale * range.low, curve.scale * range.high};
         if (!(scaled.low < scaled.high) || (flat.low <= scaled.low && scaled.high < flat.high)) return;
@@ -226,8 +234,8 @@ Variation variation(const DualCells& cells, const Curve& curve) {
             __builtin_sqrt(total_difference / cells.size())};
 }
 
-// Add the steps between voxels that are shown and nothing to the variation that was found. is_shown: whether the voxel
-// at a corner of a dual cell is shown.
+// Add the steps between shown voxels and nothing to a variation. is_shown: tells whether the voxel at a corner of a
+// dual cell is shown.
 template <class IsShown>
 Variation with_edges(const Variation& found, const DualCells& cells, const Curve& curve, const IsShown& is_shown) {
     double largest = squared(found.largest), total = 0;
@@ -244,8 +252,8 @@ Variation with_edges(const Variation& found, const DualCells& cells, const Curve
     return {__builtin_sqrt(largest), __builtin_sqrt(squared(found.steps) + total / cells.size()), found.differences};
 }
 
-// J alone, from the largest difference in each channel. differs: whether w may differ at the corners of a dual cell.
-// w_at: w at a corner.
+// Measure J alone, from the largest difference in each channel. differs: tells whether w may differ at the corners of a
+// dual cell. w_at: returns w at a corner.
 template <class Differs, class Corner>
 Variation differences(const DualCells& cells, const Differs& differs, const Corner& w_at) {
     double largest = 0, total = 0;
@@ -267,7 +275,8 @@ Variation differences(const DualCells& cells, const Differs& differs, const Corn
 // Measure the dual cells in bricks of voxels: their visible bounds, the largest D or J, and the root mean squares over
 // the brick's volume of D / width^2 and of J.
 //
-// A brick has half of the dual cells between it and its neighbours; beyond the border the nearest voxels are repeated.
+// A brick has half of each dual cell between itself and a neighbour. Beyond the border, the nearest voxels are
+// repeated.
 Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
     const auto& [voxels, cells, breakpoints, table, shown, are_lit, texels, bounds, measures] = *arguments;
     constexpr int64_t size = PADDED_BRICK_SIZE;
@@ -311,7 +320,7 @@ Status measure_voxel_bricks(const MeasureVoxelBricks* arguments) {
         if (is_varying || is_visible) to_ranges(of_brick);
         if (is_visible) find_visible_bounds(of_brick, breakpoints, bounds[z][y][x]);
         if (!is_varying) continue;
-        const auto& loaded = around.field;  // with a margin of 1 around the corners of dual cells
+        const auto& loaded = around.field;  // one voxel larger than the dual cells on each side
         Variation found;
         if (voxels.is_labels) {
             auto differs = [&](int64_t w, int64_t v, int64_t u) { return low.field(w, v, u) < high.field(w, v, u); };

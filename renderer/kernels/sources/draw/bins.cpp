@@ -1,7 +1,8 @@
 // Sort bricks into tiles of a pixel grid.
 #include "draw/kernels.h"
 
-// starts, numbers: as in Grid. `starts` has zeros and one number more than there; `numbers` has room for all.
+// Write `starts` and `numbers` of a grid (see Grid). Here `starts` has one number more than in Grid, and is zero at
+// first; `numbers` has room for all.
 Status bin_bricks(const BinBricks* arguments) {
     const auto [windows, num_columns, num_rows, starts, numbers] = *arguments;
     if (starts.shape[0] != num_columns * num_rows + 2) return OUT_OF_BOUNDS;
@@ -12,9 +13,9 @@ Status bin_bricks(const BinBricks* arguments) {
                     function(i, row * num_columns + column);
     };
     for_tiles([&](int64_t, int64_t tile) { starts[tile + 2]++; });
-    for (int64_t tile = 1; tile < starts.shape[0]; tile++) starts[tile] += starts[tile - 1];  // of tile k at k + 1
+    for (int64_t tile = 1; tile < starts.shape[0]; tile++) starts[tile] += starts[tile - 1];  // tile k begins at k + 1
     if (starts[starts.shape[0] - 1] > numbers.shape[0]) return OUT_OF_BOUNDS;
-    // In the end, starts[tile + 1] is where the next tile begins.
+    // Afterwards, starts[tile + 1] is where the next tile begins.
     for_tiles([&](int64_t brick, int64_t tile) { numbers[starts[tile + 1]++] = brick; });
     return DONE;
 }

@@ -1,4 +1,4 @@
-// Place the edges of cells.
+// Find the ends of the edges of cells, which overlays draw.
 #include "draw/kernels.h"
 
 // Write both ends of each edge, clamped to the volume, into the first six columns of vertices.

@@ -1,15 +1,16 @@
-// Light the faces that clip planes and boxes cut, as `cut_faces` of ShadingSpec says: a sample in each lane.
+// Light the faces that clip planes and boxes cut, as `cut_faces` of ShadingSpec says. Each lane has a sample of its
+// own.
 #pragma once
 #include "draw/light.h"
 
-// The faces near a brick. per_length: 1 over how far their light reaches.
+// The cut faces near a brick. per_length: the reciprocal of the distance that their light reaches.
 struct Faces {
     const ClipRegion* clip;
     double per_length;
 };
 
-// Call `take(weight, normal)` for each set that clipping removes and that is near a sample. normal: towards the set, in
-// the world, of any length. at: places in index space, from the volume's centre.
+// Call `take(weight, normal)` for each clipped set near a sample. normal: the vector towards the set, in the world, of
+// any length. at: the samples' positions in index space, from the volume's centre.
 template <class Take>
 INLINE void for_faces(const Faces& faces, const Three& at, Take take) {
     Floats zero = in_all<Floats>(0.0f);
@@ -45,7 +46,8 @@ INLINE void for_faces(const Faces& faces, const Three& at, Take take) {
     }
 }
 
-// The light by the gradient at samples, and by the faces that are near. lit_of: returns it for a gradient.
+// Return the light by the gradient at samples, mixed with the light by the cut faces near them. lit_of: returns the
+// light for a gradient.
 template <class LitOf>
 INLINE Lit lit_with_faces(const Faces& faces, const Three& at, const Three& gradient, LitOf lit_of) {
     Lit lit = lit_of(gradient);

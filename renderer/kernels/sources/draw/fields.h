@@ -1,16 +1,18 @@
-// Sample the fields of layers in a brick, and classify and light the samples: in each lane a sample of its own.
+// Sample the fields of layers in a brick, and classify and light the samples. Each lane has a sample of its own.
 #pragma once
 #include "draw/faces.h"
 #include "draw/mask.h"
 
-// Floats behind the last texel that loads of whole rows touch.
+// The number of floats after the last texel that loads of whole rows may read.
 constexpr int READ_BEHIND = 2;
 
-// What the texels of a brick are, and how it is lit: means need no classification. SEVERAL: those of several layers.
+// The kinds of bricks, by what their texels are and how they are lit. Means need no classification. SEVERAL has texels
+// of several layers.
 enum Kind { MEANS, UNLIT, LAMBERT, LIT, SEVERAL };
 
-// Where samples are in a brick: the texel at or below, and how far they are from it; their numbers, of which
-// `begin + number * step` are their texels; how many steps long each is; which of them count.
+// The positions of samples in a brick: the nearest texel at or below each, and how far the sample is from it; the
+// numbers of the samples along the ray, where sample `number` is at `begin + number * step`, in texels; how many steps
+// long each is; and which samples count.
 struct Places {
     Ints at;
     Three shares;
@@ -20,27 +22,28 @@ struct Places {
     Mask active;
 };
 
-// What the light of a field has in common along rays through a brick. faces: null where none is near.
+// The part of a field's lighting that is the same along all rays through a brick. faces: the cut faces; null if none is
+// near.
 struct Lighting {
     const Faces* faces;
     Ways ways;
     float origin[3];
 };
 
-// direction: of rays, in index space, of any length.
+// direction: the direction of the rays in index space, of any length.
 INLINE Lighting lighting_of(const Light& light, const Box& box, const Three& direction, const Faces* faces) {
     return {faces, aim(light, direction),
             {place_brick(light, box, 0), place_brick(light, box, 1), place_brick(light, box, 2)}};
 }
 
-// Samples, a factor on their colours, and which of them show anything.
+// Classified samples, a factor on their colours, and which samples show anything.
 struct Classified {
     Sample sample;
     Floats light;
     Mask visible;
 };
 
-// texels: of the brick, and what follows.
+// Return the classified samples of a field. texels: the texels of the brick, and those after them.
 template <Kind KIND>
 INLINE Classified sample_field(const Field& field, const LaneTable& table, const Texels& texels, const Places& places,
                                const Lighting& lighting, const Box& box, bool is_cut) {
@@ -89,9 +92,9 @@ INLINE Classified sample_field(const Field& field, const LaneTable& table, const
     return found;
 }
 
-// The layers that show anything in a brick: `num` of them, and of these the fields and their tables.
+// The `num` layers that show anything in a brick, with their fields and tables.
 //
-// tables: of all layers. Memory is the caller's.
+// tables: the transfer tables of all layers, shown or not. The caller owns the memory.
 struct ShownLayers {
     const LayerBricks* bricks;
     LaneTable* tables;
@@ -100,10 +103,11 @@ struct ShownLayers {
     int64_t num;
     bool is_mean;
 
-    // Whether the texels of a layer are (tau c, tau): means, or voxels that are colours.
+    // Return whether the texels of a layer are (tau c, tau): means, or voxels that are colours.
     INLINE bool has_means(int64_t number) const { return is_mean || fields[number]->has_colors; }
 
-    // Choose those in a brick. Means are those of all layers, in the first field.
+    // Choose the layers that show anything in a brick. In a brick of means, the first field holds the means of all
+    // layers.
     INLINE void choose(int64_t brick) {
         is_mean = bricks->is_mean[brick], num = 0;
         for (int64_t number = 0; number < (is_mean ? 1 : bricks->fields.shape[0]); number++) {
@@ -118,7 +122,7 @@ struct ShownLayers {
         return rest_of(is_mean ? field.means : field.scalars, field.texel_offsets[brick]);
     }
 
-    // From a sample's extinction to what it is in a model unit.
+    // Return the factor from a sample's extinction to the extinction per model unit.
     INLINE float scale(int64_t number) const {
         return is_mean ? bricks->spacings_per_model_unit : bricks->spacings_per_model_unit * fields[number]->weight;
     }
@@ -128,7 +132,7 @@ struct ShownLayers {
         return has_means(number) ? MEANS : field.light.exists ? LIT : field.is_lit ? LAMBERT : UNLIT;
     }
 
-    // Whether a mask cuts what a layer shows in a brick; means are those of what is in the mask.
+    // Return whether a mask cuts what a layer shows in a brick. Means take only what is inside the mask.
     INLINE bool is_cut(int64_t number, int64_t brick) const {
         const auto& mask = fields[number]->mask;
         return mask.exists && mask.value.are_cut[brick];
@@ -136,12 +140,12 @@ struct ShownLayers {
 
     INLINE Faces all_faces() const { return {&bricks->rays.clip.value, 1.0 / bricks->face_depth}; }
 
-    // Of `all_faces`, those that light a layer in a brick, or null.
+    // Return the cut faces, `all`, if they light a layer in a brick; otherwise null.
     INLINE const Faces* faces(int64_t number, int64_t brick, const Faces& all) const {
         return bricks->have_faces[brick] && fields[number]->lights_faces ? &all : nullptr;
     }
 
-    // Whether all of them are classified, and not lit.
+    // Return whether all shown layers are classified, and none is lit.
     INLINE bool are_plain() const {
         for (int64_t number = 0; number < num; number++)
             if (kind(number) != UNLIT) return false;
@@ -149,7 +153,7 @@ struct ShownLayers {
     }
 };
 
-// Memory for the layers of some groups of bricks. False where there is none.
+// Memory for the shown layers of several groups of bricks. It is false if there is no memory.
 struct ShownGroups {
     Buffer<LaneTable> tables;
     Buffer<const Field*> fields;
@@ -177,7 +181,7 @@ struct ShownGroups {
     }
 };
 
-// Add what a layer has at samples to the sums of all layers' extinctions, and of extinctions times colours.
+// Add a layer's classified samples to the sums, over all layers, of extinctions and of extinctions times colours.
 INLINE void add_sample(Sample& sum, const Classified& found, float scale, bool is_mean) {
     Floats zero = in_all<Floats>(0.0f), tau = where(found.visible, found.sample.tau * scale, zero);
     Floats weight = is_mean ? where(found.visible, in_all<Floats>(scale), zero) : tau * found.light;
@@ -186,10 +190,10 @@ INLINE void add_sample(Sample& sum, const Classified& found, float scale, bool i
     sum.b = fma(weight, found.sample.b, sum.b);
 }
 
-// The sums of all layers' extinctions, and of extinctions times colours, at samples.
+// Return the sums, over all layers, of extinctions and of extinctions times colours at samples.
 //
-// NUM: of layers, all of them plain; 0 for any. With their number known, tables stay in registers: two layers take 1.4
-// of the time of one, and else 2.2.
+// NUM: the number of layers, if all of them are plain; 0 for layers of any number and kind. If the number is known,
+// tables stay in registers: two layers take 1.4 times as long as one, and otherwise 2.2 times.
 template <int NUM>
 INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& box,
                             const Places& places, [[maybe_unused]] const Three& direction) {
@@ -219,12 +223,12 @@ INLINE Sample sum_of_layers(const ShownLayers& shown, int64_t brick, const Box& 
     return sum;
 }
 
-// Whether all bricks have texels, each scalar a piece of the table, and the light grid all its cells.
+// Return whether all bricks have their texels, each scalar a piece of the table, and the light grid all its cells.
 inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean) {
     if (!match(field.texel_offsets, is_mean)) return false;
     for (int64_t brick = 0; brick < is_mean.shape[0]; brick++) {
         int64_t size = (is_mean[brick] ? field.means : field.scalars).shape[0], offset = field.texel_offsets[brick];
-        if (offset < 0) continue;  // where it shows nothing
+        if (offset < 0) continue;  // the field shows nothing in this brick
         bool has_channels = is_mean[brick] || field.has_colors || field.light.exists || field.is_lit;
         int64_t num = (has_channels ? 4 : 1) * TEXELS_PER_BRICK + (has_channels || field.is_labels) * READ_BEHIND;
         if (offset > size - num) return false;
@@ -239,7 +243,7 @@ inline bool is_complete(const Field& field, const Array<const bool, 1>& is_mean)
         return false;
     if (!field.light.exists) return true;
     const auto& [occlusion, shadow, corners, cell_size, occlusion_strength, shadow_strength] = field.light.value.grid;
-    int64_t num_corners = 2;  // of the cells, each of which has two for a grid, and behind the last one
+    int64_t num_corners = 2;  // two for each cell and grid, and two more
     if ((float)occlusion_strength > 0.0f) num_corners += 2 * occlusion.size();
     if ((float)shadow_strength > 0.0f) num_corners += 2 * shadow.size();
     return corners.shape[0] == 0 || corners.shape[0] >= num_corners;

@@ -6,15 +6,15 @@
 
 // Sort bricks into the tiles of a grid.
 struct BinBricks {
-    // [bricks, 4]: the first column and row of tiles that a brick is over, and one beyond the last of each.
+    // [bricks, 4]: the tiles that a brick is over: the first column and row, and the column and row after the last.
     Sized<const int64_t, 2, 4> tile_windows;
-    // Tiles in a row of the grid.
+    // The number of tiles in a row of the grid.
     int64_t num_columns;
-    // Tiles in a column of the grid.
+    // The number of tiles in a column of the grid.
     int64_t num_rows;
-    // [tiles + 2]: as in Grid, and one number more; 0 before.
+    // [tiles + 2]: the starts of Grid, and one number more; the caller must zero the array.
     Array<int64_t, 1> starts;
-    // As in Grid.
+    // The numbers of bricks, as in Grid.
     Array<int64_t, 1> numbers;
 };
 KERNEL(bin_bricks, BinBricks)
@@ -28,64 +28,64 @@ struct UpsampleRows {
     int64_t factor;
     // The first row of the image to interpolate.
     EACH_CALL int64_t first_row;
-    // One beyond the last row.
+    // The row after the last row to interpolate.
     EACH_CALL int64_t end_row;
 };
 KERNEL(upsample_rows, UpsampleRows)
 
-// Interpolate rows of a finer grid, and mark its pixels that are to be drawn.
+// Interpolate rows of a finer grid, and mark the pixels of it that must be drawn.
 struct RefineRows {
     // [h, w, 4]: every `factor`-th pixel of the finer grid along both axes.
     Sized<const float, 3, 4> grid;
-    // [h, w, 4]: the finer grid; 0 where it is to be drawn.
+    // [h, w, 4]: the finer grid; 0 where pixels must be drawn.
     Sized<float, 3, 4> image;
     int64_t factor;
     // The first row of the finer grid to interpolate.
     EACH_CALL int64_t first_row;
-    // One beyond the last row.
+    // The row after the last row to interpolate.
     EACH_CALL int64_t end_row;
-    // The largest difference between pixels, and the largest bend, up to which the finer pixels are interpolated.
+    // Pixels are interpolated if neighbours differ, and bend, by at most this much.
     float threshold;
     // [h, w]: row-major numbers of the pixels of the finer grid that are to be drawn, and -1 of the others.
     Array<int32_t, 2> places;
 };
 KERNEL(refine_rows, RefineRows)
 
-// Place the edges of the cells of a level along one axis (renderer/draw/overlay.py).
+// Find the ends of the edges, along one axis, of the cells of a level (renderer/draw/overlay.py).
 struct PlaceEdges {
-    // [n]: the corner of the cells at which each edge starts; corners are numbered, x fastest.
+    // [n]: the number of the corner at which each edge starts; the corners of all cells are numbered, x fastest.
     Array<const int64_t, 1> starts;
-    // Corners of cells (x, y, z).
+    // The number of corners of cells along x, y, z.
     int64_t num_corners[3];
-    // The axis along which the edges are: 0 for x.
+    // The axis along which the edges lie: 0 for x.
     int64_t axis;
-    // Cells are 2^level voxels wide.
+    // The level of the cells, which are 2^level voxels wide.
     int64_t level;
-    // Voxels of the volume (x, y, z).
+    // The number of voxels of the volume along x, y, z.
     int64_t shape[3];
-    // [3, 3]: from voxels to model units, in world axes.
+    // [3, 3]: the matrix from voxels to model units, in world axes.
     double model_from_index[9];
-    // [n, 7]: as in Lines; the first six columns are written.
+    // [n, 7]: the lines, as in Lines (renderer/draw/overlay.py); the first six columns are written.
     Sized<float, 2, 7> vertices;
 };
 KERNEL(place_edges, PlaceEdges)
 
 // Draw lines over an image (renderer/draw/lines.py).
 struct DrawLines {
-    // [n, 7]: as in Lines (renderer/draw/overlay.py).
+    // [n, 7]: the lines, as in Lines (renderer/draw/overlay.py).
     Sized<const float, 2, 7> vertices;
-    // As in Lines.
+    // The shortest side of a cell of level 0, as in Lines.
     double voxel_side;
-    // [levels, 4]: RGBA by the level of the cell, the last for all levels beyond.
+    // [levels, 4]: the RGBA of lines by the level of their cell; the last colour is for all coarser levels.
     Sized<const double, 2, 4> colors;
     ModelView camera;
-    // The opacity of a line per side of its cell in model units, and per side in pixels.
+    // The opacity of a line, divided by the side of its cell in model units and by this side in pixels.
     double cover;
     // The largest opacity of a line.
     double opacity;
-    // Cells with a shorter side have no lines.
+    // Cells whose side is shorter than this have no lines.
     double min_side_px;
-    // [h, w, 4]: premultiplied RGBA.
+    // [h, w, 4]: the image, premultiplied RGBA.
     Sized<float, 3, 4> image;
 };
 KERNEL(draw_lines, DrawLines)
@@ -177,88 +177,89 @@ struct Shading {
     bool two_sided;
 };
 
-// Light and extinction that depend on the view or on the length of the gradient.
+// The light and extinction of a layer if they depend on the view or on the length of the gradient.
 struct Light {
     Shading shading;
-    // The share of the light that reaches each place.
+    // The share of the light that reaches each position.
     LightGrid grid;
     // Whether the light comes from the viewer, and not from `toward`.
     bool is_camera;
-    // The unit vector to the light, in world axes.
+    // The unit vector towards the light, in world axes; unused if the light comes from the viewer.
     float toward[3];
-    // [3, 3]: from directions in index space to the world; a common factor does not matter.
+    // [3, 3]: the matrix from directions in index space to the world, up to a common factor.
     float world_from_index[9];
-    // [n, 3]: a gradient's length in texels, the factor on extinction there, and its slope up to the next one.
+    // [n, 3]: a gradient's length in texels, the factor on extinction at this length, and the factor's slope up to the
+    // next row.
     Sized<const float, 2, 3> factors;
-    // The place of the volume's centre in `grid` (x, y, z), in cells.
+    // The position of the volume's centre in `grid` (x, y, z), in cells.
     double first_cell[3];
 };
 
-// A mask of a field.
+// The labels that limit where a field is drawn.
 struct FieldMask {
-    // For places relative to the volume's centre.
+    // The mask's grid, for positions relative to the centre of the field's volume.
     MaskGrid grid;
-    // [bricks]: whether a part of the brick is outside of the mask.
+    // [bricks]: whether a part of each brick is outside the mask.
     Array<const bool, 1> are_cut;
 };
 
 // The field of a layer: the texels of all bricks, in two atlases, and the table that classifies them.
 struct Field {
-    // Of each brick of voxels PADDED_BRICK_SIZE^3 texels; with light, PADDED_BRICK_SIZE^3 gradients (x, y, z) follow.
-    // Where voxels are colours, (tau c, tau) of each.
+    // For each brick of voxels, PADDED_BRICK_SIZE^3 texels; with light, PADDED_BRICK_SIZE^3 gradients (x, y, z) follow
+    // them. If voxels are colours, each texel is (tau c, tau).
     Array<const float, 1> scalars;
-    // Of each brick of means PADDED_BRICK_SIZE^3 texels (tau c, tau).
+    // For each brick of means, PADDED_BRICK_SIZE^3 texels (tau c, tau).
     Array<const float, 1> means;
-    // [bricks]: the first texel of each brick in its atlas; -1 where it shows none.
+    // [bricks]: the position of each brick's first texel in its atlas; -1 for a brick that shows nothing.
     Array<const int64_t, 1> texel_offsets;
     PiecewiseTransfer pieces;
-    // A factor on extinction.
+    // A factor on the layer's extinction.
     float weight;
-    // The unit vector to the light (x, y, z), ambient and diffuse; used if `is_lit`.
+    // The unit vector towards the light (x, y, z), the ambient and the diffuse coefficient; used if `is_lit`.
     float lambert[5];
-    // Whether any voxel has no data.
+    // Whether the volume has voxels without data.
     bool has_absent;
-    // Whether scalars are numbers of labels.
+    // Whether the scalars are numbers of labels.
     bool is_labels;
     // Whether voxels are colours.
     bool has_colors;
     // Whether the light follows Lambert's law alone, from a fixed direction.
     bool is_lit;
-    // Whether faces that clipping cuts are lit by their own normal.
+    // Whether faces that clipping cuts are lit by their own normals.
     bool lights_faces;
-    // None without a light, or by Lambert's law alone.
+    // The light; None without a light, or if it follows Lambert's law alone.
     Maybe<Light> light;
-    // None without a mask.
+    // The mask that limits the field; None without a mask.
     Maybe<FieldMask> mask;
 };
 
 // The bricks of layers on one grid of voxels.
 struct LayerBricks {
     RaySetup rays;
-    // Finest spacings in a model unit.
+    // The number of finest voxel spacings in a model unit.
     float spacings_per_model_unit;
-    // [bricks, 11]: as in BrickView (renderer/draw/bricks/brick_cache.py).
+    // [bricks, 11]: the boxes of bricks, as in BrickView (renderer/draw/bricks/brick_cache.py).
     Sized<const double, 2, 11> boxes;
-    // [bricks]: whether the texels of the brick are means. The means of all layers are in the first field, with their
-    // weights.
+    // [bricks]: whether the texels of a brick are means. The first field holds the means of all layers, with the
+    // layers' weights.
     Array<const bool, 1> is_mean;
-    // [bricks]: whether the brick is near a face that clipping cuts.
+    // [bricks]: whether a brick is near a face that clipping cuts.
     Array<const bool, 1> have_faces;
-    // The distance from such a face up to which it is lit by its own normal, a length in the world.
+    // The distance from such a face up to which points are lit by its normal, as a length in the world.
     double face_depth;
-    // One of each layer.
+    // One field for each layer.
     Array<const Field, 1> fields;
 };
 
-// Composite bricks under some tiles of the image, or add them where nothing is absorbed.
+// Composite bricks in some tiles of the image, or add them up if nothing is absorbed.
 struct DrawTiles {
     Grid grid;
     LayerBricks bricks;
-    // A ray ends at this alpha.
+    // The alpha at which a ray ends.
     float termination_alpha;
     // Whether nothing is absorbed.
     bool is_additive;
-    // The numbers of the tiles.
+    // The numbers of the tiles to draw.
     EACH_CALL Array<const int64_t, 1> tiles;
 };
 LONG_KERNEL(draw_tiles, DrawTiles)
@@ -266,38 +267,38 @@ LONG_KERNEL(draw_tiles, DrawTiles)
 // Composite the bricks of several volumes into some tiles of the image, mixed at every point.
 struct DrawMixture {
     Grid grid;
-    // The bricks of each grid of voxels.
+    // The bricks of the layers on each grid of voxels.
     Array<const LayerBricks, 1> groups;
-    // [n, 2]: as in Mixture (renderer/draw/bricks/mixture.py), and so are the depths.
+    // [n, 2]: the bricks, as in Mixture (renderer/draw/bricks/mixture.py).
     Sized<const int64_t, 2, 2> members;
-    // [n, 3]
+    // [n, 3]: their depths, as in Mixture.
     Sized<const double, 2, 3> depths;
-    // A ray ends at this alpha.
+    // The alpha at which a ray ends.
     float termination_alpha;
-    // The numbers of the tiles.
+    // The numbers of the tiles to draw.
     EACH_CALL Array<const int64_t, 1> tiles;
 };
 LONG_KERNEL(draw_mixture, DrawMixture)
 
-// The rules of a search for the most extreme scalar, the same in all bricks.
+// The rules of a search for the most extreme scalar, which are the same in all bricks.
 //
-// A texel u stands for the number `offset + slope * u`, whose maximum is sought: it is 0 where a scalar is as good as
-// none, and 1 at the other end of the colours.
+// A texel u stands for the number `offset + slope * u`, whose maximum is sought: 0 for a scalar that shows
+// nothing, and 1 at the other end of the colours.
 struct SearchRules {
     float offset;
     float slope;
-    // A number counts if it exceeds the largest one that was found by this.
+    // A number counts only if it exceeds the largest number found so far by this.
     float slack;
-    // A number takes the place of the largest one if it exceeds it by this.
+    // A number replaces the largest number found so far if it exceeds it by this.
     float min_rise;
-    // A ray ends at this number.
+    // The number at which a ray ends.
     float ceiling;
-    // Whether the bounds of bricks fall; otherwise they come front to back.
+    // Whether bricks come in the order of falling bounds; otherwise they come front to back.
     bool is_sorted;
-    // Whether any voxel has no data.
+    // Whether the volume has voxels without data.
     bool has_absent;
-    // The rise of nearness by a step along each index axis; 0 where depth does not count. Nearness falls from 1 to 0
-    // through the ball around the volume.
+    // The change of nearness over a step along each index axis; zeros if depth does not count. Nearness falls from 1 to
+    // 0 through the ball around the volume.
     double forward[3];
 };
 
@@ -305,15 +306,15 @@ struct SearchRules {
 struct DrawExtremes {
     Grid grid;
     RaySetup rays;
-    // [bricks, 11]: as in BrickView (renderer/draw/bricks/brick_cache.py).
+    // [bricks, 11]: the boxes of bricks, as in BrickView (renderer/draw/bricks/brick_cache.py).
     Sized<const double, 2, 11> boxes;
-    // [bricks]: the first texel of each brick in `scalars`; -1 where it shows none.
+    // [bricks]: the position of each brick's first texel in `scalars`; -1 for a brick that shows nothing.
     Array<const int64_t, 1> texel_offsets;
-    // The numbers of the tiles.
+    // The numbers of the tiles to draw.
     EACH_CALL Array<const int64_t, 1> tiles;
     // [bricks]: an upper bound of the numbers in each brick.
     Array<const double, 1> tops;
-    // Of each brick PADDED_BRICK_SIZE^3 texels.
+    // For each brick, PADDED_BRICK_SIZE^3 texels.
     Array<const float, 1> scalars;
     SearchRules rules;
 };

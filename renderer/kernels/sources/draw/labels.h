@@ -1,18 +1,18 @@
 // Find the label at samples between voxels: the one with the largest sum of weights over the 27 nearest voxels.
 //
-// Along each axis, with the sample at t from -1/2 to 1/2 behind the nearest voxel, the weights of the voxels before, at
-// and behind it are
+// Along each axis, with the sample at t from -1/2 to 1/2 behind the nearest voxel, the weights of the voxel before it,
+// of itself, and of the voxel behind it are
 //
 //     0.8 of a quadratic B-spline    (1/2 - t)^2 / 2    3/4 - t^2    (1/2 + t)^2 / 2
 //     0.2 of a tent                  max(-t, 0)         1 - |t|      max(t, 0)
 //
-// The B-spline alone makes borders without stairs, but at a voxel's centre it has 0.42 of the weight: a label of one
-// voxel, or of a row of them, would vanish. The sum of both has 0.51 there. The eight voxels around a sample have more
-// than 0.72 of the weight: where they have one label, it is that of the sample.
+// The B-spline alone makes borders without stairs, but gives a voxel only 0.42 of the weight at its own centre: a label
+// of one voxel, or of a row of voxels, would vanish. The sum of both gives it 0.51 there. The eight voxels around a
+// sample have more than 0.72 of the weight: if all eight have one label, it is the sample's label.
 #pragma once
 #include "draw/sample.h"
 
-// From the texel of the lowest neighbour to that in the middle.
+// The distance from the texel of the lowest neighbour to the texel in the middle.
 constexpr int32_t TO_MIDDLE = PLANE_STRIDE + ROW_STRIDE + 1;
 
 INLINE Three label_weights(Floats t) {
@@ -24,7 +24,8 @@ INLINE Three label_weights(Floats t) {
     };
 }
 
-// Where samples are among texels. nearest: from the lowest of the eight around each. weights: along each axis.
+// The positions of samples among texels. nearest: the distance from the lowest of the eight texels around a sample to
+// the nearest texel. weights: the weights along each axis.
 struct LabelPlace {
     Ints nearest;
     Three weights[3];
@@ -40,13 +41,13 @@ struct LabelPlace {
         }
     }
 
-    // The weight of the lower or the upper of the two texels along an axis.
+    // Return the weight of the lower or the upper of the two texels along an axis.
     INLINE Floats of_corner(int axis, bool is_upper) const {
         const auto& [before, here, behind] = weights[axis];
         return is_upper ? where(are_behind[axis], here, behind) : where(are_behind[axis], before, here);
     }
 
-    // The label of the nearest of eight texels, and the sum of the weights of those that have it.
+    // Return the label of the nearest of eight texels. sum: the sum of the weights of the texels with this label.
     INLINE Floats nearest_label(const Corners& corners, Floats& sum) const {
         const auto& [a, b, c, d, e, f, g, h] = corners;
         auto pick = [&](int axis, Floats low, Floats high) { return where(are_behind[axis], high, low); };
@@ -66,7 +67,7 @@ struct Neighbours {
     Floats labels[27], weights[27];
 
     INLINE Neighbours(const Texels& texels, Ints at, const LabelPlace& place) {
-        // Rounding may move samples a little beyond the brick, and lanes without a ray are anywhere.
+        // Rounding may move samples a little out of the brick, and lanes without a ray may be anywhere.
         Ints last = in_all<Ints>(TEXELS_PER_BRICK - 1 - TO_MIDDLE);
         at = min_of(max_of(at + place.nearest, in_all<Ints>(TO_MIDDLE)), last) - TO_MIDDLE;
         const auto& [x, y, z] = place.weights;
@@ -79,7 +80,8 @@ struct Neighbours {
         }
     }
 
-    // The sum of the weights of a label. counted: a bit for each neighbour; those that have it are set.
+    // Return the sum of the weights of a label. counted: a bit for each neighbour, which is set if the neighbour has
+    // the label.
     INLINE Floats sum_of(Floats label, Ints& counted) const {
         Floats sum = in_all<Floats>(0.0f);
         for (int k = 0; k < 27; k++) {
@@ -90,7 +92,7 @@ struct Neighbours {
         return sum;
     }
 
-    // The first label that has not been counted.
+    // Return the first label whose neighbours have not been counted.
     INLINE Floats next_label(Ints counted) const {
         Floats next = labels[13];
         for (int k = 26; k >= 0; k--) next = where(mask_of((counted & (1 << k)) == 0), labels[k], next);
@@ -104,13 +106,13 @@ INLINE Mask are_equal(const Corners& corners) {
         mask_of(a == h);
 }
 
-// The labels at active samples. corners: the texels around them.
+// Return the labels at active samples. corners: the eight texels around each sample.
 INLINE Floats labels_at(const Texels& texels, Ints at, const Three& shares, const Corners& corners, Mask active) {
     Mask are_mixed = active & ~are_equal(corners);
     if (!any_of(are_mixed)) return corners.a;
     const LabelPlace place(shares);
     Floats best, winner = place.nearest_label(corners, best);
-    // Most are decided by the eight nearest texels.
+    // Most samples are decided by the eight nearest texels.
     Mask are_divided = are_mixed & ~mask_of(best > 0.5f);
     if (!any_of(are_divided)) return winner;
     const Neighbours around(texels, at, place);

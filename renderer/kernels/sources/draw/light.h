@@ -1,23 +1,24 @@
-// Light and extinction that depend on the view or on the length of the gradient: a sample in each lane.
+// Light and extinction that depend on the view or on the length of the gradient. Each lane has a sample of its own.
 //
 // Light by Lambert's law from a fixed direction is `light_factor` in sample.h, which costs less.
 #pragma once
 #include "draw/sample.h"
 
-// Gradients this small, of which the largest are about 1, count as 0: the inverse of others is finite.
+// Gradients shorter than this count as 0, so that the reciprocal of their length is finite; the largest gradients are
+// about 1 long.
 constexpr float FLAT = 0x1p-120f;
 
 INLINE Floats dot(const Three& one, const Three& other) {
     return fma(one.x, other.x, fma(one.y, other.y, one.z * other.z));
 }
 
-// The directions to the light, halfway to the viewer, and to the viewer, unit vectors in the world. Halfway between
-// opposite directions is 0.
+// The directions to the light, halfway between light and viewer, and to the viewer: unit vectors in the world. The
+// direction halfway between opposite directions is 0.
 struct Ways {
     Three to_light, to_halfway, to_viewer;
 };
 
-// direction: of rays, in index space, of any length.
+// direction: the direction of the rays in index space, of any length.
 INLINE Ways aim(const Light& light, const Three& direction) {
     auto along = [&](const float* row) {
         return -dot(direction, {in_all<Floats>(row[0]), in_all<Floats>(row[1]), in_all<Floats>(row[2])});
@@ -34,14 +35,14 @@ INLINE Ways aim(const Light& light, const Three& direction) {
     return {{zero + toward[0], zero + toward[1], zero + toward[2]}, half, {x, y, z}};
 }
 
-// Where in the light grid the texel 0 of a brick of voxels is along an axis, in cells.
+// Return the position of texel 0 of a brick in the light grid along an axis, in cells.
 INLINE float place_brick(const Light& light, const Box& box, int axis) {
     return (float)(light.first_cell[axis] + 1.0 / light.grid.cell_size * (box.corner[axis] - TEXEL_OFFSET));
 }
 
 INLINE Floats byte_of(Ints four, int shift) { return to_float32((four >> shift) & 255); }
 
-// Interpolate between eight bytes, of which two int32 have four each, in steps of 1 / 255.
+// Interpolate between eight bytes, of which `near` and `far` have four each, in steps of 1 / 255.
 INLINE Floats interpolate_bytes(Ints near, Ints far, const Three& shares) {
     auto face = [&](Ints four) {
         return lerp(shares.y, lerp(shares.x, byte_of(four, 0), byte_of(four, 8)),
@@ -55,13 +56,14 @@ struct Arriving {
     Floats ambient, diffuse;
 };
 
-// texel: where samples are in a brick. origin: as `place_brick` returns it, along each axis.
+// Return the shares of the light that arrive at samples. texel: the positions of samples in a brick. origin: the
+// position of texel 0 along each axis, from `place_brick`.
 INLINE Arriving arriving_shares(const Light& light, const Three& texel, const float (&origin)[3]) {
     Arriving shares = {texel.x * 0.0f + 1.0f, texel.x * 0.0f + 1.0f};
     const LightGrid& grid = light.grid;
     if (grid.corners.shape[0] > 0) {
         float occlusion_strength = (float)grid.occlusion_strength, shadow_strength = (float)grid.shadow_strength;
-        const auto& nums = (occlusion_strength > 0.0f ? grid.occlusion : grid.shadow).shape;  // z, y, x
+        const auto& nums = (occlusion_strength > 0.0f ? grid.occlusion : grid.shadow).shape;  // along z, y, x
         auto place_along = [&](Floats along, int axis) {
             Floats place = max_of(in_all<Floats>(0.5f), fma(along, (float)(1.0 / grid.cell_size), origin[axis]));
             return min_of(place, in_all<Floats>((float)nums[2 - axis] - 1.5f));
@@ -82,11 +84,12 @@ INLINE Arriving arriving_shares(const Light& light, const Three& texel, const fl
     return shares;
 }
 
-// x^exponent of x from 0 to 1, and 0 of 0; the relative error is below 1e-5 where the result is above 1e-4.
-// It is exp(exponent ln x), with x = 2^e m and m from sqrt(1/2) to sqrt(2), and the series of artanh for ln m.
+// Return x^exponent for x from 0 to 1, and 0 for 0. The relative error is below 1e-5 for results above 1e-4.
+// It is computed as exp(exponent ln x), with x = 2^e m and m from sqrt(1/2) to sqrt(2), and the series of artanh for ln
+// m.
 INLINE Floats power(Floats x, float exponent) {
     Ints bits = float32_to_bits(x);
-    Ints e = (bits - 0x3F3504F3) >> 23;  // the bits of the root of 1/2, from which on mantissas are counted
+    Ints e = (bits - 0x3F3504F3) >> 23;  // subtracts the bits of sqrt(1/2)
     Floats m = bits_to_float32(bits - (e << 23));
     Floats ratio = (m - 1.0f) / (m + 1.0f), square = ratio * ratio;
     Floats series = fma(square, fma(square, fma(square, 2.0f / 7.0f, 2.0f / 5.0f), 2.0f / 3.0f), 2.0f);
@@ -95,7 +98,7 @@ INLINE Floats power(Floats x, float exponent) {
     return where(mask_of(x > 0.0f), one * other, in_all<Floats>(0.0f));
 }
 
-// The factor on extinction at gradients of this length. factors: as in Light.
+// Return the factor on extinction for gradients of this length. factors: as in Light.
 INLINE Floats factor_at(Floats length, const Array<const float, 2>& factors) {
     Floats factor = in_all<Floats>(factors(0, 1));
     for (int64_t k = 0; k < factors.shape[0]; k++)
@@ -104,18 +107,18 @@ INLINE Floats factor_at(Floats length, const Array<const float, 2>& factors) {
     return factor;
 }
 
-// A factor on colours, the white light that is added, and the length of the gradient.
+// A factor on colours, the white light that is added to them, and the length of the gradient.
 struct Lit {
     Floats factor, shine, length;
 };
 
-// The light at a gradient, as in texels: Lambert's law, highlights (Blinn 1977) and silhouettes.
+// Return the light for a gradient in texels: Lambert's law, highlights (Blinn 1977) and silhouettes.
 INLINE Lit lit_at(const Three& gradient, const Ways& ways, const Arriving& arriving, const Shading& shading) {
     auto [x, y, z] = gradient;
     Floats zero = in_all<Floats>(0.0f), largest = max_of(magnitude(x), magnitude(y));
     largest = max_of(largest, magnitude(z));
     Mask is_steep = mask_of(largest > FLAT);
-    Floats scale = where(is_steep, 1.0f / largest, zero);  // squares neither overflow nor vanish
+    Floats scale = where(is_steep, 1.0f / largest, zero);  // so that squares neither overflow nor vanish
     x = x * scale, y = y * scale, z = z * scale;
     Floats length = root(dot({x, y, z}, {x, y, z}));
     scale = where(is_steep, -1.0f / length, zero);

@@ -6,7 +6,7 @@
 
 namespace {
 
-// Column and row, and pixels per model unit there.
+// The end of a line on the image: column, row, and the number of pixels in a model unit there.
 struct End {
     double x, y, scale;
 };
@@ -17,14 +17,14 @@ struct Range {
 
 INLINE double clamped(double share) { return least(most(share, 0.0), 1.0); }
 
-// The pixels, of `size` in a row or column, that a line between two places may touch.
+// Return the range of pixels, among `size` in a row or column, that a line between two positions may touch.
 INLINE Range pixels_near(double one_end, double other_end, int64_t size) {
     double low = __builtin_floor(least(one_end, other_end) - 1.0);
     double high = __builtin_ceil(most(one_end, other_end) + 1.0);
     return {(int64_t)least(most(low, 0.0), (double)size), (int64_t)most(least(high, (double)size), 0.0)};
 }
 
-// side: of the line's cell.
+// Draw a line. side: the side of the line's cell, in model units.
 void draw_line(const DrawLines& arguments, End from, End to, double side, const double* color) {
     const auto& image = arguments.image;
     int64_t height = image.shape[0], width = image.shape[1];
@@ -32,7 +32,7 @@ void draw_line(const DrawLines& arguments, End from, End to, double side, const 
     Range rows = pixels_near(from.y, from.y + along_y, height);
     for (int64_t row = rows.first; row < rows.end; row++) {
         double offset_y = row + 0.5 - from.y;
-        // The part of the line that is less than a pixel above or below.
+        // The part of the line that is less than a pixel above or below the middle of the row.
         double begin = 0.0, end = 1.0;
         if (along_y != 0.0) begin = clamped((offset_y - 1.0) / along_y), end = clamped((offset_y + 1.0) / along_y);
         Range columns = pixels_near(from.x + begin * along_x, from.x + end * along_x, width);
@@ -41,7 +41,7 @@ void draw_line(const DrawLines& arguments, End from, End to, double side, const 
             double share = square > 0.0 ? clamped((offset_x * along_x + offset_y * along_y) / square) : 0.0;
             double away_x = offset_x - share * along_x, away_y = offset_y - share * along_y;
             double coverage = 1.0 - __builtin_sqrt(away_x * away_x + away_y * away_y);
-            // Inverse depth is linear on the image.
+            // Scales are interpolated linearly, because inverse depth is linear on the image.
             double side_px = side * (from.scale + share * (to.scale - from.scale));
             if (!(coverage > 0.0 && side_px >= arguments.min_side_px)) continue;
             double alpha = coverage * least(arguments.cover * side * side_px, arguments.opacity);
@@ -54,7 +54,7 @@ void draw_line(const DrawLines& arguments, End from, End to, double side, const 
 
 }  // namespace
 
-// Project lines, less what is nearer than the near plane, and draw them.
+// Project lines, cut off at the near plane, and draw them.
 Status draw_lines(const DrawLines* arguments) {
     const auto [vertices, voxel_side, colors, camera, cover, opacity, min_side_px, image] = *arguments;
     for (int64_t i = 0; i < vertices.shape[0]; i++) {

@@ -2,7 +2,7 @@
 #pragma once
 #include "draw/labels.h"
 
-// Which points are in a mask. at: where they are in its index space.
+// Return which points are in a mask. at: the points' positions in the mask's index space.
 INLINE Mask are_in_mask(const MaskGrid& mask, const Three& at, Mask active) {
     const auto& [num_z, num_y, num_x] = mask.planes.shape;
     const Array<const uint16_t, 1> planes = {mask.planes.data, {mask.planes.size()}};
@@ -37,7 +37,7 @@ INLINE Mask are_in_mask(const MaskGrid& mask, const Three& at, Mask active) {
     return active & (inside | (are_mixed & mask_of(sum > 0.5f)));
 }
 
-// Which samples in a brick of voxels are in a mask. texel: where they are in the brick.
+// Return which samples in a brick of voxels are in a mask. texel: the samples' positions in the brick.
 INLINE Mask are_in_mask(const MaskGrid& mask, const Box& box, const Three& texel, Mask active) {
     auto along = [&](const double* row) {
         auto origin = [&](int axis) { return row[axis] * (box.corner[axis] - TEXEL_OFFSET); };

@@ -10,7 +10,7 @@ Status mark_voxels(const MarkVoxels* arguments) {
         for (int64_t y = 0; y < out.shape[1]; y++)
             for (int64_t first = 0; first < out.shape[2]; first += LANES) {
                 Floats x = to_float32(lane_numbers<Ints>()), zero = in_all<Floats>(0.0f);
-                Box box = {};  // whose first texels are these voxels
+                Box box = {};  // a brick whose first texels are these voxels
                 for (int axis = 0; axis < 3; axis++)
                     box.corner[axis] = TEXEL_OFFSET + (double)(axis == 0 ? first : axis == 1 ? y : z);
                 Mask inside = are_in_mask(mask, box, {x, zero, zero}, mask_of(x < (float)(out.shape[2] - first)));

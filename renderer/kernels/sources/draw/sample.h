@@ -1,19 +1,20 @@
-// Sample the field of a brick and classify the samples: in each lane a sample of its own.
+// Sample the field of a brick and classify the samples. Each lane has a sample of its own.
 #pragma once
 #include "base/lanes.h"
 #include "transfer/transfer.h"
 #include "draw/spans.h"
 
-// From one texel of a brick to the next along y and along z.
+// The number of texels from one texel of a brick to the next along y and along z.
 constexpr int ROW_STRIDE = PADDED_BRICK_SIZE, PLANE_STRIDE = PADDED_BRICK_SIZE * PADDED_BRICK_SIZE;
 constexpr int TEXELS_PER_BRICK = PADDED_BRICK_SIZE * PLANE_STRIDE;
-// The last texel that is the lowest of eight.
+// The last texel that is the lowest corner of a cell of eight texels.
 constexpr int32_t LAST_CELL = TEXELS_PER_BRICK - 1 - PLANE_STRIDE - ROW_STRIDE - 1;
-// Of a segment where some voxels have no data. With one, grazing rays have means that are off by 40 dB at tolerance 0.
+// The number of parts into which a segment is divided if some voxels around it have no data. With one part, grazing
+// rays have means that are off by 40 dB at tolerance 0.
 constexpr int NUM_PARTS = 4;
 constexpr int PIECE_FLOATS = 12;  // as in renderer/transfer/piecewise.py
 constexpr float LOG2_E = 1.4426950408889634, LN_2 = 0.6931471805599453, MAX_DEPTH = 40.0;
-// OPACITY_SERIES of renderer/draw/splats/programs.py, which has its source.
+// The series OPACITY_SERIES of renderer/draw/splats/programs.py, where its origin is given.
 constexpr float SERIES[4] = {(float)0.49999463, (float)0.16656359, (float)0.04104245, (float)0.00680757};
 
 using Texels = Array<const float, 1>;
@@ -22,17 +23,17 @@ struct Three {
     Floats x, y, z;
 };
 
-// Extinction and colour.
+// The extinction and the colour at a point of a ray.
 struct Sample {
     Floats tau, r, g, b;
 };
 
-// The eight corners of cells, x before y before z.
+// The values at the eight corners of cells, x before y before z.
 struct Corners {
     Floats a, b, c, d, e, f, g, h;
 };
 
-// A PiecewiseTransfer as lanes read it. columns: of its pieces, used if there are so few that a vector holds a column.
+// A PiecewiseTransfer as lanes read it. columns: the columns of its pieces, used if a vector can hold a whole column.
 struct LaneTable {
     Array<const float, 2> rows;
     Array<const int32_t, 1> guide;
@@ -46,7 +47,7 @@ struct LaneTable {
     }
 };
 
-// Look pieces up in registers: a frame takes 0.8 of its time with `classify_by_rows`.
+// Classify samples by pieces in registers: a frame takes 0.8 of its time with `classify_by_rows`.
 INLINE Sample classify_by_columns(const LaneTable& table, Floats scalar) {
     Ints piece = in_all<Ints>(table.guide[0]);
     for (int64_t k = table.guide[0]; k < table.rows.shape[0] - 1; k++)
@@ -61,7 +62,7 @@ INLINE Sample classify_by_columns(const LaneTable& table, Floats scalar) {
     };
 }
 
-// Look pieces up in memory.
+// Classify samples by pieces in memory.
 INLINE Sample classify_by_rows(const LaneTable& table, Floats scalar) {
     Texels rows = {table.rows.data, {table.rows.size()}};
     Floats place = min_of(max_of(in_all<Floats>(0.0f), scalar * (float)GUIDE_SIZE), in_all<Floats>(GUIDE_SIZE - 1.0f));
@@ -84,14 +85,14 @@ INLINE Sample classify_by_rows(const LaneTable& table, Floats scalar) {
     };
 }
 
-// NaN falls into the first piece.
+// Classify samples; NaN falls into the first piece.
 INLINE Sample classify(const LaneTable& table, Floats scalar) {
     return table.fits ? classify_by_columns(table, scalar) : classify_by_rows(table, scalar);
 }
 
 INLINE Floats lerp(Floats share, Floats one, Floats other) { return fma(share, other - one, one); }
 
-// The texel of the brick at or below samples, by their numbers, and how far the samples are from it.
+// Return the texel at or below each sample, by the samples' numbers, and how far the samples are from it.
 INLINE Ints cell_at(Floats number, const Three& first, const Three& step, Three& shares) {
     Floats x = fma(number, step.x, first.x), y = fma(number, step.y, first.y), z = fma(number, step.z, first.z);
     Ints i = to_int32(x), j = to_int32(y), k = to_int32(z);
@@ -99,7 +100,7 @@ INLINE Ints cell_at(Floats number, const Three& first, const Three& step, Three&
     return (k * PADDED_BRICK_SIZE + j) * PADDED_BRICK_SIZE + i;
 }
 
-// The eight texels of which the lowest is at `at`.
+// Return the eight texels whose lowest corner is at `at`.
 INLINE Corners load_corners(const Texels& texels, Ints at) {
     Corners corners;
     load_pairs(texels, at, corners.a, corners.b);
@@ -118,9 +119,9 @@ INLINE Floats interpolate(const Corners& corners, const Three& shares) {
 
 INLINE Mask has_data(Floats texel) { return mask_of((float32_to_bits(texel) & 1) == 0); }
 
-// Whether the texels that are nearest to samples have data; `at` is the lowest of the eight around each.
+// Return whether the texels nearest to samples have data; `at` is the lowest of the eight texels around each sample.
 INLINE Mask are_present(const Texels& texels, Ints at, const Three& shares) {
-    // No products: the compiler would multiply each lane on its own.
+    // There are no products here: the compiler would multiply each lane on its own.
     auto beyond = [](Floats share, int32_t stride) {
         return where(mask_of(share + 0.5f >= 1.0f), in_all<Ints>(stride), in_all<Ints>(0));
     };
@@ -128,15 +129,15 @@ INLINE Mask are_present(const Texels& texels, Ints at, const Three& shares) {
     return has_data(gather(texels, at));
 }
 
-// Whether all eight texels around samples have data.
+// Return whether all eight texels around samples have data.
 INLINE Mask are_all_present(const Corners& corners) {
     auto [a, b, c, d, e, f, g, h] = corners;
     auto any = [](auto... texel) { return (float32_to_bits(texel) | ...); };
     return mask_of((any(a, b, c, d, e, f, g, h) & 1) == 0);
 }
 
-// The share of the segments around samples that has data, by NUM_PARTS points; 1 where they are not divided.
-// numbers, first, step: as for `cell_at`. width: of segments, in steps.
+// Return the share of each sample's segment that has data, from NUM_PARTS points; 1 if the segment is not divided.
+// numbers, first, step: as for `cell_at`. width: the width of the segments, in steps.
 INLINE Floats share_of_data(const Texels& texels, Mask are_divided, Floats numbers, const Three& first,
                             const Three& step, Floats width) {
     Floats zero = in_all<Floats>(0.0f), share = where(are_divided, zero, in_all<Floats>(1.0f));
@@ -144,7 +145,7 @@ INLINE Floats share_of_data(const Texels& texels, Mask are_divided, Floats numbe
     for (int k = 0; k < NUM_PARTS; k++) {
         Three shares;
         Ints at = cell_at(numbers + (float)((k + 0.5) / NUM_PARTS - 0.5) * width, first, step, shares);
-        at = min_of(max_of(at, in_all<Ints>(0)), in_all<Ints>(LAST_CELL));  // of lanes without a ray
+        at = min_of(max_of(at, in_all<Ints>(0)), in_all<Ints>(LAST_CELL));  // for lanes without a ray
         share += where(are_divided & are_present(texels, at, shares), in_all<Floats>(1.0f / NUM_PARTS), zero);
     }
     return share;
@@ -155,7 +156,7 @@ INLINE Four<Floats> mix(Floats share, const Four<Floats>& one, const Four<Floats
             lerp(share, one.d, other.d)};
 }
 
-// Interpolate between a texel of 3 or 4 channels and the next one. Of three channels, the last number is arbitrary.
+// Interpolate between a texel of 3 or 4 channels and the next texel. With three channels, the last number is arbitrary.
 template <int NUM>
 INLINE Four<Floats> mix_pair(Floats share, const Texels& texels, Ints place) {
     auto one = load_four(texels, place), other = load_four(rest_of(texels, 4), place);
@@ -163,8 +164,8 @@ INLINE Four<Floats> mix_pair(Floats share, const Texels& texels, Ints place) {
     return mix(share, one, other);
 }
 
-// Interpolate channels between eight texels, of which the lowest begins at `place`. Two floats behind the last texel
-// may be read.
+// Interpolate channels between eight texels, the lowest of which begins at `place`. Up to two floats after the last
+// texel are read.
 template <int NUM>
 INLINE Four<Floats> mix_corners(const Texels& texels, Ints place, const Three& shares) {
     auto face = [&](const Texels& rows) {
@@ -174,7 +175,7 @@ INLINE Four<Floats> mix_corners(const Texels& texels, Ints place, const Three& s
     return mix(shares.z, face(texels), face(rest_of(texels, NUM * PLANE_STRIDE)));
 }
 
-// Interpolate the gradient, which is behind the scalars of a brick, in one texel after the other.
+// Interpolate the gradient. The gradients of a brick come after all its scalars, three numbers for each texel.
 INLINE Three sample_gradient(const Texels& texels, Ints at, const Three& shares) {
     auto gradient = mix_corners<3>(rest_of(texels, TEXELS_PER_BRICK), at * 3, shares);
     return {gradient.a, gradient.b, gradient.c};
@@ -185,9 +186,9 @@ INLINE Sample sample_rgba(const Texels& texels, Ints at, const Three& shares) {
     return {rgba.d, rgba.a, rgba.b, rgba.c};
 }
 
-// The factor on the colour for gradients of any length: Lambert's law, ambient + diffuse max(0, n . l), with the normal
-// n against the gradient, whose largest component is first made 1, so that squares neither overflow nor vanish.
-// light: as in Field.
+// Return the factor on the colour for gradients of any length, by Lambert's law: ambient + diffuse max(0, n . l). The
+// normal n points against the gradient, whose largest component is first made 1, so that squares neither overflow nor
+// vanish. light: as `lambert` in Field.
 INLINE Floats light_factor(const Three& gradient, const float (&light)[5]) {
     Floats largest = max_of(magnitude(gradient.x), magnitude(gradient.y));
     largest = max_of(largest, magnitude(gradient.z));
@@ -198,7 +199,7 @@ INLINE Floats light_factor(const Three& gradient, const float (&light)[5]) {
     return where(mask_of(largest > 0.0f), lit, in_all<Floats>(light[3]));
 }
 
-// Two factors of exp(-x) of x >= 0, the second a power of two; x counts as 40 at most.
+// Return two factors of exp(-x) for x >= 0, of which the second is a power of two; x counts as at most 40.
 INLINE void exp_factors(Floats x, Floats& power, Floats& power_of_two) {
     Floats held = min_of(x, in_all<Floats>(MAX_DEPTH));
     Ints n = to_int32(fma(held, LOG2_E, 0.5f));
@@ -211,7 +212,7 @@ INLINE void exp_factors(Floats x, Floats& power, Floats& power_of_two) {
     power_of_two = bits_to_float32((127 - n) << 23);
 }
 
-// 1 - exp(-x) of x >= 0, relative error below 3e-7.
+// Return 1 - exp(-x) for x >= 0, with a relative error below 3e-7.
 INLINE Floats opacity_of_depth(Floats x) {
     Mask is_small = mask_of(x < 0.5f);
     Floats opacity = x * fma(-x, fma(-x, fma(-x, fma(x, -SERIES[3], SERIES[2]), SERIES[1]), SERIES[0]), 1.0f);

@@ -4,11 +4,11 @@
 
 // Put an image over its background, and round it to 8 bits.
 struct Quantize {
-    // [h, w, 4]: premultiplied RGBA.
+    // [h, w, 4]: the image, premultiplied RGBA.
     Sized<const float, 3, 4> image;
-    // [h, 3]: the colour of each row.
+    // [h, 3]: the background colour of each row.
     Sized<const float, 2, 3> background;
-    // [h, w, 3]: colours over the background; or [h, w, 4]: straight alpha, without it.
+    // [h, w, 3]: the image over its background; or [h, w, 4]: the image without a background, with straight alpha.
     Array<uint8_t, 3> result;
 };
 KERNEL(quantize, Quantize)

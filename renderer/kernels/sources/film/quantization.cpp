@@ -3,13 +3,13 @@
 
 namespace {
 
-// floor(scaled + 1/2) in [0, 255]; the conversion takes the floor.
+// Return floor(scaled + 1/2), clamped to [0, 255]; the conversion to an integer rounds down.
 INLINE uint8_t to_8_bits(float scaled) { return (uint8_t)(int32_t)least(most(scaled + 0.5f, 0.0f), 255.0f); }
 
 }  // namespace
 
-// Composite premultiplied colours over the background of their row, `c + (1 - a) b`, for three channels. Where the
-// result has four channels, convert them to straight alpha: `c / a`.
+// Write an image with three or four channels. With three, premultiplied colours are composited over the background of
+// their row, `c + (1 - a) b`. With four, they are converted to straight alpha, `c / a`.
 Status quantize(const Quantize* arguments) {
     const auto [image, background, result] = *arguments;
     int64_t num = image.shape[0] * image.shape[1], channels = result.shape[2];

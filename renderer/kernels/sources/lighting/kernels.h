@@ -2,35 +2,36 @@
 #pragma once
 #include "transfer/kernels.h"
 
-// Average the optical depths of a slab of cells.
+// Average the optical depths of voxels over a slab of cells.
 struct AverageVoxels {
-    // [z, y, x]: as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
     AnyArray<3> raw;
-    // [patterns]: the optical depth of each bit pattern; None where there is a curve.
+    // [patterns]: the optical depth of each bit pattern; None if there is a curve.
     Maybe<Array<const float, 1>> by_pattern;
-    // The transfer function of scalars of more than 16 bits.
+    // The transfer function, if scalars have more than 16 bits; otherwise None.
     Maybe<TransferTable> curve;
-    // Cells are 2^level voxels wide.
+    // The level of the cells, which are 2^level voxels wide.
     int64_t level;
     // The number of the slab, along z.
     EACH_CALL int64_t slab;
-    // [y, x]: the mean of each cell.
+    // [y, x]: the mean optical depth of each cell.
     EACH_CALL Array<float, 2> out;
 };
 LONG_KERNEL(average_voxels, AverageVoxels)
 
-// Send rays from the centres of a slab of cells.
+// Find how much light reaches a slab of cells, by rays from their centres.
 struct Transmit {
-    // [z + 2, y + 2, x + 2]: mean optical depths of a finest spacing, the outermost cells once more beyond each border.
+    // [z + 2, y + 2, x + 2]: the mean optical depth of each cell over a finest voxel spacing. The outermost cells are
+    // repeated once beyond each border.
     Array<const float, 3> depths;
-    // [rays, samples, 3] (x, y, z): from a centre to the samples of its rays, outwards, in cells.
+    // [rays, samples, 3] (x, y, z): the offsets of the samples of each ray from its start, outwards, in cells.
     Array<const float, 3> offsets;
-    // [z + 2, y + 2, parts of rows]: whether any depth is above 0 in this part, the next one, or the same of the rows
-    // behind.
+    // [z + 2, y + 2, parts of rows]: whether any depth is above 0 in a part of a row, in the next part, or in the same
+    // two parts of the rows behind.
     Array<const bool, 3> filled;
-    // [samples]: the length that each sample stands for, in finest spacings.
+    // [samples]: the length that each sample stands for, in finest voxel spacings.
     Array<const float, 1> lengths;
-    // The volume's border (x, y, z), in cells, where rays end.
+    // The position of the volume's border (x, y, z), in cells, where rays end.
     float end[3];
     // The number of the slab, along z.
     EACH_CALL int64_t slab;

@@ -1,6 +1,6 @@
 // Average extinctions over cells, and send rays through them.
 //
-// Grids have the outermost cells once more beyond each border, so that the nearest ones hold there. Places are in
+// Grids repeat the outermost cells once beyond each border, so that the nearest cells hold there. Positions are in
 // cells: the centre of cell i is at i + 1 along each axis, and the volume begins at 1/2.
 #include "lighting/kernels.h"
 #include "base/lanes.h"
@@ -10,21 +10,22 @@
 
 namespace {
 
-// The optical depth beyond which no light counts: exp(-10) of it is left, 5e-5.
+// The optical depth beyond which no light counts: a share of exp(-10) of it is left, 5e-5.
 constexpr float OPAQUE_DEPTH = 10.0f;
 
-// Cells of a part of a row, as in renderer/lighting/light_grid.py.
+// The number of cells in a part of a row, as in renderer/lighting/light_grid.py.
 constexpr int64_t CELLS_OF_PART = 16;
 static_assert(LANES <= CELLS_OF_PART);
 
-// The values of a grid at places of lanes that are all in one row, as `interpolate_cells`; of use in the lanes of a mask.
+// Return the values of a grid at the positions of lanes that are all in one row, as `interpolate_cells` does. Only
+// values in the lanes of `mask` have a meaning.
 INLINE Floats interpolate_row(const Array<const float, 3>& grid, Floats x, float y, float z, Mask is_met) {
     const Array<const float, 1> flat = {grid.data, {grid.size()}};
     int64_t j = (int64_t)y, k = (int64_t)z, row = grid.shape[2], slab = grid.shape[1] * row;
     Ints i = to_int32(x);
     int64_t begin = k * slab + j * row + i[0];
     Floats a = x - to_float32(i), values = 0.0f;
-    // Lanes lie side by side, unless a place was rounded across the middle of a cell, or is before the first one.
+    // Lanes lie side by side, unless a position was rounded across the middle of a cell, or is before the first cell.
     if (any_of(mask_of(i != i[0] + lane_numbers<Ints>())) || begin < 0 || begin + slab + row + LANES >= flat.shape[0]) {
         for (int lane = 0; lane < LANES; lane++)
             if (is_met[lane]) values[lane] = interpolate_cells(grid, x[lane], y, z);
@@ -41,8 +42,8 @@ INLINE Floats interpolate_row(const Array<const float, 3>& grid, Floats x, float
 
 }  // namespace
 
-// Write the mean optical depths of cells of 2^level voxels, in a slab that is one cell thick. A cell that the border
-// cuts has the mean of the voxels inside.
+// Write the mean optical depths of cells of 2^level voxels in a slab, which is one cell thick. A cell that the border
+// cuts has the mean of the voxels inside the volume.
 Status average_voxels(const AverageVoxels* arguments) {
     const auto [raw, by_pattern, curve, level, slab, out] = *arguments;
     const auto [num_z, num_y, num_x] = raw.shape;
@@ -81,8 +82,8 @@ Status average_voxels(const AverageVoxels* arguments) {
     });
 }
 
-// Write the mean transmission of rays from the centres of a slab's cells, up to the volume's border; 1 where nothing is
-// visible near.
+// Write the mean transmission of the rays from the centres of a slab's cells to the volume's border; 1 if nothing near
+// a cell is visible.
 Status transmit(const Transmit* arguments) {
     const auto [depths, offsets, filled, lengths, end, slab, out] = *arguments;
     bool fits = slab >= 0 && slab + 2 < depths.shape[0] && has_shape(out, depths.shape[1] - 2, depths.shape[2] - 2) &&
@@ -92,9 +93,10 @@ Status transmit(const Transmit* arguments) {
     if (!fits) return OUT_OF_BOUNDS;
     auto is_inside = [&](int axis, float place) { return 0.5f <= place && place <= end[axis]; };
     int64_t num = out.shape[1];
-    // Of a row of cells, whole vectors: the largest depth of a cell and its neighbours, the depth of a ray, and sums.
+    // Arrays for a row of cells, in whole vectors: the largest depth of each cell and its neighbours, the depth of a
+    // ray, and the sum of transmissions.
     Buffer<float> deepest(num + 2), ray_depths(num + LANES), totals(num + 2 + LANES);
-    Buffer<int64_t> starts(num);  // of vectors, which have all cells near which something is visible
+    Buffer<int64_t> starts(num);  // first cells of vectors in which each cell has something visible near it
     if (!deepest || !ray_depths || !totals || !starts) return NO_MEMORY;
     for (int64_t row = 0; row < out.shape[0]; row++) {
         if (is_stopped()) return STOPPED;

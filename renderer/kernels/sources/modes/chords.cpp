@@ -1,4 +1,4 @@
-// Measure the lengths of rays inside the volume's box, as far as clipping leaves it.
+// Measure the lengths of rays inside the part of the volume's box that clipping leaves.
 #include "modes/kernels.h"
 #include "base/stopping.h"
 
@@ -11,12 +11,12 @@ struct Ray {
     double origin[3], direction[3];
 };
 
-// Empty unless start < end.
+// A range of lengths along a ray, which is empty unless start < end.
 struct Range {
     double start, end;
 };
 
-// Clip a ray to the intersection of slabs, which are as in ClipRegion.
+// Clip a ray to the intersection of slabs. slabs: as in ClipRegion.
 Range clip_to_slabs(const Array<const double, 2>& slabs, const Ray& ray, Range range) {
     const auto& [origin, direction] = ray;
     for (int64_t k = 0; k < slabs.shape[0]; k++) {
@@ -33,8 +33,8 @@ Range clip_to_slabs(const Array<const double, 2>& slabs, const Ray& ray, Range r
     return range;
 }
 
-// The length of a range, inside of the box, in voxels with data, from one voxel to the next. The ray's origin is in
-// voxels from the middle of the volume.
+// Return the length, of a range inside the box, that lies in voxels with data, from one voxel to the next. The ray's
+// origin is in voxels from the middle of the volume.
 double length_of_data(const Array<const bool, 3>& absent, const Ray& ray, Range range) {
     auto [start, end] = range;
     double corner[3], leave[3], length = 0.0;
@@ -63,12 +63,13 @@ double length_of_data(const Array<const bool, 3>& absent, const Ray& ray, Range 
         until = most(until, start);
         length += absent(voxel[2], voxel[1], voxel[0]) ? 0.0 : until - start;
         start = until;
-        // Three cases: the processor foresees which one comes, where an index would wait for the division.
+        // There are three cases because the processor predicts which one comes, while an index would wait for the
+        // division.
         if (across < 0 || !(across == 0 ? step(0) : across == 1 ? step(1) : step(2))) return length;
     }
 }
 
-// The length of a range that is in none of the removed ranges, and not in absent voxels.
+// Return the length of a range that lies in none of the removed ranges, and not in absent voxels.
 double length_without(const Buffer<Range>& removed, const Maybe<Array<const bool, 3>>& absent, const Ray& ray,
                       Range range) {
     auto [start, end] = range;

@@ -3,10 +3,10 @@
 #include "transfer/kernels.h"
 #include "view/kernels.h"
 
-// Measure the lengths of rays inside the volume's box, as far as clipping leaves it.
+// Measure the lengths of rays inside the part of the volume's box that clipping leaves.
 struct MeasureChords {
     RaySetup rays;
-    // Voxels of the volume (x, y, z).
+    // The number of voxels of the volume along x, y, z.
     int64_t shape[3];
     // [n, 2]: columns and rows of the rays in the picture, in pixels from its top left corner.
     EACH_CALL Sized<const double, 2, 2> positions_px;
@@ -19,17 +19,17 @@ struct MeasureChords {
 };
 LONG_KERNEL(measure_chords, MeasureChords)
 
-// Colour one number of each ray.
+// Turn one number of each ray into a colour.
 struct ColorShares {
-    // The colours, by the number.
+    // The colours as a function of the number.
     TransferTable curve;
-    // [h, w]: the numbers.
+    // [h, w]: the number of each ray.
     EACH_CALL Array<const float, 2> shares;
-    // [h, w]: the length of each ray in the volume; a pixel stays empty where it is 0.
+    // [h, w]: the length of each ray inside the volume's box; a pixel whose ray has length 0 stays empty.
     EACH_CALL Array<const float, 2> chords;
-    // [h, w, 1]: a factor on the colour.
+    // [h, w, 1]: a factor on each colour.
     EACH_CALL Sized<const float, 3, 1> brightness;
-    // [h, w, 4]: RGBA, opaque.
+    // [h, w, 4]: the picture, opaque RGBA.
     EACH_CALL Sized<float, 3, 4> image;
 };
 KERNEL(color_shares, ColorShares)

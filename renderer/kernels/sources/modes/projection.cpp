@@ -1,8 +1,8 @@
-// Colour one number of each ray.
+// Turn one number of each ray into a colour.
 #include "modes/kernels.h"
 #include "transfer/transfer.h"
 
-// Write the colours of shares, opaque, times `brightness`; 0 where a chord is 0.
+// Write the colour of each ray's number, opaque, times `brightness`; a pixel is 0 where the chord is 0.
 Status color_shares(const ColorShares* arguments) {
     const auto [curve, shares, chords, brightness, image] = *arguments;
     if (!match(shares, chords, brightness, image)) return OUT_OF_BOUNDS;

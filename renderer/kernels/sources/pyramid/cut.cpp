@@ -1,8 +1,8 @@
-// Walk down a pyramid to its cut (renderer/pyramid/cut.py).
+// List the children of nodes, and visible voxels, on the way down a pyramid to a cut (renderer/pyramid/cut.py).
 #include "pyramid/kernels.h"
 #include "transfer/classify.h"
 
-// Write the visible children of nodes, by the masks of all nodes.
+// Write the visible children of nodes, by the nodes' masks of visible children.
 Status list_children(const ListChildren* arguments) {
     const auto [nodes, first_children, cells, masks, child_nodes, child_cells] = *arguments;
     if (!has_shape(cells, nodes.shape[0], 3) || !has_shape(first_children, masks.shape[0]) ||
@@ -22,7 +22,8 @@ Status list_children(const ListChildren* arguments) {
     return DONE;
 }
 
-// Count the visible voxels in each cell of level 1. Write their cells and channels, unless there is room for none.
+// Count the visible voxels in each cell of level 1. If output arrays are given (not empty), also write the voxels'
+// cells and channels.
 Status find_voxels(const FindVoxels* arguments) {
     const auto [raw, classifier, parents, counts, cells, depths] = *arguments;
     int64_t num = 0, num_most = cells.shape[0];

@@ -1,7 +1,7 @@
-// Find the blocks of voxels that show nothing, which are left out.
+// Find the blocks of voxels that show nothing; they get no nodes.
 //
-// Voxels with a table are looked up until one is visible. Wider voxels take the min-max test, so that a block may count
-// as visible although no voxel in it is.
+// Voxels of at most 16 bits are looked up in a table, until one is visible. Blocks of wider voxels are tested by their
+// smallest and largest scalar, so that a block may count as visible although none of its voxels is.
 #pragma once
 #include "base/lanes.h"
 #include "volume/voxels.h"
@@ -13,7 +13,7 @@ class VisibilityTest {
     static constexpr int64_t SIDE = 8;
     const AnyArray<3>& raw;
     const Classifier& classifier;
-    Buffer<bool> is_visible;  // by pattern
+    Buffer<bool> is_visible;  // whether each bit pattern is visible
 
     template <class T>
     bool has_visible_voxel(const Array<const T, 3>& patterns, const VoxelBox& box) const {
@@ -45,7 +45,7 @@ class VisibilityTest {
                 if (extent[0] == SIDE) values = load<Row>(row, 0);
                 else
                     for (int64_t x = 0; x < SIDE; x++) values[x] = row[least(x, extent[0] - 1)];
-                low = min_of(low, values), high = max_of(high, values);  // of a second number NaN, the first
+                low = min_of(low, values), high = max_of(high, values);  // if the second number is NaN, the first one
             }
         T lowest = low[0], highest = high[0];
         for (int lane = 1; lane < SIDE; lane++) lowest = least(lowest, low[lane]), highest = most(highest, high[lane]);
@@ -60,10 +60,10 @@ class VisibilityTest {
                 is_visible[pattern] = by.table.value(pattern, 3) > 0;
     }
 
-    // False where there was no memory.
+    // False if there was no memory.
     explicit operator bool() const { return (bool)is_visible; }
 
-    // Whether a block of at most SIDE voxels along each axis may show something.
+    // Return whether a block of at most SIDE voxels along each axis may show anything.
     bool operator()(const VoxelBox& box) const {
         bool found = false;
         with_array(raw, [&]<class T>(const Array<const T, 3>& voxels) {

@@ -2,50 +2,52 @@
 #pragma once
 #include "transfer/kernels.h"
 
-// Room for the visible nodes of some groups: for each level of all groups, one level behind the other.
+// Room for the visible nodes of several groups: for each level, room for all groups; one level after the other.
 //
 // A level's visible nodes are at its beginning, in Morton order.
 struct VisibleNodes {
-    // [n, 4]: the means.
+    // [n, 4]: the means of the nodes' channels.
     Array<float, 2> means;
-    // [n]: the roots of variances, which are summed over channels.
+    // [n]: the standard deviations of the nodes: the roots of their variances, summed over channels.
     Array<float, 1> deviations;
-    // [n]: as in Level (renderer/pyramid/pyramid.py); not of the first level of blocks.
+    // [n]: the masks of visible children, as in Level (renderer/pyramid/pyramid.py); unused for the first level of
+    // blocks.
     Array<uint8_t, 1> masks;
     // [n, 3]: the nodes (x, y, z); empty if not asked for.
     Array<int32_t, 2> cells;
-    // [n]: their numbers of voxels; empty if not asked for.
+    // [n]: the number of voxels of each node; empty if not asked for.
     Array<int64_t, 1> sizes;
     // [3]: the number of visible nodes of each level.
     Array<int64_t, 1> counts;
-    // [groups, 4]: the mean of each group's root, visible or not.
+    // [groups, 4]: the means of each group's root, visible or not.
     Array<float, 2> root_means;
-    // [groups, channels]: the means of the channels that errors are measured on, of the roots.
+    // [groups, channels]: the means of each group's root, in the channels that errors are measured on.
     Array<double, 2> root_error_means;
-    // [groups, channels]: the variances of the same.
+    // [groups, channels]: the variances of the root node of each group of nodes, in the channels that errors are
+    // measured on.
     Array<double, 2> root_variances;
 };
 
 // Build the nodes of blocks of 8^3 voxels.
 struct BuildBlocks {
-    // [z, y, x]: as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
     AnyArray<3> raw;
-    // The channels whose means are stored.
+    // The classifier of the channels whose means are stored.
     Classifier classifier;
-    // The channels that errors are measured on; None where these are the stored ones, or scalars.
+    // The classifier of the channels that errors are measured on; None if these are the stored channels, or scalars.
     Maybe<Classifier> error_classifier;
-    // [2]: an offset and a scale of the scalars that errors are measured on; None where these are channels.
+    // [2]: an offset and a scale of the scalars that errors are measured on; None if errors are measured on channels.
     Maybe<Array<const double, 1>> normalization;
-    // Nodes of level 2, and of level 3, with a smaller variance are leaves in every cut.
+    // The variances below which nodes of level 2, and of level 3, are leaves in every cut.
     double leaf_variance_limits[2];
-    // [z, y, x]: the cells of `occupied_level` that hold a visible node; updated.
+    // [z, y, x]: the cells of `occupied_level` that hold a visible node. The array is updated.
     Array<bool, 3> occupied;
     int64_t occupied_level;
     // [n, 3]: the first voxel of each block (x, y, z).
     EACH_CALL Array<const int64_t, 2> starts;
     // [n, 3]: the voxels of each block that are inside the volume (x, y, z).
     EACH_CALL Array<const int64_t, 2> extents;
-    // [n]: the blocks that may show something, which alone have nodes.
+    // [n]: whether each block may show something. Only these blocks have nodes.
     EACH_CALL Array<bool, 1> visible;
     VisibleNodes nodes;
 };
@@ -53,13 +55,13 @@ LONG_KERNEL(build_blocks, BuildBlocks)
 
 // Merge the roots of groups into larger groups.
 struct MergeTier {
-    // [n, 4]: the means of the roots.
+    // [n, 4]: the means of the roots' channels.
     Array<const float, 2> means;
-    // [n, channels]: the means of the channels that errors are measured on.
+    // [n, channels]: the means of the roots, in the channels that errors are measured on.
     Array<const double, 2> error_means;
-    // [n, channels]: the variances of the same.
+    // [n, channels]: the variances of the roots, in the channels that errors are measured on.
     Array<const double, 2> variances;
-    // [n]: 64 times the number of a root's group, and its index there; ascending by group.
+    // [n]: 64 times the number of a root's group, plus the root's index in the group; ascending.
     Array<const int64_t, 1> places;
     // [groups, 3]: the voxels of each group that are inside the volume (x, y, z).
     Array<const int64_t, 2> extents;
@@ -71,14 +73,14 @@ KERNEL(merge_tier, MergeTier)
 
 // Average voxels over cells of level 0, 1 or 2.
 struct AverageCells {
-    // [z, y, x]: as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
     AnyArray<3> raw;
     Classifier classifier;
-    // The level of the cells.
+    // The level of the cells: 0, 1 or 2.
     int64_t level;
     // [n, 3]: the first cell of each brick (x, y, z), which may lie beyond the border.
     Array<const int64_t, 2> corners;
-    // [n, z, y, x, 4]: the means; 0 before.
+    // [n, z, y, x, 4]: the means of the cells; the caller must zero the array.
     Array<float, 5> means;
 };
 KERNEL(average_cells, AverageCells)
@@ -87,23 +89,24 @@ KERNEL(average_cells, AverageCells)
 struct StoreFloat16 {
     // [n]: the numbers.
     Array<const float, 1> values;
-    // A power of two, by which they are multiplied; products are from 0 to 2^15.
+    // A power of two by which the numbers are multiplied; the products are from 0 to 2^15.
     float factor;
-    // [n]: the bits of the products.
+    // [n]: the bits of the products as float16.
     Array<uint16_t, 1> out;
 };
 KERNEL(store_float16, StoreFloat16)
 
-// List the visible children of nodes of a level.
+// List the visible children of some nodes of a level.
 struct ListChildren {
-    // [n]: the nodes, as indices of their level.
+    // [n]: the nodes, as indices among the nodes of their level.
     Array<const int64_t, 1> nodes;
-    // [all]: as in Level (renderer/pyramid/pyramid.py), and so are the masks.
+    // [all]: the first child of each node of the level, as in Level (renderer/pyramid/pyramid.py); the masks are as
+    // there, too.
     Array<const int64_t, 1> first_children;
     // [n, 3]: the nodes (x, y, z).
     Array<const int32_t, 2> cells;
     Array<const uint8_t, 1> masks;
-    // [m]: the children, as indices of the level below.
+    // [m]: the children, as indices among the nodes of the level below.
     Array<int64_t, 1> child_nodes;
     // [m, 3]: the children (x, y, z).
     Array<int32_t, 2> child_cells;
@@ -112,16 +115,16 @@ KERNEL(list_children, ListChildren)
 
 // Count the visible voxels in cells of level 1, and list them.
 struct FindVoxels {
-    // [z, y, x]: as `raw_voxels` returns them (renderer/transfer/classify.py).
+    // [z, y, x]: the voxels, as `raw_voxels` returns them (renderer/transfer/classify.py).
     AnyArray<3> raw;
     Classifier classifier;
     // [n, 3]: the cells (x, y, z).
     Array<const int32_t, 2> parents;
-    // [n]: the number of visible voxels in each.
+    // [n]: the number of visible voxels in each cell.
     Array<uint8_t, 1> counts;
     // [m, 3]: the visible voxels (x, y, z); empty if not asked for.
     Array<int32_t, 2> cells;
-    // [m, 4]: their channels; empty if not asked for.
+    // [m, 4]: the channels of the visible voxels; empty if not asked for.
     Array<float, 2> depths;
 };
 KERNEL(find_voxels, FindVoxels)

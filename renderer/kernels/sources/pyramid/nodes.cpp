@@ -1,19 +1,19 @@
 // Turn voxels into nodes, merge nodes, and list the visible ones.
 //
-// Two neighbours a and b, where b holds the share h of their voxels, are merged into
+// Two neighbours a and b, of which b holds the share h of the voxels, are merged into
 //
 //     mean = a + h (b - a)        variance = va + h (vb - va) + h (1 - h) (b - a)^2
 //
 // along x, then y, then z. This is the merge of Chan, Golub, LeVeque 1979 ("Updating formulae and a pairwise algorithm
 // for computing sample variances") divided by the count. It takes no difference of large squares, so a variance is
-// never negative, holds for large offsets, and is exactly 0 for equal voxels. Inside the volume h is 1/2. Where the
-// border cuts a node, the shares of real voxels along the three axes differ; where b has no voxels, h is 0.
+// never negative, holds for large offsets, and is exactly 0 for equal voxels. Inside the volume h is 1/2. If the border
+// cuts a node, the shares of voxels inside the volume differ along the three axes; if b has no voxels, h is 0.
 //
-// Nodes come in groups: 64 of them, their 8 parents, and the root of those. The levels 1, 2, 3 of a block of 8^3 voxels
-// are a group; the roots of up to 64 groups make the next one. On each level of a group, and among the 512 voxels, the
-// child k = x + 2 y + 4 z of node i is at k n + i, with n the number of nodes: children are merged as eight contiguous
-// rows, which becomes vector code. The 64 are then in Morton order with the two octal digits exchanged, the 8 in Morton
-// order. The channels of a node lie together; each has its own variance.
+// Nodes come in groups: 64 nodes, their 8 parents, and the root. The levels 1, 2, 3 of a block of 8^3 voxels are a
+// group; the roots of up to 64 groups are the 64 nodes of a larger group. On each level of a group, and among the 512
+// voxels, the child k = x + 2 y + 4 z of node i is at k n + i, with n the number of nodes: children are merged as eight
+// contiguous rows, which becomes vector code. The 64 are then in Morton order with the two octal digits exchanged, the
+// 8 in Morton order. The channels of a node lie together; each has its own variance.
 #include "pyramid/kernels.h"
 #include "base/stopping.h"
 #include "transfer/classify.h"
@@ -22,22 +22,22 @@
 namespace {
 
 constexpr int64_t BLOCK_SIZE = 8, BLOCK_VOXELS = 512, NUM_LEVELS = 3;
-// By level of a group: the number of nodes, and that of all nodes on the levels below.
+// For each level of a group: the number of nodes, and the number of nodes on all levels below.
 constexpr int64_t NUM_NODES[NUM_LEVELS] = {64, 8, 1}, FIRST_NODE[NUM_LEVELS] = {0, 64, 72}, NODES_OF_GROUP = 73;
 
-// Channels are float32, scalars, of which a node has one, float64.
+// The number of channels of a node: four channels in float32, or one scalar in float64.
 template <class T>
 constexpr int64_t NUM_CHANNELS = sizeof(T) == sizeof(float) ? 4 : 1;
 
-// Where a coordinate of a voxel in its block puts it among 8 x 64 children: the lowest bit is that of the child, the
-// highest that of the largest parent.
+// Return the part that a voxel's coordinate in its block adds to the voxel's index among 8 x 64 children: the lowest
+// bit of the coordinate selects the child, the highest bit the largest parent.
 INLINE int64_t voxel_offset(int64_t x) { return 64 * (x & 1) + 8 * (x >> 1 & 1) + (x >> 2); }
 
 INLINE int64_t voxel_offset(int64_t x, int64_t y, int64_t z) {
     return voxel_offset(x) + 2 * voxel_offset(y) + 4 * voxel_offset(z);
 }
 
-// The index on its level of the node that is n-th in Morton order.
+// Return the index, on its level, of the node that is n-th in Morton order.
 INLINE int64_t node_in_order(int64_t n, int64_t num_nodes) { return num_nodes == 64 ? (n & 7) << 3 | n >> 3 : n; }
 
 template <class T>
@@ -51,18 +51,19 @@ INLINE Moments<T> merge_two(Moments<T> a, Moments<T> b, T h) {
     return {a.mean + h * d, a.variance + h * (b.variance - a.variance) + (h - h * h) * (d * d)};
 }
 
-// The shares of n nodes of a group along x, y, z, of each channel.
+// The shares h of the n nodes of a level along x, y, z, for each channel.
 template <class T, int64_t NUM>
 struct Shares {
     static constexpr int64_t WIDTH = NUM * NUM_CHANNELS<T>;
     T along[3][WIDTH];
 
-    // extent: the real voxels of the group along x, y, z. child: the width of the nodes' children, in voxels.
+    // extent: the voxels of the group that are inside the volume, along x, y, z. child: the width of the nodes'
+    // children, in voxels.
     void set(const int64_t* extent, int64_t child) {
         for (int64_t axis = 0; axis < 3; axis++)
             for (int64_t j = 0; j < WIDTH; j++) {
                 int64_t node = j / NUM_CHANNELS<T>, first = node >> axis & 1;
-                if (NUM == 64) first = first << 1 | (node >> (3 + axis) & 1);  // the lower is the larger parent's
+                if (NUM == 64) first = first << 1 | (node >> (3 + axis) & 1);  // the lower bit is the larger parent's
                 int64_t rest = extent[axis] - first * 2 * child;
                 int64_t low = least(most(rest, (int64_t)0), child), high = least(most(rest - child, (int64_t)0), child);
                 along[axis][j] = (T)((double)high / (double)most(low + high, (int64_t)1));
@@ -70,7 +71,7 @@ struct Shares {
     }
 };
 
-// Write n nodes of one level. pair(k, j, h): the children 2 k and 2 k + 1 of node and channel j, merged.
+// Write the n nodes of one level. pair(k, j, h): the merged children 2 k and 2 k + 1 of node and channel j.
 template <class T, int64_t NUM, class Pair>
 INLINE void merge_rows(const Shares<T, NUM>& shares, T* __restrict mean, T* __restrict variance, Pair pair) {
     const auto& [along_x, along_y, along_z] = shares.along;
@@ -83,7 +84,7 @@ INLINE void merge_rows(const Shares<T, NUM>& shares, T* __restrict mean, T* __re
     }
 }
 
-// One group after the other, of channels or of scalars, where T is double.
+// The nodes of a group, which is filled for one group after the other. T is float for channels, and double for scalars.
 template <class T>
 class Group {
     static constexpr int64_t C = NUM_CHANNELS<T>;
@@ -107,15 +108,16 @@ class Group {
     alignas(64) T means[NODES_OF_GROUP * C], variances[NODES_OF_GROUP * C];
     alignas(64) T voxels[BLOCK_VOXELS * C];
 
-    // Begin a group of nodes `side` voxels wide, of which `extent` voxels along x, y, z are real.
+    // Begin a group of nodes that are `side` voxels wide; `extent` voxels of the group along x, y, z are inside the
+    // volume.
     void begin(const int64_t* extent, int64_t side) {
         if (extent[0] == cut[0] && extent[1] == cut[1] && extent[2] == cut[2]) return;
         node_shares.set(extent, side / 2), parent_shares.set(extent, side), root_shares.set(extent, 2 * side);
         for (int axis = 0; axis < 3; axis++) cut[axis] = extent[axis];
-        for (T& each : voxels) each = 0;  // those outside the volume stay 0
+        for (T& each : voxels) each = 0;  // voxels outside the volume stay 0
     }
 
-    // From voxels to the root.
+    // Merge voxels into nodes, up to the root.
     void merge_voxels() {
         constexpr int64_t width = 64 * C;
         merge_rows(node_shares, means, variances, [this](int64_t k, int64_t j, T h) {
@@ -130,7 +132,7 @@ class Group {
         merge_level(root_shares, 2);
     }
 
-    // The sum over the channels.
+    // Return the variance of a node, summed over its channels.
     INLINE T total_variance(int64_t level, int64_t node) const {
         const T* first = variances + (FIRST_NODE[level] + node) * C;
         T sum = first[0];
@@ -139,14 +141,14 @@ class Group {
     }
 };
 
-// The last channel of a node.
+// Return the last channel of a node, which tells whether it is visible.
 INLINE float& visibility(Group<float>& group, int64_t level, int64_t node) {
     return group.means[(FIRST_NODE[level] + node) * 4 + 3];
 }
 
-// Negate the visibility of the nodes, and of their parents, below a leaf of every cut. They are not stored.
+// Negate the visibility of all nodes below a leaf of every cut. They are not stored.
 //
-// Such a leaf has a total variance below the limit of its level.
+// A node is a leaf of every cut if its total variance is below the limit of its level.
 template <class T>
 void hide_below_leaves(Group<float>& group, const Group<T>& errors, const double* limits) {
     bool is_root_leaf = errors.total_variance(2, 0) < limits[1];
@@ -157,7 +159,7 @@ void hide_below_leaves(Group<float>& group, const Group<T>& errors, const double
     }
 }
 
-// Writes the visible nodes of groups.
+// Writes the visible nodes of groups into the arrays of VisibleNodes.
 class Writer {
     const VisibleNodes out;
     int64_t num_groups, most_groups, counts[NUM_LEVELS];
@@ -177,8 +179,10 @@ class Writer {
                has_shape(out.root_variances, most_groups, num_channels);
     }
 
-    // Write the visible nodes of a level, in Morton order. take(x, y, z, place): called for each of these, at x, y, z in
-    // the group, which is written to `place`, and for those below a leaf of every cut, which are not.
+    // Write the visible nodes of a level, in Morton order.
+    //
+    // take(x, y, z, place): a function that is called for each visible node, at x, y, z in the group, which is written
+    // to `place`. It is also called for nodes below a leaf of every cut, which are not written.
     template <class T, class Take>
     INLINE void append(Group<float>& group, const Group<T>& errors, int64_t level, Take take) {
         int64_t num_nodes = NUM_NODES[level], place = FIRST_NODE[level] * most_groups + counts[level];
@@ -201,7 +205,7 @@ class Writer {
         counts[level] = place - FIRST_NODE[level] * most_groups;
     }
 
-    // Write the root of a group for the next tier, whether it is visible or not.
+    // Write the root of a group, visible or not, from which larger groups are made.
     template <class T>
     void append_root(Group<float>& group, const Group<T>& errors) {
         for (int64_t channel = 0; channel < 4; channel++)
@@ -218,7 +222,7 @@ class Writer {
     }
 };
 
-// Build the nodes of a block from the channels of voxels.
+// Build the nodes of a block from the channels of its voxels.
 void build_block(const AnyArray<3>& raw, const Classifier& classifier, const VoxelBox& box, Group<float>& group) {
     group.begin(box.extent, 2);
     classify_box<BLOCK_SIZE>(raw, classifier, box, [&](int64_t x, int64_t y, int64_t z, FourChannels channels) {
@@ -227,7 +231,7 @@ void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Vox
     group.merge_voxels();
 }
 
-// Build the nodes of a block from the scalars of voxels, normalized; 0 without data.
+// Build the nodes of a block from the normalized scalars of its voxels; voxels without data have 0.
 void build_block(const AnyArray<3>& raw, const Classifier& classifier, const Array<const double, 1>& normalization,
                  const VoxelBox& box, Group<double>& group) {
     double scalars[BLOCK_VOXELS];
@@ -244,7 +248,8 @@ INLINE VoxelBox box_at(const Array<const int64_t, 2>& starts, const Array<const 
     return {{starts(g, 0), starts(g, 1), starts(g, 2)}, {extents(g, 0), extents(g, 1), extents(g, 2)}};
 }
 
-// errors: of what errors are measured, which may be `group` itself. build_errors(box): builds them, if they are not.
+// Build the nodes of all blocks. errors: the group of the channels that errors are measured on, which may be `group`
+// itself. build_errors(box): builds `errors`, unless it is `group`.
 template <class T, class Build>
 Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& errors, Build build_errors) {
     const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, starts, extents,
@@ -257,7 +262,7 @@ Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& er
     for (int64_t g = 0; g < starts.shape[0]; g++) {
         if (is_stopped()) return STOPPED;
         VoxelBox box = box_at(starts, extents, g);
-        // Scalars count for their errors where they are invisible, too.
+        // Scalars count for errors even where they are invisible.
         visible[g] = normalization.exists || test(box);
         if (!visible[g]) continue;
         build_block(raw, classifier, box, group);
@@ -286,7 +291,7 @@ Status build_all(const BuildBlocks& arguments, Group<float>& group, Group<T>& er
     return DONE;
 }
 
-// errors: as in `build_all`, but always built.
+// Merge roots into larger groups. errors: as in `build_all`, but always built.
 template <class T>
 Status merge_all(const MergeTier& arguments) {
     const auto& [means, error_means, variances, places, extents, side, nodes] = arguments;
@@ -325,8 +330,9 @@ Status merge_all(const MergeTier& arguments) {
 
 }  // namespace
 
-// Build the nodes of the blocks that may show something, of those at voxels `starts`, `extents` (x, y, z) of which are
-// real, and write which they are. Mark visible nodes in the grid `occupied` of cells of that level.
+// Build the nodes of the blocks that may show something, and write which blocks these are. A block begins at voxel
+// `starts`, and `extents` voxels (x, y, z) of it are inside the volume. Visible nodes are marked in `occupied`, a grid
+// of cells of `occupied_level`.
 Status build_blocks(const BuildBlocks* arguments) {
     const auto& [raw, classifier, error_classifier, normalization, limits, occupied, occupied_level, starts, extents,
                  visible, nodes] = *arguments;
@@ -350,15 +356,16 @@ Status build_blocks(const BuildBlocks* arguments) {
     return build_all(*arguments, group, group, [](const VoxelBox&) {});
 }
 
-// Merge the roots of groups, `side` voxels wide, in larger groups of which `extents` (x, y, z) are real voxels.
+// Merge the roots of groups, `side` voxels wide, into larger groups, of which `extents` voxels (x, y, z) are inside the
+// volume.
 //
-// places: 64 times the number of a root's group, and its index there; ascending by group.
+// places: 64 times the number of a root's group, plus the root's index in the group; ascending.
 Status merge_tier(const MergeTier* arguments) {
     return arguments->variances.shape[1] == 1 ? merge_all<double>(*arguments) : merge_all<float>(*arguments);
 }
 
-// Write the means of cells of level 1 or 2, or the voxels of level 0, (x, y, z) from each of `corners` [n, 3] on to `means` [n, z, y, x, 4], which
-// are 0 where nothing is visible.
+// Write the means of cells of level 1 or 2, or the voxels of level 0, to `means` [n, z, y, x, 4], from each of
+// `corners` [n, 3] (x, y, z) on. They are 0 where nothing is visible.
 Status average_cells(const AverageCells* arguments) {
     const auto& [raw, classifier, level, corners, means] = *arguments;
     int64_t num = corners.shape[0], side = BLOCK_SIZE >> level;
@@ -369,7 +376,7 @@ Status average_cells(const AverageCells* arguments) {
     VisibilityTest test(raw, classifier);
     if (!test) return NO_MEMORY;
     const float* found = group.means + FIRST_NODE[most(level - 1, (int64_t)0)] * 4;
-    // Where nodes lie along an axis: 64 of them have their two octal digits exchanged.
+    // Where nodes lie along an axis: in a level of 64 nodes, the two octal digits are exchanged.
     auto offset = [&](int64_t at) { return level == 1 ? 8 * (at & 1) + (at >> 1) : at; };
     for (int64_t i = 0; i < num; i++) {
         int64_t begin[3], end[3];
@@ -404,11 +411,12 @@ Status average_cells(const AverageCells* arguments) {
     return DONE;
 }
 
-// Write the float16 bits of `values * factor` (a power of two; products from 0 to 2^15), rounded to nearest.
+// Write `values * factor` as float16 bits, rounded to nearest. The factor is a power of two; products are from 0 to
+// 2^15.
 //
 // Normal numbers are rounded to 11 bits by Veltkamp's splitting (Dekker 1971, "A floating-point technique for extending
-// the available precision"); then only the bias of the exponent differs. Below 2^-14 the unit of float16 is 2^-24, as is
-// that of the mantissa of float32 in [1/2, 1).
+// the available precision"); then only the bias of the exponent differs. Below 2^-14, float16 has a unit of 2^-24, as
+// float32 has in [1/2, 1): adding 1/2 rounds to it.
 Status store_float16(const StoreFloat16* arguments) {
     const auto [values, factor, out] = *arguments;
     if (out.shape[0] != values.shape[0]) return OUT_OF_BOUNDS;

@@ -6,19 +6,19 @@
 struct PlaceSplats {
     // [n]: the level of each cell.
     Array<const uint8_t, 1> levels;
-    // [n]: the number of its shape.
+    // [n]: the number of each cell's shape.
     Array<const uint8_t, 1> shapes;
     // [n, 3]: the cells (x, y, z), in units of their width.
     Sized<const int32_t, 2, 3> cells;
-    // [n, 4]: (tau c, tau) times the finest spacing.
+    // [n, 4]: the mean (tau c, tau) of each cell, multiplied by the finest voxel spacing.
     Sized<const float, 2, 4> depths;
-    // [shapes, 3]: from the first voxel of a cell to its centre, relative to the volume's centre, in voxels.
+    // [shapes, 3]: the vector from the first voxel of a cell to its centre, relative to the volume's centre, in voxels.
     Sized<const double, 2, 3> shift_of_shape;
     // [shapes]: the optical area of a cell whose depth is 1, in model units squared.
     Array<const double, 1> area_of_shape;
-    // [3, 3]: from voxels to model units, in world axes.
+    // [3, 3]: the matrix from voxels to model units, in world axes.
     double model_from_index[9];
-    // [n, 8]: as in SplatBatch (renderer/splats/splats.py).
+    // [n, 8]: the vertices of the splats, as in SplatBatch (renderer/splats/splats.py).
     Sized<float, 2, 8> vertices;
 };
 KERNEL(place_splats, PlaceSplats)

@@ -1,7 +1,7 @@
 // Place a splat at each cell of a cut.
 #include "splats/kernels.h"
 
-// Write the vertices of splats, as in SplatBatch.
+// Write the vertices of splats, as in SplatBatch (renderer/splats/splats.py).
 Status place_splats(const PlaceSplats* arguments) {
     const auto [levels, shapes, cells, depths, shift_of_shape, area_of_shape, m, vertices] = *arguments;
     if (!match(levels, cells, depths, shapes, vertices) || !match(area_of_shape, shift_of_shape)) return OUT_OF_BOUNDS;

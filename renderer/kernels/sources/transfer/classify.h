@@ -1,5 +1,5 @@
-// Classification of voxels: the transfer function, Lambert's law on the gradient, and the voxels' own colours, applied to
-// voxels of a box.
+// Classify the voxels of a box: apply the transfer function, Lambert's law on the gradient, and the voxels' own
+// colours.
 #pragma once
 #include "base/lanes.h"
 #include "volume/voxels.h"
@@ -8,7 +8,7 @@
 
 namespace {
 
-// Whether a classifier fits to these voxels.
+// Return whether a classifier fits the voxels.
 inline bool fits(const Classifier& classifier, const AnyArray<3>& raw) {
     const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints, colors, shown] = classifier;
     if (!fits(by_pattern, raw) || table.exists != by_pattern.exists || curve.exists == table.exists) return false;
@@ -18,21 +18,23 @@ inline bool fits(const Classifier& classifier, const AnyArray<3>& raw) {
     return table.value.shape[0] == by_pattern.value.shape[0] && table.value.shape[1] == 4;
 }
 
-// `ambient + diffuse max(0, n . l)`, with the normal n against the world gradient (x, y, z), whose largest component is
-// about 1, so that squares neither overflow nor vanish. light: the vector l towards the light, ambient, diffuse.
+// Return Lambert's factor `ambient + diffuse max(0, n . l)`, with the normal n against the world gradient (x, y, z),
+// whose largest component is about 1, so that squares neither overflow nor vanish. light: the vector l towards the
+// light, ambient, diffuse.
 INLINE double lambert_factor(double x, double y, double z, const double* light) {
     double across = __builtin_fma(x, light[0], __builtin_fma(y, light[1], z * light[2]));
     double length = __builtin_sqrt(__builtin_fma(x, x, __builtin_fma(y, y, z * z)));
     return __builtin_fma(light[4], most(0.0, -across / length), light[3]);
 }
 
-// The factor on the colour of a visible voxel, by Lambert's law; ambient where the gradient is 0.
+// Return the factor on the colour of a visible voxel, by Lambert's law; it is `ambient` if the gradient is 0.
 //
 // Derivatives along the index axes are central, one-sided at the border and beside voxels without data, 0 across one
-// voxel. here: its scalar; the scalars beside it are at -1 and 1, `row` and `row` squared.
+// voxel. here: a pointer to the voxel's scalar; those of its neighbours are at -1 and 1, and at distances of `row` and
+// `row` squared.
 inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& raw, const double* here, int64_t row,
                               const int64_t* voxel) {
-    bool is_float32 = raw.dtype == 8;  // small differences of these are float32, too
+    bool is_float32 = raw.dtype == 8;  // small differences of float32 are exact in float32
     const int64_t steps[3] = {1, row, row * row};
     double before[3], after[3], share[3], g[3], light[5];
     for (int axis = 0; axis < 3; axis++) {
@@ -43,8 +45,8 @@ inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& 
         if (is_nan(after[axis])) after[axis] = *here;
         share[axis] = has_before && has_after ? 0.5 : 1.0;
     }
-    // Only the direction counts. Differences of halves do not overflow. Where they are small, the full differences do
-    // not overflow either, and halves would round denormals.
+    // Only the direction counts. Differences of halved scalars do not overflow. If they are small, the full differences
+    // do not overflow either, while halves would round denormals.
     auto largest = [&] { return most(most(__builtin_fabs(g[0]), __builtin_fabs(g[1])), __builtin_fabs(g[2])); };
     for (int axis = 0; axis < 3; axis++) g[axis] = 0.5 * after[axis] - 0.5 * before[axis];
     if (largest() < 1.0)
@@ -65,7 +67,7 @@ inline double lighting_factor(const VoxelLighting& lighting, const AnyArray<3>& 
 
 using FourChannels = Vector<float, 4>;
 
-// As classify_box, by a table and without light.
+// Call `take` as `classify_box` does, for a classifier with a table and without light.
 template <class T, int SIDE, class Take>
 INLINE void look_up_box(const AnyArray<3>& raw, const Array<const float, 2>& table, const VoxelBox& box, Take take) {
     Array<const T, 3> patterns = {(const T*)raw.data, {raw.shape[0], raw.shape[1], raw.shape[2]}};
@@ -75,7 +77,7 @@ INLINE void look_up_box(const AnyArray<3>& raw, const Array<const float, 2>& tab
     });
 }
 
-// As classify_box, without the voxels' own colours and without a mask.
+// Call `take` as `classify_box` does, without the voxels' own colours and without a mask.
 template <int SIDE, class Take>
 INLINE void classify_scalars(const AnyArray<3>& raw, const Classifier& classifier, const VoxelBox& box, Take take) {
     const auto& [table, by_pattern, curve, is_opacity, lighting, breakpoints, colors, shown] = classifier;

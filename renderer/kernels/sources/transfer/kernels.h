@@ -6,29 +6,31 @@
 //
 // Two control points at one value are a step, whose value belongs to the upper side.
 struct TransferTable {
-    // [n]: control values, not descending.
+    // [n]: the control values, none smaller than the one before.
     Array<const double, 1> values;
-    // [n + 1, 10]: of each segment its start, its width, the channels [4] at the start, and their rise [4]. Segment k
-    // holds the scalars from control value k - 1 to control value k; the first and the last are constant. Starts and
-    // widths are multiplied by `scale`.
+    // [n + 1, 10]: for each segment its start, its width, the channels [4] at the start, and their rise [4]. Segment k
+    // holds the scalars from control value k - 1 to control value k; the first and the last segment are constant.
+    // Starts and widths are multiplied by `scale`.
     Array<const double, 2> rows;
-    // A power of two with which differences of scalars are finite.
+    // A power of two. Multiplied by it, differences of scalars are finite.
     double scale;
-    // [GUIDE_SIZE + 3]: from guide[b] to guide[b + 3] control values are at or below a scalar in bucket b.
+    // [GUIDE_SIZE + 3]: for a scalar in bucket b, the number of control values at or below it is from guide[b] to
+    // guide[b + 3].
     Array<const uint64_t, 1> guide;
-    // Buckets of the guide per unit of the scaled scalar.
+    // The number of buckets of the guide in a unit of the scaled scalar.
     double buckets_per_unit;
 };
 
-// A grid of factors on light, from 0, dark, to 1, at the centres of cells, between which they are linear.
+// A grid of factors on light, from 0 (dark) to 1. Factors are given at the centres of cells and are linear between
+// them.
 struct LightGrid {
-    // [z + 2, y + 2, x + 2]: factors on the ambient light, in steps of 1 / 255; [0, 0, 0] if not asked for. They are 1
-    // where neither a cell nor a neighbour of it shows anything.
+    // [z + 2, y + 2, x + 2]: factors on the ambient light, in steps of 1 / 255; [0, 0, 0] if not asked for. A factor is
+    // 1 if neither the cell nor a neighbour shows anything.
     Array<const float, 3> occlusion;
-    // [z + 2, y + 2, x + 2]: the same on the diffuse light.
+    // [z + 2, y + 2, x + 2]: factors on the diffuse light, of the same kind.
     Array<const float, 3> shadow;
-    // For each cell the factors that are there, each in two numbers: 255 times the factors at the cell and at its
-    // neighbours, eight bytes, x before y before z. Two numbers follow.
+    // For each cell and each kind of factor asked for, two numbers: 255 times the factors at the cell and at its next
+    // neighbours, eight bytes, x before y before z. Two more numbers follow the last cell.
     Array<const int32_t, 1> corners;
     // The width of a cell, in voxels. Cells begin at the corner of the first voxel.
     double cell_size;
@@ -38,31 +40,31 @@ struct LightGrid {
     double shadow_strength;
 };
 
-// A light on voxels.
+// A light on voxels, by Lambert's law.
 struct VoxelLighting {
-    // The unit vector towards the light in world axes, ambient, diffuse.
+    // The unit vector towards the light in world axes, then the ambient and the diffuse coefficient.
     double light[5];
-    // [3, 3]: from a gradient along the index axes to the world.
+    // [3, 3]: the matrix from gradients along the index axes to the world.
     double world_from_gradient[9];
-    // The share of the light that reaches each voxel; NO_LIGHT_GRID where all of it does.
+    // The share of the light that reaches each voxel; NO_LIGHT_GRID if all of the light reaches every voxel.
     LightGrid grid;
 };
 
-// A set of tables with which kernels classify a voxel (renderer/transfer/classify.py).
+// The tables with which kernels classify a voxel (renderer/transfer/classify.py).
 struct Classifier {
-    // [patterns, 4]: channels by bit pattern; None for wider values.
+    // [patterns, 4]: the channels of each bit pattern; None for voxels of more than 16 bits.
     Maybe<Array<const float, 2>> table;
-    // [patterns]: the scalar of each bit pattern; None for wider values.
+    // [patterns]: the scalar of each bit pattern; None for voxels of more than 16 bits.
     Maybe<Array<const double, 1>> scalars;
-    // The transfer function, extinctions times the finest spacing; None where `table` is used.
+    // The transfer function, with extinctions multiplied by the finest voxel spacing; None if `table` is used.
     Maybe<TransferTable> curve;
     // Whether the channels are (a c, a), and not (tau c, tau).
     bool is_opacity;
-    // None without shading.
+    // The light on voxels; None without shading.
     Maybe<VoxelLighting> lighting;
-    // The visibility breakpoints (renderer/transfer/transfer_function.py).
+    // The scalars at which visibility changes (renderer/transfer/transfer_function.py).
     Array<const double, 1> breakpoints;
-    // [z, y, x, 3]: colours of voxels, factors on the transfer function's colours; None for white.
+    // [z, y, x, 3]: the colours of voxels, which multiply the transfer function's colours; None for white.
     Maybe<Sized<const uint8_t, 4, 3>> colors;
     // [z, y, x]: 0 for voxels that a mask hides; None without a mask.
     Maybe<Array<const uint8_t, 3>> shown;
@@ -70,12 +72,14 @@ struct Classifier {
 
 // A table of colour and extinction by u, a scalar normalized to a range: 0 is its start and 1 its end.
 struct PiecewiseTransfer {
-    // [n, PIECE_FLOATS]: of each segment its end, its origin, the extinction times the finest spacing there and its
-    // slope; (r, g, b, the same extinction) at the origin; and their slopes. Segment k holds u from the end of the one
-    // before, included, to its own end, excluded; the last end is infinite. Kernels read rows in fours.
+    // [n, PIECE_FLOATS]: for each segment its end and its origin; the extinction at the origin, times the finest voxel
+    // spacing, and its slope; (r, g, b, the same extinction) at the origin, and their slopes. Segment k holds u from
+    // the end of the segment before, included, to its own end, excluded; the last end is infinite. Kernels read four
+    // numbers of a row at a time.
     Array<const float, 2> rows;
-    // [GUIDE_SIZE]: from u = b / GUIDE_SIZE on the segment is guide[b] or later. For u < 0 it is the first.
+    // [GUIDE_SIZE]: a scalar u >= b / GUIDE_SIZE lies in segment guide[b] or later. A scalar u < 0 lies in the first
+    // one.
     Array<const int32_t, 1> guide;
-    // Below this u nothing is visible.
+    // Nothing is visible below this u.
     float lowest_visible;
 };

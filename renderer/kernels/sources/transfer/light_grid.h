@@ -1,8 +1,8 @@
-// The share of the light that reaches each place (LightGrid in kernels.h).
+// The share of the light that reaches each position (LightGrid in kernels.h).
 #pragma once
 #include "transfer/kernels.h"
 
-// The value of a grid at a place in the volume, in float32.
+// Return the value of a grid at a position in the volume, in float32.
 INLINE float interpolate_cells(const Array<const float, 3>& grid, float x, float y, float z) {
     int64_t i = (int64_t)x, j = (int64_t)y, k = (int64_t)z;
     float a = x - (float)i, b = y - (float)j, c = z - (float)k;
@@ -15,7 +15,7 @@ INLINE float interpolate_cells(const Array<const float, 3>& grid, float x, float
     return near + c * (far - near);
 }
 
-// Multiply the ambient and the diffuse light, the last two of `light`, by the shares of them that reach a voxel.
+// Multiply the ambient and the diffuse light, the last two numbers of `light`, by the shares that reach a voxel.
 INLINE void shade(const LightGrid& grids, const int64_t* voxel, double* light) {
     bool is_occluded = grids.occlusion.size() > 0, is_shadowed = grids.shadow.size() > 0;
     if (!is_occluded && !is_shadowed) return;

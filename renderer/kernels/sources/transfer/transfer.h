@@ -4,14 +4,14 @@
 #include "base/lanes.h"
 #include "base/maths.h"
 
-// Buckets of a guide, as in renderer/transfer/piecewise.py.
+// The number of buckets of a guide, as in renderer/transfer/piecewise.py.
 constexpr int64_t GUIDE_SIZE = 1024;
-// The largest normalized scalar, in ranges, as in renderer/transfer/piecewise.py.
+// The largest normalized scalar, in widths of the range, as in renderer/transfer/piecewise.py.
 constexpr double MAX_NORMALIZED_SCALAR = 0x1p20;
 // The least depth or opacity that is visible, as in renderer/transfer/transfer_function.py.
 constexpr double VISIBILITY_THRESHOLD = 0x1p-80;
 
-// (tau c, tau) or the like: three of colour, then one of extinction or opacity.
+// Four channels, such as (tau c, tau): three for colour, then extinction or opacity.
 using Channels = Vector<double, 4>;
 
 INLINE bool fits(const TransferTable& curve) {
@@ -19,7 +19,7 @@ INLINE bool fits(const TransferTable& curve) {
     return num > 0 && has_shape(curve.rows, num + 1, 10) && has_shape(curve.guide, GUIDE_SIZE + 3);
 }
 
-// The number of ascending values that are at or below a scalar: at least `low`, at most `high`.
+// Return how many of the ascending values are at or below a scalar: at least `low`, at most `high`.
 INLINE int64_t num_at_or_below(const Array<const double, 1>& values, double scalar, int64_t low, int64_t high) {
     while (low < high) {
         int64_t middle = (low + high) / 2;
@@ -29,14 +29,14 @@ INLINE int64_t num_at_or_below(const Array<const double, 1>& values, double scal
     return low;
 }
 
-// The four channels of a scaled and clamped scalar in segment k.
+// Return the four channels of a scaled and clamped scalar in segment k.
 INLINE Channels evaluate_segment(const Array<const double, 2>& rows, int64_t k, double inside) {
     const double* row = &rows(k, 0);
     double t = (inside - row[0]) / row[1];
     return load<Channels>(row, 2) + t * load<Channels>(row, 6);
 }
 
-// The four channels of a scalar that is not NaN.
+// Return the four channels of a scalar that is not NaN.
 INLINE Channels evaluate(const TransferTable& curve, double scalar) {
     const auto& values = curve.values;
     double inside = least(most(scalar, values[0]), values[values.shape[0] - 1]) * curve.scale;
@@ -45,7 +45,7 @@ INLINE Channels evaluate(const TransferTable& curve, double scalar) {
     return evaluate_segment(curve.rows, num_at_or_below(values, scalar, low, high), inside);
 }
 
-// A voxel's four channels without light: (tau c, tau) or, as opacities, (a c, a); 0 for NaN.
+// Return a voxel's four channels without light: (tau c, tau) or, with opacities, (a c, a); 0 for NaN.
 INLINE Channels classify_scalar(const TransferTable& curve, bool is_opacity, double scalar) {
     if (is_nan(scalar)) return {};
     Channels channels = evaluate(curve, scalar);
@@ -55,7 +55,7 @@ INLINE Channels classify_scalar(const TransferTable& curve, bool is_opacity, dou
     return weight * channels;
 }
 
-// The min-max test: whether any scalar from `low` to `high` is visible (renderer/transfer/transfer_function.py).
+// Return whether any scalar from `low` to `high` is visible: the min-max test (renderer/transfer/transfer_function.py).
 INLINE bool is_range_visible(const Array<const double, 1>& breakpoints, double low, double high) {
     int64_t num = num_at_or_below(breakpoints, low, 0, breakpoints.shape[0]);
     return num % 2 == 1 || (num < breakpoints.shape[0] && breakpoints[num] <= high);

@@ -4,10 +4,10 @@
 namespace truth {
 namespace {
 
-// The number, in place of an axis, that asks for the voxel itself and not for a difference.
+// A value in place of an axis that asks for the value of the voxel itself, not for a difference.
 constexpr int VALUE = -1;
 
-// The voxels at the corners of a cell, and around them up to a margin.
+// The voxels at the corners of a cell, and the voxels around them up to a margin.
 struct Surroundings {
     Cell size, cell, first;
     int64_t side;
@@ -23,7 +23,7 @@ struct Surroundings {
         return numbers + (z * side + y) * side + x;
     }
 
-    // The scaled value of a voxel that has data, or the difference at it along an axis.
+    // Return the scaled value of a voxel that has data, or the difference at the voxel along an axis.
     INLINE double term(Cell voxel, int axis, double scale) const {
         const double* here = address(voxel);
         if (axis == VALUE) return *here * scale;
@@ -34,7 +34,7 @@ struct Surroundings {
         return (here[after * step] * scale - here[-before * step] * scale) / (double)(before + after);
     }
 
-    // The mean term of the nearest voxels with data, of 26 neighbours inside the volume; NaN for none.
+    // Return the mean term of the nearest of the 26 neighbours inside the volume that have data; NaN if none has.
     double nearest_term(Cell voxel, int axis, double scale) const {
         auto [x, y, z] = voxel;
         int64_t nearest = 4;  // the squared distance
@@ -50,7 +50,7 @@ struct Surroundings {
         return total / num;
     }
 
-    // The term of the voxel at a corner, or of the nearest ones where it has no data.
+    // Return the term of the voxel at a corner or, if it has no data, the mean term of the nearest voxels.
     INLINE double corner_term(int k, int absent, int axis, double scale) const {
         Cell at = cell + Cell{k & 1, k >> 1 & 1, k >> 2};
         for (int j = 0; j < 3; j++) at[j] = least(most<int64_t>(at[j], 0), size[j] - 1);
@@ -108,7 +108,7 @@ Range macrocell_range(const AnyArray<3>& values, Cell macrocell) {
         Range found = {INFINITE, -INFINITE};
         for (int64_t k = 0; k < side * side * side; k++) {
             has_absent |= is_nan(numbers[k]);
-            found = {least(found.low, numbers[k]), most(found.high, numbers[k])};  // which NaN leaves
+            found = {least(found.low, numbers[k]), most(found.high, numbers[k])};  // NaN changes nothing
         }
         return found;
     };

@@ -1,21 +1,21 @@
 // Find the cells along a ray, and the voxels at their corners.
 //
 // A *cell* is the box between eight voxel centres, or its outward extension over the outer half voxel, where the field
-// takes the nearest value. Each octant of a cell belongs to the voxel at its corner; the octant of a voxel without data,
-// NaN, is empty. At such a corner the field takes the mean of the nearest of its 26 neighbours with data, as beyond the
-// border.
+// takes the nearest value. Each octant of a cell belongs to the voxel at its corner. The octant of a voxel without
+// data, NaN, is empty; at its corner, the field takes the mean of the nearest of the voxel's 26 neighbours that have
+// data.
 #pragma once
 #include "truth/kernels.h"
 #include "truth/truth_cubic.h"
 
 namespace truth {
 
-// Cells along each axis of a macrocell, as in renderer/truth/optics.py. Of the cells that rays met in visible
-// macrocells of two CT scans, 0.70 and 0.75 were visible; in macrocells of 8^3, 0.51 and 0.60.
+// The number of cells along each axis of a macrocell, as in renderer/truth/optics.py. Of the cells that rays met in
+// visible macrocells of two CT scans, 0.70 and 0.75 were visible; in macrocells of 8^3 cells, 0.51 and 0.60.
 constexpr int64_t MACROCELL_SIZE = 4;
 // The largest side of a cube of voxels that is read at once.
 constexpr int64_t LARGEST_CUBE = 8;
-// All corners of a cell, a bit each, x fastest.
+// The value of `absent` if no corner of a cell has data; it has one bit for each corner, x fastest.
 constexpr int ALL_ABSENT = 255;
 
 // The number of a cell, or of a voxel, along x, y, z.
@@ -37,8 +37,8 @@ INLINE Cell nearest_inside(Cell voxel, Cell size) {
 void load_cube(const AnyArray<3>& values, Cell first, int64_t side, double* out);
 
 // Write the scaled values at the corners of a cell, clamped to the volume; a corner without data takes the mean of the
-// nearest ones. Return the corners without data: the bit x + 2 y + 4 z of each is set. If all bits are set, no value has
-// a meaning.
+// nearest voxels with data. Return the corners without data: the bit x + 2 y + 4 z of each is set. If all bits are set,
+// no value has a meaning.
 int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* corners);
 
 // Write the scaled central differences along x, y, z at the corners of a cell, of which `absent` have no data.
@@ -46,17 +46,18 @@ int load_corners(const AnyArray<3>& values, Cell cell, double scale, double* cor
 // They are one-sided at the border and beside voxels without data, and 0 along an axis of one voxel.
 void load_differences(const AnyArray<3>& values, Cell cell, int absent, double scale, double (*corners)[8]);
 
-// The range of the voxels around a macrocell, from cell MACROCELL_SIZE * macrocell - 1; empty if none has data. With
-// voxels without data, their neighbours count, too.
+// Return the range of the voxels around a macrocell, from cell MACROCELL_SIZE * macrocell - 1 on; empty if no voxel has
+// data. If any voxel has no data, its neighbours count, too.
 Range macrocell_range(const AnyArray<3>& values, Cell macrocell);
 
-// Whether the voxel nearest to entry + extent * t, in cell coordinates, has no data.
+// Return whether the voxel nearest to entry + extent * t, in cell coordinates, has no data.
 INLINE bool is_octant_absent(int absent, Point entry, Point extent, double t) {
     auto [x, y, z] = entry + t * extent;
     return absent >> ((x >= 0.5) + 2 * (y >= 0.5) + 4 * (z >= 0.5)) & 1;
 }
 
-// Add where another corner becomes the nearest to the first `count` splits, which ascend; return the new count.
+// Add the positions where another corner becomes the nearest to the first `count` splits, which ascend. Return the new
+// count.
 inline int64_t add_middles(Point entry, Point extent, const Array<double, 1>& splits, int64_t count) {
     for (int axis = 0; axis < 3; axis++)
         if (extent[axis] != 0.0) count = insert_split(splits, count, (0.5 - entry[axis]) / extent[axis]);
@@ -76,13 +77,14 @@ struct Segment {
     Point entry, extent;
 };
 
-// Where a ray leaves a cell along one axis, from the cell's number, so that rounding does not add up.
+// Return where a ray leaves a cell along one axis, from the cell's number, so that rounding errors do not add up.
 INLINE double distance_to_plane(int64_t cell, double origin, double direction) {
     if (direction == 0.0) return INFINITE;
     return ((double)(cell + (direction > 0.0)) - origin) / direction;
 }
 
-// The part from `start` to `end` of a ray inside [-1/2, n - 1/2] on each axis; empty unless low < high.
+// Return the part from `start` to `end` of a ray that lies inside [-1/2, n - 1/2] on each axis; empty unless low <
+// high.
 INLINE Range clip_to_volume(Cell size, Point origin, Point direction, double start, double end) {
     for (int axis = 0; axis < 3; axis++) {
         double low = -0.5 - origin[axis], high = (double)size[axis] - 0.5 - origin[axis];
@@ -96,7 +98,7 @@ INLINE Range clip_to_volume(Cell size, Point origin, Point direction, double sta
     return {start, end};
 }
 
-// A walk along a part of a ray, from cell to cell. s: where the next one begins.
+// A walk from cell to cell along a part of a ray. s: the length along the ray at which the next cell begins.
 struct CellWalk {
     Point origin, direction;
     double s, last, to_x, to_y, to_z;
@@ -116,7 +118,7 @@ struct CellWalk {
 
     INLINE double exit(int axis, int64_t cell) const { return distance_to_plane(cell, origin[axis], direction[axis]); }
 
-    // Whether there is another cell: then it becomes the segment.
+    // Return whether there is another cell on the ray; if so, it becomes the segment.
     INLINE bool next(Segment& segment) {
         if (!(s < last)) return false;
         double s_exit = least(most(least(least(to_x, to_y), to_z), s), last);
@@ -131,7 +133,7 @@ struct CellWalk {
     }
 };
 
-// Whether an array has a number for each macrocell.
+// Return whether an array has one number for each macrocell.
 template <class T>
 bool fits_macrocells(const Array<T, 3>& array, const AnyArray<3>& values) {
     auto num = [&](int axis) { return values.shape[axis] / MACROCELL_SIZE + 1; };

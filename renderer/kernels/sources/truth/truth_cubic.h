@@ -4,9 +4,9 @@
 
 namespace truth {
 
-// Along x, y, z.
+// A point or a vector: x, y, z.
 using Point = double __attribute__((ext_vector_type(3)));
-// Coefficients of 1, t, t^2 and t^3.
+// A cubic polynomial: the coefficients of 1, t, t^2 and t^3.
 using Cubic = double __attribute__((ext_vector_type(4)));
 
 INLINE double dot(Point one, Point other) { return one.x * other.x + one.y * other.y + one.z * other.z; }
@@ -20,10 +20,10 @@ INLINE T lerp(T start, T end, double fraction) { return start + (end - start) * 
 
 INLINE double value_at(Cubic f, double t) { return f[0] + t * (f[1] + t * (f[2] + t * f[3])); }
 
-// The trilinear field of 8 corners, x fastest, along entry + extent * t, in cell coordinates.
+// Return the trilinear field of 8 corners, x fastest, along entry + extent * t, in cell coordinates.
 //
-// Edges along x are linear in t, faces quadratic, the cell cubic. Differences of corners keep the value of a constant
-// cell exact, which decides on which side of a step it lies.
+// The field is linear in t along edges, quadratic on faces, and cubic in the cell. Because it is computed from
+// differences of corners, the value of a constant cell is exact, so that it lies on the right side of a step.
 INLINE Cubic cubic_in_cell(const double* corners, Point entry, Point extent) {
     auto [u, v, w] = entry;
     auto [du, dv, dw] = extent;
@@ -40,14 +40,14 @@ INLINE Cubic cubic_in_cell(const double* corners, Point entry, Point extent) {
     };
 }
 
-// The same cubic in x, with t = start + width * x.
+// Return the same cubic as a function of x, with t = start + width * x.
 INLINE Cubic restrict_cubic(Cubic f, double start, double width) {
     auto [a, b, c, d] = f;
     double first = b + start * (2.0 * c + start * 3.0 * d), second = c + start * 3.0 * d;
     return {value_at(f, start), first * width, second * width * width, d * width * width * width};
 }
 
-// How many of the ascending knots are at or below a value.
+// Return how many of the ascending knots are at or below a value.
 inline int64_t num_below(const Array<const double, 1>& knots, double value) {
     int64_t low = 0, high = knots.shape[0];
     while (low < high) {
@@ -58,7 +58,7 @@ inline int64_t num_below(const Array<const double, 1>& knots, double value) {
     return low;
 }
 
-// Insert t into the first `count` splits, which ascend, if it lies inside the cell; return the new count.
+// Insert t into the first `count` splits, which ascend, if t lies inside the cell. Return the new count.
 inline int64_t insert_split(const Array<double, 1>& splits, int64_t count, double t) {
     if (!(0.0 < t && t < 1.0)) return count;
     int64_t slot = count;
@@ -67,7 +67,8 @@ inline int64_t insert_split(const Array<double, 1>& splits, int64_t count, doubl
     return count + 1;
 }
 
-// Where the slope of a cubic changes its sign, ascending, -1 for each missing place; and then 1.
+// Return where the slope of a cubic changes its sign, ascending, with -1 for each missing position; the last number is
+// 1.
 INLINE Point turns_and_end(Cubic f) {
     double a = 3.0 * f[3], b = 2.0 * f[2], c = f[1];
     double largest = most(most(absolute(a), absolute(b)), absolute(c));
@@ -76,32 +77,33 @@ INLINE Point turns_and_end(Cubic f) {
     double square = b * b - 4.0 * a * c;
     if (square <= 0.0) return {-1.0, -1.0, 1.0};
     double q = -0.5 * (b + __builtin_copysign(__builtin_sqrt(square), b));  // avoids cancellation
-    // Only quotients inside (-1, 1) matter: none overflows.
+    // Only quotients inside (-1, 1) are taken, so none overflows.
     double one = absolute(q) < absolute(a) ? q / a : -1.0, two = absolute(c) < absolute(q) ? c / q : -1.0;
     return {least(one, two), most(one, two), 1.0};
 }
 
-// The t in [start, end], where the cubic is monotone and passes through `knot`, at which it equals it.
+// Return the t in [start, end] at which the cubic equals `knot`. The cubic is monotone there and passes through the
+// knot.
 inline double crossing(Cubic f, double knot, double start, double end) {
     bool is_rising = value_at(f, end) > knot;
     double rounding = 0x1p-52 * (absolute(f[0]) + absolute(f[1]) + absolute(f[2]) + absolute(f[3]));
     double t = 0.5 * (start + end);
     for (int k = 0; k < 80; k++) {
         double excess = value_at(f, t) - knot;
-        // Otherwise, Newton often leaves the bracket by a bit, and bisection follows.
+        // Without this test, Newton's method often leaves the bracket by a bit, and bisection follows.
         if (absolute(excess) <= rounding) return t;
         if ((excess > 0.0) == is_rising) end = t;
         else start = t;
         double slope = f[1] + t * (2.0 * f[2] + t * 3.0 * f[3]);
         double next = slope != 0.0 ? t - excess / slope : -1.0;
-        if (!(start < next && next < end)) next = 0.5 * (start + end);  // Newton left the bracket: bisect
+        if (!(start < next && next < end)) next = 0.5 * (start + end);  // Newton's method left the bracket
         if (absolute(next - t) <= 1e-15) return next;
         t = next;
     }
     return t;
 }
 
-// Add every t in (0, 1) at which the cubic passes through one of the ascending knots to the first `count` splits.
+// Add each t in (0, 1) at which the cubic passes through a knot to the first `count` splits. Knots ascend.
 inline int64_t add_crossings(Cubic f, const Array<const double, 1>& knots, const Array<double, 1>& splits,
                              int64_t count) {
     Point turns = turns_and_end(f);

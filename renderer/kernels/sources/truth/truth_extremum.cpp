@@ -1,7 +1,8 @@
-// Find the most extreme scalar of a ray exactly, from cell to cell: the cubic of each has known extremes.
+// Find the most extreme scalar of a ray exactly, from cell to cell: the field along the ray in a cell is a cubic, whose
+// extremes are known.
 //
-// A macrocell whose bound does not exceed the largest number that was found is passed over; the first ray that meets it
-// finds its bound.
+// A macrocell whose upper bound does not exceed the largest number found so far is skipped. The first ray that meets a
+// macrocell computes its bound.
 #include "truth/kernels.h"
 #include "base/stopping.h"
 #include "truth/truth_cells.h"
@@ -9,12 +10,12 @@
 namespace truth {
 namespace {
 
-// A number, and where it is.
+// A number, and the position at which it was found.
 struct Found {
     double number, place;
 };
 
-// The largest value of a cubic in [0, 1], and where it is first.
+// Return the largest value of a cubic in [0, 1], and the first position at which it has this value.
 INLINE Found largest(Cubic cubic) {
     Found best = {value_at(cubic, 0.0), 0.0};
     Point turns = turns_and_end(cubic);
@@ -25,9 +26,10 @@ INLINE Found largest(Cubic cubic) {
     return best;
 }
 
-// The largest value of a cubic in [0, 1] where the nearest voxel has data, and where it is first.
+// Return the largest value of a cubic in [0, 1] where the nearest voxel has data, and the first position of this
+// value.
 //
-// It is minus infinity where no voxel on the way has data.
+// The value is minus infinity if no voxel along the segment has data.
 Found largest_of_data(Cubic cubic, int absent, Point entry, Point extent) {
     double memory[3], start = 0.0;
     const Array<double, 1> splits = {memory, {3}};
@@ -47,7 +49,7 @@ Found largest_of_data(Cubic cubic, int absent, Point entry, Point extent) {
 }  // namespace
 }  // namespace truth
 
-// Write the largest `sign` times scalar of rays, and the length along the ray at which it is.
+// Write the largest `sign` times scalar along each ray, and the length along the ray at which it lies.
 Status search_rays(const SearchRays* arguments) {
     using namespace truth;
     const auto& [values, tops, sign, least_rise, rays, found] = *arguments;
@@ -59,7 +61,7 @@ Status search_rays(const SearchRays* arguments) {
         auto search = [&](const Segment& segment) {
             auto [x, y, z] = segment.macrocell;
             double& top = tops(z, y, x);
-            if (is_nan(top)) {  // several threads may write here, but the same value
+            if (is_nan(top)) {  // several threads may write here, all the same value
                 auto [low, high] = macrocell_range(values, segment.macrocell);
                 top = low <= high ? most(sign * low, sign * high) : -INFINITE;
             }

@@ -1,10 +1,10 @@
-// Integrate one ray at a time through the continuous fields of some layers, at several steps at once.
+// Integrate rays, one at a time, through the continuous fields of some layers, with several step lengths at once.
 //
 // Each layer divides the ray into pieces on which its colour and extinction are polynomials (truth_layer.h). Where
 // pieces of several layers overlap, the ray is divided at their ends, too. Extinctions add up there, and so do their
 // products with colours. The optical depth of a part is exact, and its radiance is a Gauss-Legendre quadrature of a
-// smooth function. Nearly all of the time is spent on cells and crossings, which do not depend on the step: another
-// step costs little.
+// smooth function. Nearly all of the time is spent on cells and crossings, which do not depend on the step length:
+// another step length costs little.
 //
 // Factors on extinction by the gradient are no polynomials. Depths are then the integrals of cubics through the nodes
 // of the quadrature, and exact where all factors are 1.
@@ -15,41 +15,41 @@
 namespace truth {
 namespace {
 
-// A ray ends where its transmittance falls below 1e-12, unless light adds up.
+// A ray ends where its transmittance falls below 1e-12, unless light adds up without absorption.
 constexpr double MAX_OPTICAL_DEPTH = 27.631021115928547;
-// The largest optical depth of a step. With four nodes, steps of a voxel and of this depth left errors of 6e-8 and less
-// on two CT scans.
+// The largest optical depth of a step. With four nodes, steps of at most a voxel and of this depth left errors of at
+// most 6e-8 on two CT scans.
 constexpr double MAX_DEPTH_OF_STEP = 1.0;
-// The nodes of Gauss's quadrature in a step.
+// The number of nodes of the Gaussian quadrature in a step.
 constexpr int NUM_NODES = 4;
-// The number of the place in the middle of a step, behind the nodes.
+// The index of the position in the middle of a step, after those of the nodes.
 constexpr int MIDDLE = NUM_NODES;
-// The places of the nodes, as shares of a step, and its middle, which has no weight.
+// The positions of the nodes and of the middle, as shares of a step. The middle has no weight.
 constexpr double PLACES[] = {0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263, 0.5};
 constexpr double WEIGHTS[] = {0.17392742256872692, 0.32607257743127307, 0.32607257743127307, 0.17392742256872692};
-// From values at the nodes to the integrals from 0 to each node of the cubic through them.
+// The matrix from values at the nodes to the integrals, from 0 to each node, of the cubic through them.
 constexpr double INTEGRALS[][NUM_NODES] = {
     {0.08696371128436346, -0.026604180084998794, 0.012627462689404725, -0.0035551496857956833},
     {0.18811811749986806, 0.16303628871563652, -0.027880428602470895, 0.006735500594538156},
     {0.16719192197418878, 0.35395300603374397, 0.16303628871563652, -0.014190694931141144},
     {0.1774825722545226, 0.31344511474186837, 0.35267675751627187, 0.08696371128436346},
 };
-// The optical depth of a piece leads to at most this many steps, which keeps their number an integer.
+// The most steps that the optical depth of a piece leads to, so that their number fits an integer.
 constexpr double MAX_STEPS_BY_DEPTH = 0x1p30;
 // A ray gathers red, green, blue, the optical depth, and then the opacity that each interval adds.
 //
-// The place of the optical depth.
+// This is the index of the optical depth.
 constexpr int64_t DEPTH = 3;
-// The place of the first interval.
+// The index of the first interval's opacity.
 constexpr int64_t FIRST_INTERVAL = 4;
 
-// The colours and densities of a step at its nodes and in the middle. densities: optical depth per step. before: the
-// depth up to each node.
+// The colours and densities of a step, at its nodes and in its middle. densities: the optical depth per step. before:
+// the optical depth up to each node.
 struct Step {
     Color colors[NUM_NODES + 1];
     double densities[NUM_NODES + 1], before[NUM_NODES], depth;
 
-    // Add another layer: colours are means by extinction.
+    // Add another layer: colours become means, weighted by extinction.
     void add(const Step& other) {
         for (int node = 0; node <= MIDDLE; node++) {
             double sum = densities[node] + other.densities[node];
@@ -60,8 +60,8 @@ struct Step {
         depth += other.depth;
     }
 
-    // The radiance: the colour in the middle times the exact opacity, plus the quadrature of the difference from that
-    // colour. A constant colour is exact at every opacity. adds: whether nothing is absorbed.
+    // Return the radiance: the colour in the middle times the exact opacity, plus the quadrature of the deviation from
+    // that colour. A constant colour is exact at every opacity. adds: whether nothing is absorbed.
     INLINE Color radiance(double opacity, bool adds) const {
         const Color middle = colors[MIDDLE];
         Color sum = middle * (adds ? depth : opacity);
@@ -71,10 +71,10 @@ struct Step {
     }
 };
 
-// One of the equal steps through the part of a layer, each `width` wide in x.
+// Return one of the equal steps through the part of a layer, each `width` wide in x.
 INLINE Step plain_step(const LayerRay& layer, double number, double width) {
     const Piece& part = layer.part;
-    // From the integrand in powers of x to its integral from 0 to x, divided by x.
+    // The division turns an integrand in powers of x into its integral from 0 to x, divided by x.
     auto [a, b, c, d] = restrict_cubic(part.tau, number * width, width);
     const double d0 = a * width, d1 = b * width / 2.0, d2 = c * width / 3.0, d3 = d * width / 4.0;
     Step step;
@@ -91,7 +91,8 @@ INLINE Step plain_step(const LayerRay& layer, double number, double width) {
     return step;
 }
 
-// The same with factors on extinction: depths come from their values at the nodes.
+// Return one of the equal steps through the part of a layer with factors on extinction: depths come from their values
+// at the nodes.
 INLINE Step glossy_step(const LayerRay& layer, double number, double width) {
     const Piece& part = layer.part;
     Cubic tau = restrict_cubic(part.tau, number * width, width);
@@ -118,7 +119,8 @@ INLINE Step step_through(LayerRay& layer, double number, double width) {
     return step;
 }
 
-// All that a call has in common. layers: on one ray; gathered: [steps, 4 + intervals of all layers], along it.
+// The data that all rays of a call share. layers: the layers along one ray. gathered: [steps, 4 + intervals of all
+// layers], what the ray gathers.
 struct Integrator {
     bool adds;
     double max_depth;
@@ -126,12 +128,12 @@ struct Integrator {
     Array<LayerRay, 1> layers;
     Array<double, 2> gathered;
 
-    // Add the parts of some layers, which overlap, to `gathered`. Return whether it was finished.
+    // Add the parts of some layers, which overlap, to `gathered`. Return whether this was finished.
     bool integrate_parts(LayerRay* first) const {
         double bound = 0.0, num_parts = 1.0;
         for (LayerRay* layer = first; layer; layer = layer->next)
             bound += layer->part.depth_bound(), num_parts = most(num_parts, layer->part.length_voxels);
-        // Without absorption, a polynomial is exact at any depth.
+        // Without absorption, the quadrature of a polynomial is exact at any depth.
         if (!adds) num_parts = most(num_parts, least(bound / MAX_DEPTH_OF_STEP, MAX_STEPS_BY_DEPTH));
         for (int64_t number = 0; number < max_steps.shape[0]; number++) {
             const auto sums = gathered[number];
@@ -155,14 +157,14 @@ struct Integrator {
         return true;
     }
 
-    // Whether a ray may end, at all steps.
+    // Return whether a ray may end, for all step lengths.
     bool is_opaque() const {
         double depth = gathered(0, DEPTH);
         for (int64_t k = 1; k < gathered.shape[0]; k++) depth = least(depth, gathered(k, DEPTH));
         return depth > max_depth;
     }
 
-    // Add a ray, from one end of a piece to the next, for each of the steps, to `gathered`. Return whether it was
+    // Add a ray to `gathered`, from one end of a piece to the next, for each step length. Return whether this was
     // finished.
     bool integrate_ray(int64_t ray) const {
         for (int64_t k = 0; k < layers.shape[0]; k++) layers[k].start(ray);
@@ -189,8 +191,8 @@ struct Integrator {
 }  // namespace
 }  // namespace truth
 
-// Write premultiplied RGBA of rays, and the share of each interval if asked for. Alpha is 1 - exp(-optical depth), also
-// where light adds up.
+// Write the premultiplied RGBA of rays, and the share of each interval if asked for. Alpha is 1 - exp(-optical depth),
+// even if light adds up without absorption.
 Status integrate_rays(const IntegrateRays* arguments) {
     using namespace truth;
     const auto& [layers, rays, adds, max_steps, radiance] = *arguments;

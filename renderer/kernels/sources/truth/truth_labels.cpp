@@ -4,22 +4,25 @@
 namespace truth {
 namespace {
 
-// The error of the place of a change, as a share of a segment.
+// The largest error of the position of a change, as a share of a segment.
 constexpr double TOLERANCE = 1e-12;
-// The longest part, as a share of a segment, whose label may be missed.
+// The longest part of a segment, as a share of it, whose label may be missed.
 constexpr double LEAST_WIDTH = 0x1p-8;
-// The largest sum of the magnitudes of the slopes of weights along an axis. No lead changes faster: between two
-// places with one winner, no other one wins where the leads are not lost on the way.
+// The largest sum of the magnitudes of the slopes of weights along an axis. One label's lead over another changes no
+// faster. So between two positions with the same winner, no other label wins if the leads there are too large to be
+// lost on the way.
 constexpr double LARGEST_SLOPE = 2.0;
 
-// Write the weights of the voxels before, at and after the nearest one, from which a point is t away.
+// Write the weights of the voxels before, at and after the nearest voxel, for a point at a distance of t from the
+// nearest.
 INLINE void write_weights(double t, double* weights) {
     weights[0] = 0.2 * most(-t, 0.0) + 0.4 * (0.5 - t) * (0.5 - t);
     weights[1] = 0.2 * (1.0 - absolute(t)) + 0.8 * (0.75 - t * t);
     weights[2] = 0.2 * most(t, 0.0) + 0.4 * (0.5 + t) * (0.5 + t);
 }
 
-// Smooth lines of 8 by (1, 4, 6, 4, 1) / 16. What remains are 4 for each, and the next axis is along the lines.
+// Smooth lines of 8 numbers by (1, 4, 6, 4, 1) / 16. Each line keeps 4 numbers, and the next axis comes to lie along
+// the lines.
 void smooth(const double* in, int64_t num_lines, double* out) {
     for (int k = 0; k < 4; k++)
         for (int64_t line = 0; line < num_lines; line++) {
@@ -44,7 +47,7 @@ LabelSegment::Winner LabelSegment::winner_at(double t) const {
         of[k] = first[before + x + 4 * y + 16 * z];
         sums[of[k]] += along[0][x] * along[1][y] * along[2][z];
     }
-    int winner = of[13];  // in the middle
+    int winner = of[13];  // the voxel in the middle
     for (int one : of) winner = sums[one] > sums[winner] ? one : winner;
     for (int one : of) next = one == winner ? next : most(next, sums[one]);
     return {t, numbers[winner], sums[winner] - next};
@@ -59,7 +62,7 @@ int64_t LabelSegment::load(const AnyArray<3>& values, const Segment& segment, co
     double ends[5] = {0.0, 1.0, 1.0, 1.0, 1.0};
     for (int64_t k = 0; k < num_splits; k++) ends[k + 1] = splits[k];
     for (int k = 0; k < 4; k++) {
-        // Not at the very ends, where two often have the same sum.
+        // Positions at the very ends are left out, because two labels often have the same sum there.
         double low = ends[k] + TOLERANCE, high = ends[k + 1] - TOLERANCE;
         if (low < high) find_changes(winner_at(low), winner_at(high));
     }

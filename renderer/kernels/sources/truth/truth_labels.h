@@ -1,21 +1,22 @@
-// Find the label at any point: that with the largest sum of weights among the 27 voxels around.
+// Find the label at any point: the label with the largest sum of weights among the 27 voxels around the point.
 //
-// The weight of a voxel is a product over the axes: of its distance along each, 0.2 times a tent and 0.8 times a
-// quadratic B-spline. A voxel alone thus keeps its centre, with more than half of the weight. In every cell, one of the
-// corners has more weight than all voxels that are no corners together: one of the corners' labels wins.
+// The weight of a voxel is a product over the axes. Each factor is a function of the voxel's distance along the axis:
+// 0.2 times a tent plus 0.8 times a quadratic B-spline. A single voxel with a label thus keeps its centre, where it has
+// more than half of the weight. In every cell, one of the corners has more weight than all voxels together that are no
+// corners: one of the corners' labels wins.
 #pragma once
 #include "truth/truth_cells.h"
 
 namespace truth {
 
-// As many changes are found in a segment. There are far fewer, unless rounding makes them.
+// The most changes of label that are found in a segment. There are far fewer, unless rounding makes more.
 constexpr int64_t MAX_LABEL_CHANGES = 64;
 
-// The labels along a segment. splits: where another one wins, or another voxel becomes the nearest; num_changes: of the
-// former.
+// The labels along a segment. splits: the positions where another label wins, or where another voxel becomes the
+// nearest. num_changes: the number of positions where another label wins.
 //
-// numbers: of 4^3 voxels from the one before the cell on, x fastest. first: for each of them the first voxel with its
-// number.
+// numbers: the label numbers of 4^3 voxels, from the voxel before the cell on, x fastest. first: for each of these
+// voxels, the first voxel with the same number.
 struct LabelSegment {
     double numbers[64];
     uint8_t first[64];
@@ -23,21 +24,22 @@ struct LabelSegment {
     Array<double, 1> splits;
     int64_t num_splits, num_changes;
 
-    // The number that wins at t along the segment, and by how much its sum exceeds the next one.
+    // Return the number that wins at t along the segment, and by how much its sum exceeds the next largest sum.
     struct Winner {
         double t, number, lead;
     };
 
-    // Load the labels of a segment, and find all splits; return how many there are.
+    // Load the labels of a segment, and find all splits. Return the number of splits.
     int64_t load(const AnyArray<3>& values, const Segment& segment, const Array<double, 1>& scratch);
 
     Winner winner_at(double t) const;
 
-    // Add the places between two others where another label wins to the splits.
+    // Add to the splits the positions between two positions where another label wins.
     void find_changes(Winner low, Winner high);
 };
 
-// How far normals turn to a fixed light, so that the faces of labels that are cut open, far from a surface, are lit.
+// The length of the vector towards a fixed light by which normals turn, so that the faces of cut labels are lit far
+// from a surface.
 constexpr double LABEL_TILT = 0.05;
 
 // Write the differences along x, y, z of the smoothed opacity of voxels, at the corners of a cell.

@@ -2,11 +2,11 @@
 //
 // Along a ray inside one cell, the trilinear field is a cubic polynomial in the fraction t in [0, 1] of the segment.
 // The cubic is split where it crosses a control value of the transfer function (and where the light grazes the
-// surface). No thin shell can be missed, because crossings are computed and not sampled. The number of labels is
-// constant between the places where another one wins (truth_labels.h). Of voxels that are colours, extinction and its
-// products with colour are such cubics themselves, between lit voxels.
+// surface). No thin shell can be missed, because crossings are computed and not sampled. In a volume of labels, the
+// number is constant between the positions where another label wins (truth_labels.h). If voxels are colours, extinction
+// and its products with colour are such cubics themselves, interpolated between lit voxels.
 //
-// Most cells show nothing, which is found out once for each macrocell, when the first ray meets it.
+// Most cells show nothing. This is found out once for each macrocell, when the first ray meets it.
 #pragma once
 #include "truth/truth_labels.h"
 #include "truth/truth_light.h"
@@ -16,7 +16,7 @@ namespace truth {
 // The states of a macrocell.
 enum : uint8_t { UNKNOWN, EMPTY, VISIBLE };
 
-// Red, green, blue.
+// A colour: red, green, blue.
 using Color = Point;
 
 // An interval of the transfer function: a row of Intervals.
@@ -35,9 +35,9 @@ struct Interval {
     INLINE bool has_extinction(double value) const { return base() + slope() * (value - origin()) > 0.0; }
 };
 
-// A piece of a cell, from `start` over `extent` in t, as functions of x in [0, 1].
+// A piece of a cell, from `start` over `extent` in t. Its functions are of x in [0, 1].
 //
-// number: of the interval that has its values. value: the scalar. tau: optical depth per unit of x.
+// number: the number of the interval that holds its values. value: the scalar. tau: the optical depth per unit of x.
 struct Piece {
     Interval interval;
     int64_t number;
@@ -53,28 +53,28 @@ struct Piece {
         };
     }
 
-    // The largest Bernstein coefficient of the optical depth, which bounds it from above.
+    // Return the largest Bernstein coefficient of the optical depth, which bounds it from above.
     INLINE double depth_bound() const {
         auto [t0, t1, t2, t3] = tau;
         return most(most(most(t0, t0 + t1 / 3.0), t0 + (2.0 * t1 + t2) / 3.0), t0 + t1 + t2 + t3);
     }
 };
 
-// A cubic on x in [0, 1] that should lie in [low, high], or a constant if it strays too far.
+// Return a cubic on x in [0, 1] that should lie in [low, high], or a constant if it strays too far.
 //
-// It strays if the interval, and so the piece, is narrower than the rounding of the cubic: between such knots,
-// extinction would be extrapolated without bounds.
+// The cubic strays if the interval, and so the piece, is narrower than the rounding errors of the cubic: between such
+// knots, extinction would be extrapolated without bounds.
 inline Cubic clamp_cubic(Cubic f, double low, double high) {
     auto [a, b, c, d] = f;
-    // The other Bernstein coefficients.
+    // The other Bernstein coefficients; the first one is a.
     double one = a + b / 3.0, two = a + (2.0 * b + c) / 3.0, three = a + b + c + d, room = high - low;
     if (least(least(least(a, one), two), three) >= low - room && most(most(most(a, one), two), three) <= high + room)
         return f;
     return {least(most(0.5 * (a + three), low), high), 0.0, 0.0, 0.0};
 }
 
-// The most splits of a cell. A cubic passes a knot at most three times, and so do the cosines of the light and of the view.
-// Another voxel becomes the nearest at most three times. Labels pass no knots, but change.
+// Return the most splits of a cell. A cubic passes a knot at most three times, and so do the cosines of the light and
+// of the view. At most three times another voxel becomes the nearest. Labels pass no knots, but change.
 inline int64_t num_splits_of(const LayerOptics& layer) {
     return 3 * (layer.intervals.rows.shape[0] + 2) + MAX_LABEL_CHANGES;
 }
@@ -92,27 +92,31 @@ inline Cubic combination(Point weights, const Gradient& gradient) {
     return weights.x * gradient.x + weights.y * gradient.y + weights.z * gradient.z;
 }
 
-// A ray through a layer: one piece at a time, from `begin` to `end`, lengths along the ray.
+// A ray through a layer, which stands at one piece at a time. begin, end: the ends of the piece, as lengths along the
+// ray.
 //
-// reached: the length up to which it has been integrated, infinite behind the last piece; done: the x there. part: the
-// part that is integrated next, and depth: the optical depth of a step through it. next: the next layer that has a piece
-// there.
+// reached: the length up to which the ray has been integrated; infinite behind the last piece.
+// done: the x of the piece at `reached`.
+// part: the part of the piece that is integrated next.
+// depth: the optical depth of a step through the part.
+// next: the next layer that has a piece there.
 struct LayerRay : LayerOptics {
-    // Of all rays. splits: scratch space. first_interval: the place of the layer's first interval in `gathered`.
+    // Members for all rays. splits: scratch space. first_interval: the index of the layer's first interval in
+    // `gathered`.
     const IndexRays* rays;
     Array<double, 1> splits;
     int64_t first_interval;
-    // Of a ray.
+    // Members for one ray.
     Array<const double, 2> parts;
     int64_t num_begun;
     CellWalk walk;
     Light light;
-    // Of a cell. is_mixed: whether it has several labels, which are then in `labels`. num_taken: of its pieces, which
-    // end at the splits and at 1.
+    // Members for one cell. is_mixed: whether the cell has several labels, which are then in `labels`. num_taken: the
+    // number of its pieces that have been taken; pieces end at the splits and at 1.
     Segment segment;
     Cubic cubic;
     Gradient gradient;
-    Cubic channels[4];  // (tau c, tau) of voxels that are colours
+    Cubic channels[4];  // (tau c, tau) if voxels are colours
     int absent;
     bool is_mixed;
     LabelSegment labels;
@@ -138,7 +142,7 @@ struct LayerRay : LayerOptics {
 
     INLINE Interval interval(int64_t k) const { return {intervals.rows[k]}; }
 
-    // Whether any value in [low, high] has extinction.
+    // Return whether any value in [low, high] has extinction.
     bool is_visible(double low, double high) const {
         Interval first = interval(num_below(intervals.knots, low)), last = interval(num_below(intervals.knots, high));
         return last.num_opaque_below() > first.num_opaque_below() || first.has_extinction(low) ||
@@ -150,7 +154,7 @@ struct LayerRay : LayerOptics {
         return low <= high && is_visible(low * intervals.scale, high * intervals.scale) ? VISIBLE : EMPTY;
     }
 
-    // The gradient per world unit along the ray inside the cell.
+    // Return the gradient, per world unit, along the ray inside the cell.
     INLINE Gradient world_gradient() const {
         double corners[3][8];
         if (label_opacities.exists) load_label_differences(values, segment.cell, label_opacities.value, corners);
@@ -168,7 +172,7 @@ struct LayerRay : LayerOptics {
         return found;
     }
 
-    // Classify and light the voxels at the corners of the cell, which are colours. scalars: theirs.
+    // Classify and light the voxels, which are colours, at the corners of the cell. scalars: the voxels' scalars.
     void load_channels(const double* scalars) {
         double corners[4][8] = {}, differences[3][8];
         if (shading.exists) load_differences(values, segment.cell, absent, intervals.scale, differences);
@@ -187,7 +191,7 @@ struct LayerRay : LayerOptics {
             channels[channel] = cubic_in_cell(corners[channel], segment.entry, segment.extent);
     }
 
-    // The factor on the colour of a voxel with this gradient along the index axes.
+    // Return the factor on the colour of a voxel with this gradient along the index axes.
     double lit_at(Cell voxel, Point in_index) {
         auto along = [&](int row) {
             return Cubic{dot(point_of(&shading.value.world_from_gradient[3 * row]), in_index), 0.0, 0.0, 0.0};
@@ -196,14 +200,14 @@ struct LayerRay : LayerOptics {
         return light.factors_at({along(0), along(1), along(2)}, 0.0).lit;
     }
 
-    // The colour at t along the cell, of voxels that are colours.
+    // Return the colour at t along the cell, if voxels are colours.
     INLINE Color own_color(double t) const {
         double tau = value_at(channels[3], t);
         if (!(tau > 0.0)) return {};
         return Color{value_at(channels[0], t), value_at(channels[1], t), value_at(channels[2], t)} / tau;
     }
 
-    // Prepare to take the pieces of the cell; return whether it shows anything.
+    // Prepare to take the pieces of the cell. Return whether the cell shows anything.
     INLINE bool enter() {
         const auto& [cell, macrocell, s, s_exit, entry, extent] = segment;
         double corners[8];
@@ -233,10 +237,10 @@ struct LayerRay : LayerOptics {
         return true;
     }
 
-    // Enter the next cell that shows anything, and return whether there is one.
+    // Enter the next cell that shows anything. Return whether there is such a cell.
     bool enter_next() {
         for (;; num_begun++) {
-            CellWalk ahead = walk;  // in registers, as the next one
+            CellWalk ahead = walk;  // a copy, which stays in registers; so does the next one
             const Array<uint8_t, 3> states = macrocells;
             for (Segment met; ahead.next(met);) {
                 if (!(met.end > met.start)) continue;
@@ -254,8 +258,8 @@ struct LayerRay : LayerOptics {
         }
     }
 
-    // Make the part of a cell from t = `from` to `to`, which lies in one interval, the piece; return whether it shows
-    // anything.
+    // Make the part of the cell from t = `from` to `to`, which lies in one interval, the current piece. Return whether
+    // it shows anything.
     INLINE bool take(double from, double to) {
         const auto& knots = intervals.knots;
         if (is_mixed) cubic = {labels.winner_at(0.5 * (from + to)).number * intervals.scale, 0.0, 0.0, 0.0};
@@ -275,7 +279,7 @@ struct LayerRay : LayerOptics {
         return true;
     }
 
-    // Make the next part of the ray that shows anything the piece.
+    // Make the next part of the ray that shows anything the current piece.
     void take_next() {
         do {
             while (num_taken <= num_splits) {
@@ -289,7 +293,7 @@ struct LayerRay : LayerOptics {
         reached = INFINITE;
     }
 
-    // Make the piece up to a length the part.
+    // Choose the part to integrate: from where the piece has been integrated up to a length along the ray.
     INLINE void reach(double length) {
         double to = length < end ? most(done, (length - begin) / (end - begin)) : 1.0;
         part = piece.part(done, to);

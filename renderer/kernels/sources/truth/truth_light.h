@@ -6,24 +6,25 @@
 
 namespace truth {
 
-// A sum of squares that is no smaller is accurate, and one that is no larger than its inverse, too.
+// The smallest sum of squares that is accurate; the largest one is its reciprocal.
 constexpr double LEAST_SQUARE = 0x1p-900;
 
-// The three components along a segment.
+// The three components of the gradient along a segment, each a cubic.
 struct Gradient {
     Cubic x, y, z;
 };
 
 // The light on a ray, and on a segment of it.
 //
-// viewer: the unit vector towards it. halfway: that halfway between the directions to the light and to the viewer; zeros
-// where they are opposite. begin, extent: of the segment, in index space. removed: whose faces are lit.
+// viewer: the unit vector towards the viewer. halfway: the unit vector halfway between the directions to the light and
+// to the viewer; zeros if they are opposite. begin, extent: the start and the extent of the segment, in index space.
+// removed: the clipped sets whose faces are lit.
 struct Light {
     const RayShading* shading;
     Point light, viewer = {}, halfway = {}, begin = {}, extent = {};
     Array<const RemovedSet, 1> removed = {};
 
-    // direction: of the ray in index space, of length 1 in the world.
+    // direction: the direction of the ray in index space, of length 1 in the world.
     INLINE Light(const RayShading& spec, Point direction) : shading(&spec), light(point_of(spec.light)) {
         if (shading->is_plain) return;
         auto towards = [&](int row) { return -dot(point_of(&shading->world_from_index[3 * row]), direction); };
@@ -34,7 +35,7 @@ struct Light {
         halfway *= length > 0.0 ? 1.0 / length : 0.0;
     }
 
-    // The share of the light that arrives at t along the segment, by one of the grids.
+    // Return the share of the light that arrives at t along the segment, by one of the grids.
     double arriving(const Array<const float, 3>& grid, double strength, double t) const {
         if (grid.size() == 0) return 1.0;
         double place[3], mean = 0.0;
@@ -53,7 +54,7 @@ struct Light {
         return 1.0 - strength * (1.0 - mean);
     }
 
-    // A vector against the gradient at t, its length, which is 0 without a gradient, and the divisor of both.
+    // A vector against the gradient at t, the gradient's length, which may be 0, and the divisor of both.
     struct Normal {
         Point vector;
         double length, divisor;
@@ -69,13 +70,13 @@ struct Light {
         return {normal, __builtin_sqrt(square), divisor};
     }
 
-    // The factor on colour, and the white light that is added.
+    // The factor on the colour, and the white light that is added to it.
     struct Lit {
         double factor, highlight;
     };
 
-    // Mix the light at t by the gradient, `lit`, with the light by the faces near it. lit_by: returns the light by a
-    // unit vector.
+    // Mix the light by the gradient at t, `lit`, with the light by the cut faces near it. lit_by: returns the light for
+    // a unit vector.
     template <class LitBy>
     INLINE Lit with_faces(Lit lit, double t, LitBy lit_by) const {
         if (removed.shape[0] == 0) return lit;
@@ -103,7 +104,7 @@ struct Light {
         return {rest * lit.factor + share * of_faces.factor, rest * lit.highlight + share * of_faces.highlight};
     }
 
-    // The factor on colour, by Lambert's law.
+    // Return the factor on the colour, by Lambert's law.
     INLINE double lambert_factor(const Gradient& gradient, double t) const {
         auto [normal, length, divisor] = normal_at(gradient, t);
         auto lit_by = [&](double cosine) { return Lit{shading->ambient + shading->diffuse * most(0.0, cosine), 0.0}; };
@@ -111,7 +112,7 @@ struct Light {
         return with_faces(lit, t, [&](Point face) { return lit_by(dot(face, light)); }).factor;
     }
 
-    // The factor on extinction at a gradient's magnitude.
+    // Return the factor on extinction for a gradient's magnitude.
     double extinction_factor(double magnitude) const {
         const auto& factors = shading->factors;
         double factor = factors.shape[0] > 0 ? factors(0, 1) : 1.0;
@@ -120,8 +121,8 @@ struct Light {
         return factor;
     }
 
-    // The factor on colour, the white light that is added, and the factor on extinction, at t (J. F. Blinn, "Models of
-    // Light Reflection for Computer Synthesized Pictures", SIGGRAPH 1977).
+    // The factor on the colour, the white light that is added to it, and the factor on extinction, at t (J. F. Blinn,
+    // "Models of Light Reflection for Computer Synthesized Pictures", SIGGRAPH 1977).
     struct Factors {
         double lit, highlight, extinction;
     };

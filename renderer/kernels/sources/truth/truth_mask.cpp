@@ -1,9 +1,9 @@
-// Find the parts of rays inside a mask: where it shows anything, as a layer.
+// Find the parts of rays inside a mask: the parts where the mask, drawn as a layer, shows anything.
 #include "truth/kernels.h"
 #include "base/stopping.h"
 #include "truth/truth_layer.h"
 
-// Write the first parts of rays where a layer shows anything, and the number of all parts.
+// Write the first parts of rays where the layer shows anything, and the number of all such parts.
 Status mask_rays(const MaskRays* arguments) {
     using namespace truth;
     const auto& [layer, rays, parts, counts] = *arguments;
@@ -19,7 +19,7 @@ Status mask_rays(const MaskRays* arguments) {
         double last = -INFINITE;
         for (ray[0].start(i); ray[0].reached < INFINITE; ray[0].take_next()) {
             const double begin = ray[0].begin, end = ray[0].end;
-            const bool is_next = begin - last > 0x1p-50 * absolute(begin);  // and not a gap by rounding
+            const bool is_next = begin - last > 0x1p-50 * absolute(begin);  // a gap that is not a rounding error
             count += is_next, last = end;
             if (count > room) continue;
             if (is_next) parts(i, count - 1, 0) = begin;

@@ -1,10 +1,10 @@
 // Project the bounds of bricks into a view.
 #include "view/kernels.h"
 
-// The least depth of a corner, in model units, by which its position is divided; a box with a nearer corner is cut.
+// The least depth of a corner, in model units, by which its position is divided. A box with a nearer corner is cut.
 constexpr double MIN_DEPTH = 1e-6;
 
-// Write the rectangles around bounds, clipped `beyond` pixels outside of the image.
+// Write the image rectangle of each box of bounds, clipped to the image enlarged by `beyond` pixels on each side.
 Status project_bounds(const ProjectBounds* arguments) {
     const auto [bounds, camera, beyond, rectangles] = *arguments;
     const int64_t num = bounds.shape[0];
@@ -34,7 +34,7 @@ Status project_bounds(const ProjectBounds* arguments) {
         rectangles(i, 0) = most(left, 0.0), rectangles(i, 1) = most(top, 0.0);
         rectangles(i, 2) = least(right, width), rectangles(i, 3) = least(bottom, height);
     };
-    // Two loops: a choice inside of one takes up to a quarter longer.
+    // There are two loops, because a choice inside one loop takes up to a quarter longer.
     if (camera.perspective)
         for (int64_t i = 0; i < num; i++) project(i, true);
     else

@@ -9,8 +9,9 @@ struct Numbered {
     uint32_t number;
 };
 
-// Write the numbers of 0 to n - 1 by ascending keys, equal ones by ascending number. A radix sort: it goes from the
-// lowest digits of the keys to the highest, and each pass keeps the order of keys with the same digit.
+// Write the numbers from 0 to n - 1 in the order of their keys, and numbers with equal keys in ascending order. It is a
+// radix sort: it goes from the lowest digits of the keys to the highest, and each pass keeps the order of keys with the
+// same digit.
 template <class Key, class KeyOf>
 Status sort_by_key(int num_bits, const Array<uint32_t, 1>& order, KeyOf key_of) {
     constexpr int digit_bits = 8, num_digits = 1 << digit_bits;
@@ -32,7 +33,8 @@ Status sort_by_key(int num_bits, const Array<uint32_t, 1>& order, KeyOf key_of) 
     return DONE;
 }
 
-// Write the digits by index along an axis, two bits a level: 1 where the level's split hides the index from the eye.
+// Write digits for each index along an axis, two bits a level: 1 if a level's splitting plane hides the index from the
+// eye.
 void fill_digits(double eye, int64_t num, int num_levels, uint64_t* digits) {
     for (int64_t index = 0; index < num; index++)
         for (int level = 0; level < num_levels; level++) {
@@ -44,12 +46,13 @@ void fill_digits(double eye, int64_t num, int num_levels, uint64_t* digits) {
 
 }  // namespace
 
-// Sort by descending depths, equal ones by ascending index.
+// Sort by descending depth, and equal depths by ascending index.
 Status depth_order(const DepthOrder* arguments) {
     const auto [depths, order] = *arguments;
     if (order.shape[0] != depths.shape[0]) return OUT_OF_BOUNDS;
     return sort_by_key<uint32_t>(32, order, [&](int64_t i) {
-        // Bits of positive numbers ascend with the number, of negative ones descend, and the two zeros are equal.
+        // As integers, the bits of positive floats ascend with the float, and those of negative floats descend. The two
+        // zeros are equal.
         constexpr uint32_t sign = (uint32_t)1 << 31;
         uint32_t bits = __builtin_bit_cast(uint32_t, depths[i]);
         return bits > sign ? bits : sign - 1 - (bits & ~sign);
@@ -60,7 +63,7 @@ Status depth_order(const DepthOrder* arguments) {
 //
 // A child of a node may hide another child only if fewer of the node's three splitting planes lie between it and the
 // eye. That number, 0 to 3, is one base-4 digit of the cell's key, the root's first. It is a sum over the axes, so that
-// three tables by coordinate give every key. The digits of splits inside the cell are cleared.
+// three tables by coordinate give every key. The digits of splitting planes inside the cell are cleared.
 Status box_order(const BoxOrder* arguments) {
     const auto [levels, cells, eye, shape, order] = *arguments;
     const int64_t num = order.shape[0];

@@ -1,9 +1,9 @@
-// Find the splats that a view sees, and their depths.
+// Find the splats that are visible in a view, and their depths.
 #include "view/kernels.h"
 
-// Write the depths of centres, from the model's origin: depths from a distant eye would lose their order in float32.
-// Write whether footprints may meet the image. A splat that the near plane clips is not drawn at its centre: it counts
-// as in the image.
+// Write the depths of the splats' centres, and whether their footprints may meet the image. Depths are relative to the
+// model's origin: from a distant eye they would lose their order in float32. A splat that the near plane clips is not
+// drawn at its centre, and counts as in the image.
 Status cull_splats(const CullSplats* arguments) {
     const auto [vertices, sigmas, cutoff, min_sigma_px, clipped_sigmas, culled_sigmas, camera, along, depths,
                 is_visible] = *arguments;
@@ -12,10 +12,11 @@ Status cull_splats(const CullSplats* arguments) {
     const auto& r = camera.view_from_model;
     const double scale = camera.scale_px, reach_px = cutoff * min_sigma_px + 1.0;
     const double half_width = 0.5 * camera.size[0] + reach_px, half_height = 0.5 * camera.size[1] + reach_px;
-    // Pixels times depth that a ball of radius 1 reaches, its image being linearised at no more than the slope limit.
+    // The reach on the image, in pixels times depth, of a ball of radius 1, linearised at no more than the largest
+    // slopes.
     const double side = scale * __builtin_sqrt(1.0 + camera.slope_limit[0] * camera.slope_limit[0]);
     const double top = scale * __builtin_sqrt(1.0 + camera.slope_limit[1] * camera.slope_limit[1]);
-    // The compiler's own vectors would gather, which takes longer.
+    // The compiler's own vectors would use gather instructions, which take longer.
 #pragma clang loop vectorize(disable)
     for (int64_t i = 0; i < num; i++) {
         double cx = vertices(i, 0), cy = vertices(i, 1), cz = vertices(i, 2);

@@ -2,12 +2,12 @@
 #pragma once
 #include "base/kernels.h"
 
-// A mask on a grid of its own.
+// A mask of labels, on a grid of its own.
 struct MaskGrid {
-    // [z, y, x]: which of the nine voxels around each in its plane are in the mask, a bit each, x fastest; beyond the
-    // border the nearest voxels are repeated.
+    // [z, y, x]: for each voxel, nine bits that tell which voxels around it in its plane are in the mask, x fastest.
+    // Beyond the border, the nearest voxels are repeated.
     Array<const uint16_t, 3> planes;
-    // [3, 4]: from places in the index space of another volume to places in the mask's.
+    // [3, 4]: the transformation from the index space of another volume to that of the mask.
     double from_index[12];
 };
 

@@ -1,4 +1,4 @@
-// Read voxels as scalars, of any dtype.
+// Read voxels of any dtype as scalars.
 #include "volume/voxels.h"
 
 void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& by_pattern, const VoxelBox& box,
@@ -6,7 +6,7 @@ void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& b
     auto nearest = [&](int axis, int64_t number) {
         return least(most(first[axis] + number, box.first[axis]), box.first[axis] + box.extent[axis] - 1);
     };
-    // The voxels inside the box, along x.
+    // The range of voxels inside the box, along x.
     int64_t begin = nearest(0, 0) - first[0], end = nearest(0, side - 1) - first[0] + 1;
     with_array(raw, [&]<class T>(const Array<const T, 3>& voxels) {
         for (int64_t z = 0; z < side; z++)

@@ -1,4 +1,5 @@
-// Voxels as scalars, of any dtype. Values of at most 16 bits are unsigned bit patterns, which have tables.
+// Read voxels of any dtype as scalars. Values of at most 16 bits are unsigned bit patterns, which are looked up in
+// tables.
 #pragma once
 #include "base/arrays.h"
 
@@ -6,14 +7,14 @@
 struct VoxelBox {
     // The first voxel (x, y, z).
     int64_t first[3];
-    // Voxels along x, y, z.
+    // The number of voxels along x, y, z.
     int64_t extent[3];
 };
 
-// All voxels of a volume.
+// Return the box of all voxels of a volume.
 INLINE VoxelBox box_of(const AnyArray<3>& raw) { return {{}, {raw.shape[2], raw.shape[1], raw.shape[0]}}; }
 
-// Write the scalars of side^3 voxels from `first` (x, y, z) on; beyond the box the nearest voxel is repeated.
+// Write the scalars of side^3 voxels from `first` (x, y, z) on. Beyond the box, the nearest voxel is repeated.
 void load_scalars(const AnyArray<3>& raw, const Maybe<Array<const double, 1>>& by_pattern, const VoxelBox& box,
                   const int64_t* first, int64_t side, double* out);
 
@@ -28,11 +29,11 @@ INLINE void for_voxels(const VoxelBox& box, Function function) {
                 for (int64_t x = 0; x < num_x; x++) function(x, y, z);
     };
     const auto& [num_x, num_y, num_z] = box.extent;
-    if (num_x * num_y * num_z == SIDE * SIDE * SIDE) call(SIDE, SIDE, SIDE);  // fixed numbers, which are unrolled
+    if (num_x * num_y * num_z == SIDE * SIDE * SIDE) call(SIDE, SIDE, SIDE);  // fixed, to be unrolled
     else call(num_x, num_y, num_z);
 }
 
-// Whether there is a scalar for each bit pattern, and none for wider values.
+// Return whether there is a scalar for each bit pattern, and no table for wider values.
 inline bool fits(const Maybe<Array<const double, 1>>& by_pattern, const AnyArray<3>& raw) {
     if (raw.dtype >= 4) return !by_pattern.exists;
     return raw.dtype % 2 == 0 && by_pattern.exists && by_pattern.value.shape[0] == 1 << (raw.dtype == 0 ? 8 : 16);
