@@ -109,7 +109,8 @@ class FrameProber:
 
     def exact_pixels(self, number: int, image: Pixels) -> ExactPixels:
         """Choose pixels of a frame by its picture, [h, w, channels], and compute their exact colours."""
-        coarse = image if image.dtype == np.uint8 else (over_black(image) * 255).astype(np.uint8)
+        is_coarse = image.dtype == np.uint8 and image.shape[2] == 3
+        coarse = image if is_coarse else np.rint(over_black(image)[..., :3] * 255).astype(np.uint8)
         chosen = choose_pixels(coarse, self._num_probes, (self._seed, number))
         behind = behind_rows(self._stage.scene.background, len(image))[chosen.numbers // image.shape[1]]
         sides = sides_for(surrounding_differences(coarse, chosen.numbers), _SIDES)
