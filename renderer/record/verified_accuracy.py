@@ -43,7 +43,8 @@ class RayOptions:
     """Options of fresh rays.
 
     num_threads: that trace them. seed: of the choice of pixels; the seed of rendering is 0.
-    precision_db: the largest distance of each end of the interval from the film's PSNR, in decibels.
+    precision_db: the largest distance of each end of the interval from the film's PSNR, in decibels. Of a film that is
+    more exact than rounding to 8 bits, whatever the interval, no more rays are asked.
     """
 
     num_threads: int
@@ -86,8 +87,9 @@ def measure_pictures(
         measured = rays.measure(chosen, num_rays, options.seed)
         accuracy = film_accuracy(measured)
         assert accuracy is not None, "each frame is measured"
-        width = max(accuracy.psnr - accuracy.interval[0], accuracy.interval[1] - accuracy.psnr)
-        is_precise = width <= options.precision_db or accuracy.largest_error == 0.0
+        low, high = accuracy.interval
+        width = max(accuracy.psnr - low, high - accuracy.psnr)
+        is_precise = width <= options.precision_db or low > psnr(ROUNDING_ERROR)
         if is_precise or num_rays == MOST_RAYS:
             break
         num_rays = min(MOST_RAYS, 2 * num_rays * max(1, round((width / options.precision_db) ** 2 / 2)))
