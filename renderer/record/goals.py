@@ -31,8 +31,10 @@ _TIME_MARGIN = 0.2
 _MAX_LATE_FRACTION = 0.1
 # Steps that later frames share: the cut, its primitives and its edges.
 _SHARED_STEPS = ("cut", "primitives", "edges")
-# The fraction of the frames that may be less exact than requested without an error.
-_MAX_MISSING_FRACTION = 0.05
+# The chance that a frame that is as exact as requested lies below its interval, which holds in 95 % of cases.
+_CHANCE_BELOW_INTERVAL = 0.025
+# The standard deviations by which the number of frames below their intervals may exceed its mean.
+_MAX_DEVIATIONS = 3.0
 
 Goal = SplatBudget | TimeBudget | MetricTarget | None
 
@@ -65,7 +67,7 @@ def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> Re
         return None
     least = psnr(wanted_error(goal) + ROUNDING_ERROR)
     missing = [frame.frame for frame in frames if frame.accuracy is not None and frame.accuracy.interval[1] < least]
-    if film.interval[1] >= least and len(missing) <= _MAX_MISSING_FRACTION * len(frames):
+    if film.interval[1] >= least and len(missing) <= _most_missing_by_chance(len(frames)):
         return None
     which = f"; surely less on frame {first_few(missing)}" if missing else ""
     return RenderError(
@@ -75,6 +77,12 @@ def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> Re
         expected=f"{goal}, of 8 bits {least:.1f} dB",
         hint=f"ask for a little more; {BEST_EFFORT_HINT}",
     )
+
+
+def _most_missing_by_chance(num_frames: int) -> float:
+    """Return how many frames of a film that is as exact as requested may seem less exact by chance."""
+    mean = _CHANCE_BELOW_INTERVAL * num_frames
+    return mean + _MAX_DEVIATIONS * math.sqrt(mean)
 
 
 def _time_shortfall(goal: TimeBudget, frames: Sequence[FrameRecord]) -> RenderError | None:
