@@ -34,12 +34,13 @@ STATEMENTS = FormatTable(
     ),
 )
 
-# The most axes of an array in numpy 1; a volume has fewer.
+# The largest number of axes that an array may have in numpy 1; a volume has fewer.
 _MAX_AXES = 32
-# The most bytes of a header of a `.npy` file, which is numpy's own limit.
+# The largest length in bytes of the header of a `.npy` file: numpy's own limit.
 _MAX_HEADER_BYTES = 10_000
 
-# The largest ratio of decompressed to compressed bytes: more than any method reaches for typical voxels.
+# The largest ratio of decompressed to compressed bytes of an array in an archive: more than any method reaches for
+# typical voxels.
 _MAX_PACKING = 2**16
 # The exceptions that Python's zipfile raises for damaged bytes.
 _ARCHIVE_ERRORS = (
@@ -215,7 +216,7 @@ def map_raw(source: RawSource) -> Array:
 
 
 def _fitting_declarations(source: RawSource, found_bytes: int, num_bytes: int, dtype: np.dtype[Any]) -> str | None:
-    """Return a text with declarations that would fit; None if there are none.
+    """Return a text with declarations that would fit the size of the file; None if there are none.
 
     Each differs from the given declaration in one property: the length of an axis, the size of the type, or the offset.
     """

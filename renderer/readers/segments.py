@@ -18,7 +18,7 @@ from renderer.readers.voxel_limits import check_memory
 from renderer.scene import counted, join_some, short_text
 from renderer.volume import Array, Int64, Label
 
-# The largest value of a segment in its layer, which limits the memory of the table of values.
+# The largest value that a segment may have in its layer. It limits the memory of the table from values to segments.
 _MAX_VALUE = 2**16 - 1
 
 
@@ -92,7 +92,7 @@ def join_layers(layers: Array, segments: Sequence[Segment]) -> tuple[Array, str]
 
 
 def type_of_labels(labels: Sequence[int]) -> np.dtype[Any]:
-    """Return the type of a volume with these labels."""
+    """Return the smallest type of a volume with these labels, which also holds their numbers from 1 on."""
     return np.min_scalar_type(max(*labels, len(labels)))
 
 

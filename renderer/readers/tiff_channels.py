@@ -16,7 +16,7 @@ from renderer.readers.tiff_statements import sample_names
 from renderer.system import attribute, number_in, unescaped
 from renderer.volume import Channel
 
-# The most characters of a channel's name; further ones are cut off.
+# The largest number of characters of a channel's name. Further characters are cut off.
 _MAX_NAME = 60
 
 
@@ -49,7 +49,7 @@ def _of_ome(description: str, count: int) -> tuple[Channel, ...]:
 
 
 def _ome_color(text: str) -> tuple[float, float, float] | None:
-    """Return the colour of OME's signed number of 32 bits, which holds red, green, blue and alpha."""
+    """Return the colour in a number of OME: 32 bits, signed, with red, green, blue and alpha; None if it is none."""
     number = number_in(text)
     if not -(2**31) <= number < 2**32:
         return None

@@ -12,9 +12,9 @@ import numpy as np
 
 from renderer.system import attribute, number_in
 
-# The attributes with the place of an image, and the count of numbers of each.
+# The attributes with the place of an image, and how many numbers each of them holds.
 _PLACES = {"Origin": 3, "Spacing": 3, "Direction": 9}
-# A whole number of an attribute.
+# A whole number in the text of an attribute.
 _INTEGER = re.compile(r"-?[0-9]{1,9}")
 
 
