@@ -28,12 +28,12 @@ _MAX_FILES = 2**16
 
 
 def find_data_files(header: Path, name: str, listed: list[str], shape: tuple[int, ...]) -> tuple[list[Path], int]:
-    """Return the data files in order, and the number of slowest axes that files divide: 0 for one file.
+    """Return the data files in order, and along how many of the slowest axes they divide the array: 0 for one file.
 
     name: one file, `LIST`, or a pattern. listed: the lines below the header. shape: the shape of the whole array, from
         the slowest axis to the fastest. Each file may also be a slab, which has all axes: slabs have equally many steps
-        along the slowest axis. Raises InputError for files that are missing, too few or too
-        many, and for names of another form.
+        along the slowest axis. Raises InputError for files that are missing, too few or too many,
+        and for names of another form.
     """
     name = unquoted(header, name)
     numbered, is_list = _NUMBERED.fullmatch(name), _LIST.fullmatch(name)

@@ -2,9 +2,9 @@
 
 pydicom parses, in a child process (`isolation.py`); it decodes plain and run-length pixels itself, and other
 compressions with GDCM. The third axis of the volume is the step from frame to frame, not the normal of the frames: a
-tilted gantry gives a sheared volume.
-Each frame's scale is applied to its values; whether high values are shown light or dark is ignored. Frames at one place
-are times or components, of which one is read. All segments of a segmentation become labels of one volume.
+tilted gantry gives a sheared volume. Each frame's scale is applied to its values; whether high values are shown light
+or dark is ignored. Frames at one place are times or components, of which one is read. All segments of a segmentation
+become labels of one volume.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def read_dicom(path: Path, time: int | None, component: int | None, *, has_spaci
     try:
         found = sort_frames(frames)
     except InputError:
-        check_alike(frames)  # its message is better if frames of different stacks share a place by chance
+        check_alike(frames)  # its message is better: frames of different stacks may share a place
         raise
     segments = segments_of(frames[0].file)
     chosen, voxels = _read_chosen(found, segments, time, component, host)
@@ -144,7 +144,7 @@ def _read_values(frames: list[Frame], channel: int, host: Host) -> _Voxels:
     filled = [frame for frame in frames if frame.number is not None]
     ranges = dict.fromkeys(frame.scale.nodata for frame in filled)
     is_mixed = len(ranges) > 1 or any(each.scale.padding and each.scale.table is not None for each in filled)
-    dtype = np.result_type(*(frame.scale.dtype for frame in frames))  # the slope may differ from frame to frame
+    dtype = np.result_type(*(frame.scale.dtype for frame in frames))  # types differ where slopes differ
     dtype = np.result_type(dtype, np.float32) if is_mixed else dtype
     values = allocate_voxels(host, (len(frames), *frames[0].size[::-1]), dtype)
     by_file: dict[Path, dict[int, list[tuple[Array, Frame]]]] = {}

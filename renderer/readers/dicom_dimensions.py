@@ -28,8 +28,8 @@ Index = tuple[int, ...]
 # The frames of each volume, under the index of its time and the index of its component.
 _Volumes = dict[tuple[Index, Index], list[Frame]]
 
-# Empty slices are added to a segment only if it then has at most this many times the places at which the segmentation
-# has a slice.
+# The largest number of slices of a segment, empty ones included, as a multiple of the places at which the segmentation
+# has a slice. If a segment would have more slices, no empty ones are added.
 _MAX_EMPTY = 64
 
 
@@ -59,7 +59,7 @@ def sort_frames(frames: Sequence[Frame]) -> Sorted:
         volumes |= {(time, (k, *component)): volume for (time, component), volume in found.items()}
         notes += [note] if note else []
     times, components = (sorted(set(indices)) for indices in zip(*volumes, strict=True))
-    if len(volumes) < len(times) * len(components):  # if the times of parts differ, times are components, too
+    if len(volumes) < len(times) * len(components):  # parts with different times: each time is a component
         volumes = {((), (*component, *time)): volume for (time, component), volume in volumes.items()}
         times, components = [()], sorted(component for _, component in volumes)
     told_apart = [part] * (len(parts) > 1) + told_apart

@@ -57,7 +57,7 @@ def _siemens_header(dataset: Dataset) -> tuple[int, Float64 | None]:
     The number is 0, and the normal is None, if the field is missing or damaged.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # nibabel warns that this module is experimental
+        warnings.simplefilter("ignore")  # nibabel warns that csareader is experimental
         from nibabel.nicom import csareader
     reader: Any = csareader
     number, normal = 0, None

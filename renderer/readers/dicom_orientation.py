@@ -41,8 +41,8 @@ class Axes(NamedTuple):
 def axes_of(fields: Sequence[Dataset]) -> Axes:
     """Return the directions of the rows and columns of a frame.
 
-    They are in the patient, or, for ultrasound, in the space of the transducer. Numbers come before letters. Without
-    directions in the file, rows lie along x and columns along y. The axes of a quadruped are not LPS.
+    They are in the patient, or, for ultrasound, in the space of the transducer. Numbers are preferred to letters.
+    Without directions in the file, rows lie along x and columns along y. The axes of a quadruped are not LPS.
     """
     is_quadruped = text_of(fields, "AnatomicalOrientationType") == "QUADRUPED"
     in_patient, in_volume = (numbers_of(fields, f"ImageOrientation{space}") for space in ("Patient", "Volume"))

@@ -175,7 +175,7 @@ def by_place(frames: Sequence[Frame]) -> list[list[Frame]]:
 
 
 def are_one_volume(frames: Sequence[Frame]) -> bool:
-    """Return whether frames are alike, evenly spaced, and equally many at each place."""
+    """Return whether frames are alike, have evenly spaced places, and are equally many at each place."""
     if any(difference(frames[0], frame) is not None for frame in frames):
         return False
     groups = by_place(frames)

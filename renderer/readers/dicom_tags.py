@@ -9,7 +9,7 @@ import struct
 from pathlib import Path
 from typing import IO, NamedTuple
 
-# The tag, a group and an element, of SeriesInstanceUID.
+# The tag (group and element) of SeriesInstanceUID.
 _SERIES = (0x0020, 0x000E)
 # The tag of NumberOfFrames.
 _NUM_FRAMES = (0x0028, 0x0008)

@@ -29,7 +29,7 @@ _SAME = 1e-6
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the values of consecutive stored values, from `first` on.
+    """A table with the value of each stored value from `first` on.
 
     A stored value outside of the table has the value at the nearer end.
     """
@@ -112,7 +112,7 @@ def _modality_table(path: Path, dataset: Dataset) -> Table | None:
     if len(descriptor) != 3 or not descriptor[2] % 2**16 <= 16:
         raise _table_error(path, f"LUTDescriptor = {text_of([item], 'LUTDescriptor')}")
     count, bits = int(descriptor[0]) % 2**16 or 2**16, int(descriptor[2])
-    if bits <= 8 and len(data) in (count // 2, (count + 1) // 2) and len(data) < count:  # two values in each word
+    if bits <= 8 and len(data) in (count // 2, (count + 1) // 2) and len(data) < count:  # each word has two values
         data = np.array(data, "<u2" if is_little else ">u2").view(np.uint8)
     if len(data) < count:
         raise _table_error(path, f"{len(data)} of {count} values")
@@ -121,7 +121,7 @@ def _modality_table(path: Path, dataset: Dataset) -> Table | None:
 
 
 def _whole_numbers(item: Dataset, keyword: str, is_little: bool) -> Array:
-    """Return the unsigned integers of a field, whether it holds numbers or bytes."""
+    """Return the unsigned integers of 16 bits in a field, whose value may be numbers or bytes."""
     value = item.get(keyword)
     if isinstance(value, bytes):
         return np.frombuffer(value[: len(value) // 2 * 2], "<u2" if is_little else ">u2")

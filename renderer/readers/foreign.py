@@ -79,7 +79,7 @@ def refuse_zarr(path: Path) -> None:
 
 
 def _first_array(folder: Path) -> Path | None:
-    """Return the Zarr array that is highest in a folder, the folder itself included; None if there is none."""
+    """Return the Zarr array that is the fewest levels below a folder, or the folder itself; None if there is none."""
     num_left, folders = _MAX_ZARR_FOLDERS, [folder]
     while folders and num_left > 0:
         num_left -= len(folders)

@@ -85,7 +85,7 @@ class _Description:
 def find_images(file: Group) -> list[Candidate]:
     """Return the images of a file, each of one setup or of several setups that are its channels.
 
-    Each coarser level is a candidate, too, but only as a part of an image.
+    Each coarser level is returned, too, but is read only if the scene names it.
     """
     numbers = sorted(int(name[1:]) for name in file if _SETUP.fullmatch(name))
     levels = {number: factors for number in numbers if len(factors := _level_factors(file, number))}

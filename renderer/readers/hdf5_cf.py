@@ -99,7 +99,7 @@ _MAY_BE_LENGTHS = re.compile("spacing|voxel|pixel|resolution|origin|extent|direc
 
 
 def find_images(file: Group) -> list[Candidate]:
-    """Return all datasets of numbers with three axes or more, and datasets with two axes as parts."""
+    """Return all datasets of numbers with two axes or more; those with two are read only if the scene names them."""
     import h5py
 
     return [
@@ -162,7 +162,7 @@ def _axistags(dataset: Dataset) -> list[dict[str, Any]]:
 def _axis(dataset: Dataset, axis: int, tag: dict[str, Any]) -> Axis:
     """Return an axis with its coordinates.
 
-    These are in its dimension scale, or in a dataset with the name of the axis in the same group.
+    Coordinates are in the dimension scale of the axis, or in a dataset of the same group with the name of the axis.
 
     tag: ilastik's description of the axis.
     """

@@ -33,9 +33,8 @@ class Axis(NamedTuple):
     """An axis of an image in an HDF5 file.
 
     length: the number of items along the axis. name, unit: its name, and the unit of its coordinates; each may be
-    empty.
-    way: the axis of the world along which it lies, x, y or z; any other text if that is unknown. points_down: whether
-    its coordinates grow downwards. steps: the first coordinate and the step, where the file stores these two.
+    empty. way: the axis of the world along which it lies, x, y or z; any other text if that is unknown. points_down:
+    whether its coordinates grow downwards. steps: the first coordinate and the step, where the file stores these two.
     coordinates: the dataset of its coordinates, where the file stores all of them.
     """
 
@@ -49,7 +48,7 @@ class Axis(NamedTuple):
 
     @property
     def letter(self) -> str:
-        """Return the letter of the axis for `choose`: `t` for time, `c` for components, `s` for space.
+        """Return the letter that stands for the axis: `t` for time, `c` for components, `s` for space.
 
         An axis of time has a name of time, or a unit such as `days since 2000`.
         """
@@ -119,7 +118,7 @@ class Candidate(NamedTuple):
 
 
 def letters_of(own: Sequence[Axis], time: int | None, component: int | None) -> str:
-    """Return the letter of each axis for `choose`; `-` stands for an axis that is left out.
+    """Return a letter for each axis: `t` for time, `c` for components, `s` for space, `-` for an axis left out.
 
     Axes of time and components are recognised by their names. If more than three other axes remain, axes of length 1
     are left out; if there are still more than three, the rule for `.npy` files says which are times and components.
@@ -148,7 +147,8 @@ def place_of(image: StoredImage, letters: str, has_spacing_override: bool) -> tu
     """Return the affine of an image, float64 [4, 4], the unit that all lengths share, and notes.
 
     The affine follows from coordinates or, without any, from the sizes of a voxel. The unit is empty if units differ.
-        has_spacing_override: whether uneven coordinates are allowed; otherwise they raise InputError.
+
+    has_spacing_override: whether uneven coordinates are allowed; otherwise they raise InputError.
     """
     space = [axis for axis, letter in zip(image.axes, letters, strict=True) if letter == "s"][::-1]
     ways = _ways(space)

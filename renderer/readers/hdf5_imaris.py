@@ -67,7 +67,10 @@ class _Level:
 
 
 def find_images(file: Group) -> list[Candidate]:
-    """Return the image at its finest level, and, as parts of that image, all levels and all single datasets."""
+    """Return the image at its finest level.
+
+    All levels and all single datasets are returned, too, but are read only if the scene names them.
+    """
     if text_of(file, "ImarisDataSet") == "" or open_inside(file, "DataSet") is None:
         return []
     found: list[Candidate] = []

@@ -73,9 +73,9 @@ def _default(file: Group) -> Group:
 
 
 def _signal(group: Group) -> Dataset | None:
-    """Return the data of a group: the dataset that an attribute of the group or its own attribute names, else `data`.
+    """Return the dataset with the data of a group; None if there is none.
 
-    Returns None if there is no such dataset.
+    The attribute `signal` of the group names it; or its own attribute `signal` is 1; or it is called `data`.
     """
     named = text(group, "signal")
     if named and "/" not in named:

@@ -121,6 +121,6 @@ def texts(owner: Any, name: str) -> list[str]:
 
 
 def text(owner: Any, name: str) -> str:
-    """Return an attribute that is one text; an empty text for any other attribute, or without an owner."""
+    """Return the text of an attribute that holds exactly one; an empty text for any other attribute, or no owner."""
     found = texts(owner, name)
     return found[0] if len(found) == 1 else ""

@@ -86,8 +86,8 @@ def unpacked_line(dataset: Dataset) -> Array:
 def _nodata(dataset: Dataset, values: Values) -> Iterator[tuple[float, float]]:
     """Yield the ranges of values, both ends included, that stand for no data: fill values and invalid values."""
     fills = [*numbers(dataset, "_FillValue"), *numbers(dataset, "missing_value")]
-    # The fill value of HDF5 stands for voxels that were not written. In netCDF, values of one byte
-    # have no fill value.
+    # The fill value of HDF5 stands for voxels that were not written. In netCDF, values of one byte have no
+    # fill value.
     if dataset.dtype.itemsize > 1 and dataset.fillvalue != 0:
         fills.append(float(dataset.fillvalue))
     for fill in values.of(np.unique(fills)).tolist():

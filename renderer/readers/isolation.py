@@ -118,7 +118,10 @@ def _no_process_error(path: Path, got: str) -> RenderError:
 
 
 def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
-    """Return the image of an answer, mapped from the shared memory; raises InputError if the answer is an error."""
+    """Return the image that the answer of a child describes, mapped from the shared memory.
+
+    Raises InputError if the answer is an error.
+    """
     if "what" in answer:
         what, *others = (answer[name] for name in _ERROR_FIELDS)
         raise InputError(what, **dict(zip(_ERROR_FIELDS[1:], others, strict=True)))
@@ -138,7 +141,7 @@ def _image(answer: dict[str, Any], voxels: IO[bytes]) -> Image:
 
 
 def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
-    """Return a channel of an answer; an invalid colour or window is left out."""
+    """Return a channel that the answer of a child describes; an invalid colour or window is left out."""
     shade, ends = (tuple(float(each) for each in numbers or ()) for numbers in (color, window))
     is_color = len(shade) == 3 and all(0 <= part <= 1 for part in shade)
     is_window = len(ends) == 2 and -math.inf < ends[0] < ends[1] < math.inf
@@ -151,7 +154,7 @@ def _channel(name: Any, color: Any, window: Any, is_light: Any) -> Channel:
 
 
 def _label(value: Any, name: Any, color: Any, opacity: Any) -> Label:
-    """Return a label of an answer; an invalid colour or opacity is left out."""
+    """Return a label that the answer of a child describes; an invalid colour or opacity is left out."""
     shade = tuple(float(part) for part in color or ())
     is_color = len(shade) == 3 and all(0 <= part <= 1 for part in shade)
     is_opacity = opacity is not None and 0 <= float(opacity) <= 1

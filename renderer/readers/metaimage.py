@@ -89,7 +89,7 @@ def read_metaimage(path: Path, time: int | None, component: int | None) -> Image
 
 
 def _axes(fields: dict[str, Field], num_axes: int) -> str:
-    """Return the letter of each axis for `choose`, from the fastest axis to the slowest.
+    """Return a letter for each axis, the fastest first: `s` for space, `t` for time, `c` for components.
 
     The fourth axis is time unless Kinds names another axis. Two axes in space and a third one of another kind are
     drawn as a volume.
@@ -124,7 +124,7 @@ def _units(fields: dict[str, Field], world_from_index: Float64) -> Units:
 
 
 def _code(world_from_index: Float64) -> str:
-    """Return AnatomicalOrientation by the directions: the letters of the sides at which the axes begin, such as RAI."""
+    """Return the letters of the sides of a body at which the axes begin, such as RAI, as in AnatomicalOrientation."""
     columns = world_from_index[:3, :3].T
     along = np.abs(columns).argmax(axis=1)
     return "".join("RAILPS"[k + 3 * bool(column[k] < 0)] for k, column in zip(along, columns, strict=True))

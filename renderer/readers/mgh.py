@@ -52,7 +52,7 @@ _CORONAL = (
     *(-1.0, 0.0, 0.0),  # the direction of x
     *(0.0, 0.0, -1.0),  # the direction of y
     *(0.0, 1.0, 0.0),  # the direction of z
-    *(0.0, 0.0, 0.0),  # the middle
+    *(0.0, 0.0, 0.0),  # the middle of the volume
 )
 _NO_PLACE = "the file does not give its place; coronal slices of 1 x 1 x 1 mm are assumed, as FreeSurfer does"
 

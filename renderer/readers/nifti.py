@@ -353,7 +353,7 @@ def _is_analyze(header: _Header) -> bool:
 
 
 def _ras_from_index(header: _Header) -> tuple[Float64, str]:
-    """Return the affine, float64 [4, 4], and `LPS` if it places the voxels in a body."""
+    """Return the affine from voxel indices to RAS, float64 [4, 4], and `LPS` if it places the voxels in a body."""
     if _is_analyze(header):  # the world's origin is SPM's origin, or else the middle of the volume
         return np.array(header.get_origin_affine(), np.float64), ""
     for code, affine in (("sform_code", header.get_sform), ("qform_code", header.get_qform)):

@@ -47,8 +47,8 @@ _MIN_NEGATIVE_DISTANCE = 3.0
 # A positive value that is not a usual fill value counts as one only if it is farther than this from the range of the
 # other values, in lengths of that range. The limit is high, as a bright object may have a single value, too.
 _MIN_DISTANCE = 30.0
-# A range of values leaves out this share of the voxels at its lower end, and the same share at its upper end, so that a
-# few outliers do not hide a usual fill value.
+# When usual fill values are sought, the range of all other values leaves out this share of the voxels at each end, so
+# that a few outliers do not hide a fill value.
 _OUTERMOST = 1e-3
 # A value that is not a usual fill value counts as one only if at least this share of the voxels has it.
 _MIN_PART = 1e-3
@@ -90,7 +90,7 @@ def mark_absent(
     ranges = [*(declared if nodata == "auto" else ()), *((point, point) for point in points)]
     if values.dtype.kind != "f" and not ranges:
         return values, 0, None
-    nums = np.zeros(len(ranges) + 1, np.int64)  # voxels in each range, and NaN or infinite voxels
+    nums = np.zeros(len(ranges) + 1, np.int64)  # the numbers of voxels in each range, and of NaN or infinite ones
     for slab in iter_slabs(values, file):
         nums += np.array([*(np.count_nonzero(_are_within(slab, each)) for each in ranges), _num_nonfinite(slab)])
     if not nums.any():
@@ -225,7 +225,7 @@ def _sampled(values: Array) -> Float64:
 
 
 def find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...]:
-    """Return the fill values, found by the values alone, in ascending order; values of one byte have none."""
+    """Return the fill values that the values alone reveal, in ascending order; values of one byte have none."""
     if values.dtype.itemsize == 1:
         return ()
     sample = _sampled(values)

@@ -377,7 +377,7 @@ def _after_lines(file: Path, begin: int, num_lines: int) -> int:
 
 
 def _axes(fields: dict[str, Field], sizes: tuple[int, ...], directions: list[Float64 | None]) -> str:
-    """Return the letter of each axis for `choose`, from the fastest axis to the slowest.
+    """Return a letter for each axis, the fastest first: `s` space, `t` time, `c` components, `-` an axis of length 1.
 
     Raises InputError for more axes of a kind than a volume has. If there are several axes of time or components, axes
     of length 1 do not count.
@@ -437,7 +437,7 @@ def _vectors(field: Field, count: int | None) -> list[Float64 | None]:
 
 
 def _world_from_index(fields: dict[str, Field], axes: str, directions: list[Float64 | None]) -> tuple[Float64, bool]:
-    """Return the affine, float64 [4, 4], and whether the header gives a spacing."""
+    """Return the affine from voxel indices to LPS, float64 [4, 4], and whether the header gives a spacing."""
     space = [k for k, letter in enumerate(axes) if letter == "s"]
     spacing, first = _scalar_places(fields, space, len(axes))
     vectors = np.diag(spacing)

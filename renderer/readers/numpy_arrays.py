@@ -114,7 +114,7 @@ def _unpacked(file: IO[bytes], member: zipfile.ZipInfo, path: Path) -> Array:
 
 
 def _chosen(values: Array, time: int | None, component: int | None) -> Image:
-    """Return one time step and component of an array."""
+    """Return one time step and component of an array, as an image."""
     if values.dtype.kind == "b":
         values = values.view(np.uint8)
     if values.ndim == 2:
@@ -125,7 +125,10 @@ def _chosen(values: Array, time: int | None, component: int | None) -> Image:
 
 
 def axes_of_array(shape: tuple[int, ...], time: int | None, component: int | None) -> str:
-    """Return the letter of each axis for `choose`; raises InputError if the axes are ambiguous or too many."""
+    """Return a letter for each axis of an array: `s` for space, `t` for time, `c` for components.
+
+    Raises InputError if the axes are ambiguous or too many.
+    """
     num_axes = len(shape)
     if num_axes == 4 and time is None and component is None:
         raise InputError(

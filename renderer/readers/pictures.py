@@ -102,7 +102,7 @@ def _lengths(picture: Any) -> tuple[Float64, Units, str]:
 
 
 def _unapplied(file: Path, picture: Any) -> set[str]:
-    """Return the names in STATEMENTS of what a picture states, and this reader does not apply."""
+    """Return the fields of a picture that are not applied, by their names in STATEMENTS."""
     with file.open("rb") as opened:
         start = opened.read(_PNG_KIND_AT + 1)
     found = {"tRNS"} if "transparency" in picture.info else set()

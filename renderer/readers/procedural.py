@@ -129,7 +129,7 @@ def _cells(source: ProceduralSource, *, inner: float, outer: float) -> Array:
 _NUM_LABELS = 200
 # The radius of the atlas, a ball in [-1, 1]^3.
 _BALL = 0.95
-# Half of the width of the gap between two labels of the atlas, if the radius of the ball is _BALL.
+# Half of the width of the gap between two labels of the atlas, in coordinates in which the radius is _BALL.
 _GAP = 0.012
 
 

@@ -122,7 +122,10 @@ def join_segments(planes: Callable[[], Iterable[tuple[int, Int64]]], labels: Seq
 
 
 def _table(segments: Sequence[Segment], layer: int) -> Int64:
-    """Return the segment's number, from 1 on, for each value of a layer; the last entry is for all larger values."""
+    """Return the number of the segment, from 1 on, that each value of a layer stands for; 0 for no segment.
+
+    The last entry is for all larger values.
+    """
     own = [(number, each.value) for number, each in enumerate(segments, 1) if each.layer == layer]
     table = np.zeros(2 + max((value or 0 for _, value in own), default=0), np.int64)
     for number, value in own:

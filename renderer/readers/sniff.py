@@ -110,7 +110,7 @@ def find_format(path: Path) -> Format:
 
 
 def _format_by_bytes(path: Path) -> Format | None:
-    """Return the format by the first bytes of a file, decompressed if its reader supports gzip; None if unknown."""
+    """Return the format that the first bytes of a file show, also behind gzip for MRC and NIfTI; None if unknown."""
     content, is_compressed = read_start(path, _FIRST_BYTES)
     found = None if is_compressed else _format_by_signature(content)
     if found is not None:

@@ -51,7 +51,7 @@ _MAX_BZIP2_RATIO = 2**21
 _HEADERS = {348: "Analyze or NIfTI", 352: "NIfTI-1", 540: "NIfTI-2", 544: "NIfTI-2", 284: "MGH", 1024: "MRC"}
 
 # The largest number of decoded bytes before the voxels: more than reports, colours or names take there. Without this
-# limit, a header could have a thousand times the bytes of a compressed file decoded in vain.
+# limit, the header of a small compressed file could make the reader decode any number of bytes in vain.
 _MAX_SKIPPED = 2**26
 
 Encoding = Literal["raw", "deflate", "bzip2", "text", "hex"]
@@ -249,7 +249,7 @@ def _check_length(part: StoredVoxels, shape_xyz: tuple[int, ...], dtype: np.dtyp
     least = {
         "deflate": -(-num_bytes // _MAX_DEFLATE_RATIO),
         "bzip2": -(-num_bytes // _MAX_BZIP2_RATIO),
-        "text": 2 * num_values - 1,  # at least a digit a number, and a separator between two
+        "text": 2 * num_values - 1,  # at least a digit for each number, and a separator between two numbers
         "hex": 2 * num_bytes,
     }[part.encoding]
     if found < max(least, part.num_encoded or 0):

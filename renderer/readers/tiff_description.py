@@ -129,7 +129,7 @@ def page_layout(page: Page, num_pages: int) -> Layout:
 
 
 def _ome_axes(page: Page) -> tuple[str, list[int]]:
-    """Return the axes of pages, and the length of each, by OME's first image."""
+    """Return the axes of pages, and the length of each, for the first image in OME's XML."""
     pixels = ome_pixels(page.description)
     order = attribute(pixels, "DimensionOrder") or ""
     axes = order[:1:-1] if order[:2] == "XY" and sorted(order[2:]) == ["C", "T", "Z"] else "TZC"
@@ -224,7 +224,7 @@ def page_places(description: str, own_name: str, layout: Layout) -> list[tuple[s
 def _tiff_data(description: str) -> list[tuple[str, str, str]]:
     """Return the attributes, the file and the UUID of each TiffData element of OME's first image.
 
-    The file has no folders. File and UUID are empty if the element names no file.
+    The name of the file comes without folders. File and UUID are empty if the element names no file.
     """
     image = re.split(r"</(?:\w+:)?Pixels\b", description, maxsplit=1)[0]
     found = []

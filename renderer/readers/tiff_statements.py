@@ -105,7 +105,7 @@ def _alpha_of(page: Page) -> int | None:
 
 
 def note_of(page: Page) -> str | None:
-    """Return the note on statements of a page that are not applied; None if there are none."""
+    """Return the note on the fields of a page that change what pixels mean, but are not applied; None without any."""
     return STATEMENTS.note(set(_unapplied(page)))
 
 

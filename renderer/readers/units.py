@@ -38,7 +38,7 @@ class Units(NamedTuple):
 
 
 def units_of(length: str = "", axes: str = "", value: str = "") -> Units:
-    """Return the units that texts of a file name; a text that stands for no unit, or is too long, becomes empty."""
+    """Return the units that the texts stand for; a text that stands for no unit, or is too long, becomes empty."""
     length, value = one_spelling(length), value.strip()
     return Units(length * is_unit(length), "LPS" if axes == "LPS" else "", value * is_unit(value))
 

@@ -85,7 +85,10 @@ def components_of(fields: Any) -> list[Component]:
 
 
 def notes_of(image: Any, component: Component, *, is_cells: bool) -> list[str | None]:
-    """Return the notes on what a file states but is not applied, and on arrays that are left out."""
+    """Return notes on fields of a file that are not applied, and on arrays that are left out; None is no note.
+
+    is_cells: whether the values of cells are read, not those of points.
+    """
     found = set()
     if image.GetFieldData().HasArray("TimeValue"):
         found.add("TimeValue")

@@ -191,7 +191,10 @@ def _pieces(path: Path) -> list[tuple[Path, tuple[int, ...]]]:
 
 
 def _extent(tag: re.Match[str] | None, name: str) -> tuple[int, ...]:
-    """Return the first and the last point along each axis, by an attribute; raises InputError for an invalid one."""
+    """Return the first and the last point along each axis that a tag's attribute gives.
+
+    Raises InputError for an invalid attribute.
+    """
     extent = extent_in(tag[0], name) if tag else None
     if extent is None:
         raise _damaged(f"no {name} of six numbers")
@@ -299,7 +302,10 @@ def _damaged(got: str | None) -> InputError:
 
 
 def _world_from_index(image: Any, *, is_cells: bool) -> Float64:
-    """Return the affine, float64 [4, 4], of the first voxel of an image, which may be a part of a larger image."""
+    """Return the affine from voxel indices to the world, float64 [4, 4].
+
+    image: an image, or a part of a larger image. Its first voxel has the index 0.
+    """
     first = np.full(3, 0.5 if is_cells else 0.0)
     if image.IsA("vtkRectilinearGrid"):
         coordinates = (image.GetXCoordinates(), image.GetYCoordinates(), image.GetZCoordinates())

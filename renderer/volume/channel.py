@@ -1,4 +1,4 @@
-"""Define a component of a file that has several, as the file describes it."""
+"""Define the description of one of several components of a file, such as a channel of a microscope."""
 
 from __future__ import annotations
 
