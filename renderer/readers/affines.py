@@ -30,7 +30,7 @@ def no_spacing(names: Sequence[str]) -> str:
 
 
 def affine(spacing: npt.ArrayLike, origin: npt.ArrayLike, direction: npt.ArrayLike) -> Float64:
-    """Return the affine from voxel indices to the world: `direction @ diag(spacing)` and the origin, float64 [4, 4].
+    """Return the affine from voxel indices to the world: `direction @ diag(spacing)`, then the origin, float64 [4, 4].
 
     direction: [3, 3], whose columns are the directions of the index axes.
     """
@@ -112,7 +112,7 @@ def spacing_of(world_from_index: Float64) -> tuple[float, float, float]:
 
 
 def with_spacing(world_from_index: Float64, spacing: tuple[float, float, float]) -> Float64:
-    """Return an affine with other lengths of its axes; directions and origin stay: float64 [4, 4]."""
+    """Return an affine whose axes have the lengths `spacing`; directions and origin stay: float64 [4, 4]."""
     _, axes = _directions(world_from_index)
     return affine(spacing, world_from_index[:3, 3], axes / np.linalg.norm(axes, axis=0))
 

@@ -99,7 +99,7 @@ TOLD_APART = (
 # The names of the dimensions whose values are times or phases.
 _TIMES = {each.name for each in TOLD_APART if each.axis == "t"}
 
-# The fields with the time of a frame: the unit of each, and whether it is a time of day.
+# For each field that holds the time of a frame: the unit of the time, and whether it is a time of day.
 CLOCKS = {
     "FrameTime": ("ms", False),
     "TemporalPositionTimeOffset": ("s", False),

@@ -90,7 +90,7 @@ def _colors_of(stored: Array, dataset: Dataset) -> Array:
 
 
 def _without_unused_bits(pixels: Array, dataset: Dataset) -> Array:
-    """Return pixels with only the bits that BitsStored counts, and their sign; other bits may hold overlays."""
+    """Return pixels without the bits that BitsStored does not count, which may hold overlays; signs are kept."""
     stored = int(dataset.get("BitsStored") or 16)
     unused = 8 * pixels.itemsize - stored
     if pixels.dtype.kind == "f" or unused <= 0:

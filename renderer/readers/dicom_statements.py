@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from renderer.readers.dicom_fields import TOLD_APART, VECTORS, Dataset, numbers_of, text_of
 from renderer.readers.statements import FormatTable, Statement
 
-# The name of the statement that low values are shown light.
+# The name of the statement (field that changes how voxels are understood) that low values are shown light.
 MONOCHROME1 = "PhotometricInterpretation MONOCHROME1"
 # The name of the statement that frames have different frames of reference.
 OTHER_SPACE = "FrameOfReferenceUID"

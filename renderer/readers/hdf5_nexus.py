@@ -156,7 +156,7 @@ def _even_edges(edges: Dataset) -> tuple[float, float] | None:
 
 
 def _values(group: Group, name: str, dataset: Dataset) -> Values:
-    """Return the meaning of numbers: `(stored + offset) * scaling_factor`, with both fields from the group."""
+    """Return the meaning of a dataset's numbers: `(stored + offset) * scaling_factor`, by fields of the group."""
     values = values_with_labels(dataset)
     factor, offset = (
         next((n for prefix in (f"{name}_", "") if (n := _number(group, prefix + field)) is not None), neutral)

@@ -31,7 +31,10 @@ _USUAL = {1: "uint8", 2: "uint16", 4: "float32", 8: "float64"}
 
 
 class Declaration(NamedTuple):
-    """A declaration of voxels that fits a file without a header. is_guess: whether the file's name lacks the type."""
+    """A declaration of the shape and the type of voxels without a header, which fits the size of their file.
+
+    is_guess: whether the type is a guess, as the name of the file has none.
+    """
 
     shape: tuple[int, int, int]
     dtype: str
@@ -62,9 +65,10 @@ def declaration_in_name(path: Path) -> Declaration | None:
 
 
 def _itemsize(dtype: str) -> int:
-    """Return the bytes of a number of a type whose name ends with its bits, such as uint16.
+    """Return how many bytes a number of a type has.
 
-    numpy would know them, but `hsplat check` does not load numpy.
+    dtype: the name of the type, which ends with the number of bits, such as uint16. numpy would know the bytes, but
+    `hsplat check` does not load numpy.
     """
     return int(re.sub("[a-z]+", "", dtype)) // 8
 

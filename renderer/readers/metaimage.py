@@ -187,7 +187,10 @@ def _part(fields: dict[str, Field], file: Path, num_bytes: int, begin: int) -> S
 
 
 def _world_from_index(fields: dict[str, Field], axes: str) -> Float64:
-    """Return the affine, float64 [4, 4], of the axes in space; a plane lies at z = 0."""
+    """Return the affine from voxel indices to LPS, float64 [4, 4]; a plane lies at z = 0.
+
+    axes: a letter for each axis, `s` for those in space.
+    """
     num_axes, space = len(axes), [k for k, letter in enumerate(axes) if letter == "s"]
     num_space = len(space)
     spacing, origin, direction = np.ones(3), np.zeros(3), np.eye(3)

@@ -226,7 +226,7 @@ def _places_differ(header: _Header) -> bool:
 
 
 def _steps(header: _Header, count: int) -> TimeSteps:
-    """Return the steps in time; without times if the fourth axis has another unit, such as Hz."""
+    """Return the steps in time. They have no times if the unit of the fourth axis is not one of time, such as Hz."""
     unit = None if _is_analyze(header) else _TIME_UNITS.get(int(header["xyzt_units"]) & 0b111000)
     if unit is None:
         return TimeSteps(count)

@@ -38,22 +38,23 @@ _USUAL_VALUES = (
 )
 # The largest relative difference between a value and a usual fill value that count as the same.
 _SAME = 1e-6
-# A usual fill value counts as one only if it is farther than this from the range of all values that are no usual fill
-# values, in lengths of that range.
+# A usual fill value, such as -9999, marks voxels without data only if it is farther than this from the range of all
+# values that are no usual fill values, in lengths of that range.
 _MIN_USUAL_DISTANCE = 0.5
-# A negative value that is not a usual fill value counts as one only if it is farther than this from the range of the
-# other values, in lengths of that range.
+# A negative value that is not a usual fill value marks voxels without data only if it is farther than this from the
+# range of the other values, in lengths of that range.
 _MIN_NEGATIVE_DISTANCE = 3.0
-# A positive value that is not a usual fill value counts as one only if it is farther than this from the range of the
-# other values, in lengths of that range. The limit is high, as a bright object may have a single value, too.
+# A positive value that is not a usual fill value marks voxels without data only if it is farther than this from the
+# range of the other values, in lengths of that range. The limit is high, as a bright object may have a single value,
+# too.
 _MIN_DISTANCE = 30.0
 # When usual fill values are sought, the range of all other values leaves out this share of the voxels at each end, so
 # that a few outliers do not hide a fill value.
 _OUTERMOST = 1e-3
-# A value that is not a usual fill value counts as one only if at least this share of the voxels has it.
+# A value that is not a usual fill value marks voxels without data only if at least this share of the voxels has it.
 _MIN_PART = 1e-3
-# A value that is not a usual fill value counts as one only if the volume has at least this many other distinct values.
-# With fewer, the values are steps or labels.
+# A value that is not a usual fill value marks voxels without data only if the volume has at least this many other
+# distinct values. With fewer, the values are steps or labels.
 _MIN_OTHER_VALUES = 16
 # The number of voxels at random places among which fill values are sought.
 _NUM_SAMPLES = 2**16
@@ -236,7 +237,7 @@ def find_fill_values(values: Array, file: MappedFile | None) -> tuple[float, ...
     distances = found | _far_values(distinct, counts, list(found))
     nums, nums_near = dict.fromkeys(distances, 0), dict.fromkeys(distances, 0)
     for slab in _finite_slabs(values, file) if distances else ():
-        others = slab[~np.isin(slab, list(distances))]  # two fill values may lie side by side
+        others = slab[~np.isin(slab, list(distances))]  # a fill value near another one does not count
         for value, distance in distances.items():
             nums[value] += np.count_nonzero(slab == value)
             nums_near[value] += np.count_nonzero(np.abs(others / 2 - value / 2) < distance / 2)

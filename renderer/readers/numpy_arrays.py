@@ -175,7 +175,7 @@ def _npy_header(file: IO[bytes], path: Path) -> tuple[tuple[int, ...], np.dtype[
         # The errors that numpy and Python raise here have texts about program code, which would not help a user.
         got = "too many nested expressions" if isinstance(error, MemoryError | RecursionError) else None
         raise damaged_error("cannot read the header", got, "an array saved by numpy.save") from error
-    if len(shape) > _MAX_AXES or any(type(n) is not int or n < 0 for n in shape):  # booleans are integers, too
+    if len(shape) > _MAX_AXES or any(type(n) is not int or n < 0 for n in shape):  # in Python, booleans are integers
         raise InputError(
             "the header has no shape of an array",
             got=f"{len(shape)} axes" if len(shape) > _MAX_AXES else format_value(shape),

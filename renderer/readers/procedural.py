@@ -215,7 +215,7 @@ def _casing() -> Iterator[_Part]:
     yield _box(_ALUMINIUM, (0, 0, 0.385), (0.88, 0.49, 0.025))  # the flange of the head gasket
     yield _bar(_ALUMINIUM, 0, (0, -0.25), 0.22, (-0.84, 0.84))  # crankcase
     yield _bar(_AIR, 0, (0, -0.25), 0.185, (-0.8, 0.8))
-    for x in (-0.4, 0.4):  # intake and exhaust, the exhaust pipes longer
+    for x in (-0.4, 0.4):  # intake and exhaust pipes; the exhaust pipes are longer
         yield _bar(_ALUMINIUM, 1, (x, 0.27), 0.095, (-0.72, 0))
         yield _bar(_AIR, 1, (x, 0.27), 0.065, (-0.74, 0))
         yield _bar(_ALUMINIUM, 1, (x, 0.27), 0.095, (0, 0.88))
@@ -288,7 +288,7 @@ def _engine_block(source: ProceduralSource) -> Array:
             field = np.full(block.shape, _AIR, np.float32)
             for part in parts:
                 _paint(field, part, (x, y[rows], z[begin : begin + thickness]), blur)
-            num_before = rows.start * len(x)  # the voxels before the block; only a slab of one plane has several blocks
+            num_before = rows.start * len(x)  # voxels before the block; only a slab of one plane has several blocks
             first_bytes = [8 * num_words + k * slab.size + num_before for k in range(3)]
             field += _noise(source.seed, first_bytes, block.size).reshape(block.shape)
             block[...] = np.clip(np.floor(field + np.float32(0.5)), 0, 255)

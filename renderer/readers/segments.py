@@ -92,7 +92,7 @@ def join_layers(layers: Array, segments: Sequence[Segment]) -> tuple[Array, str]
 
 
 def type_of_labels(labels: Sequence[int]) -> np.dtype[Any]:
-    """Return the smallest type of a volume with these labels, which also holds their numbers from 1 on."""
+    """Return the smallest integer type that holds these labels, and also their numbers from 1 on."""
     return np.min_scalar_type(max(*labels, len(labels)))
 
 

@@ -53,8 +53,8 @@ def find_spacing(first: Any) -> tuple[list[float], str, str | None]:
     """Return the spacing along x, y and z, its unit, and a note on guessed lengths.
 
     first: the first page of a file. Lengths are in the unit of the description (µm for Zeiss), or in mm if there is
-    only a resolution per inch or cm. A missing length is that along x, or 1. Raises InputError for lengths that are not
-    numbers, or that are in units that cannot be compared.
+    only a resolution per inch or cm. A missing length is taken from x, or is 1. Raises InputError for lengths that are
+    not numbers, or that are in units that cannot be compared.
     """
     given, unit = _given_spacing(first)
     x = given[0] or 1.0

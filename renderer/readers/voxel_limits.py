@@ -106,7 +106,7 @@ def check_memory(num_bytes: int) -> None:
 
 
 def fitting_shapes(shape_xyz: tuple[int, ...], itemsize: int, num_bytes: int) -> list[tuple[int, ...]]:
-    """Return the shapes that fill exactly `num_bytes`, each with another length of one axis."""
+    """Return the shapes that fill exactly `num_bytes` and differ from `shape_xyz` in the length of one axis."""
     others = [itemsize * math.prod((*shape_xyz[:k], *shape_xyz[k + 1 :])) for k in range(len(shape_xyz))]
     return [
         (*shape_xyz[:k], num_bytes // other, *shape_xyz[k + 1 :])
