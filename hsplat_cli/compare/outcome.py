@@ -18,7 +18,7 @@ from renderer.errors import InputError
 from renderer.film import Pixels
 from renderer.scene import counted, format_value
 
-# `same`: equal pixels. `close`: within the limits. Frames of any other status fail.
+# `same`: the pixels are equal. `close`: the errors are within the limits. A frame of any other status fails.
 Status = Literal["same", "close", "different", "missing", "extra", "other size", "other channels"]
 _PASSES = ("same", "close")
 # The statuses in the words and in the order of summaries.
@@ -39,8 +39,8 @@ _KINDS = {3: "RGB", 4: "RGBA"}
 class Pair:
     """Holds a golden frame and the actual one: uint8 [h, w, 3 or 4], straight alpha; None for a side without the frame.
 
-    name: the name of the file, or `frame 12` of a film. is_recorded: whether golden.json lists the golden; if it does,
-    a golden of None is missing.
+    name: the name of the file, or `frame 12` of a film. is_recorded: whether golden.json lists the golden; then a
+    golden of None means that its file is missing.
     """
 
     name: str
@@ -87,7 +87,7 @@ class Outcome:
 
     @property
     def severity(self) -> float:
-        """Return the largest error as a multiple of its limit; infinite without a comparable pair."""
+        """Return the largest error as a multiple of its limit; infinite if the pictures cannot be compared."""
         is_comparable = self.passes or self.status == "different"
         return severity(self.figures, self.limits) if is_comparable else math.inf
 
@@ -101,9 +101,9 @@ class Outcome:
 class Comparison:
     """Holds the outcomes of all pairs, at least one, in the order of their names.
 
-    golden, actual: descriptions of both sides. level: name of the strictness. notes: notes for the user. facts: the
-    values (golden, actual) of each fact that may differ, such as the device, by its name. other_limits: as in
-    `Rules.other_limits`.
+    golden, actual: descriptions of both sides. level: a key of STRICTNESSES. notes: notes for the user. facts: the
+    values (golden, actual) of each fact that may differ, such as the device, by its name. other_limits: texts on the
+    limits that differ from the limits of the level.
     """
 
     golden: str
@@ -116,7 +116,7 @@ class Comparison:
 
     @property
     def strictness(self) -> str:
-        """Return the name of the level, with the limits that replace the level's own ones."""
+        """Return the name of the level, followed by the limits that replace limits of the level."""
         return f"{self.level} (with other limits: {'; '.join(self.other_limits)})" if self.other_limits else self.level
 
     @property
