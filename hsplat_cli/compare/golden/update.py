@@ -63,7 +63,7 @@ class GoldenOptions:
 
 
 def update_goldens(job: FilmJob, options: GoldenOptions, reporter: Reporter, ask: Callable[[], bool]) -> None:
-    """Render the frames and keep them as goldens; existing goldens change only by `options.yes`, or if `ask` returns True.
+    """Render the frames and keep them as goldens; existing goldens change only if `yes` is set or `ask` returns True.
 
     Raises InputError if goldens exist and no update is requested, if a golden would overwrite an input or another file,
     or if goldens of another scene would stay; the errors of rendering and writing; and click's Exit with 1 if the user
