@@ -118,7 +118,7 @@ def _summary(job: FilmJob, files: FilesCheck, pictures: PicturesCheck) -> Iterat
 
 
 def _problem_lines(problems: Sequence[Problem]) -> str:
-    """Return a line for each of the first _MAX_LINES problems, and the number of the others."""
+    """Return a line for each of the first _MAX_LINES problems, and the number of further problems."""
     lines = [
         ": ".join(filter(None, (each.location, each.what, each.got)))
         + (f" (expected: {each.expected})" if each.expected else "")
@@ -128,7 +128,7 @@ def _problem_lines(problems: Sequence[Problem]) -> str:
     return join_lines(lines + [f"... and {more} more; --json FILE has all of them"] * (more > 0))
 
 
-# JSON
+# The report as JSON
 
 
 def _prepare_report(path: Path | None, job: FilmJob) -> None:

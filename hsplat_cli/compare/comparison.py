@@ -36,9 +36,10 @@ def compare_frames(
     reporter: Reporter,
     option_names: tuple[str, str] = ("--level", "--limit"),
 ) -> Comparison:
-    """Compare two paths and write the reports.
+    """Compare the frames of two paths and write the reports.
 
-    request, actual: two paths as in `open_pairs`; or a scene, or the sidecar of a film, and the folder of its goldens.
+    request, actual: two PNG pictures, folders, templates or films, of which the request names the golden one; or a
+    scene, or a film's sidecar, and the folder of its goldens.
     level, limits: the values of `--level` and `--limit`. option_names: the names of these two options in messages.
 
     Raises HsplatError if the paths cannot be compared.
@@ -124,7 +125,7 @@ def require_match(
 ) -> None:
     """Raise AssertionError, with the table of `hsplat compare`, if frames exceed their limits.
 
-    The arguments are as for the fixture in `pytest_plugin`.
+    The arguments have the same meaning as the arguments of the fixture `assert_frames_match`.
     """
     __tracebackhide__ = True  # pytest hides this function, and shows the line of the test
     overrides = [f"{figure}={'none' if limit is None else limit}" for figure, limit in (limits or {}).items()]

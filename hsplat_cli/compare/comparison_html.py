@@ -66,7 +66,7 @@ _Steps = npt.NDArray[np.float32]
 
 
 def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
-    """Return the page as text; equal comparisons and pictures give equal text."""
+    """Return the HTML page of a comparison; equal comparisons and pictures give equal pages."""
     outcomes = comparison.outcomes
     frames, num_bytes, largest = [], 0, 0
     for frame in gallery.gallery_frames:  # worst first, as many as fit
@@ -99,7 +99,7 @@ def comparison_page(comparison: Comparison, gallery: Gallery) -> str:
     )
 
 
-# The plot
+# The chart of errors
 
 
 def _plot_errors(comparison: Comparison) -> Chart:

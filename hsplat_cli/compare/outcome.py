@@ -53,7 +53,8 @@ class Pair:
 class Pairs:
     """Holds all pairs of a comparison, read one at a time, in the order of `names`.
 
-    Iterating over `pairs` raises InputError if a frame cannot be read. notes, facts: as in Comparison.
+    Iterating over `pairs` raises InputError if a frame cannot be read. notes: notes for the user. facts: the values
+    (golden, actual) of each fact that may differ, such as the device, by its name.
     """
 
     names: Sequence[str]
@@ -66,10 +67,10 @@ class Pairs:
 class Outcome:
     """Holds the outcome of one pair of frames.
 
-    name: as in Pair. why: the reason in one sentence; every number in it has its metric, its unit and its limit.
-    limits: the limits of this frame. figures: errors by the names of COMPARISON_METRICS; empty if nothing can be
-    compared. exceeded: metrics over their limits; the first is the reason.
-    bias: mean signed error of each channel, in steps, actual minus golden.
+    name: the name of the pair. status: one of the words of `Status`. why: the reason in one sentence; every number in
+    it has its metric, its unit and its limit. limits: the limits of this frame. figures: errors by the names of
+    COMPARISON_METRICS; empty if nothing can be compared. exceeded: the names of the metrics that exceed their limits;
+    the first is the reason. bias: mean signed error of each channel, in steps, actual minus golden.
     """
 
     name: str

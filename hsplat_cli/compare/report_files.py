@@ -103,7 +103,7 @@ class ReportFiles:
                     write(path, makers[option](*contents).encode())
 
 
-# Texts
+# The content of the reports: text, JSON, JUnit
 
 
 def comparison_table(comparison: Comparison) -> PrintableText:

@@ -45,7 +45,7 @@ _CUT_STEPS = ("cut", "primitives")
 # again, and timed passes that took longer end.
 _REPEAT_LIMIT_S = 4.0
 
-# The seconds of each step, by its name.
+# The time of each step of drawing a frame, in seconds, by the name of the step.
 Seconds = Mapping[str, float]
 # The truth of each frame: its whole exact picture, or some exact pixels.
 Truths = Sequence[Truth] | Sequence[SampledTruth]
@@ -144,7 +144,7 @@ def splat_setting(error: ErrorSpec, splat: SplatSpec) -> Setting:
 def measure_setting(
     stage: FilmStage, truths: Truths, rasterizer: Rasterizer, *, clock: Clock, repeats: int
 ) -> Measurement:
-    """Measure the scene at its constant tolerance and with its footprint, on the frames of the truths.
+    """Measure a scene at its constant tolerance and with its footprint, on the frames whose truths are given.
 
     repeats: the largest number of timed passes. With 0 the first pass is timed, in which the first frame may be slower.
     """
@@ -195,7 +195,8 @@ def _timed_passes(
 ) -> list[list[Seconds]]:
     """Return the seconds of the frames in up to `repeats` warm passes; with `repeats` of 0, in the first pass.
 
-    If the first pass takes too long to repeat, only its first frame is drawn again; the other frames were warm.
+    If the first pass takes too long to repeat, only its first frame is drawn again: the others were
+    drawn with warm shaders, buffers and caches.
     """
 
     def draw(numbers: Sequence[int]) -> list[Seconds]:

@@ -97,7 +97,7 @@ def draw_tolerances(studio: Studio, job: FilmJob, frame: int, side: int, prepare
 def suggest_looks(stage: Stage) -> Looks:
     """Suggest looks for a scene of one volume, by the presets that suit its values, from some of its voxels.
 
-    Returns none for a scene of several volumes, of labels or colours, of splats, or with a mode that shows a number.
+    Returns none for a scene of several volumes, labels, colours or splats, with a mask, or with a projection as mode.
     """
     scene, (layer, *others) = stage.scene, stage.layers
     is_plain = not (others or scene.needs_opengl or scene.mode.is_projection or layer.volume.is_labels)

@@ -205,10 +205,7 @@ def _place_from(folder: Path, base: Path, key: str, name: str) -> str:
 
 
 def _map_layer(section: dict[str, Any], layer: OverFrames[LayerSpec], line: ValueLine) -> None:
-    """Replace the values of a layer's section in a scene by their values on `line`.
-
-    These are the values of its transfer function, or the range of its colour.
-    """
+    """Map the values in a layer's section of a scene, of a transfer function or a colour's range, by a line."""
     if layer.at(0).color is None:
         mapped = layer.map(lambda each: map_values(each.transfer_function, line))
         section["transfer_function"] = spec_to_dict(mapped)

@@ -45,7 +45,7 @@ def split_numbers(text: str) -> list[str]:
 
 
 class _ListText(TypedDict):
-    """Holds the parameters `split` and `example` of `_keyed` for an option that is a list."""
+    """Holds two parameters of `_keyed`, `split` and `example`, for an option whose text is a list."""
 
     split: Callable[[str], list[str]]
     example: str

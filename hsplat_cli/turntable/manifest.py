@@ -166,7 +166,7 @@ def try_to_update(folder: Path, entries: Sequence[FilmEntry], reporter: Reporter
 
 @contextlib.contextmanager
 def locked_manifest(folder: Path, reporter: Reporter, timeout_s: float) -> Iterator[None]:
-    """Lock turntable.json of a folder, which is made where it is missing; a wait is reported after a moment."""
+    """Make a folder if it is missing, and lock its turntable.json; a wait for the lock is reported after a moment."""
     file, start, is_reported = folder / MANIFEST_FILE, time.perf_counter(), False
     with contextlib.ExitStack() as stack:
         while True:

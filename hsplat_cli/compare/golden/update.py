@@ -121,7 +121,7 @@ def _apply(plan: GoldenUpdate, folder: Path) -> None:
 
 
 def _require_free(folder: Path, new_names: Iterable[str]) -> None:
-    """Raise InputError if a new golden would overwrite a file."""
+    """Raise InputError if a new golden would overwrite a file that golden.json does not list."""
     foreign = [name for name in new_names if os.path.lexists(folder / name)]
     if foreign:
         raise InputError(

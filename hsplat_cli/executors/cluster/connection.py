@@ -78,7 +78,7 @@ def _require_scheduler(address: str) -> None:
 
 
 def _connection_settings(address: str) -> dict[str, object]:
-    """Return the arguments of connections that Dask's configuration states, such as certificates.
+    """Return the arguments for connections, such as certificates, from Dask's configuration.
 
     Raises InputError where the configuration's certificates cannot be read, are missing for TLS, or are required and
     not used.
