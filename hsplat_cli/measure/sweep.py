@@ -41,8 +41,8 @@ _PER_PICTURE = 0.4
 FRAME_STEPS = ("order", "draw", "quantize")
 # Names of the steps that are timed once for a cut, which many frames may share.
 _CUT_STEPS = ("cut", "primitives")
-# Time, in seconds, after which a setting is not repeated: if its first pass took longer, only its first frame is drawn
-# again, and timed passes that took longer end.
+# Time after which a setting is not repeated, in seconds: if the first pass took longer, only the first frame is drawn
+# again; and no timed pass begins once timed passes have taken longer.
 _REPEAT_LIMIT_S = 4.0
 
 # The time of each step of drawing a frame, in seconds, by the name of the step.

@@ -1,4 +1,4 @@
-"""Shows the states of a scene on a page in a browser: by a script beside the page, or by a server for one user."""
+"""Shows a scene that is being edited on a page in a browser, by a script beside the page or a server for one user."""
 
 from __future__ import annotations
 
