@@ -15,11 +15,11 @@ from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT
 
 # The number or the name of a label.
 LabelKey = int | str
-# The most labels that a scene lists.
+# The largest number of labels that a mapping of a scene, or a table of labels, may have.
 MAX_LABELS = 2**16
-# The largest label: labels of connectomes have 60 bits.
+# The largest number of a label. Labels of connectomes, which are maps of neurons, have 60 bits.
 MAX_LABEL = 2**63 - 1
-# The most characters of a label's name; a longer one is cut.
+# The largest number of characters in a label's name; a longer name is cut.
 _MAX_NAME_LENGTH = 200
 
 
@@ -93,7 +93,7 @@ class LabelsSpec:
 
 
 def _parse_label(node: TreeNode) -> Any:
-    """Return the number or the name of a label. JSON has numbers as text where they are keys."""
+    """Return the number or the name of a label. Digits in a text are a number, as keys of JSON are always text."""
     if isinstance(node.value, str):
         digits = node.value.strip().removeprefix("-")
         is_number = digits.isdecimal() and digits.isascii() and len(digits) < 20
@@ -109,7 +109,10 @@ _LABEL = schema.FieldType("the number or the name of a label", _parse_label)
 def _by_label(
     item: schema.FieldType[Any], expected: str, other: schema.FieldType[Any] | None = None
 ) -> schema.FieldType[Any]:
-    """Return the field type of pairs, written as a mapping from labels to items, or of values of another type."""
+    """Return the field type of pairs (label, item), which a scene gives as a mapping from labels to items.
+
+    other: the field type of values that are no mappings; None if only mappings are allowed.
+    """
 
     def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, Mapping):
@@ -158,7 +161,8 @@ class MaskSpec:
     """A mask of a layer: a volume of labels, on a grid of its own. The layer is shown only inside of the given labels.
 
     volume: the volume of labels; or the name of another layer, whose volume takes its place when all layers are read.
-    labels: the labels in which the layer is shown. transform: see LayerSpec.
+    labels: the labels in which the layer is shown.
+    transform: a 4 x 4 matrix, row by row, that moves the volume of labels in the world.
     """
 
     volume: VolumeSpec | str

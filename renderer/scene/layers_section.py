@@ -29,14 +29,15 @@ from renderer.scene.volume_section import TRANSFORM_FIELD, VOLUME_TABLE, WITHOUT
 
 # The largest factor on a layer's extinction.
 MAX_WEIGHT = 1e6
-# The thickness over which the upper end of a ramp has an optical depth of 1, as a share of the volume's longest side.
+# The thickness over which the upper end of a ramp has an optical depth of 1, as a share of the volume's longest side. A
+# ramp is the transfer function of a layer that has only `color` and `range`.
 RAMP_THICKNESS = 1 / 8
-# Hints for keys of a single volume that are given besides a list of volumes.
+# Hints for the keys of a single volume, for a scene that gives them although it has a list of volumes.
 _CONTRADICTS = {
     "volume": "put it into the list, or name a file by --set volumes.0.file=FILE",
     "transfer_function": "each volume in the list has its own",
 }
-# The opacity of a ramp at the end of `range`, for a length of one unit: an optical depth of 1.
+# The opacity of a ramp at the upper end of its range, over one unit of length: the opacity of an optical depth of 1.
 _RAMP_OPACITY = -math.expm1(-1.0)
 
 
@@ -89,7 +90,7 @@ class LayerSpec:
 
     @property
     def look(self) -> dict[str, TransferSpec]:
-        """Return the transfer function by its key, `labels` or `transfer_function`; empty if it is not chosen yet."""
+        """Return a mapping from the key `labels` or `transfer_function` to its value; empty if none is chosen yet."""
         transfer = self.transfer_function
         return {} if transfer.is_open else {"transfer_function" if transfer.labels is None else "labels": transfer}
 
@@ -108,11 +109,11 @@ class SharedKeys:
     mask: MaskSpec | None = None
 
     def added_to(self, layer: LayerSpec) -> LayerSpec:
-        """Return a layer that has these keys where it has none of its own."""
+        """Return a layer with the shared shading or mask in place of one that the layer lacks."""
         return replace(layer, shading=layer.shading or self.shading, mask=layer.mask or self.mask)
 
     def taken_from(self, layer: LayerSpec) -> LayerSpec:
-        """Return a layer without these keys, as it is written in the list."""
+        """Return a layer without its shading or mask if it is the shared one, as the list of volumes leaves it out."""
         shading = None if layer.shading == self.shading else layer.shading
         return replace(layer, shading=shading, mask=None if layer.mask == self.mask else layer.mask)
 
@@ -165,7 +166,10 @@ def take_labels(node: TreeNode, given: dict[str, Any]) -> None:
 
 
 def ramp(color: Color, span: tuple[float, float]) -> TransferSpec:
-    """Return the transfer function of `color` and `range`."""
+    """Return a transfer function of one color. Its extinction rises from 0 at one end of `span` to the other.
+
+    At the upper end, its optical depth over one unit of length is 1.
+    """
     return TransferSpec(moving_result(_ramp_points, color, span))
 
 
@@ -262,7 +266,7 @@ def check_layers(node: TreeNode, given: Mapping[str, Any]) -> None:
 def _check_labels(node: TreeNode, given: Mapping[str, Any], volume: Any, lit: tuple[TreeNode, Any]) -> None:
     """Refuse keys that need scalars between labels, in the scene or the layer at `node`, which shows labels.
 
-    lit: as in `_check_colors`.
+    lit: the node above the shading, and the shading.
     """
     key, (place, shading) = node.key("labels"), lit
     mode, splat = given.get("mode", ModeSpec()), given.get("splat")
@@ -318,10 +322,10 @@ def _valid_layers(volumes: object) -> Sequence[LayerSpec]:
 
 
 def take_layers(given: dict[str, Any]) -> tuple[tuple[LayerSpec, ...], SharedKeys | None]:
-    """Take the keys of volumes from the sections of a scene, and return its layers.
+    """Remove the keys of volumes from the sections of a scene, and return the layers that they describe.
 
-    Layers of a list get the scene's shading and mask where they have none of their own. These two are also returned;
-    None without a list.
+    A layer of a list that has no shading or no mask gets the scene's. Also returns the scene's shading and mask; None
+    for a scene without a list of volumes.
     """
     keys = ("volume", "transfer_function", "shading", "mask", "volumes")
     own = {key: given.pop(key) for key in keys if key in given}

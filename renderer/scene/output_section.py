@@ -17,12 +17,13 @@ from renderer.scene.motion import Motion, at_keys, value_at
 from renderer.scene.output_formats import FILM_SUFFIXES, FORMATS, Codec, OutputFormat, format_of, output_suffix
 from renderer.scene.schema import INVALID, Color, TreeNode
 
-# The frame number in file names, padded with zeros to at most nine digits, so that names sort in frame order.
+# The field of a file's name that the frame's number replaces, such as {frame:04}. Zeros before the number fill it to at
+# most nine digits, so that names sort in frame order.
 FRAME_FIELD = re.compile(r"\{frame(:0[1-9]d?)?\}")
 
 # The largest width or height of a picture, in pixels.
 MAX_SIDE = 16384
-# The keys of an encoder, which other formats do not have.
+# The keys of an output that choose and set its encoder. An output of another format cannot take them over.
 _ENCODER_KEYS = ("codec", "crf", "pixel_format")
 # The coarsest constant rate factor of any encoder.
 _MAX_CRF = 63
@@ -58,7 +59,7 @@ def _parse_file(node: TreeNode) -> Any:
 
 
 def _parse_background(node: TreeNode) -> Any:
-    if isinstance(node.value, tuple) and len(node.value) == 2:  # between keys of a gradient that moves
+    if isinstance(node.value, tuple) and len(node.value) == 2:  # a gradient that moves, between two of its keys
         return node.value
     if not isinstance(node.value, Mapping):
         return _COLOR_OR_NONE.parser(node)
@@ -87,7 +88,7 @@ _FRAME = schema.FieldType[Any]("a frame, -1 for the last one, or seconds such as
 
 
 class PictureKind(NamedTuple):
-    """A kind of pictures, from which output files are made.
+    """A kind of pictures, from which output files are made: their size, background and bit depth.
 
     size: (width, height). depth: the bits of a channel, 8 or 16 for whole numbers, 32 for floats.
     """
@@ -127,7 +128,8 @@ class OutputFile:
     quality: from 0 (smallest file) to 10 (best picture), if the encoder has a choice.
     codec, crf, pixel_format: the encoder, its constant rate factor, and ffmpeg's name of a pixel format; None leaves
         them to the format and the quality.
-    every: the output shows only frames whose numbers are multiples of this. frame: the only frame that it shows.
+    every: the output shows only frames whose numbers are multiples of `every`.
+    frame: the only frame that the output shows; None for all frames.
     """
 
     file: Annotated[Path, OUTPUT_FILE_FIELD]
@@ -204,7 +206,10 @@ class OutputFile:
 
 @dataclass(frozen=True)
 class OutputSpec(OutputFile):
-    """A list of the outputs of one drawing. The first output shows every frame, and has its keys here."""
+    """A list of output files that one drawing fills. The first of them shows every frame.
+
+    The fields of this class are the keys of the first output. others: all further outputs.
+    """
 
     others: tuple[OutputFile, ...] = ()
 
@@ -316,10 +321,10 @@ def _parse_output(node: TreeNode) -> Any:
 
 
 def _beside(first: OutputFile, other: OutputFile, node: TreeNode) -> OutputFile:
-    """Return a further output with a frame rate. Refuse a size that is no whole fraction of the first output's size.
+    """Return an output after the first one with its frame rate; refuse a size that does not divide the first one's.
 
-    Unless the rate is given, the film of every n-th frame has an n-th of the first output's rate, so that both take as
-    long.
+    Unless the rate is given, the film of every n-th frame has an n-th of the first output's rate, so that both films
+    take equally long.
     """
     factor = first.size[0] // other.size[0]
     if factor < 1 or tuple(factor * side for side in other.size) != first.size:
@@ -351,7 +356,10 @@ OUTPUT_SECTION = schema.FieldType("a mapping with file, or a list of such", _par
 
 
 def check_frame_field(node: TreeNode, given: Mapping[str, Any]) -> None:
-    """Check that the names of several frames in files have a number. given: the sections of the whole scene."""
+    """Check that the file name of an output with a file for each of several frames has a field for their numbers.
+
+    given: the sections of the whole scene.
+    """
     camera, output = given["camera"], given["output"]
     num_frames = getattr(getattr(camera, "path", None), "frames", INVALID)
     if num_frames is INVALID or not isinstance(output, OutputFile) or output.file is INVALID:

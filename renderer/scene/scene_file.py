@@ -104,7 +104,7 @@ class TreeEditor:
 
     def __post_init__(self) -> None:
         self._problems: list[tuple[_Origin, Problem]] = [*self.tree.problems]
-        # Where the value at each path was written.
+        # For each path, where its value was written: a location in the file, or the number of an option.
         self._writers: dict[str, yaml_tree.SourceLocation | int] = {**self.tree.locations}
         self._options: list[str] = []
 
@@ -145,12 +145,12 @@ class TreeEditor:
         return [self._located(*item) for item in sorted(found, key=_sort_key)]
 
     def _option(self, text: str) -> int:
-        """Return the number of the next option."""
+        """Keep the text of the next option, and return the option's number."""
         self._options.append(text)
         return len(self._options) - 1
 
     def _override(self, text: str) -> None:
-        """Apply `path.to.key=value`."""
+        """Apply the option `--set path.to.key=value`. text: `path.to.key=value`."""
         option = self._option(f"--set {text}")
         name, equals, value_text = text.partition("=")
         parts = name.strip().split(".")
@@ -226,7 +226,7 @@ class TreeEditor:
         return writer.key if problem.at_key or path != problem.path else writer.value, problem
 
     def _located(self, origin: _Origin, problem: Problem) -> Problem:
-        """Return the problem with its location and, if that is in the file, the line itself."""
+        """Return the problem with its location and, if the location is in the file, the text of the line there."""
         if isinstance(origin, int):
             return replace(problem, location=self._options[origin])
         what = yaml_tree.with_excerpt(problem.what, self.tree.lines, origin)
@@ -234,7 +234,7 @@ class TreeEditor:
 
 
 def _sort_key(item: tuple[_Origin, Problem]) -> tuple[int, int, int]:
-    """Sort problems by line and column; problems of options come last."""
+    """Return the key that sorts problems by line and column, and puts problems of options last."""
     origin, _ = item
     if isinstance(origin, int):
         return 1, origin, 0

@@ -31,7 +31,7 @@ def scene_to_dict(scene: FilmScene) -> dict[str, Any]:
 
 
 def moving_values(scene: FilmScene, frame: int) -> dict[str, object]:
-    """Return the values at a frame of all that moves in a scene: plain data by dotted keys."""
+    """Return the values that move in a scene, as they are at a frame: plain data by their dotted keys."""
 
     def differences(film: object, now: object, path: str) -> Iterator[tuple[str, object]]:
         if isinstance(film, list) and isinstance(now, list) and len(film) == len(now):
@@ -60,7 +60,7 @@ def without_sources(tree: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def spec_to_dict(value: object) -> dict[str, Any]:
-    """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data. See `scene_to_dict`.
+    """Return a part of a scene, such as a CameraSpec or a TransferSpec, as plain data for JSON or YAML.
 
     value: the part at a frame, or over all frames of the film.
     """

@@ -42,9 +42,9 @@ COLORMAP_FIELD = schema.FieldType("a name such as viridis, gray, cividis_r or cr
 
 @dataclass(frozen=True)
 class ControlPoint:
-    """A colour and an opacity (in [0, 1], per `TransferSpec.unit`) at a scalar value, in data units.
+    """A colour and an opacity at a scalar value, which is in the units of the voxels.
 
-    Only projections may leave opacities out.
+    opacity: in [0, 1], over the length `TransferSpec.unit`. Only projections may leave it out.
     """
 
     value: Annotated[float, _NUMBER]
@@ -54,10 +54,10 @@ class ControlPoint:
 
 @dataclass(frozen=True)
 class ColormapSpec:
-    """A named colormap stretched over `range`, with opacity points (value, opacity).
+    """A named colormap stretched over `range`, with opacity points.
 
-    Only projections may leave opacities out. scale: with `log`, colours and opacities are linear in the logarithm of
-    the scalar, and all values are above 0.
+    opacity: pairs (value, opacity). Only projections may leave them out.
+    scale: with `log`, colours and opacities are linear in the logarithm of the scalar, and all values are above 0.
     """
 
     colormap: str
@@ -73,8 +73,8 @@ class ImportedLook:
     name: the name of the preset, or of the file without its folder. file: the path of the file; None for a preset.
     has_opacities: whether the file or the scene gives opacities. shading: the light in the file, as keys of `shading`.
     left_out: clauses on features of the file that hsplat lacks.
-    look, range, opacity: the look and the scene's keys, from which control points are made again when percentiles have
-        been replaced by values.
+    look, range, opacity: the transfer function in the file, and the scene's keys `range` and `opacity`. Control points
+        are made again from them when percentiles have been replaced by values.
     """
 
     name: str
@@ -372,9 +372,10 @@ TRANSFER_FUNCTION_SECTION = schema.section_field(_FIELDS, _read_transfer)
 
 
 def map_values(transfer: TransferSpec, function: Callable[[float], float]) -> TransferSpec:
-    """Return a transfer function with its values mapped by a function that does not descend. Labels stay as they are.
+    """Return a transfer function whose scalar values are mapped by a function that does not descend.
 
-    Values that move are mapped at their keys. Of several points that get one value, the first and the last remain.
+    Labels stay as they are. Values that move are mapped at their keys. Of several points that are mapped to one value,
+    the first and the last remain.
     """
 
     def mapped(part: Any) -> Any:
@@ -413,5 +414,5 @@ def _build_labels(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     return TransferSpec(build_labels(node, given), unit)
 
 
-# The key `labels`, which a scene has in place of a transfer function.
+# The type of the key `labels`, which a scene of labels has in place of `transfer_function`.
 LABELS_FIELD = schema.section_field({**LABELS_TABLE, "unit": schema.LENGTH_FIELD}, _build_labels)

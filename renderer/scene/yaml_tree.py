@@ -19,12 +19,13 @@ from renderer.scene.input_file import decode_utf8
 from renderer.scene.message_text import format_value, join_keys
 from renderer.system import join_lines, printable
 
-# The most values and the most levels of a scene file. Scenes have a few hundred values in three or four levels; far
-# more is a mistake or an attack.
+# The largest number of values in a scene file. Scenes have a few hundred; far more are a mistake or an attack.
 MAX_NODES = 20_000
+# The largest number of levels of mappings and lists in a scene file. Scenes have three or four; far more are a mistake
+# or an attack.
 MAX_DEPTH = 50
 
-# The most digits of a whole number: the lowest limit that Python can be set to.
+# The largest number of digits of a whole number that is read exactly: the lowest limit that Python can be set to.
 _MAX_DIGITS = 640
 
 LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
@@ -129,7 +130,7 @@ class _Loader(yaml.SafeLoader):
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         # Checked here as well: composing a large text takes seconds and hundreds of megabytes before anything is built.
-        if parent is None or index is not None:  # the others are keys
+        if parent is None or index is not None:  # a node below another one and without an index is a key
             self._num_values += 1
         if self._num_values > MAX_NODES:
             raise _limit_error(f"{MAX_NODES} values")
@@ -244,7 +245,7 @@ def _limit_error(limit: str, mark: yaml.Mark | None = None) -> yaml.MarkedYAMLEr
     return yaml.MarkedYAMLError(problem=f"more than {limit}", problem_mark=mark)
 
 
-# The beginnings of PyYAML's messages, plain words for each, and a hint.
+# The beginnings of PyYAML's messages, each with plain words for the mistake, and a hint.
 _PYYAML_MESSAGES = (
     ("found character '\\t'", "a tab", "indent with spaces"),
     (
