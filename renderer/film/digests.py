@@ -9,7 +9,7 @@ from typing import Any
 
 from renderer.scene import PictureKind
 
-# The number of bytes of a file that are read at once.
+# A file is read in blocks of this many bytes.
 _BLOCK_BYTES = 2**20
 
 

@@ -48,12 +48,13 @@ from renderer.view import (
 )
 from renderer.volume import Float64, Volume
 
-# The most frames of a film in motion whose layers are made to frame it.
+# The largest number of frames of a film in motion whose visible cells decide how far away the camera is. The layers of
+# each such frame have to be made.
 _MOST_SAMPLED_LAYERS = 9
-# The most frames of a film in motion for whose cameras it is framed.
+# The largest number of frames of a film in motion whose cameras decide how far away the camera is.
 _MOST_SAMPLED_CAMERAS = 1000
-# The longest side of a volume, in voxels, at which splats may reach beyond the frame's margin, so that its frame is
-# enlarged. In larger volumes, all footprints have the same frame and can be compared.
+# The longest side, in voxels, of a volume that counts as small. Its splats may reach beyond the margin of the picture,
+# so that the camera is moved away from it. Larger volumes are framed alike for all footprints, which can be compared.
 _MAX_SIDE_OF_SMALL = 24
 
 
@@ -156,8 +157,8 @@ def _clip_problem(key: str, volume: Volume) -> Problem:
 def _framing(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> tuple[Vector, float, float]:
     """Return the target and the distance of the camera, so that all frames hold everything that any frame shows.
 
-    The scene's own target and distance are kept. The third value is the share of a picture that the cells left out
-    of the framing add.
+    The scene's own target and distance are kept. Cells that hardly show are left out of the framing. The third value is
+    the share of a picture that these cells would add.
     """
     camera, size = scene.at(0).camera, scene.output.size
     frames_of: dict[CameraSpec, list[int]] = {}
@@ -213,7 +214,10 @@ def _other_points(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]
 
 
 def framing_note(scene: FilmScene) -> str | None:
-    """Return a sentence on the frames by which a film is framed, if its layers change and others may show more."""
+    """Return a sentence on the frames by which a film is framed, if its layers change and other frames may show more.
+
+    Return None if the frames cannot show more, or the scene gives the camera's target and distance.
+    """
     frames, camera = _sampled(scene, _MOST_SAMPLED_LAYERS), scene.at(0).camera
     is_open = camera.distance is None or not isinstance(camera.target, tuple)
     layers = enumerate(scene.film_layers)
@@ -227,7 +231,7 @@ def framing_note(scene: FilmScene) -> str | None:
 
 
 def _sampled(scene: FilmScene, num: int) -> list[int]:
-    """Return about `num` frames of a film, keys among them; frame 0 alone if nothing moves."""
+    """Return about `num` frames of a film, among them key frames; frame 0 alone if nothing moves."""
     if not scene.moves:
         return [0]
     frames = sorted({0, *scene.key_frames, *range(0, scene.num_frames, max(1, scene.num_frames // num))})

@@ -13,7 +13,7 @@ from renderer.scene import CameraSpec, ClipSpec, FilmScene, Scene, SplatBudget, 
 from renderer.view import OrderBlending, View, are_near_faces, make_view, place_object_clips
 from renderer.volume import Bools, Float64, Volume
 
-# A function that returns seconds.
+# A function that returns the time now, in seconds since any fixed moment.
 Clock = Callable[[], float]
 AnyStage = TypeVar("AnyStage", bound="FilmStage")
 
@@ -40,7 +40,7 @@ class FrameStageMaker(Protocol):
 
 @dataclass
 class FilmStage:
-    """A stage holds all data that a film is drawn from. Its method `at` returns the `Stage` of a frame.
+    """All data that a film is drawn from. The method `at` returns the `Stage` of a frame.
 
     It owns the layers of the first frame: use it as a context manager, or call `close`. If nothing moves, the stage of
     the film is itself a `Stage`.
@@ -51,7 +51,7 @@ class FilmStage:
     order_blending: the blending of draw orders along the path.
     seconds: the time that each step of the preparation took. maker: the maker of the stages of frames; None if nothing
         moves.
-    not_framed: the share of a picture that the cells left out of the framing add; 0 if none was left out.
+    not_framed: the share of a picture that is added by cells which need not be in frame; 0 if all must be.
     """
 
     scene: FilmScene
@@ -88,7 +88,7 @@ class FilmStage:
 
     @property
     def largest_error(self) -> float:
-        """Return the largest error of a volume as a single cell, over all layers."""
+        """Return the error of drawing a layer as a single cell, for the layer with the largest error."""
         return max(root_error(layer.pyramid) for layer in self.layers)
 
     def require_unchanged(self) -> None:
@@ -140,16 +140,19 @@ class Stage(FilmStage):
         ]
 
     def near_faces(self) -> Iterator[Callable[[Float64], Bools] | None]:
-        """Yield a test for each group: which bounds are near lit faces; None for a group without lit faces.
+        """Yield a test for each group of layers: which boxes are near a lit cut face; None for a group without one.
 
-        The test takes bounds in index coordinates.
+        The test takes the bounds of boxes, float64 [n, 2, 3] in index coordinates, and returns bool [n].
         """
         for group, clips in zip(self.groups, self.lit_clips, strict=True):
             region = place_object_clips(group.volume, clips)
             yield None if region is None else partial(are_near_faces, region, group.volume)
 
     def draws_voxels_only(self, number: int) -> bool:
-        """Return whether a group is drawn as voxels at every tolerance, as cells cannot hold light that a view sets."""
+        """Return whether a group is drawn as voxels at every tolerance, as its light depends on the view.
+
+        Larger cells cannot hold such light. number: the number of the group.
+        """
         has_faces_of_view = any(clip.fixed == "camera" for clip in self.lit_clips[number])
         return has_faces_of_view or self.groups[number].draws_voxels_only
 

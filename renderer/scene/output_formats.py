@@ -137,7 +137,7 @@ FORMATS: Mapping[str, OutputFormat] = {
         "a MOV", "video/quicktime", _ISO_FILE, {"prores": _PRORES, "hevc": _HEVC, "h264": _H264},
         muxer=(*_ISO_OPTIONS, "-f", "mov"), demuxer="mov",
     ),
-    # The delay of a GIF's frame is a whole number of hundredths of a second. Browsers show one of up to 10 ms as 100 ms.
+    # A GIF's delay is a whole number of hundredths of a second. Browsers show a delay of up to 10 ms as one of 100 ms.
     ".gif": OutputFormat(
         "a GIF", "image/gif", re.compile(rb"GIF8[79]a"), {"gif": _GIF}, muxer=("-loop", "0", "-f", "gif"),
         demuxer="gif", filters="palette", ends=b";", max_rate=50, ticks_per_second=100,
