@@ -166,7 +166,7 @@ def open_job_stage(job: FilmJob, volumes: FilmVolumes) -> FilmStage:
     )
 
 
-# Passes
+# The passes of a film
 
 
 @dataclass(frozen=True)

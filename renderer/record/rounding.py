@@ -11,15 +11,15 @@ _PLACES_OF_SECONDS = 3
 
 
 def round_share(share: float) -> float:
-    """Return a share in [0, 1] as records have it."""
+    """Return a share in [0, 1], rounded as in records."""
     return round(float(share), _PLACES_OF_SHARES)
 
 
 def round_decibels(psnr: float) -> float:
-    """Return a PSNR as tables of films have it."""
+    """Return a PSNR in decibels, rounded as in tables of films."""
     return round(psnr, _PLACES_OF_DECIBELS)
 
 
 def round_seconds(seconds: float) -> float:
-    """Return a time as tables of films have it."""
+    """Return a time in seconds, rounded as in tables of films."""
     return round(seconds, _PLACES_OF_SECONDS)

@@ -161,7 +161,7 @@ def _unit(vector: Sequence[float]) -> tuple[float, ...]:
     return tuple(part / length for part in vector)
 
 
-# Numbers in values
+# Numbers inside of values, such as those of a colour or a control point
 
 
 def numbers_in(value: object) -> Iterator[float]:
@@ -209,7 +209,7 @@ def _with_parts(value: Any, parts: Sequence[object]) -> Any:
     return replace(value, **dict(zip(names, parts, strict=True)))
 
 
-# Values that move
+# Parts of a scene whose values move
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def has_unexpanded_tilde(name: str) -> bool:
     return name == "~" or name.startswith("~/")
 
 
-# Scalars
+# Types of scalars: numbers, text, words
 
 
 def number_field(
@@ -188,7 +188,7 @@ def word_or(words: Mapping[str, Any], other: FieldType[Any], expected: str) -> F
     return FieldType(expected, parse, other.empty_hint, other.motion)
 
 
-# Lists and mappings
+# Types of lists and mappings
 
 
 def sequence_field(

@@ -155,7 +155,7 @@ def still(field: FieldType[T]) -> FieldType[T]:
     return replace(field, parser=lambda node: field.parser(replace(node, film=None)), motion=None, table=None)
 
 
-# Motion
+# Reading of values that move
 
 
 def _may_be_frame(key: object) -> bool:

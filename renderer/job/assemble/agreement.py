@@ -24,7 +24,7 @@ from renderer.system import join_lines
 _MAX_SHOWN = 4
 
 
-# Of one film
+# Whether parts belong to one film
 
 
 def film_problems(parts: Sequence[FinishedFilm]) -> Iterator[Problem]:
@@ -55,7 +55,7 @@ def _film_identity(part: FinishedFilm) -> dict[str, object]:
     }
 
 
-# Complete
+# Whether parts have all frames of the film
 
 
 def pick_frames(parts: Sequence[FinishedFilm], numbers: Iterable[int]) -> tuple[list[FrameFile], list[Problem]]:
