@@ -32,7 +32,8 @@ def assemble_film(
     """Make the film of these frames and its sidecar, or return the film that is up to date.
 
     resumes: whether a film that is up to date is kept.
-    Raises SceneError with all problems of the parts, and as `make_film` for outputs; then no film is written.
+    Raises SceneError with all problems of the parts; OutputLockedError, InputError or RenderError if the output is
+    locked or cannot be written. Then no film is written.
     """
     start = time.perf_counter()
     sidecar = sidecar_path_of_file(output.file, numbers, parts[0].num_path_frames)
@@ -68,7 +69,7 @@ def _film_up_to_date(
 ) -> FinishedFilm | None:
     """Return the existing film if it has the recorded pictures of the parts; else None.
 
-    The fingerprint alone does not tell: on a time budget a part has other pictures each time it is drawn.
+    The fingerprint alone does not show this: on a budget of seconds, a part has other pictures each time it is drawn.
     """
     existing = find_finished_film(film.sidecar, events.note)
     if existing is None or not existing.is_up_to_date(fingerprint, film.spec, film.frames):
