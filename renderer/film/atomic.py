@@ -38,7 +38,7 @@ def staging(*, is_durable: bool = True) -> Iterator[StageFile]:
 
     def stage(path: Path, folder: Path | None = None) -> Path:
         temporary = _temporary_path(path, folder)
-        staged.append((temporary, path))  # before the file exists: an interrupt may come at any time
+        staged.append((temporary, path))  # before the file is made, as an interrupt may come at any time
         _create(temporary, path, folder)
         return temporary
 
@@ -108,10 +108,10 @@ def require_writable(path: Path, folder: Path | None = None) -> None:
 
 
 def require_writable_dry_run(path: Path) -> None:
-    """Raise the error of `require_writable`, if it can be known without making a folder or a file."""
+    """Raise InputError or RenderError if `path` cannot be written. No file or folder is made to find this out."""
     with translate_os_errors(path):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-            path.lstat()  # fails for a name that is too long
+            path.lstat()  # raises an error if the name is too long
         _require_replaceable(path)
         folder = _nearest_existing_parent(path)
         if not folder.is_dir():  # it may be a broken link
@@ -137,7 +137,7 @@ def translate_os_errors(path: Path) -> Iterator[None]:
 
 
 def output_error(error: OSError, path: Path) -> HsplatError:
-    """Return the error for the user, for an OSError while writing `path`."""
+    """Return the error that tells the user of an OSError while `path` was written."""
     where = str(path)
     if isinstance(error, IsADirectoryError):
         return InputError("the output is a folder", where=where, expected="the name of a file")

@@ -96,10 +96,10 @@ def decode_film(
 def _arguments(path: Path, begin: bytes, max_pixels: int, known: tuple[OutputFile, int] | None) -> list[str]:
     """Return the arguments of ffmpeg. begin: the first bytes of the film."""
     file_format, codecs = format_of(path), tuple(format_of(path).codecs.values())
-    # The first bytes may show the encoder; otherwise, it is the default one of the format.
+    # The first bytes may show the encoder. If they do not, the film is taken to be of the format's default encoder.
     codec = next((codec for codec in codecs if any(mark in begin for mark in codec.marks)), codecs[0])
     still = _still_demuxer(begin)
-    # The format is fixed, as other formats may refer to further files. PAM has the size of each picture.
+    # ffmpeg is told the format, as films of other formats may refer to further files.
     source = ["-protocol_whitelist", "file", "-f", still or file_format.demuxer, "-max_pixels", str(max_pixels)]
     source += [] if codec.decoder is None else ["-c:v", codec.decoder]
     has_alpha = bool(codec.with_alpha) or file_format.filters == "palette"
@@ -149,7 +149,7 @@ def _frames(
             yield np.frombuffer(content, dtype).astype(dtype.newbyteorder("="), copy=False).reshape(shape)
     status = process.wait()
     messages = stderr_tail.lines()
-    if status != 0 or messages or not is_whole:  # the exit status is 0 after some errors
+    if status != 0 or messages or not is_whole:  # the exit status of ffmpeg is 0 after some errors
         got = join_lines(messages) or f"exit status {status} of ffmpeg and no message"
         raise InputError("the film cannot be decoded", where=str(path), got=got)
 

@@ -71,7 +71,7 @@ def frame_rate(output: OutputFile) -> Fraction:
     """Return the frame rate of a film: the possible rate of its format that is nearest to the requested one."""
     if output.format.ticks_per_second:
         return Fraction(100, gif_delay_cs(output.frames_per_second))
-    # A few decimals are enough to find television's fractions of 1001; rates with two decimals stay exact.
+    # 29.97 becomes 30000/1001, as in television's rates, and other rates with two decimals stay exact.
     return Fraction(output.frames_per_second).limit_denominator(1001)
 
 

@@ -53,7 +53,7 @@ class WrittenFiles:
 
 
 def film_files(output: OutputSpec, frames: Sequence[int], sidecar: Path) -> WrittenFiles:
-    """Return the files of a job that draws frames: pictures, sidecar, and unfinished work."""
+    """Return the list of files that a job writes to draw these frames: pictures, sidecar, and unfinished work."""
     pictures = chain.from_iterable(picture_files(each, frames) for each in output.files)
     folders = dict.fromkeys(unfinished_folder(each) for each in output.files)
     return WrittenFiles((*pictures, sidecar), (*folders,))

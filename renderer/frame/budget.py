@@ -25,7 +25,7 @@ from renderer.scene import tolerance_at
 
 # The seconds that writing a frame is assumed to take until the first frame is written.
 _TYPICAL_WRITING = 2e-3
-# The number of last frames whose median shows the current speed of the machine.
+# The number of the last frames of a film from which the present speed of the machine is found, as a median.
 _NUM_RECENT = 9
 # The smallest number of trial drawings. A single size would not show how seconds grow with the size.
 _MIN_TRIALS = 3
@@ -282,7 +282,7 @@ class BudgetController:
         seconds, self._lod = self._seconds_of(number), None  # two LODs at a time would take twice the memory
         draw_list, predicted = find_finest_in_time(self._estimator, number, seconds, watch, sizes)
         wanted = max(1.0, self._estimator.size_for_seconds(_TARGET_SHARE * seconds))
-        # If the bounds excluded the best LOD, the target share is expected, so that the next frame comes closer to it.
+        # If `sizes` excluded the best LOD, _TARGET_SHARE is expected, so that the next frame comes closer to that LOD.
         self._expected_share = predicted / seconds if sizes[0] <= wanted <= sizes[1] else _TARGET_SHARE
         self._lod, self._seconds, self._num_frames = draw_list.lod, seconds, 0
         self._made_for = draw_list.stage

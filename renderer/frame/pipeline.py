@@ -71,7 +71,7 @@ def prepare_stage(
     """Read the volumes, make their layers, and frame the visible cells. Raises InputError for an unusable volume.
 
     volumes: the volumes of the first frame, if they were read before; None to read the scene's volumes.
-    known: the fingerprints that volumes of other frames must have, as in `FilmVolumes`.
+    known: the fingerprints that volumes of other frames must have, by the volumes' specs.
     any_tolerance: whether to build the pyramid for every tolerance and level, as for bricks, and not only for the
         tolerances of the scene's schedule.
     maker: a maker that has made the stage of a similar scene, and reuses its layers; None for a new one.
@@ -204,11 +204,14 @@ def _target(camera: CameraSpec, layers: Sequence[Layer], points: Float64) -> Vec
 
 
 def _other_points(scene: FilmScene, maker: StageMaker, layers: tuple[Layer, ...]) -> Iterator[tuple[Float64, float]]:
-    """Yield the points of `points_in_frame` for some frames of a film in motion, except the first frame."""
+    """Yield, for some frames of a film in motion except the first, the positions that must be in frame.
+
+    Each is a pair, as `points_in_frame` returns it. layers: the layers of the first frame.
+    """
     tolerance, known = min_tolerance(scene.error), [layer.digest for layer in layers]
     for frame in _sampled(scene, _MOST_SAMPLED_LAYERS)[1:] if scene.moves else ():
         sampled = scene.at(frame)
-        if maker.digests_of(sampled, tolerance) != known:  # shading is dropped, as it makes no cell visible
+        if maker.digests_of(sampled, tolerance) != known:  # shading takes time, and makes no cell visible
             sampled = sampled.with_layers(shading=None)
         yield points_in_frame(sampled, maker.layers_of(sampled, tolerance))
 

@@ -113,7 +113,7 @@ class Stage(FilmStage):
         return self
 
     def has_lods_of(self, other: Stage) -> bool:
-        """Return whether this stage has the same levels of detail as the stage of another frame."""
+        """Return whether levels of detail that were made for the stage of another frame fit this stage, too."""
         now, then = self.scene, other.scene
         return (
             self.groups is other.groups
@@ -126,9 +126,9 @@ class Stage(FilmStage):
 
     @property
     def lit_clips(self) -> list[tuple[ClipSpec, ...]]:
-        """Return for each group the planes and boxes whose cut faces are lit, which only voxels can show.
+        """Return, for each group of layers, the planes and boxes whose cut faces are lit.
 
-        There are none if the scene asks for larger cells.
+        Only voxels can show this light, so a group has no such planes and boxes if the scene asks for larger cells.
         """
         error = self.scene.error
         has_voxels = error.finest_level == 0 and not isinstance(error.goal, SplatBudget)

@@ -76,7 +76,7 @@ class FrameCheckpoint(FrameStore):
         self._fingerprint = fingerprint
         self.former: Mapping[str, object] | None = None
         self.num_outdated = 0
-        # The pictures of an output of numbered frames have their final names at once.
+        # Pictures that are output files themselves are written under their final names at once.
         self.is_output = output.is_frames
         for number in numbers:
             self._find(number)

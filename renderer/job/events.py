@@ -59,11 +59,11 @@ class ProgressEvents(JobEvents):
         self._on_progress, self._num_finished, self._num_frames = on_progress, 0, 0
 
     def started(self, label: str, num_frames: int) -> None:
-        """Start counting at 0."""
+        """Start counting the frames of a pass at 0."""
         self._num_finished, self._num_frames = 0, num_frames
 
     def frame_finished(self, record: FrameRecord) -> None:
-        """Count the frame, and call the function."""
+        """Count the finished frame, and call the function with the numbers of finished frames and of all frames."""
         self._num_finished += 1
         self._on_progress(self._num_finished, self._num_frames)
 

@@ -71,7 +71,7 @@ class LocalExecutor:
 
     @property
     def device(self) -> str:
-        """Return the device and the driver of OpenGL for splats, and the processor for bricks."""
+        """Return the name of what draws: the device and the driver of OpenGL for splats, the processor for bricks."""
         return self.rasterizer.device
 
     @property
@@ -86,7 +86,7 @@ class LocalExecutor:
 
     def draw(self, plan: FilmPlan, numbers: Sequence[int]) -> Generator[DrawnFrame, None, None]:
         """Draw these frames, and yield them in this order. The generator may be closed before its end."""
-        # Imported here: the ray integral takes a while to load.
+        # The import is here because the ray integral takes a while to load.
         from renderer.accuracy import open_prober
 
         # On a budget of seconds, the whole time of a frame counts, so no step of it may overlap with the next frame.

@@ -120,7 +120,10 @@ def make_film(
 
 
 def forecast_film(job: FilmJob, open_executor: OpenExecutor, events: JobEvents) -> Forecast:
-    """Predict the cost of a film here by drawing some of its frames. Nothing is written. Raises as `make_film`."""
+    """Predict the cost of a film on this machine by drawing some of its frames. No file of the film is written.
+
+    open_executor: a function that opens the executor for a scene. Raises HsplatError, and KeyboardInterrupt.
+    """
     start = time.perf_counter()
     require_encoder(job.scene.output)
     with open_executor(job.scene) as executor, open_job_stage(job, read_film_volumes(job.scene)) as stage:
@@ -132,7 +135,10 @@ def forecast_film(job: FilmJob, open_executor: OpenExecutor, events: JobEvents) 
 def _kept_film(
     output: OutputWriter, existing: FinishedFilm, fingerprint: FilmFingerprint, note: str | None, events: JobEvents
 ) -> JobResult:
-    """Return the film that is up to date."""
+    """Return the result of a job whose film is up to date, and remove what is left of unfinished work on it.
+
+    note: the note of the reader of the first volume.
+    """
     # A job that was killed when its film was complete has left its checkpoint and its mark.
     remove_checkpoint_frames(output.folder, output.spec, output.frames, of=fingerprint)
     output.remove_mark()
@@ -219,12 +225,12 @@ class FilmInProgress:
             for num, frame in enumerate(drawing):
                 try:
                     yield frame
-                except Exception as error:  # the writer ends the drawing, and wants the frames in progress
+                except Exception as error:  # the writer ends the drawing, and takes frames that are in progress
                     yield drawing.throw(error)
                     yield from drawing
                     return
                 on_step()
-                start = start or time.perf_counter()  # after the first frame, which also loads the data of all
+                start = start or time.perf_counter()  # the first frame does not count: it loads data for all frames
                 if num == NUM_NEIGHBOURS and isinstance(self.executor, LocalExecutor):
                     self._tell_cost(len(missing) * (time.perf_counter() - start) / num)
 
@@ -239,7 +245,7 @@ class FilmInProgress:
     def _tell_cost(self, seconds: float) -> None:
         """Tell the listener the cost of a long pass. seconds: the predicted time to draw and store its frames."""
         if seconds >= _LONG_S:
-            first = self.output.first_pictures  # without the last frame, which is still being stored
+            first = self.output.first_pictures  # the last drawn frame, which is still being stored, is not in it
             known = [(each, first[each.file][:NUM_NEIGHBOURS]) for each in self.output.shown if each.file in first]
             sizes = {each.file: film_cost(each, pictures, self.output.frames)[1] for each, pictures in known}
             self.events.predicted(Forecast(seconds, sizes))

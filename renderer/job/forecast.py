@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # these rooms load numpy, and a listener does not need it
+if TYPE_CHECKING:  # these rooms load numpy, which a listener does not need
     from renderer.accuracy import Glance
     from renderer.draw import BrickMemory
 

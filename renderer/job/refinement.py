@@ -1,8 +1,8 @@
 """Plan the passes of a film that refines while time remains: complete films, each more exact than the one before.
 
-The first pass has few cells and is finished soon. Its frames and some trial frames show the cost of drawing here. Each
-following pass takes 8 times as long, and the last one has the accuracy that the scene requests. So all passes together
-take little longer than the last one alone.
+The first pass has few cells and is finished soon. Its frames and some trial frames show the cost of drawing on this
+machine. Each following pass takes about 8 times as long as the pass before, and the last pass has the accuracy that the
+scene requests. So all passes together take little longer than the last pass alone.
 """
 
 from __future__ import annotations
@@ -136,9 +136,9 @@ class Refiner:
         self.made: JobResult | None = None
 
     def plan_passes(self) -> Iterator[Pass]:
-        """Yield as many passes as there is time for. Each is planned when the one before it is finished.
+        """Yield as many passes as there is time for. Each pass is planned when the pass before it is finished.
 
-        Raises DeadlineReached.
+        Raises DeadlineReached if the time ends while a pass is planned.
         """
         primitive = self._estimator.primitive
         initial_tolerance = primitive.tolerance_for_size(primitive.initial_size)

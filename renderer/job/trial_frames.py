@@ -1,4 +1,4 @@
-"""Predict the cost of a film here, in seconds and in bytes, by drawing and encoding some of its frames."""
+"""Predict the cost of a film on this machine, in seconds and in bytes, by drawing and encoding some of its frames."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ DATA: schema.FieldType[Any] = schema.FieldType("a mapping", _parse_data)
 
 
 def read_record(field: schema.FieldType[T], value: object) -> T | None:
-    """Return the record in plain data; None where the data is not a record of this type."""
+    """Return the record that a field type reads from plain data; None if the data is not a record of this type."""
     problems: list[Problem] = []
     record = field.read(schema.TreeNode(value, "", problems))
     return None if problems else record

@@ -118,7 +118,10 @@ class FinishedFilm:
         return f"{why} and is drawn again"
 
     def _change(self, fingerprint: FilmFingerprint, frames: Sequence[int]) -> str:
-        """Return the difference between the requested film and this one; empty where they are the same."""
+        """Return, in words, how this film differs from the requested one; empty if it does not.
+
+        fingerprint, frames: the fingerprint and the frames of the requested film.
+        """
         own = self.record.fingerprint
         if own is None:
             return "one pass would not have made it"

@@ -27,11 +27,11 @@ from renderer.scene import (
 BEST_EFFORT_HINT = "with --best-effort it is good enough"
 # A frame is in time if its seconds differ from its budget of seconds by at most this fraction of the budget.
 _TIME_MARGIN = 0.2
-# The fraction of the frames that may be late without an error.
+# The fraction of a film's frames that may take longer than their budget of seconds without an error.
 _MAX_LATE_FRACTION = 0.1
 # The steps of a frame whose results later frames can share: the cut, and the primitives and edges of its cells.
 _SHARED_STEPS = ("cut", "primitives", "edges")
-# The fraction of the frames that may be less exact than requested without an error.
+# The fraction of a film's frames that may be less exact than requested without an error.
 _MAX_MISSING_FRACTION = 0.05
 
 Goal = SplatBudget | TimeBudget | MetricTarget | None
@@ -49,7 +49,7 @@ def not_refined(file: str, requested: ErrorSpec, frames: Sequence[FrameRecord]) 
 
 
 def missed_goal(goal: Goal, frames: Sequence[FrameRecord]) -> RenderError | None:
-    """Return the error for a goal that these frames did not reach, or None."""
+    """Return the error for a goal that these frames did not reach; None if they reached it."""
     if isinstance(goal, MetricTarget):
         return _accuracy_shortfall(goal, frames)
     return _time_shortfall(goal, frames) if isinstance(goal, TimeBudget) else None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-# Decimal places of a share, in [0, 1]: a millionth of a picture is less than a pixel of most pictures.
+# The number of decimal places of a share, in [0, 1]: a millionth of a picture is less than a pixel of most pictures.
 _PLACES_OF_SHARES = 6
-# Decimal places of a PSNR, in decibels.
+# The number of decimal places of a PSNR, in decibels.
 _PLACES_OF_DECIBELS = 2
-# Decimal places of a time, in seconds.
+# The number of decimal places of a time, in seconds.
 _PLACES_OF_SECONDS = 3
 
 

@@ -61,14 +61,14 @@ class MadeFile:
 
 
 def program_versions() -> dict[str, Any]:
-    """Return the part of a fingerprint that is the program: the versions of packages, and a digest of its sources."""
+    """Return the part of a fingerprint about this program: the versions of packages, and a digest of the sources."""
     return {"versions": package_versions(), "sources": sources_digest()}
 
 
 def file_states(files: Iterable[Path]) -> FileStates:
-    """Return the states of files, which are known without reading the files.
+    """Return the states of files: sizes and times of change, which are known without reading the files.
 
-    A state changes with the content of the file: nobody can set the time of its last change.
+    A file's state changes whenever its content does, as no program can set the time of the last change of a file.
     """
     return [(str(file), _state(file)) for file in files]
 

@@ -1,4 +1,4 @@
-"""Verify a finished film by its files and its sidecar alone: whether it is whole, of which inputs, and how exact."""
+"""Verify a finished film: whether its files are whole, whether it shows its scene and volume, and how exact it is."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class _Path:
     type: ClassVar[str]
 
     def written(self) -> object:
-        """Return the keys of the path with their values."""
+        """Return the path as a scene file has it: its keys with their values."""
         return {"type": self.type} | vars(self)
 
 
@@ -116,7 +116,11 @@ _KEYS = schema.sequence_field(
 
 @dataclass(frozen=True)
 class KeyframePath(_Path):
-    """A path through keys in ascending frame order, eased between them; directions are interpolated on the sphere."""
+    """A path through the directions of keys. Between two keys, directions are interpolated on the sphere.
+
+    keys: the keys, with ascending frames. loop: whether the path leads from the last key back to the first.
+    easing: with `smooth`, the camera's speed changes smoothly at the keys.
+    """
 
     type: ClassVar[str] = "keyframes"
     frames: NumFrames

@@ -54,25 +54,25 @@ class LabelsSpec:
 
     @property
     def has_numbers(self) -> bool:
-        """Return whether the numbers of all labels that are shown are known."""
+        """Return whether the numbers of all labels that are shown are known before the volume is read."""
         is_listed = self.show is not None and not self.hide and not isinstance(self.names, Path)
         return is_listed and all(isinstance(label, int) for label in self.show or ())
 
     @property
     def has_colors(self) -> bool:
-        """Return whether the numbers, colours and opacities of the labels that are shown are known."""
+        """Return whether numbers, colours and opacities of the labels shown are known before the volume is read."""
         colors = dict(self.colors) if isinstance(self.colors, tuple) else {}
         is_complete = self.has_numbers and self.opacity is not None
         return is_complete and all(label in colors for label in self.show or ())
 
     @property
     def values(self) -> tuple[int, ...]:
-        """Return the numbers of the labels that are shown, ascending, if `has_numbers`."""
+        """Return the numbers of the labels that are shown, ascending. It may be called only if `has_numbers`."""
         assert self.has_numbers
         return tuple(sorted({label for label in self.show or () if isinstance(label, int)}))
 
     def written(self) -> dict[str, object]:
-        """Return the keys of the section with their values."""
+        """Return the section as a scene file has it: its keys with their values."""
         by_label = {
             key: dict(value) if isinstance(value, tuple) else value
             for key, value in vars(self).items()
@@ -82,7 +82,7 @@ class LabelsSpec:
 
     @property
     def styles(self) -> tuple[LabelStyle, ...]:
-        """Return the labels that are shown, ascending by number, if `has_colors`."""
+        """Return the labels that are shown, ascending by number. It may be called only if `has_colors`."""
         assert self.has_colors and isinstance(self.colors, tuple)
         colors, names = dict(self.colors), dict(self.names) if isinstance(self.names, tuple) else {}
         opacities: dict[Any, float] = dict(self.opacity) if isinstance(self.opacity, tuple) else {}
@@ -147,7 +147,7 @@ LABELS_TABLE: schema.FieldTable = {
 
 
 def build_labels(node: TreeNode, given: dict[str, Any]) -> LabelsSpec:
-    """Return a LabelsSpec with the given values of keys of LABELS_TABLE."""
+    """Return the choice of labels that a section `labels` makes. given: the section's values, by their keys."""
     names = given.get("names")
     if isinstance(names, tuple):
         for value, _ in names:

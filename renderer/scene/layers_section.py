@@ -51,8 +51,8 @@ class LayerSpec:
 
     transform: a 4 x 4 matrix, row by row, that moves the volume in the world, such as the result of a registration.
     weight: a factor on the volume's extinction. clip: planes and boxes that clip only this volume.
-    color, range: the colour and the two ends of a ramp, if the transfer function is one. Its extinction rises from 0 to
-        an optical depth of 1 per eighth of the volume's longest side.
+    color, range: the colour and the two ends of a ramp, if the transfer function is a ramp. Its extinction rises from 0
+        to an optical depth of 1 over an eighth of the volume's longest side.
     mask: the mask inside of which the volume is shown.
     """
 
@@ -80,7 +80,7 @@ class LayerSpec:
 
     @property
     def depends_on_voxels(self) -> bool:
-        """Return whether the voxels must be read to say how they are shown."""
+        """Return whether the layer's look is known only when its voxels, or those of its mask, have been read."""
         labels, mask = self.transfer_function.labels, self.mask
         if any(volume.time == "auto" for volume in self.volumes.values()):
             return True
@@ -158,7 +158,10 @@ def _build_layer(node: TreeNode, given: dict[str, Any]) -> LayerSpec:
 
 
 def take_labels(node: TreeNode, given: dict[str, Any]) -> None:
-    """Put the labels of a scene or a layer in the place of its transfer function."""
+    """Move the value of the key `labels` of a scene or a layer to the key `transfer_function`.
+
+    node: the node of the scene or the layer. given: the values by their keys.
+    """
     if "labels" in given:
         labels = given.pop("labels")
         if given.setdefault("transfer_function", labels) is not labels:

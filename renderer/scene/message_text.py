@@ -46,7 +46,7 @@ def _scalar(value: object) -> str:
         return "nothing"
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, int) and value.bit_length() > 4 * _MAX_VALUE_LENGTH:  # Python refuses to spell very large ones
+    if isinstance(value, int) and value.bit_length() > 4 * _MAX_VALUE_LENGTH:  # Python may refuse to spell it
         return "a huge number"
     if isinstance(value, float):
         return repr(value).removesuffix(".0") if math.isfinite(value) else f".{value}"
@@ -99,6 +99,6 @@ def pluralize_range(nums: Sequence[int], one: str) -> str:
 
 
 def first_few(items: Sequence[object], most: int = 3, between: str = ", ") -> str:
-    """Return `a, b and 2 more`, with at most `most` of the items."""
+    """Return at most `most` of the items, and the number of further items: `a, b and 2 more`."""
     more = f" and {len(items) - most} more" if len(items) > most else ""
     return between.join(map(str, items[:most])) + more

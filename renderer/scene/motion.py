@@ -37,7 +37,8 @@ class Motion(Generic[T]):
     """A value that moves: its values at key frames. It is constant before the first key and after the last one.
 
     frames: the key frames, ascending. values: one for each key frame, all of the same shape.
-    easing: the course of time between two keys. kind: the interpolation of values between two keys.
+    easing: how time passes between two keys. kind: how values are interpolated: `linear`, in even ratios (`ratio`), or
+        on the sphere (`direction`).
     is_closed: whether the film loops, and the last key is the first key of the next loop.
     """
 
@@ -249,7 +250,7 @@ class OverFrames(Generic[T]):
 
     @property
     def changing_frames(self) -> list[tuple[int, int]]:
-        """Return runs of frames, as (first, last), on which some value differs from its value one frame before."""
+        """Return ranges of frames, as (first, last), on which some value differs from its value one frame before."""
         found = {
             frame
             for motion in motions_in(self._value)

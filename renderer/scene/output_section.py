@@ -44,7 +44,7 @@ def _parse_file(node: TreeNode) -> Any:
         return node.reject("not a file name")
     if schema.has_unexpanded_tilde(node.value):
         return node.reject("a folder named ~", hint=schema.TILDE_HINT)
-    if os.path.basename(node.value) in ("", ".", ".."):  # a Path would drop these names
+    if os.path.basename(node.value) in ("", ".", ".."):  # names that the class Path drops
         return node.reject("the output is a folder")
     path = Path(node.value)
     if output_suffix(path) not in FORMATS:
@@ -190,11 +190,11 @@ class OutputFile:
         return PictureKind(self.size, self.background, depth)
 
     def written(self) -> object:
-        """Return the keys of the section with their values."""
+        """Return the section as a scene file has it: its keys with their values."""
         return self._keys()
 
     def _keys(self) -> dict[str, object]:
-        """Return the keys of this file with their values, without `every: 1`."""
+        """Return the keys of this file with their values, as a scene file has them. `every: 1` is left out."""
         values = {each.name: getattr(self, each.name) for each in fields(OutputFile)}
         given = {key: value for key, value in values.items() if value is not None and (key, value) != ("every", 1)}
         return given | {"background": at_keys(_written_background, self.background)}
@@ -214,7 +214,7 @@ class OutputSpec(OutputFile):
     others: tuple[OutputFile, ...] = ()
 
     def written(self) -> object:
-        """Return the keys of the only output with their values, or a list of all outputs."""
+        """Return the section as a scene file has it: the keys of the only output, or a list of all outputs."""
         return [self._keys(), *self.others] if self.others else self._keys()
 
     @property
@@ -293,7 +293,7 @@ _SHARED_KEYS = ("size", "background")
 
 
 def _parse_output(node: TreeNode) -> Any:
-    """Parse one output or a list of outputs. The first output shows all frames."""
+    """Return the outputs that a section `output` describes, with one output or a list of them, or INVALID."""
     nodes = [node]
     if isinstance(node.value, (list, tuple)):
         nodes = [node.child(number, each) for number, each in enumerate(node.value)]
@@ -386,9 +386,9 @@ def first_output(scene: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def only_output(section: Any, suffix: str) -> Any:
-    """Return the first output of an `output` section in plain data, for use with a file of another format.
+    """Return the first output of an `output` section in plain data, to which a new file is to be given.
 
-    suffix: the suffix of the new file. For another format, the keys of the encoder are left out.
+    suffix: the suffix of the new file. If it has another format, the keys of the encoder are left out.
     """
     first = section[0] if isinstance(section, list) and section else section
     if not isinstance(first, dict) or output_suffix(str(first.get("file"))) == suffix:

@@ -23,7 +23,10 @@ from renderer.scene.spec import FilmScene
 
 
 def load_scene(path: Path, **changes: Any) -> FilmScene:
-    """Return the scene in the YAML file `path`; parameters and errors as in `parse_scene_content`."""
+    """Return the scene in the YAML file `path`.
+
+    changes: the other parameters of `parse_scene_content`, which reads the file's content and raises the same errors.
+    """
     return parse_scene_content(read_content(path), path, **changes)
 
 
@@ -109,11 +112,11 @@ class TreeEditor:
         self._options: list[str] = []
 
     def apply(self, overrides: Sequence[str], volume: Path | None, output: Path | str | None) -> None:
-        """Apply `--set`, `--volume` and `--output`, in this order."""
+        """Change the tree by the values of the options `--set`, `--volume` and `--output`, in this order."""
         for override in overrides:
             self._override(override)
         if volume is not None:
-            section = self.tree.data.get("volume")  # all other keys of the volume remain
+            section = self.tree.data.get("volume")  # only the source is replaced; other keys of the volume remain
             others = section.items() if isinstance(section, dict) else ()
             self.tree.data["volume"] = {key: value for key, value in others if key not in _SOURCES}
             self._set(["volume", "file"], str(volume.absolute()), self._option(f"--volume {volume}"))
@@ -123,7 +126,7 @@ class TreeEditor:
 
     @property
     def overridden_paths(self) -> list[str]:
-        """Return the paths that options have written."""
+        """Return the dotted paths of the keys that options have written."""
         return [path for path, writer in self._writers.items() if isinstance(writer, int)]
 
     def parse(self, *, is_single_frame: bool = False) -> FilmScene:
@@ -157,7 +160,7 @@ class TreeEditor:
         if not equals or not all(parts):
             self._problems.append((option, Problem("", "not an override", expected="--set path.to.key=value")))
             return
-        if value_text.strip().startswith("#"):  # a color and not a comment
+        if value_text.strip().startswith("#"):  # the value is a color, which YAML would take for a comment
             self._set(parts, value_text.strip(), option)
             return
         try:

@@ -85,7 +85,7 @@ def _read_scene(node: schema.TreeNode, *, is_single_frame: bool) -> Scene:
         for number, layer in enumerate(scene.layers if has_plain_values else ()):
             place = partial(scene.layer_key, number)
             problems += proportion_problems(layer.volume, scene.camera, scene.output.size, place)
-        if node.film is not None and node.film.at is None:  # at a single frame, nothing moves
+        if node.film is not None and node.film.at is None:  # in a scene that is read at one frame, nothing moves
             section = node.child("annotation", tree.get("annotation"))
             moving = moving_values(film_scene(scene), 0) if scene.annotation.time is not None else {}
             check_annotation(section, scene.annotation, len(scene.layers), moving)

@@ -20,12 +20,12 @@ def tolerance_at(error: ErrorSpec, frame: int) -> float:
 
 
 def accuracy_of(error: ErrorSpec) -> ErrorSpec:
-    """Return the `error` section with the requested tolerance or goal alone."""
+    """Return an `error` section that has only the tolerance or the goal of this one."""
     return ErrorSpec(error.tolerance) if error.goal is None else ErrorSpec(goal=error.goal)
 
 
 def is_film_wide_goal(error: ErrorSpec) -> bool:
-    """Return whether the goal is about all frames together, so that some frames cannot show whether it is met."""
+    """Return whether the goal is for all frames of a film together, so that some frames cannot show if it is met."""
     return isinstance(error.goal, (MetricTarget, TimeBudget))
 
 

@@ -272,7 +272,10 @@ def section_field(
 def dataclass_field(
     cls: Callable[..., T], check: Callable[[TreeNode, dict[str, Any]], object] | None = None
 ) -> FieldType[T]:
-    """Return the type of a mapping whose keys are the fields of a dataclass; `check` compares the given values."""
+    """Return the type of a mapping whose keys are the fields of a dataclass. It is read as an instance of the class.
+
+    check: a function that compares the given values with each other, and adds problems.
+    """
 
     def build(node: TreeNode, given: dict[str, Any]) -> T:
         if check is not None:

@@ -115,7 +115,7 @@ def pointwise_keys(shading: ShadingSpec) -> list[str]:
 
 
 def check_shading(node: TreeNode, given: dict[str, Any]) -> None:
-    """Refuse sections that contradict the scene's `shading`, which is at `node`. given: the scene's sections."""
+    """Refuse keys of the section `shading`, at `node`, that contradict other sections. given: the scene's sections."""
     shading, error = given.get("shading"), given.get("error")
     if not isinstance(shading, ShadingSpec):
         return

@@ -72,7 +72,7 @@ def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
     footprint = given.get("footprint", SplatSpec.footprint)
     hints = unused_splat_keys(footprint)
     for key in schema.valid_keys(given, *hints):
-        if given[key] == getattr(SplatSpec, key):  # a sidecar has all defaults
+        if given[key] == getattr(SplatSpec, key):  # a default is no contradiction: sidecars have all defaults
             continue
         if "footprint" in given:
             node.key(key).reject(f"contradicts footprint: {footprint}", hint=hints[key])
@@ -87,7 +87,7 @@ def _build_splat(node: TreeNode, given: dict[str, Any]) -> SplatSpec:
 
 
 def unused_splat_keys(footprint: str) -> dict[str, str]:
-    """Return the keys that mean nothing for a footprint, with a hint for each."""
+    """Return the keys of the section `splat` that have no effect on a footprint, with a hint for each."""
     return {"gaussian": _HINTS_GOURAUD, "integrated": _HINTS_INTEGRATED}.get(footprint, {})
 
 

@@ -119,7 +119,7 @@ class TransferSpec:
         return self.mapping is None
 
     def written(self) -> dict[str, object]:
-        """Return the keys of the section with their values."""
+        """Return the section as a scene file has it: its keys with their values."""
         if isinstance(self.mapping, ColormapSpec):
             keys = vars(self.mapping)
         elif isinstance(self.mapping, LabelsSpec):
@@ -197,7 +197,7 @@ def _check_percentiles(node: TreeNode, given: Mapping[str, Any]) -> None:
 
 def _build_transfer(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
     unit = given.get("unit")
-    of_colormap = [] if isinstance(given.get("scale"), (float, Motion)) else ["scale"]  # `scale: log`
+    of_colormap = [] if isinstance(given.get("scale"), (float, Motion)) else ["scale"]  # as in `scale: log`
     if "import" in given:
         for key in schema.valid_keys(given, "points", "colormap", *of_colormap):
             node.key(key).reject(f"contradicts {node.path}.import", expected="one of them")
@@ -296,7 +296,12 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
 
 
 def _place_points(look: Look, span: Any, opacities: Any, scale: float = 1.0, shift: float = 0.0) -> Any:
-    """Return the control points that `place_look` makes of a look. All parameters but the look may move."""
+    """Return the control points of a look, which is a transfer function from a file or a preset.
+
+    span: the range of values that replaces the look's own; None to keep that. scale, shift: the factor on values, and
+        the number that is then added. opacities: pairs (value, opacity) that replace the look's own; None to keep those.
+    All parameters but the look may move.
+    """
     from renderer.looks import place_look
 
     def place(span: Any, scale: float, shift: float, opacities: Any) -> tuple[ControlPoint, ...]:
@@ -311,7 +316,10 @@ def _is_valid(value: object) -> bool:
 
 
 def _read_look(node: TreeNode, source: str, name: str | None) -> tuple[Path | None, Look] | None:
-    """Return the file, or None for a preset, and the look in it. After a problem, return None in place of both."""
+    """Return the path of a file, or None for a preset, and the look in it. After a problem, return None for both.
+
+    source: the name of the file or the preset. name: the name of one of several looks in the file.
+    """
     from renderer.looks import MAX_LOOK_BYTES, LookNameError, read_look, read_preset
 
     path = node.base / source

@@ -163,7 +163,7 @@ def _may_be_frame(key: object) -> bool:
 
 
 def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
-    """Return the motion that a map from frames to values describes; if a film is read at a frame, its value there."""
+    """Return the motion that a map from frames to values describes or, if a film is read at one frame, its value there."""
     assert isinstance(node.value, Mapping) and field.motion is not None
     known = film.motions.get((node.path, id(field)))
     if known is not None and film.at is not None:
@@ -249,7 +249,7 @@ def check_frames_ascend(node: TreeNode, before: object, frame: object) -> bool:
 
 
 def _check_ratios(node: TreeNode, motion: Motion[Any]) -> None:
-    """Check that no number moves to or from 0 over several frames, as 0 has no logarithm."""
+    """Check a motion in even ratios: no number may move to or from 0 over several frames, as 0 has no logarithm."""
     for (start, before), (end, after) in pairwise(zip(motion.frames, motion.values, strict=True)):
         if motion.easing != "hold" and (before == 0) != (after == 0) and end - start > 1:
             step = format_value({start: before, end - 1: before, end: after})

@@ -79,7 +79,7 @@ _SPACING = schema.sequence_field(
     f"[x, y, z]: three lengths from {schema.MIN_WORLD_LENGTH:g} to {schema.MAX_WORLD_LENGTH:g}",
     count=3,
 )
-SUBSET_INDEX_FIELD = schema.integer_field(minimum=0, maximum=10**6)  # a time step or a component, counted from 0
+SUBSET_INDEX_FIELD = schema.integer_field(minimum=0, maximum=10**6)  # the number of a time step or a component
 _STEP = schema.number_field(minimum=0, maximum=10**6)
 
 
@@ -209,7 +209,7 @@ class ArraySource:
     """
 
     key: ClassVar[str] = "array"
-    name: ClassVar[str] = "the array"  # in messages
+    name: ClassVar[str] = "the array"  # the name of the volume in messages
     values: Any
     spacing: schema.Vector = (1.0, 1.0, 1.0)
 
@@ -246,11 +246,11 @@ class VolumeSpec:
 
     @property
     def has_colors(self) -> bool:
-        """Return whether voxels are colours, in which they are drawn."""
+        """Return whether the voxels are colours, so that they are drawn in their own colours."""
         return self.component in ("color", "color_alpha")
 
     def written(self) -> dict[str, object]:
-        """Return the keys of the section with their values, first the keys of the source."""
+        """Return the section as a scene file has it: first the keys of the source, then all others, with values."""
         own = {key: value for key, value in vars(self).items() if key != "source"}
         own |= {"crop": at_keys(_by_axis, self.crop), "interpolate": self.interpolate or None}
         source = self.source

@@ -129,7 +129,7 @@ class _Loader(yaml.SafeLoader):
         self._depth = self._num_values = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        # Checked here as well: composing a large text takes seconds and hundreds of megabytes before anything is built.
+        # The limits are checked here, too, as composing a large text takes seconds and hundreds of megabytes.
         if parent is None or index is not None:  # a node below another one and without an index is a key
             self._num_values += 1
         if self._num_values > MAX_NODES:
@@ -154,7 +154,7 @@ for _name, _pattern, _first in (
 
 
 class _Dumper(yaml.SafeDumper):
-    """A dumper of text that the loader reads back: its scalars follow YAML 1.2, too."""
+    """A dumper whose text `_Loader` reads back as the same data: scalars follow YAML 1.2, and there are no aliases."""
 
     yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
 
@@ -221,7 +221,7 @@ class _Builder(YamlTree):
                 return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
             if kind in ("null", "bool"):
                 return {"n": None, "~": None, "": None, "t": True, "f": False}[text[:1].lower()]
-        except (KeyError, ValueError):  # the tag does not fit the value
+        except (KeyError, ValueError):  # an explicit tag, such as !!int, does not fit the text
             kind = "?"
         if kind != "str":
             self._reject_tag(node, path)

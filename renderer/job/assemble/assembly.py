@@ -40,7 +40,7 @@ def assemble_film(
     # A film that was assembled into the folder of its parts is no part.
     parts = [part for part in parts if not is_same_file(part.path, sidecar)] or parts
     film_files(output, numbers, sidecar).require_harmless(_input_files(parts))
-    # Before the frames are looked at: the size and the frames of another film say nothing about this one.
+    # This comes before the frames are checked, as missing frames of another film mean nothing.
     raise_problems(film_problems(parts))
     picked, problems = pick_frames(parts, numbers)
     with open_output(output, numbers, sidecar, resumes=resumes) as film:
