@@ -31,7 +31,9 @@ _MAX_JSON_BYTES = 2**26
 
 
 class FrameStore:
-    """A store of finished frames that does not keep newly drawn frames. It has the frames of parts, or no frames.
+    """A store of finished frames that does not keep newly drawn frames.
+
+    It has the frames of the parts from which a film is assembled, or no frames.
 
     records: the records of the finished frames, by number.
     file: a function that returns the path of a picture, given the numbers of its frame and of its kind.

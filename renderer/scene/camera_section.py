@@ -198,7 +198,7 @@ class PathSequence(_Path):
         return sum(piece.frames for piece in self.pieces)
 
     def written(self) -> object:
-        """Return the pieces, as a sequence is written as the list of its pieces."""
+        """Return the path as a scene file has it: the list of its pieces."""
         return self.pieces
 
 

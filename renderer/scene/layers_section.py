@@ -95,7 +95,7 @@ class LayerSpec:
         return {} if transfer.is_open else {"transfer_function" if transfer.labels is None else "labels": transfer}
 
     def written(self) -> dict[str, object]:
-        """Return the layer's keys in a list of volumes, with their values."""
+        """Return the layer as the list of volumes in a scene file has it: its keys with their values."""
         others = ("volume", "transfer_function")
         own = {key: value for key, value in vars(self).items() if key not in others and value not in ("", ())}
         return self.volume.written() | (self.look if self.color is None else {}) | own

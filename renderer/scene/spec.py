@@ -151,7 +151,7 @@ class FilmScene(ABC):
 
     @property
     def draw_order(self) -> str:
-        """Return the order in which splats are drawn."""
+        """Return the order in which splats are drawn: `depth`, `unmixed` or `boxes`."""
         return self._sections.splat.order
 
     @property

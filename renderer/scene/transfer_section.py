@@ -298,8 +298,9 @@ def _import(node: TreeNode, given: dict[str, Any]) -> TransferSpec:
 def _place_points(look: Look, span: Any, opacities: Any, scale: float = 1.0, shift: float = 0.0) -> Any:
     """Return the control points of a look, which is a transfer function from a file or a preset.
 
-    span: the range of values that replaces the look's own; None to keep that. scale, shift: the factor on values, and
-        the number that is then added. opacities: pairs (value, opacity) that replace the look's own; None to keep those.
+    span: the range of values that replaces the look's own range, if it is given. scale, shift: the factor on values,
+        and the number that is then added. opacities: pairs (value, opacity) that replace the look's own opacities, if
+        they are given.
     All parameters but the look may move.
     """
     from renderer.looks import place_look

@@ -163,7 +163,7 @@ def _may_be_frame(key: object) -> bool:
 
 
 def _read_motion(field: FieldType[Any], node: TreeNode, film: FilmTime) -> Any:
-    """Return the motion that a map from frames to values describes or, if a film is read at one frame, its value there."""
+    """Return the motion that a map from frames to values describes; its value, if a film is read at one frame."""
     assert isinstance(node.value, Mapping) and field.motion is not None
     known = film.motions.get((node.path, id(field)))
     if known is not None and film.at is not None:

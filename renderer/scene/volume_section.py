@@ -41,7 +41,8 @@ _ALIASES = {
     "half": "float16",
     "float": "float32",
     "double": "float64",
-    **{f"{sign}int{bits}": f"{sign}int16" for sign in ("", "u") for bits in (10, 12, 14)},  # scanners, cameras
+    # Scanners and cameras store integers of 10, 12 and 14 bits in 16 bits.
+    **{f"{sign}int{bits}": f"{sign}int16" for sign in ("", "u") for bits in (10, 12, 14)},
     **{f"{order}{name[0]}{size}": name for name, size in ITEM_SIZES.items() for order in ("", "<", "=", "|")},
     **{f">{name[0]}{size}": f"{name} with byte order big" for name, size in ITEM_SIZES.items()},
 }
