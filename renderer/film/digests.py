@@ -14,7 +14,7 @@ _BLOCK_BYTES = 2**20
 
 
 def bytes_digest(content: bytes) -> str:
-    """Return the digest of bytes."""
+    """Return the digest of some bytes: 32 hexadecimal digits."""
     return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 

@@ -38,7 +38,7 @@ class WrittenFiles:
         return WrittenFiles((*self.files, *other.files), (*self.folders, *other.folders))
 
     def all_files(self) -> Iterator[Path]:
-        """Yield the files, and all files that are now in the folders."""
+        """Yield the files of the list, and all files that are now in its folders for unfinished work."""
         yield from self.files
         for folder in self.folders:
             yield from folder_files(folder)

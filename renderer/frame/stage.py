@@ -104,12 +104,12 @@ class Stage(FilmStage):
     scene: Scene
 
     def at(self, frame: int) -> Stage:
-        """Return this stage, which is the stage of every frame that it is asked for."""
+        """Return this stage, whichever frame is asked for; it has the interface of FilmStage.at."""
         return self
 
     @property
     def first(self) -> Stage:
-        """Return this stage."""
+        """Return this stage, as all its frames have the same stage."""
         return self
 
     def has_lods_of(self, other: Stage) -> bool:
@@ -158,7 +158,7 @@ class Stage(FilmStage):
 
     @property
     def camera(self) -> CameraSpec:
-        """Return the camera with the target and the distance that were found."""
+        """Return the scene's camera, with the target and the distance of this stage in place of those left open."""
         return replace(self.scene.camera, target=self.target, distance=self.distance)
 
 

@@ -1,4 +1,4 @@
-"""Describe a film to make."""
+"""Describe a film to make: its scene, its frames, and the accuracy that is requested."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ Passes = Callable[["FilmInProgress"], "JobResult"]
 class JobResult:
     """The result of a film job: a film that is made, or was up to date.
 
-    file: the film, or the template of its frames, by its name in the job.
+    file: the path of the film, or of the template of its frames, as the job's scene gives it.
     summary: a line on the film and its cost; empty for a film that was up to date.
     volume_note: the note of the reader of the first volume.
     shortfall: the error for an accuracy that was not reached.

@@ -141,6 +141,6 @@ def _header_and_voxel_files(file: Path) -> tuple[Path, list[Path]]:
     from renderer.readers import header_and_voxel_files
 
     with contextlib.suppress(InputError, OSError):  # the reader reports the error
-        if file.is_file():  # a pipe would be waited for
+        if file.is_file():  # opening a pipe would wait for its writer
             return header_and_voxel_files(file)
     return file, []

@@ -67,7 +67,7 @@ _MAX_COMPARED_BYTES = 2**26
 
 
 class DeadlineReached(Exception):  # noqa: N818  no error
-    """A signal that the deadline is reached and the pass is given up."""
+    """The exception by which a pass is given up because the deadline is reached. It is no error."""
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ class Refiner:
             film.events.pass_finished(self._summary(frames))
 
     def _record_pass(self, each: Pass, start: float, frames: Sequence[FrameRecord]) -> None:
-        """Record the pass that has just drawn these frames."""
+        """Add the record of the pass that has just drawn these frames. start: the time at which the pass began."""
         now = time.perf_counter()
         self.passes.append(
             PassRecord(
@@ -201,7 +201,7 @@ class Refiner:
         )
 
     def _summary(self, frames: Sequence[FrameRecord]) -> str:
-        """Return a line about the last pass."""
+        """Return a line about the last finished pass, which drew these frames."""
         last, noun = self.passes[-1], self._film.stage.scene.primitive_name
         facts = [
             f"pass {len(self.passes)}: tolerance {range_text(last.tolerance)}",
@@ -239,7 +239,7 @@ class Refiner:
         return plan
 
     def _work(self, plan: FilmPlan) -> list[_Work]:
-        """Return the work of some frames of the last pass."""
+        """Return the estimated work of some frames of the last pass. plan: the plan of the last pass."""
         goal = self._error.goal
         sampled_frames = spread_evenly(self._frames, _NUM_SAMPLED_FRAMES, is_loop=True)
         if isinstance(goal, TimeBudget):
@@ -257,7 +257,7 @@ class Refiner:
         ]
 
     def _seconds(self, work: Sequence[_Work]) -> float:
-        """Return the predicted mean seconds of a frame of the last pass."""
+        """Return the predicted mean seconds of a frame of the last pass. work: the work of some of its frames."""
         return statistics.fmean(self._estimator.seconds(each.typical_seconds, each.order_seconds) for each in work)
 
     def _calibrate_costs(self, work: Sequence[_Work]) -> None:

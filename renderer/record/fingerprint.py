@@ -37,7 +37,7 @@ def film_fingerprint(scene: FilmScene, requested: ErrorSpec, volume_fingerprint:
     volume_fingerprint: the joint fingerprint of the film's volumes. device: the device that draws.
     """
     tree = without_sources(scene_to_dict(with_draw_order(scene)))
-    tree = with_files(tree, lambda _, name: Path(name).name)  # fonts and logos may move
+    tree = with_files(tree, lambda _, name: Path(name).name)  # files of fonts and logos may be moved
     left_out = {*schedule_to_dict(scene.error), "probes"}
     rest = {key: value for key, value in tree["error"].items() if key not in left_out}
     output = {key: first_output(tree)[key] for key in _DRAWN_KEYS}

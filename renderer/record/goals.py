@@ -78,7 +78,10 @@ def _accuracy_shortfall(goal: MetricTarget, frames: Sequence[FrameRecord]) -> Re
 
 
 def _time_shortfall(goal: TimeBudget, frames: Sequence[FrameRecord]) -> RenderError | None:
-    """Return the error if many frames were too slow, even at the coarsest cut or on a slower machine; else None."""
+    """Return the error if many frames took longer than their budget of seconds; else None.
+
+    Even the coarsest cut may take too long, and the machine may have become slower.
+    """
     late = [frame for frame in frames if _predicted(frame) > (1 + _TIME_MARGIN) * _budget(goal, frame)]
     if len(late) <= _MAX_LATE_FRACTION * len(frames):
         shares = [_drawing_seconds(frame) / _budget(goal, frame) for frame in frames]

@@ -41,7 +41,8 @@ _CONTRADICTS = {
 _RAMP_OPACITY = -math.expm1(-1.0)
 
 
-# The transfer function of a volume with `component: all`, or of voxels that are colours, where the scene gives none.
+# The transfer function of a volume with `component: all`, or of voxels that are colours, if the scene gives none: it is
+# still to be chosen.
 OPEN_LOOK = TransferSpec(None)
 
 

@@ -386,7 +386,7 @@ def first_output(scene: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def only_output(section: Any, suffix: str) -> Any:
-    """Return the first output of an `output` section in plain data, to which a new file is to be given.
+    """Return the first output of an `output` section in plain data, whose file is to be replaced by a new one.
 
     suffix: the suffix of the new file. If it has another format, the keys of the encoder are left out.
     """

@@ -223,7 +223,7 @@ POINT_FIELD = sequence_field(COORDINATE_FIELD, "[x, y, z] in world units", count
 
 
 def pair_field(first: FieldType[Any], second: FieldType[Any], expected: str) -> FieldType[Any]:
-    """Return the type of a list of two items, the types of which are `first` and `second`."""
+    """Return the type of a list of two items. first, second: the types of the items."""
 
     def parse(node: TreeNode) -> Any:
         if not isinstance(node.value, (list, tuple)) or len(node.value) != 2:

@@ -100,8 +100,8 @@ class FilmScene(ABC):
     def changed(self: AnyScene, edit: Callable[..., Scene], *others: FilmScene) -> AnyScene:
         """Return a scene with other sections.
 
-        edit: a function of the sections of this scene and of `others`. It returns the first with some sections
-            replaced, and must not calculate with values, as they may be motions.
+        edit: a function that takes the sections of this scene, and then those of each of `others`. It returns the
+            sections of this scene, some of them replaced. It must not calculate with values, as they may be motions.
         """
         sections = edit(self._sections, *(other._sections for other in others))
         changed: Any = film_scene(sections)
