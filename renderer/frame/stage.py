@@ -99,7 +99,7 @@ class FilmStage:
 
 @dataclass
 class Stage(FilmStage):
-    """A stage of one frame, or of all frames if nothing moves."""
+    """All data that one frame is drawn from or, if nothing moves, every frame."""
 
     scene: Scene
 

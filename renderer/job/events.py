@@ -49,7 +49,7 @@ class JobEvents:
         self.note(text)
 
     def note(self, text: str) -> None:
-        """Take a sentence about the film."""
+        """Take a sentence about the film, which is meant for the user."""
 
 
 class ProgressEvents(JobEvents):

@@ -1,4 +1,4 @@
-"""Compute the fingerprint of a film: all that its frames depend on, and how they are encoded."""
+"""Compute the fingerprint of a film: all data that its frames depend on, and the settings of their encoding."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tell whether something that was made is up to date: a film, golden frames, or a film of a folder of films.
+"""Tell whether something that was made is up to date: a film, golden frames, or one of the films in a folder.
 
 It is up to date if the same program would make it from the same inputs, and if its files are as they were written.
 """

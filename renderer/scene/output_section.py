@@ -159,7 +159,7 @@ class OutputFile:
 
     @property
     def is_numbered(self) -> bool:
-        """Return whether each frame has a numbered file, so that several jobs may share the frames."""
+        """Return whether each frame has a numbered file, so that several jobs may draw different frames of one film."""
         return FRAME_FIELD.search(str(self.file)) is not None
 
     @property
