@@ -44,11 +44,11 @@ _MAX_TRIES = 5
 # The exponent that bounds a change of size: if a frame takes f times its budget of seconds, or an f-th part of it, the
 # size changes by a factor of at most f^_SIZE_EXPONENT.
 _SIZE_EXPONENT = 3.0
-# The seconds of a frame are taken to grow with a power of the size that is at least this: the time for a few large cells
-# depends more on their pixels than on their number.
+# The seconds of a frame are taken to grow with a power of the size that is at least this: the time for a few large
+# cells depends more on their pixels than on their number.
 _MIN_POWER = 0.1
-# The seconds of a frame are taken to grow with a power of the size that is at most this: the time for many small cells
-# is in proportion to their number.
+# The seconds of a frame are taken to grow with a power of the size that is at most this: the time for many small
+# cells is in proportion to their number.
 _MAX_POWER = 1.0
 # The smallest and the largest size of a search for a size, if all sizes are allowed.
 _ANY_SIZE = 0.0, math.inf

@@ -123,7 +123,7 @@ def choose_trials(scene: FilmScene, frames: Sequence[int], num_places: int = 3) 
 
 
 def film_cost(output: OutputFile, pictures: Sequence[Picture], frames: Sequence[int]) -> Float64:
-    """Return the seconds to encode a film of these frames, and the film's bytes, predicted from some of its pictures."""
+    """Return the seconds to encode a film of these frames, and its bytes, as predicted from some of its pictures."""
     one, several = np.array([_encode(output, pictures[:1]), _encode(output, pictures)])
     following = one if len(pictures) == 1 else np.maximum(several - one, 0.0) / (len(pictures) - 1)
     total: Float64 = one + (sum(map(output.shows, frames)) - 1) * following
