@@ -13,7 +13,7 @@ from renderer.annotation.text import Font
 from renderer.errors import InputError, Problem
 from renderer.scene import AnnotationSpec, Color, EntrySpec
 
-# The distance of entries from the edges of the picture, as a share of its shorter side.
+# The distance of entries from the edges of the picture, as a share of the picture's shorter side.
 _MARGIN = 0.04
 # The distance between entries, as a share of the picture's shorter side.
 _GAP = 0.02

@@ -27,7 +27,8 @@ MAX_LEGEND_ROWS = 24
 _MAX_BAR = 0.2
 # The text size of the words "at the target" at a scale bar, as a share of the text size of the bar's length.
 _SMALL = 0.75
-# The smallest side of the triad of axes, in pixels: enough for letters of MIN_TEXT_PX.
+# The smallest side of the square in which the arrows along the world's axes are drawn, in pixels: letters of
+# MIN_TEXT_PX have room in it.
 _MIN_TRIAD_PX = 52
 # The opacity with which a color bar's profile of opacities is drawn, from 0 to 255.
 _PROFILE = 150

@@ -7,9 +7,9 @@ from decimal import Decimal
 
 # The first digits of round numbers.
 _MANTISSAS = (1, 2, 5)
-# The metric units in which lengths are written, by the power of ten that makes a metre the unit: -3 for mm.
+# The metric units in which lengths are written, each by its length in metres, as a power of ten: -3 for mm.
 _PREFIXES = {-12: "pm", -9: "nm", -6: "µm", -3: "mm", 0: "m", 3: "km"}
-# The metric units that a volume may have, each with the power of ten that makes a metre the unit: -2 for cm.
+# The metric units that a volume may have, each with its length in metres, as a power of ten: -2 for cm.
 _UNITS = {unit: power for power, unit in _PREFIXES.items()} | {"cm": -2, "um": -6, "\u03bcm": -6}
 # Numbers with more digits than this before the decimal point are written with a power of ten.
 _MOST_DIGITS = 6
