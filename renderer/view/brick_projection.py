@@ -19,15 +19,15 @@ from renderer.view.depth_order import box_order
 from renderer.view.splat_projection import model_view
 from renderer.volume import Float64, UInt32, Volume
 
-# Rays begin at the eye if the eye is nearer than this, in model units, to the point through which the plane goes on
-# which rays begin otherwise.
+# If the eye is nearer to the volume's centre than this, in model units, rays begin at the eye, and not on the plane
+# through the centre. Another point may be given in place of the centre.
 _NEAR_EYE_DISTANCE = 2.0
 
 
 def ray_setup(
     volume: Volume, length: float, view: View, clip: tuple[ClipSpec, ...] = (), middle: Float64 | None = None
 ) -> RaySetup:
-    """Return the rays of a view in the index space of a volume.
+    """Return the set-up of a view's rays in the index space of a volume: where they begin, and their directions.
 
     length: the world length of a model unit. clip: clip planes and boxes in addition to those of the view. middle: a
         world position on the plane on which rays begin and depths are 0; the same position for several volumes makes

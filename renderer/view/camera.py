@@ -45,7 +45,7 @@ class View:
         return np.asarray((points_world - self.target) @ self.axes.T - (0.0, 0.0, self.distance))
 
     def clipped(self, clip: tuple[ClipSpec, ...]) -> View:
-        """Return the view with further clip planes and boxes."""
+        """Return the view with clip planes and boxes added to its own."""
         return replace(self, clip=self.clip + clip)
 
     @property

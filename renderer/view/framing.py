@@ -234,7 +234,7 @@ def finest_useful_level(
 def smallest_voxel_px(
     volume: Volume, camera: CameraSpec, target: Vector, distance: float, size: tuple[int, int]
 ) -> float:
-    """Return the width of a voxel at the volume's centre on the frame on which it is smallest, in pixels.
+    """Return the smallest width that a voxel at the volume's centre has on any frame, in pixels.
 
     The width is of the finest spacing. An eye nearer to the centre than half of the volume's diagonal counts as half of
     the diagonal away, because most visible voxels are about as far away.

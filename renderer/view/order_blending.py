@@ -34,8 +34,8 @@ MIN_SLOPE = 2e-4
 # A step from a cell to a neighbour is exactly level if its slope is at most this, which is rounding error.
 ZERO_SLOPE = 1e-9
 
-# A draw order whose weight is less than this is left out: a jump of colours by this share of a change of order is
-# invisible.
+# A draw order whose weight is less than this is left out: colours then jump by this share of the difference between two
+# orders, which is invisible.
 MIN_WEIGHT = 2.0**-9
 
 # The steps (x, y, z) from a cell to its neighbours along the axes and the diagonals of the planes of two axes. Cells
@@ -44,7 +44,7 @@ NEIGHBOURS = np.array(
     [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)]
 )
 
-# The number of points in each octant of the sphere of nearby views.
+# The views near a view are sampled by points on a sphere, this many in each octant.
 _POINTS_PER_OCTANT = 2048
 
 
@@ -75,7 +75,7 @@ def make_order_blending(world_from_index: Float64, path: CameraPath, about: Abou
     steps = NEIGHBOURS @ world_from_index[:3, :3].T
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
     low, high = np.full(len(steps), np.inf), np.full(len(steps), -np.inf)
-    moved, turned = np.zeros((3, 3)), 0.0  # sums of squared movements, of the viewing direction and of all axes
+    moved, turned = np.zeros((3, 3)), 0.0  # sums of squared movements: of the viewing direction; of all axes
     for poses in iter_camera_poses(path, about):
         axes = poses.axes
         slopes = -axes[:, 2] @ steps.T
@@ -88,7 +88,7 @@ def make_order_blending(world_from_index: Float64, path: CameraPath, about: Abou
     keeps_order = ~crosses & (np.minimum(np.abs(low), np.abs(high)) < MIN_SLOPE)
     level_steps = steps[is_level]
     level_rejection = np.eye(3) - (np.linalg.pinv(level_steps) @ level_steps if len(level_steps) else 0.0)
-    # Twice the mean square of a movement on a circle is its largest square.
+    # While an axis moves along a circle, the largest square of its movement in one direction is twice the mean square.
     spread = _matrix_sqrt(2 * moved / turned if turned > 0 else moved)
     nearby_from_sphere = math.sin(FADE_ANGLE) * spread + 2 * MIN_SLOPE * np.eye(3)
     upward = -1.0 * (NEIGHBOURS >= 0).all(axis=1)  # cells of equal depth are drawn in the order of their numbers

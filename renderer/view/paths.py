@@ -77,7 +77,7 @@ class CameraPoses(NamedTuple):
         return np.stack([self.right, self.up, self.direction], axis=1)
 
     def rows(self, which: Any) -> CameraPoses:
-        """Return some of the poses. which: a numpy index of frames."""
+        """Return the poses at some of the frames. which: a numpy index of the frames."""
         parts: Any = (each[which] for each in self)
         return CameraPoses(*parts)
 
@@ -220,7 +220,7 @@ def _rotation_from_z_to(axis: Vector) -> Float64:
     length = math.hypot(*axis)
     x, y, z = (component / length for component in axis)
     aside = x * x + y * y
-    if aside < 1e-300:  # the axis is z to all digits, and 2 / aside may be infinite
+    if aside < 1e-300:  # the axis is +z or -z to all digits, and 2 / aside may be infinite
         return np.diag([1.0, 1.0, 1.0]) if z > 0.0 else np.diag([1.0, -1.0, -1.0])
     # Both formulas are 1 / (1 + z); the second formula avoids cancellation for axes near -z.
     factor = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / aside
