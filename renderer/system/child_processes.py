@@ -58,7 +58,7 @@ class ChildProcesses(contextlib.AbstractContextManager["ChildProcesses"]):
         """
         if not sys.executable:  # Python may be embedded in another program
             raise FileNotFoundError(errno.ENOENT, "sys.executable does not name a Python interpreter")
-        child_end, parent_end = os.pipe()  # one for each child, as a break signals one process
+        child_end, parent_end = os.pipe()  # each child has its own pipe: a break signals one process
         folders = [*filter(None, sys.path)]  # "" stands for the current folder, and is left out
         folders += [_ROOT] * (_ROOT not in folders)
         command = [sys.executable, os.path.abspath(__file__), str(child_end), str(len(folders)), *folders]

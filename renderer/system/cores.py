@@ -39,7 +39,7 @@ def control_groups(controller: str, groups: Path = _CGROUP_ROOT, own: Path = _OW
         lines = []
     folders = {groups, groups / controller}
     for _, controllers, path in (line for line in lines if len(line) == 3):
-        if controllers == "" or controller in controllers.split(","):  # lines of version 2 have no names of controllers
+        if controllers == "" or controller in controllers.split(","):  # in version 2, lines name no controller
             root = groups / controller if controllers else groups
             inner = root / path.lstrip("/")
             folders.update(folder for folder in (inner, *inner.parents) if folder.is_relative_to(root))
@@ -62,5 +62,5 @@ def _group_quota(group: Path) -> float:
         else:
             quota, period = ((group / f"cpu.cfs_{name}_us").read_text() for name in ("quota", "period"))
         return int(quota) / int(period) if int(quota) > 0 else math.inf
-    except (OSError, ValueError, ZeroDivisionError):  # the file is missing, or has `max`
+    except (OSError, ValueError, ZeroDivisionError):  # without a limit, the file is missing or has `max`
         return math.inf

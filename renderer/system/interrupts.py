@@ -24,14 +24,15 @@ if TYPE_CHECKING:  # the module loads queues and logging, which most commands do
 
 Result = TypeVar("Result")
 
-# The signals of Ctrl-C, of a batch system or `kill`, and of a terminal that closes.
+# The signals that interrupt work: SIGINT comes from Ctrl-C, SIGTERM from a batch system or `kill`, and SIGHUP from a
+# terminal that closes.
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # The seconds from a signal until it stops long kernels. In this time, a frame that is drawn is measured by exact rays
 # and stored. Exact rays took 0.04 to 0.2 s for frames of 512 x 512 pixels of two scans, on two cores.
 _GRACE_S = 0.3
 # The seconds for which a thread that waits for a result sleeps before it looks for signals.
 _LONGEST_SLEEP_S = 0.1
-# The number of the signal for which long kernels stop; 0 without a signal. Kernels read it from this place in memory.
+# The number of the signal that stops long kernels; 0 without a signal. Kernels read it from this place in memory.
 stop_flag = ctypes.c_int32(0)
 
 

@@ -47,7 +47,7 @@ class MemoryShare:
     num_processes: int = 1
 
     def num_bytes(self) -> int:
-        """Return the bytes that this process may take now."""
+        """Return the number of bytes that this process may take for its bricks now."""
         total: float = _SHARE_OF_FREE * free_bytes() if self.total is None else self.total
         return int((_BYTES_IF_UNKNOWN if math.isinf(total) else total) / self.num_processes)
 
