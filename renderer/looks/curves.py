@@ -47,7 +47,8 @@ def _sides(curve: Curve, at: float) -> tuple[Numbers, Numbers]:
     if begin < end or begin in (0, len(curve)):
         return curve[min(begin, len(curve) - 1)][1], curve[max(end - 1, 0)][1]
     (low, before), (high, after) = curve[begin - 1], curve[begin]
-    # Differences of halves, as the difference may be too large for a float. Halves of the smallest floats are 0.
+    # Halves are subtracted, because the difference of two values may be too large for a float. The divisor is bounded,
+    # because the halves of the smallest floats are 0.
     share = (at / 2 - low / 2) / max(high / 2 - low / 2, math.ulp(0.0))
     between = mix(before, after, share)
     return between, between

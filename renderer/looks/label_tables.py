@@ -302,7 +302,7 @@ def _begins_with_name(content: bytes) -> bool:
     return _NAMED_ROW.match(first) is not None
 
 
-# The descriptions of formats in error messages.
+# The formats of tables of labels, described for error messages.
 _FSLEYES_LABELS = "labels of FSLeyes: rows of label, red, green, blue and name"
 _SLICER_LABELS = "labels of 3D Slicer: rows of label, name, red, green, blue and alpha"
 _ITK_LABELS = "labels of ITK-SNAP: rows of label, red, green, blue, alpha, two flags and a name in quotes"
