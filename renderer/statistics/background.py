@@ -39,7 +39,8 @@ _MIN_CONTRAST = 15.0
 _MIN_LIKENESS = 0.5
 # Voxels on one side of the background count if there are more than this many for each voxel on the other side.
 _ONE_SIDED_RATIO = 0.15
-# The percentiles between which the range of the values is measured for the contrast; values outside are ignored.
+# Whether the border stands apart is judged by the range of all values, between these percentiles; values outside are
+# ignored.
 _CONTRAST_PERCENTILES = (0.01, 99.99)
 
 

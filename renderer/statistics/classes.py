@@ -80,8 +80,8 @@ def otsu_threshold(values: Float64, low: float, high: float, min_separation: flo
     if np.count_nonzero(counts) < 2:
         return None
     (cut,) = otsu_thresholds(counts, 2)
-    # The sums of squared distances from the mean, in bins: of all values, of those below the threshold, and of those
-    # above it.
+    # total, below, above: the sums of the values' squared distances from their mean, in bins: for all values, for the
+    # values below the threshold, and for the values above it.
     total, below, above = (
         float(np.cov(np.arange(_NUM_BINS)[part], fweights=counts[part], ddof=0)) * counts[part].sum()
         for part in (slice(None), slice(cut), slice(cut, None))
@@ -106,7 +106,8 @@ def otsu_thresholds(counts: Float64, num_classes: int) -> tuple[int, ...]:
     weights = np.append(0.0, np.cumsum(counts))
     moments = np.append(0.0, np.cumsum(counts * np.arange(len(counts))))
     weight, moment = (sums[None, :] - sums[:, None] for sums in (weights, moments))
-    # The contribution of a class from bin i to bin j to the variance between the classes.
+    # part[i, j]: the contribution of a class to the variance between the classes, if it begins with bin i and ends
+    # before bin j.
     part = np.divide(moment**2, weight, out=np.zeros_like(weight), where=weight > 0)
     part[np.tril_indices(len(part))] = -np.inf
     best, origins = part[0], []

@@ -18,7 +18,7 @@ from renderer.volume import Array, Float64, Int64, MappedFile, iter_slabs
 # are divided into this many bins.
 MAX_BINS = 2**16
 
-# The percentiles that `Statistics.percentiles` holds.
+# The percentages for which `Statistics` has percentiles of the values.
 PERCENTILES = (1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0)
 
 # A volume has outliers only if its other voxels have at least this many different values. A volume with fewer values

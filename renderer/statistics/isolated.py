@@ -12,8 +12,8 @@ from renderer.volume import Array, Bools, Int64, MappedFile, iter_slabs
 
 # At most this share of all voxels may be outliers at each end of the range. A larger share is no noise.
 _MAX_FRACTION = 1e-3
-# Values beyond a limit are outliers only if at least this share of their voxels are isolated. The share is less than 1
-# because, of many hot or dead pixels, some touch.
+# The highest values of a volume, or the lowest, are outliers only if at least this share of the voxels with such values
+# are isolated. The share is less than 1 because, of many hot or dead pixels, some touch.
 _MIN_ISOLATED = 0.95
 # A voxel is isolated if its value is farther than this from the range of its neighbours' values, in widths of this
 # range. Noise reaches 0.7. Among the lowest and the highest percent of the voxels of 40 volumes, 7 voxels reach 2, and

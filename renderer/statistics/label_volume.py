@@ -11,8 +11,8 @@ from renderer.volume import Bools, Volume, iter_slabs
 
 # A volume with at most this many different values, all whole numbers, is a volume of labels.
 _MAX_CERTAIN_LABELS = 3
-# A volume with more values is a volume of labels if at least this share of the neighbours of voxels outside the
-# background have the voxel's own value. In scans it is up to 0.6.
+# A volume with many values is a volume of labels only if, for voxels outside the background, at least this share of
+# neighbours have the voxel's own value, or if its labels are small. In scans the share is up to 0.6.
 _MIN_EQUAL_NEIGHBOURS = 0.75
 # The smallest share of equal neighbours in a volume of small labels, each of which has a few voxels in one place.
 _MIN_EQUAL_NEIGHBOURS_OF_SMALL = 0.45

@@ -13,8 +13,8 @@ from renderer.volume import Bools, Float64
 
 # In a level set, more than this share of the border's voxels have the same sign.
 _MIN_ONE_SIGN_FRACTION = 0.97
-# The smallest probability that the neighbour of a voxel inside a level set is inside, too. Noise crosses 0 in single
-# voxels; a ball of at least 4 voxels in radius reaches this probability.
+# In a level set, the neighbour of a voxel inside the surface is inside, too, with at least this probability. In noise,
+# single voxels are inside; a ball of at least 4 voxels in radius reaches this probability.
 _MIN_COHERENCE = 0.5
 # The largest ratio of the upper to the lower quartile of the gradients of a distance field. It is near 1: a distance
 # has the same gradient everywhere, except where two surfaces are equally far. In a smooth random field it is 1.8.

@@ -23,7 +23,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True)
 class VoxelSample:
-    """A sample of the voxels, on a coarser grid, normalised to the volume's range.
+    """A sample of the voxels of a volume, on a coarser grid, with values normalised to the volume's range.
 
     normalized: float64 [z, y, x] in [0, 1].
     is_valid: bool [z, y, x]; False for voxels without data, and for values outside of the range.
