@@ -23,17 +23,19 @@ from renderer.suggest.turntable_rays import TurntableRays
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float32, Float64
 
-# A ray meets a layer if its opacity is more than this; other rays do not count for the mean opacity of a picture.
+# A ray meets a layer if the ray's opacity is more than this; other rays do not count for the mean opacity of a picture.
 _MIN_RAY_OPACITY = 0.01
 # The number of steps of the search for densities. With more steps, opacities change by less than 2 %.
 _NUM_STEPS = 24
-# The natural logarithm of the largest factor, 20,000, by which `balance` makes the second of two layers thinner.
+# To give the first of two layers its share of the picture, the second layer is made thinner by a factor of at most
+# 20,000. This is the natural logarithm of the factor.
 _MAX_LOG_FACTOR = 10.0
-# The natural logarithm of the largest factor, 8, by which `balance` makes the second of two layers denser.
+# To give the first of two layers its share of the picture, the second layer is made denser by a factor of at most 8.
+# This is the natural logarithm of the factor.
 _MAX_LOG_DENSER = math.log(8)
 # The smallest optical depth that is solved for a layer, for 1 % of the volume's diagonal.
 _MIN_DEPTH = 0.01
-# The optical depth with which the search begins, for 1 % of the volume's diagonal.
+# The optical depth of a layer with which the search for densities begins, for 1 % of the volume's diagonal.
 _FIRST_DEPTH = 0.3
 # The optical depth from which on a surface looks crisp, for 1 % of the volume's diagonal.
 CRISP_SURFACE_DEPTH = 0.8

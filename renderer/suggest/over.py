@@ -20,7 +20,7 @@ from renderer.suggest.wishes import NO_WISH, Wish
 from renderer.transfer import make_transfer_function
 from renderer.volume import Float64
 
-# The upper volume's share of the picture, on the rays that meet both volumes.
+# The share of the picture that the upper of two volumes gets, on the rays that meet both volumes.
 UPPER_SHARE = 2 / 3
 # A translucent shell is invisible at gradients below the first of these percentiles of its volume's gradients, and
 # fully visible above the second. Only visible voxels count.

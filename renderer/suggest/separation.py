@@ -17,16 +17,16 @@ from renderer.scene import MAX_CLIPS, ClipSpec, PlaneSpec, Vector
 from renderer.statistics import VoxelSample, pool_voxels
 from renderer.volume import Bools, Float64, Int64, grow, label_parts
 
-# The smallest volume of a part of the object, as a share of the main part's volume. Smaller parts are specks, unless
-# they are near the main part.
+# A connected part belongs to the object if its volume is at least this share of the volume of the main part, the
+# largest one that is no sheet. Smaller parts are specks, unless they are near the main part.
 _MIN_VOLUME = 0.002
-# A part is near the main part if the gap between them is less than twice this many cells.
+# A connected part is near the object's main part if the gap between them is less than twice this many cells.
 _GAP = 2
-# The smallest volume, as a share of the main part's volume, of a part that touches a sheet and belongs to the object.
-# Smaller parts are pieces of the sheet.
+# A connected part that touches a sheet belongs to the object if its volume is at least this share of the volume of the
+# object's main part. Smaller parts are pieces of the sheet.
 _MIN_VOLUME_AT_SHEET = 0.1
-# The largest thickness of a sheet, as a share of its diagonal: plates have 0.03 to 0.06, a ball has 0.2. A sheet that
-# reaches the border is a table, a holder or a frame.
+# A connected part is a sheet, such as a table, a holder or a frame, if it is thinner than this share of its diagonal
+# and reaches the border of the volume. Plates have 0.03 to 0.06, a ball has 0.2.
 _MAX_SHEET_THICKNESS = 0.09
 # Planes that clip away at least this share of the visible cells are used.
 _MIN_CLIPPED = 0.01

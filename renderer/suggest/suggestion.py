@@ -174,7 +174,7 @@ def _mirrored(points: Sequence[ControlPoint]) -> list[ControlPoint]:
 
 
 def _transparent_above(points: Sequence[ControlPoint], end: float) -> list[ControlPoint]:
-    """Return the points with an opacity of 0 above `end`."""
+    """Return control points with the same opacities up to the value `end`, and with an opacity of 0 above it."""
     below = [point for point in points if point.value < end]
     above = points[len(below) :]
     if not any(point.opacity for point in (*below[-1:], *above)):
@@ -186,5 +186,5 @@ def _transparent_above(points: Sequence[ControlPoint], end: float) -> list[Contr
 
 
 def transparent_between(points: Sequence[ControlPoint], first: float, last: float) -> list[ControlPoint]:
-    """Return the points with an opacity of 0 from `first` to `last`."""
+    """Return control points with an opacity of 0 from the value `first` to `last`, and the same opacities elsewhere."""
     return [*_transparent_above(points, first), *_mirrored(_transparent_above(_mirrored(points), -last))]

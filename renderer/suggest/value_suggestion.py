@@ -119,7 +119,7 @@ def _suggest_from(
     choice, planes = choose(sample, zero), list[Plane]()
     if choice.preset.is_scan:
         planes = separating_planes(sample, choice.preset.covers(sample.normalized))
-    if planes:  # only voxels on this side of the planes count as materials
+    if planes:  # voxels that the planes clip away count as no material
         sample = fill_with_background(sample, are_beyond(sample, planes))
         again = choose(sample, zero)
         choice = again if again.kind == choice.kind else choice

@@ -46,7 +46,7 @@ class Materials:
     zero: float | None
 
     def at(self, hounsfield: float, otherwise: float) -> float:
-        """Return the normalised value of Hounsfield units, or `otherwise` if the scan is in other units."""
+        """Return the normalised value of `hounsfield` Hounsfield units, or `otherwise` for a scan in other units."""
         return otherwise if self.zero is None else self.sample.normalize(hounsfield + self.zero)
 
     def named(self, in_hounsfield: str, otherwise: str) -> str:
@@ -132,7 +132,7 @@ WISHES: dict[str, Callable[[Materials], Preset]] = {
 
 
 def choose_by_word(sample: VoxelSample, zero: float | None, *, word: str) -> Choice:
-    """Return the preset for a word of WISHES.
+    """Return the preset for `word`, which is one of WISHES, and a volume.
 
     zero: the stored value of 0 Hounsfield units; None for values in other units.
     """
