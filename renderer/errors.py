@@ -80,7 +80,10 @@ class Problem:
     Parameters
     ----------
     path: the dotted key, with list items by number: `transfer_function.points.2.value`; empty for the whole scene.
-    what, got, expected, hint: as in HsplatError.
+    what: a sentence that states the mistake.
+    got: the value that was found.
+    expected: the values that would be right.
+    hint: a way to correct the mistake.
     at_key: whether the key itself is the mistake, not its value.
     location: the place of the key or value (`scene.yaml:14:13`), which only the reader of the file knows.
     """
