@@ -77,13 +77,13 @@ class Film:
     Attributes
     ----------
     path: the file, or the template of the numbered frames, such as `frames/{frame:04}.png`.
-    frames: the numbers of its frames.
-    sidecar: the JSON file beside it, which records how it was made and the cost of each frame.
+    frames: the numbers of the film's frames.
+    sidecar: the JSON file beside the film, which records how the film was made and the cost of each frame.
     notes: remarks on the film, for example that nothing is in view; mostly empty.
-    accuracy: the accuracy of its frames, measured by exact rays: `psnr` in decibels, its 95 % `interval`, the `worst`
+    accuracy: the accuracy of the frames, measured by exact rays: `psnr` in decibels, its 95 % `interval`, the `worst`
         frame, and `file.psnr`, the PSNR after encoding; None if nothing was measured.
-    visibility: the scalars that its frames show, measured by the same rays: `coverage`, the mean opacity, and `ranges`
-        of scalars with `low`, `high` and their `share` of the visible scalars; None if nothing was measured.
+    visibility: the scalars that the frames show, measured by exact rays: `coverage`, the mean opacity, and `ranges` of
+        scalars with `low`, `high` and their `share` of the visible scalars; None if nothing was measured.
     """
 
     path: Path

@@ -1,7 +1,7 @@
-"""Define the errors that users see: a root, a class for each exit code, and the list of problems in a scene file.
+"""Define the errors that users see: a base class, a class for each exit code, and the list of problems in a scene file.
 
-A low room states the fact, and a room above it adds the location (a file, a line). Only `hsplat_cli` prints errors and
-exits. `assert` is for the program's own invariants, never for input.
+The code that finds a mistake states it, and code that calls this code adds the location (a file, a line). Only
+`hsplat_cli` prints errors and exits. `assert` is for the program's own invariants, never for input.
 """
 
 from __future__ import annotations

@@ -41,7 +41,8 @@ class LookFile:
     def error(self, what: str, at: object = None, *, got: object = None, **parts: str | None) -> InputError:
         """Return an error about this file.
 
-        what, got: as in InputError. at: the number of a line, or words for a place. parts: other parts of InputError.
+        what: a sentence that states the mistake. at: the number of a line, or words for a place. got: the value that
+        was found. parts: `expected` or `hint`, as in InputError.
         """
         where = str(self.path) if at is None else f"{self.path}:{at}" if isinstance(at, int) else f"{self.path}: {at}"
         shown = None if got is None else reprlib.repr(got)

@@ -73,7 +73,7 @@ class Background:
 
 
 def find_background(sample: VoxelSample) -> Background:
-    """Find the shortest interval with half of the values on the volume's six faces, and widen it by its noise.
+    """Return the background: the shortest interval with half of the values on the volume's six faces, and its noise.
 
     The interval, the "shorth", is a robust estimate of the mode: objects may reach through a third of the border (P. J.
     Rousseeuw, A. M. Leroy, "Robust Regression and Outlier Detection", Wiley 1987). Where the object fills more of the

@@ -16,7 +16,8 @@ _NUM_BINS = 256
 _TOP_PERCENTILE = 99.99
 # A bin of the histogram is the bottom of a valley only if none of this many bins above it is clearly lower.
 _LOOK_AHEAD = 8
-# A bin of the histogram is clearly lower than another one if its count is less than this part of the other bin's.
+# In the search for a valley, a bin of the histogram is clearly lower than another bin if its count is less than this
+# part of the other bin's count.
 _DESCENT = 0.97
 # The background ends at most this part of the way from its middle to the largest value.
 _MAX_VALLEY = 0.5

@@ -1,7 +1,7 @@
 """Recognise level sets: fields made for their surface at 0, such as signed distances.
 
-One sign at the border and the other one somewhere inside are not enough: they also occur in a temperature field with
-one cold place and in a scan with an overshooting edge.
+Values of one sign at the border and of the other sign inside do not make a level set: they also occur in a temperature
+field with one cold place, and in a scan with an overshooting edge.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ _MIN_ONE_SIGN_FRACTION = 0.97
 # In a level set, the neighbour of a voxel inside the surface is inside, too, with at least this probability. In noise,
 # single voxels are inside; a ball of at least 4 voxels in radius reaches this probability.
 _MIN_COHERENCE = 0.5
-# The largest ratio of the upper to the lower quartile of the gradients of a distance field. It is near 1: a distance
-# has the same gradient everywhere, except where two surfaces are equally far. In a smooth random field it is 1.8.
+# In a distance field, the ratio of the upper to the lower quartile of the gradients is less than this: a distance has
+# the same gradient everywhere, except where two surfaces are equally far. In a smooth random field the ratio is 1.8.
 _MAX_GRADIENT_RATIO = 1.4
-# The largest median gradient inside the surface of a distance field, as a multiple of the median gradient of the whole
-# field. A distance is not steeper inside, but a temperature field that gets warmer upwards is, if it has ice inside.
+# In a distance field, the median gradient inside the surface is at most this many times the median gradient of the
+# whole field. A distance is not steeper inside, but a temperature field that gets warmer upwards is, if it has ice
+# inside.
 _MAX_INNER_STEEPNESS = 2.0
 # In a level set that is no distance field, at least this share of the voxels are inside the surface.
 _MIN_INSIDE_FRACTION = 0.03

@@ -19,9 +19,9 @@ from renderer.suggest.palette import FIELD_COLORMAP, FIELD_DARKEST
 from renderer.suggest.presets import SHADING, Preset
 from renderer.volume import Float64
 
-# The mean opacity that a picture of shells aims at, over the rays that meet anything.
+# Opacities of shells are solved so that the rays that meet any shell have this mean opacity.
 _SHELL_COVERAGE = 0.8
-# The mean opacity that a picture of a glow aims at, over the rays that meet anything.
+# Opacities of a glow are solved so that the rays that meet anything have this mean opacity.
 _GLOW_COVERAGE = 0.65
 # The number of shells of a field with one sign.
 _NUM_SHELLS = 4

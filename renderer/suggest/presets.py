@@ -17,9 +17,9 @@ from renderer.suggest.layer import Layer
 from renderer.suggest.opacity_calibration import CRISP_SURFACE_DEPTH
 from renderer.volume import Bools, Float64
 
-# The mean opacity that the picture of a scan aims at, over the rays that meet anything.
+# Opacities of a scan are solved so that the rays that meet anything have this mean opacity.
 DEFAULT_COVERAGE = 0.94
-# The mean opacity that the picture of a single opaque surface aims at, over the rays that meet it.
+# The opacity of a single opaque surface is solved so that the rays that meet the surface have this mean opacity.
 OPAQUE_COVERAGE = 0.97
 
 # The light on surfaces. Occlusion dims the ambient light, so that surfaces facing away from the lamp have contrast,
@@ -38,7 +38,7 @@ class Preset:
 
     layers: the layers, whose sum is the extinction.
     colors: pairs (normalised value, colour), ascending; colours are linear between them.
-    coverage: the mean opacity, to aim at, of the rays that meet anything.
+    coverage: the mean opacity that the rays that meet anything are to have.
     shading: the light on surfaces; None for data without surfaces.
     is_scan: whether the data are a scan of an object, perhaps with a table or the like around it.
     is_closed: whether the object's outside hides its inside, so that a corner is clipped.

@@ -62,7 +62,7 @@ _BONE = (0.97, 0.93, 0.84)
 _BLOOD = (0.85, 0.22, 0.16)
 _BRAIN = (0.90, 0.70, 0.66)
 _VEIL = (0.45, 0.52, 0.66)
-# The mean opacity that a picture like an X-ray aims at, over the rays that meet anything.
+# Opacities of a picture like an X-ray are solved so that the rays that meet anything have this mean opacity.
 _XRAY_COVERAGE = 0.4
 
 

@@ -146,8 +146,7 @@ def visible_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> Float64:
 def framed_points(pyramid: Pyramid, clip: ClipRegion | None = None) -> tuple[Float64, float]:
     """Return corners as `visible_points`, but without cells that add next to nothing to a picture.
 
-    The second result is the share of a picture that the cells add that are left out; mostly, no cells are left out, and
-    it is 0.
+    The second result is the share of a picture that the omitted cells would add; mostly 0, as no cells are omitted.
     """
     cells = pyramid.occupied if clip is None else _without_clipped_cells(pyramid, clip)
     seen = seen_cells(pyramid, cells)
@@ -209,8 +208,9 @@ def finest_useful_level(
 ) -> int:
     """Return the coarsest level of a pyramid whose cells are at most SMALLEST_CELL_PX wide on all frames; else 0.
 
-    Finer levels are of no use. The width of a cell is bounded by the longest diagonal of a voxel, at the smallest depth
-    and the steepest angle of the points' bounding box. If the eye may be inside this box, the level is 0.
+    Finer levels show nothing more, as no footprint is narrower. The width of a cell is bounded by the longest diagonal
+    of a voxel, at the smallest depth and the steepest angle of the points' bounding box. If the eye may be inside this
+    box, the level is 0.
     """
     low, high = points_world.min(axis=0), points_world.max(axis=0)
     box = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)
